@@ -1,0 +1,1 @@
+"""Computed against printed: verdicts and the ledger."""

@@ -1,0 +1,275 @@
+"""The ledger: one record for every printed cell, and one for every stochastic table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from reproduce.judge.propagate import result_intervals
+from reproduce.judge.verdicts import (
+    CENTRAL,
+    Judgement,
+    Verdict,
+    joint_probability,
+    judge_prediction,
+    judge_value,
+)
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Blocked, Computation, Item, Pending, Prediction, Result
+from reproduce.printed.cells import Cell, PrintedTable, library
+from reproduce.printed.given import given
+from reproduce.printed.units import si_factor
+
+Flag = Literal["through_rounding", "uninformative", "bound", "stand_in", "about", "nominal"]
+
+
+class Record(BaseModel):
+    """What became of one printed cell. Numbers are in the unit of print."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    key: str = Field(description="table, figure or group of quoted numbers")
+    cell: str = Field(description="address of the cell: key#row.column or key#name")
+    printed: str = Field(description="the digits or words as printed")
+    unit: str = Field(description="unit of print; empty for words")
+    role: Literal["result", "given"] = Field(description="result if a computation makes the cell")
+    computed: float | None = Field(
+        description="the value, the median of the prediction, or our stand-in"
+    )
+    interval: tuple[float, float] | None = Field(
+        description="results that rounded inputs allow, or the central 99 % of the prediction"
+    )
+    verdict: Verdict
+    flags: tuple[Flag, ...]
+    tolerance: float | None = Field(
+        description="half the last printed digit, or half the width of the predicted interval"
+    )
+    share: float | None = Field(
+        description="|computed - printed| over half the last digit (exact), "
+        "(1 - probability)/0.99 (consistent)"
+    )
+    probability: float | None = Field(description="two-sided mid-p over the printed interval")
+    mcse: float | None = Field(description="Monte Carlo standard error of the probability")
+    why: str = Field(description="the verdict in words")
+    function: str | None = Field(description="the function that computes the cell")
+    equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
+    seed: tuple[int, ...] | None = Field(description="root and key of the random stream")
+
+
+class TableRecord(BaseModel):
+    """The joint verdict on a table whose cells were drawn or measured together."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    key: str
+    cells: int = Field(description="cells with a predicted distribution")
+    outside: int = Field(description="of these, cells that differ")
+    expected_outside: float = Field(description="cells expected to differ by chance alone")
+    joint_probability: float = Field(
+        description="how often a table simulated whole is at least as surprising"
+    )
+    mcse: float
+    replicates: int
+
+
+class Ledger(BaseModel):
+    """All records, in the order of print."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    records: tuple[Record, ...]
+    tables: tuple[TableRecord, ...]
+
+    def of(self, key: str) -> tuple[Record, ...]:
+        """Return the records of one item, in the order of print."""
+        return tuple(record for record in self.records if record.key == key)
+
+    def cell(self, address: str) -> Record:
+        """Return the record of one cell."""
+        found = [record for record in self.records if record.cell == address]
+        if not found:
+            raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
+        return found[0]
+
+    def table(self, key: str) -> TableRecord | None:
+        """Return the joint record of a table, or None where nothing in it is stochastic."""
+        return next((table for table in self.tables if table.key == key), None)
+
+
+def build(
+    keys: Iterable[str] | None = None, progress: Callable[[str], None] | None = None
+) -> Ledger:
+    """Run the computations of the items and judge every printed cell.
+
+    Parameters
+    ----------
+    keys : iterable of str, optional
+        The items wanted; all of them by default.
+    progress : callable, optional
+        Called with the key of each item when it is done.
+
+    Returns
+    -------
+    Ledger
+        The records of these items, in the order of print.
+
+    Raises
+    ------
+    KeyError
+        If a key is unknown.
+    """
+    items = catalogue()
+    wanted = list(items) if keys is None else [key for key in items if key in set(keys)]
+    records: list[Record] = []
+    tables: list[TableRecord] = []
+    for key in wanted:
+        made, joint = _judged(key)
+        records += made
+        tables += joint
+        if progress is not None:
+            progress(key)
+    return Ledger(records=tuple(records), tables=tuple(tables))
+
+
+@cache
+def _judged(key: str) -> tuple[tuple[Record, ...], tuple[TableRecord, ...]]:
+    table = library().get(key)
+    if table is None:  # a figure: nothing of it is printed as a number
+        return (), ()
+    item = catalogue()[key]
+    records: dict[str, Record] = {}
+    predictions: dict[str, Prediction] = {}
+    for computation in item.computations:
+        made, drawn = _run(computation, table)
+        doubly = records.keys() & made.keys()
+        if doubly:
+            raise ValueError(f"{key}: cells made by two computations: {sorted(doubly)}")
+        records |= made
+        predictions |= drawn
+    inputs = {c.name: _input(c) for c in table.cells if c.name not in records}
+    everything = records | inputs
+    ordered = tuple(everything[cell.name] for cell in table.cells)
+    return ordered, _joint(item, table, predictions, everything)
+
+
+def _run(
+    computation: Computation, table: PrintedTable
+) -> tuple[dict[str, Record], dict[str, Prediction]]:
+    door = given(computation.given)
+    results = computation(door)
+    strays = [name for name in results if not computation.makes(name)]
+    if strays:
+        raise ValueError(f"{computation.name} makes cells it does not declare: {strays}")
+    intervals = {} if computation.replicates else result_intervals(computation, door)
+    records = {
+        name: _record(computation, table[name], result, intervals.get(name))
+        for name, result in results.items()
+    }
+    return records, {n: r for n, r in results.items() if isinstance(r, Prediction)}
+
+
+def _record(
+    computation: Computation, cell: Cell, result: Result, interval: tuple[float, float] | None
+) -> Record:
+    unit = si_factor(cell.unit)
+    source: dict[str, object] = {
+        "role": "result",
+        "function": computation.name,
+        "equations": computation.equations,
+        "seed": computation.entropy or None,
+    }
+    if isinstance(result, Blocked):
+        stand_in = None if result.stand_in is None else result.stand_in / unit
+        flags = () if stand_in is None else ("stand_in",)
+        why = f"needs {result.missing}"
+        return _make(cell, "blocked", why, source | {"computed": stand_in}, flags)
+    if isinstance(result, Pending):
+        return _make(cell, "pending", f"not computed yet: {result.work}", source)
+    if isinstance(result, Prediction):
+        found = judge_prediction(cell.number, result.draws / unit)
+    else:
+        low, high = interval or (result, result)
+        found = judge_value(cell.number, result / unit, (low / unit, high / unit))
+    judged = ("computed", "interval", "tolerance", "share", "probability", "mcse")
+    numbers: dict[str, object] = {name: getattr(found, name) for name in judged}
+    return _make(cell, found.verdict, _why(cell, found), source | numbers, found.flags)
+
+
+def _input(cell: Cell) -> Record:
+    why = f"taken from the paper ({cell.role})" if cell.is_number else "words or a dash"
+    return _make(cell, "input", why, {})
+
+
+def _make(
+    cell: Cell,
+    verdict: Verdict,
+    why: str,
+    found: Mapping[str, object],
+    flags: tuple[str, ...] = (),
+) -> Record:
+    qualifier = cell.number.qualifier if cell.is_number else None
+    if qualifier in {"about", "nominal"}:
+        flags += (qualifier,)
+    blank: dict[str, object] = dict.fromkeys(Record.model_fields)
+    blank |= {"role": "given", "equations": ()} | dict(found)
+    blank |= {
+        "key": cell.key,
+        "cell": cell.address,
+        "printed": cell.text,
+        "unit": cell.unit,
+        "verdict": verdict,
+        "flags": flags,
+        "why": why,
+    }
+    return Record.model_validate(blank)
+
+
+def _why(cell: Cell, found: Judgement) -> str:
+    def digits(value: float) -> str:
+        return cell.number.format(value, extra=1)
+
+    low, high = (digits(value) for value in found.interval)
+    if found.probability is not None:
+        chance = f"probability {found.probability:.2g}"
+        if found.probability == 0.0:
+            chance = "beyond every replicate"
+        side = "inside" if found.verdict == "consistent" else "outside"
+        return f"{side} the central {CENTRAL:.0%} of the prediction, {low} to {high} ({chance})"
+    value = digits(found.computed)
+    if "bound" in found.flags:
+        return f"{value} {'keeps' if found.verdict == 'exact' else 'breaks'} the bound"
+    if "through_rounding" in found.flags:
+        return (
+            f"{value} does not round to the print, but the inputs' rounding allows {low} to {high}"
+        )
+    if found.verdict == "exact":
+        return f"{value} rounds to the printed digits"
+    return f"{value}; the inputs' rounding allows {low} to {high}, not the print"
+
+
+def _joint(
+    item: Item,
+    table: PrintedTable,
+    predictions: dict[str, Prediction],
+    records: dict[str, Record],
+) -> tuple[TableRecord, ...]:
+    if not predictions:
+        return ()
+    names = [cell.name for cell in table.cells if cell.name in predictions]
+    probability, mcse = joint_probability(
+        [table[name].number for name in names],
+        [predictions[name].draws / si_factor(table[name].unit) for name in names],
+    )
+    record = TableRecord(
+        key=item.key,
+        cells=len(names),
+        outside=sum(records[name].verdict == "differs" for name in names),
+        expected_outside=len(names) * (1 - CENTRAL),
+        joint_probability=probability,
+        mcse=mcse,
+        replicates=min(predictions[name].draws.size for name in names),
+    )
+    return (record,)

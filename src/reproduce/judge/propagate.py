@@ -1,0 +1,65 @@
+"""The interval of results that rounded inputs allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from reproduce.papers.declare import Computation
+from reproduce.printed.given import Given
+
+Interval = tuple[float, float]
+
+
+def result_intervals(computation: Computation, given: Given) -> dict[str, Interval]:
+    """Propagate the rounding of the printed inputs through a deterministic computation.
+
+    Each input is moved to an end of its rounding interval on its own to see which way every
+    result goes; then all inputs are moved together to the corner that makes the result smallest
+    and to the one that makes it largest. For results monotone in each input, as all
+    deterministic ones here are, these corners are the exact ends.
+
+    Parameters
+    ----------
+    computation : Computation
+        A deterministic computation.
+    given : Given
+        Its inputs at their printed values.
+
+    Returns
+    -------
+    dict
+        Cell name to the smallest and largest result, in SI.
+
+    Raises
+    ------
+    ValueError
+        If the computation draws random numbers: its spread is a prediction, not an interval.
+    """
+    if computation.replicates:
+        raise ValueError(f"{computation.name}: expected a deterministic computation")
+    centre = _numbers(computation, given)
+    slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
+    for cell in given.numbers():
+        moved = _numbers(computation, given.shifted({cell.address: 1.0}))
+        for name, value in moved.items():
+            if value != centre[name]:
+                slopes[name][cell.address] = 1.0 if value > centre[name] else -1.0
+    return {
+        name: _corners(computation, given, name, slopes[name]) if slopes[name] else (value, value)
+        for name, value in centre.items()
+    }
+
+
+def _corners(
+    computation: Computation, given: Given, name: str, signs: Mapping[str, float]
+) -> Interval:
+    ends = [
+        _numbers(computation, given.shifted({a: side * s for a, s in signs.items()}))[name]
+        for side in (-1.0, 1.0)
+    ]
+    return min(ends), max(ends)
+
+
+def _numbers(computation: Computation, given: Given) -> dict[str, float]:
+    results = computation(given)
+    return {name: float(r) for name, r in results.items() if isinstance(r, int | float)}

@@ -1,0 +1,230 @@
+"""The verdict on one printed number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reproduce.printed.number import PrintedNumber
+
+Verdict = Literal["input", "exact", "consistent", "differs", "blocked", "pending"]
+VERDICTS: tuple[Verdict, ...] = ("exact", "consistent", "differs", "blocked", "pending", "input")
+
+# The central share of the predicted distribution in which a printed value counts as consistent.
+CENTRAL = 0.99
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a comparison found, in the unit of print.
+
+    Parameters
+    ----------
+    verdict : str
+        exact, consistent or differs.
+    computed : float
+        The value, or the median of the prediction.
+    interval : tuple of float
+        The results that rounded inputs allow, or the central 99 % of the prediction.
+    flags : tuple of str
+        ``through_rounding``, ``uninformative``, ``bound``.
+    tolerance : float
+        Half the last printed digit, or half the width of the predicted interval.
+    share : float, optional
+        The part of the tolerance that is used up; none for differs and for bounds.
+    probability, mcse : float, optional
+        Two-sided mid-p of the printed value under the prediction, and its Monte Carlo error.
+    """
+
+    verdict: Verdict
+    computed: float
+    interval: tuple[float, float]
+    flags: tuple[str, ...]
+    tolerance: float
+    share: float | None = None
+    probability: float | None = None
+    mcse: float | None = None
+
+
+def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, float]) -> Judgement:
+    """Judge a deterministic recomputation against the printed digits.
+
+    Parameters
+    ----------
+    printed : PrintedNumber
+        The print.
+    value : float
+        The recomputed value from the inputs as printed, in the unit of print.
+    interval : tuple of float
+        The results that the rounding of the inputs allows.
+
+    Returns
+    -------
+    Judgement
+        ``exact`` if the value rounds to the printed digits, also if only another value of the
+        interval does (flag ``through_rounding``); else ``differs``.
+
+    Raises
+    ------
+    ValueError
+        If the value is not finite.
+
+    Examples
+    --------
+    >>> judge_value(PrintedNumber("0.9976"), 0.99760, (0.99759, 0.99761)).verdict
+    'exact'
+    """
+    if not math.isfinite(value):
+        raise ValueError(f"expected a finite recomputed value, got {value}; mend the computation")
+    rounds = printed.meets(value, value)
+    agrees = rounds or printed.meets(*interval)
+    flags: tuple[str, ...] = ("bound",) if printed.is_bound else ()
+    if agrees and not rounds:
+        flags += ("through_rounding",)
+    half = printed.half_unit
+    share = abs(value - printed.value) / half if agrees and half and not printed.is_bound else None
+    if agrees and not half and not printed.is_bound:
+        share = 0.0  # a count is met or missed; there is no digit to round
+    return Judgement("exact" if agrees else "differs", value, interval, flags, half, share)
+
+
+def judge_prediction(printed: PrintedNumber, draws: NDArray[np.float64]) -> Judgement:
+    """Judge a printed random or measured number against what the reproduction predicts.
+
+    Parameters
+    ----------
+    printed : PrintedNumber
+        The print.
+    draws : ndarray, shape (replicates,)
+        The prediction, in the unit of print.
+
+    Returns
+    -------
+    Judgement
+        ``consistent`` if the two-sided mid-p over the printed interval is at least 1 %, else
+        ``differs``; flagged ``uninformative`` where the central 99 % are wider than the printed
+        value itself.
+
+    Raises
+    ------
+    ValueError
+        If the draws are empty or not finite.
+
+    Examples
+    --------
+    >>> draws = np.random.default_rng(1).normal(1.0, 0.1, 4000)
+    >>> judge_prediction(PrintedNumber("1.1"), draws).verdict
+    'consistent'
+    """
+    if draws.size == 0 or not np.isfinite(draws).all():
+        raise ValueError(f"expected finite draws, got {draws.size} with NaN or infinity among them")
+    tail = tail_mid_p(np.sort(draws), *printed.interval())
+    probability = min(1.0, 2.0 * float(tail))
+    low, high = _central(draws)
+    consistent = probability >= 1.0 - CENTRAL
+    flags = ("uninformative",) if high - low > abs(printed.value) else ()
+    # (k + 1/2)/(n + 1) in place of k/n, so that a count of zero does not claim a zero error.
+    smoothed = (float(tail) * draws.size + 0.5) / (draws.size + 1)
+    return Judgement(
+        verdict="consistent" if consistent else "differs",
+        computed=float(np.median(draws)),
+        interval=(low, high),
+        flags=flags,
+        tolerance=(high - low) / 2,
+        share=(1.0 - probability) / CENTRAL if consistent else None,
+        probability=probability,
+        mcse=2.0 * math.sqrt(smoothed * (1.0 - smoothed) / draws.size),
+    )
+
+
+def tail_mid_p(
+    ordered: NDArray[np.float64],
+    low: float | NDArray[np.float64],
+    high: float | NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the smaller tail beyond an interval, with half of the draws inside it.
+
+    Parameters
+    ----------
+    ordered : ndarray, shape (replicates,)
+        Draws in rising order.
+    low, high : float or ndarray
+        Ends of one or many intervals of rounding.
+
+    Returns
+    -------
+    ndarray
+        One-sided mid-p values, at most one half.
+
+    Examples
+    --------
+    >>> float(tail_mid_p(np.array([1.0, 2.0, 3.0, 4.0]), 2.5, 2.5))
+    0.5
+    """
+    below = np.searchsorted(ordered, low, side="left")
+    up_to = np.searchsorted(ordered, high, side="right")
+    inside = up_to - below
+    smaller = np.minimum(below, ordered.size - up_to)
+    return np.asarray((smaller + 0.5 * inside) / ordered.size, dtype=np.float64).clip(max=0.5)
+
+
+def _central(draws: NDArray[np.float64]) -> tuple[float, float]:
+    edge = (1.0 - CENTRAL) / 2
+    low, high = np.quantile(draws, [edge, 1.0 - edge])
+    return float(low), float(high)
+
+
+def joint_probability(
+    printed: list[PrintedNumber], draws: list[NDArray[np.float64]]
+) -> tuple[float, float]:
+    """Return how often a table simulated whole is at least as surprising as the printed one.
+
+    The surprise of a table is the sum of -2 ln p over its cells. Every replicate is rounded to
+    the printed digits and judged like the print, so the cells' correlation is accounted for.
+
+    Parameters
+    ----------
+    printed : list of PrintedNumber
+        The cells of the table.
+    draws : list of ndarray, each of shape (replicates,)
+        Their predictions, the same replicate at the same index.
+
+    Returns
+    -------
+    tuple of float
+        The probability (never below one over the replicates plus one) and its Monte Carlo error.
+
+    Raises
+    ------
+    ValueError
+        If the lists differ in length or are empty.
+
+    Examples
+    --------
+    >>> draws = np.random.default_rng(1).normal(0.0, 1.0, 2000)
+    >>> joint_probability([PrintedNumber("9.0")], [draws])[0] < 0.001
+    True
+    """
+    if not printed or len(printed) != len(draws):
+        raise ValueError(f"expected as many predictions as cells, got {len(draws)}, {len(printed)}")
+    size = draws[0].size
+    observed, simulated = 0.0, np.zeros(size)
+    for number, values in zip(printed, draws, strict=True):
+        ordered = np.sort(values)
+        observed += float(_surprise(tail_mid_p(ordered, *number.interval()), size))
+        step = 2.0 * number.half_unit
+        rounded = np.round(values / step) * step if step else values
+        half = number.half_unit
+        simulated += _surprise(tail_mid_p(ordered, rounded - half, rounded + half), size)
+    # A relative slack of rounding error, so that tables equal cell by cell count as equal.
+    as_bad = int((simulated >= observed * (1 - 1e-12)).sum())
+    probability = (as_bad + 1) / (size + 1)
+    return probability, math.sqrt(probability * (1 - probability) / size)
+
+
+def _surprise(tail: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    return np.asarray(-2.0 * np.log(np.maximum(2.0 * tail, 1.0 / (size + 1))))

@@ -1,0 +1,1 @@
+"""Which function makes which table, figure and quoted number of the papers."""

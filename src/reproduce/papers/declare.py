@@ -1,0 +1,192 @@
+"""How a computation declares what it makes and what it reads."""
+
+from __future__ import annotations
+
+import fnmatch
+import functools
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reproduce.printed.given import Given
+
+# One root for the whole project; every computation adds its own name to it (see seed_of).
+ROOT_SEED = 20_240_102
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a reproduction of a random or measured number predicts.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (replicates,)
+        Replicates of the number in SI units; the same index is the same replicate in every cell
+        of a table, so that the cells keep their correlation.
+    """
+
+    draws: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """A number that needs something the paper does not publish.
+
+    Parameters
+    ----------
+    missing : str
+        What would be needed.
+    stand_in : float, optional
+        Our value in its place, in SI units, shown without a verdict.
+    """
+
+    missing: str
+    stand_in: float | None = None
+
+
+@dataclass(frozen=True)
+class Pending:
+    """A number whose computation is not written yet.
+
+    Parameters
+    ----------
+    work : str
+        The work that will compute it.
+    """
+
+    work: str
+
+
+Result = float | Prediction | Blocked | Pending
+Results = Mapping[str, Result]
+
+
+@dataclass(frozen=True)
+class Computation:
+    """A function with what it makes, what it reads and the equations it rests on.
+
+    Parameters
+    ----------
+    key : str
+        The table, figure or group of quoted numbers.
+    function : callable
+        Takes the door (and, if stochastic, the seed) and returns results by cell name, in SI.
+    cells : tuple of str
+        Patterns of the cell names that it makes.
+    given : tuple of str
+        Addresses of all printed cells that it reads.
+    equations : tuple of str
+        Equation numbers of the paper.
+    replicates : int
+        How many replicates a stochastic computation draws; 0 for a deterministic one.
+    """
+
+    key: str
+    function: Callable[..., Results]
+    cells: tuple[str, ...]
+    given: tuple[str, ...]
+    equations: tuple[str, ...]
+    replicates: int
+
+    @property
+    def paper(self) -> str:
+        """The paper's key."""
+        return self.key.split("/")[0]
+
+    @property
+    def name(self) -> str:
+        """The function's full name, as the ledger and the pages cite it."""
+        return f"{self.function.__module__}.{self.function.__qualname__}"
+
+    @property
+    def entropy(self) -> tuple[int, ...]:
+        """The seed: the project's root and this computation's own number; () if deterministic."""
+        if not self.replicates:
+            return ()
+        return (ROOT_SEED, zlib.crc32(f"{self.key}:{self.function.__name__}".encode()))
+
+    def makes(self, name: str) -> bool:
+        """Tell whether the cell called `name` is one that this computation makes."""
+        return any(fnmatch.fnmatchcase(name, pattern) for pattern in self.cells)
+
+    def __call__(self, given: Given, replicates: int | None = None) -> Results:
+        """Run the function through the door, with its own seed if it draws random numbers."""
+        if not self.replicates:
+            return self.function(given)
+        seed = np.random.SeedSequence(self.entropy[0], spawn_key=self.entropy[1:])
+        return self.function(given, seed, replicates or self.replicates)
+
+
+def reproduces(
+    key: str,
+    *,
+    given: Sequence[str] = (),
+    cells: Sequence[str] = ("*",),
+    equations: Sequence[str] = (),
+    replicates: int = 0,
+) -> Callable[[Callable[..., Results]], Computation]:
+    """Declare that a function makes printed cells of `key`.
+
+    Parameters
+    ----------
+    key : str
+        The table, figure or group of quoted numbers, such as ``niu2024/table-3``.
+    given : sequence of str
+        Every printed cell or group that the function reads; the door hands out nothing else.
+    cells : sequence of str
+        Patterns of the names of the cells it makes, where a table needs several functions.
+    equations : sequence of str
+        Numbers of the paper's equations that the function rests on.
+    replicates : int
+        How many replicates to draw; the function then takes ``(given, seed, replicates)``.
+
+    Returns
+    -------
+    callable
+        A decorator that turns the function into a `Computation`.
+
+    Examples
+    --------
+    >>> @reproduces("niu2024/text-context")
+    ... def nothing(given):
+    ...     return {}
+    >>> nothing.key
+    'niu2024/text-context'
+    """
+
+    def declare(function: Callable[..., Results]) -> Computation:
+        computation = Computation(
+            key, function, tuple(cells), tuple(given), tuple(equations), replicates
+        )
+        functools.update_wrapper(computation, function, updated=())
+        return computation
+
+    return declare
+
+
+@dataclass(frozen=True)
+class Item:
+    """A table, figure or group of quoted numbers, with the computations that make it.
+
+    Parameters
+    ----------
+    key : str
+        Its only name.
+    computations : tuple of Computation
+        The functions that compute its cells; none for a group that is only quoted.
+    draw : callable, optional
+        ``draw(figure, printed)`` draws the item on a matplotlib figure; ``printed`` maps the
+        addresses of the cells to be marked to their values, and comes from the caller.
+    """
+
+    key: str
+    computations: tuple[Computation, ...] = ()
+    draw: Callable[..., None] | None = None
+
+    @property
+    def paper(self) -> str:
+        """The paper's key."""
+        return self.key.split("/")[0]

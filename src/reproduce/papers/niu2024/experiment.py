@@ -1,0 +1,80 @@
+"""The registration experiment with the real camera (niu2024, section 4.3)."""
+
+from __future__ import annotations
+
+from reproduce.papers.declare import Blocked, Pending, Results, reproduces
+from reproduce.physics import chromatic, pixel_angles
+from reproduce.printed.given import Given
+
+CALIBRATION = "niu2024/table-4"
+OUTCOME = "niu2024/text-registration"
+OPTICS = "niu2024/text-optics"
+CHANNELS = ("red", "blue")
+AXES = "xy"
+
+
+@reproduces(
+    CALIBRATION,
+    cells=["scale.*"],
+    given=[f"{CALIBRATION}#focal-length.*"],
+    equations=["6"],
+)
+def scale_factors(given: Given) -> Results:
+    """Scale factors as ratios of the focal lengths calibrated beside them."""
+    green = given[f"{CALIBRATION}#focal-length.green"]
+    return {
+        f"scale.{channel}": float(
+            chromatic.scale_factor(green, given[f"{CALIBRATION}#focal-length.{channel}"])
+        )
+        for channel in CHANNELS
+    }
+
+
+@reproduces(CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
+def fitted_parameters(given: Given) -> Results:
+    """Rotation, translation and distortion: fitted to centroids that are not published."""
+    centroids = Blocked("the star centroids measured on the three detectors")
+    fitted = [
+        f"{row}.{channel}"
+        for row in ("rotation", "translation-x", "translation-y")
+        for channel in CHANNELS
+    ]
+    fitted += [f"radial-distortion.{channel}" for channel in ("red", "green", "blue")]
+    return dict.fromkeys(fitted, centroids)
+
+
+@reproduces(
+    OUTCOME,
+    cells=["pointing-error-*"],
+    given=[
+        f"{OUTCOME}#rmse-after-*",
+        f"{OPTICS}#pixel-pitch-*",
+        f"{CALIBRATION}#focal-length.green",
+    ],
+)
+def pointing_errors(given: Given) -> Results:
+    """Residuals in pixels as angles: they lie in the green image, so its focal length applies."""
+    focal_length = given[f"{CALIBRATION}#focal-length.green"]
+    return {
+        f"pointing-error-{channel}-{axis}": float(
+            pixel_angles.angle_from_pixels(
+                given[f"{OUTCOME}#rmse-after-{channel}-{axis}"],
+                given[f"{OPTICS}#pixel-pitch-{axis}"],
+                focal_length,
+            )
+        )
+        for channel in CHANNELS
+        for axis in AXES
+    }
+
+
+@reproduces(OUTCOME, cells=["rmse-*"], equations=["26"])
+def laboratory_rmse(given: Given) -> Results:
+    """RMSE values of the experiment: to be predicted by a twin of the laboratory."""
+    twin = Pending("the twin of the laboratory")
+    return {
+        f"rmse-{when}-{channel}-{axis}": twin
+        for when in ("before", "after")
+        for channel in CHANNELS
+        for axis in AXES
+    }

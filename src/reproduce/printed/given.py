@@ -1,0 +1,155 @@
+"""The door through which printed numbers reach a computation.
+
+A computation declares the cells that it reads; it gets these and nothing else, so that no
+answer can leak into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reproduce.printed.cells import Cell, find
+from reproduce.printed.units import si_factor
+
+
+class UndeclaredInputError(LookupError):
+    """A computation asked for a printed cell that it did not declare."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """The declared inputs of one computation, in SI units.
+
+    Parameters
+    ----------
+    cells : mapping of str to Cell
+        The declared cells by address.
+    shifts : mapping of str to float
+        For interval propagation: cells moved off their printed value, in units of half their
+        last digit.
+    """
+
+    cells: Mapping[str, Cell]
+    shifts: Mapping[str, float] = field(default_factory=dict)
+
+    def __getitem__(self, address: str) -> float:
+        """Return the number at `address` in SI units (pixels stay pixels)."""
+        cell = self._cell(address)
+        number = cell.number
+        moved = number.value + self.shifts.get(address, 0.0) * number.half_unit
+        return moved * si_factor(cell.unit)
+
+    def __contains__(self, address: str) -> bool:
+        """Tell whether `address` was declared."""
+        return address in self.cells
+
+    def count(self, address: str) -> int:
+        """Return the whole number at `address`.
+
+        Parameters
+        ----------
+        address : str
+            A declared cell that holds a count.
+
+        Returns
+        -------
+        int
+            The count.
+
+        Raises
+        ------
+        TypeError
+            If the cell does not hold a count.
+        """
+        cell = self._cell(address)
+        if cell.unit != "count":
+            raise TypeError(f"{address}: expected a count, the cell has the unit {cell.unit!r}")
+        return int(cell.number.value)
+
+    def array(self, pattern: str) -> NDArray[np.float64]:
+        """Return the numbers that match `pattern`, in order of print and SI units.
+
+        Parameters
+        ----------
+        pattern : str
+            An address with ``*`` in the name; cells of text are passed over.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The numbers.
+
+        Raises
+        ------
+        UndeclaredInputError
+            If a matching cell was not declared.
+        """
+        return np.array([self[cell.address] for cell in find(pattern) if cell.is_number])
+
+    def numbers(self) -> list[Cell]:
+        """Return the declared cells that hold a rounded number.
+
+        Returns
+        -------
+        list of Cell
+            Those whose rounding can move a result; counts and bounds are exact.
+        """
+        return [
+            cell
+            for cell in self.cells.values()
+            if cell.is_number and not cell.number.exact and not cell.number.is_bound
+        ]
+
+    def shifted(self, shifts: Mapping[str, float]) -> Given:
+        """Return the same inputs with some moved within their rounding intervals.
+
+        Parameters
+        ----------
+        shifts : mapping of str to float
+            Address to shift in half units of the last digit, from -1 to 1.
+
+        Returns
+        -------
+        Given
+            A new door; this one stays as it is.
+        """
+        return Given(self.cells, dict(shifts))
+
+    def _cell(self, address: str) -> Cell:
+        if address not in self.cells:
+            raise UndeclaredInputError(
+                f"{address} is not declared; add it to given=[...] of the computation that reads "
+                f"it (declared: {', '.join(self.cells) or 'nothing'})"
+            )
+        return self.cells[address]
+
+
+def given(patterns: Iterable[str]) -> Given:
+    """Open the door for the cells that match `patterns`.
+
+    Parameters
+    ----------
+    patterns : iterable of str
+        Keys or addresses, ``*`` allowed in names.
+
+    Returns
+    -------
+    Given
+        These cells and no others.
+
+    Raises
+    ------
+    KeyError
+        If a pattern matches no printed cell.
+
+    Examples
+    --------
+    >>> door = given(["niu2024/table-1#focal-length.*"])
+    >>> round(door["niu2024/table-1#focal-length.green"], 6)
+    0.025
+    """
+    return Given({cell.address: cell for pattern in patterns for cell in find(pattern)})

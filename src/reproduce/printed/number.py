@@ -1,0 +1,157 @@
+"""A printed number: the digits on the page and the interval of values that print so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import ROUND_HALF_EVEN, Decimal, InvalidOperation
+from functools import cached_property
+
+# Sums and products of decimal inputs leave a few units of the last binary place; without this
+# slack a computed value that lies exactly on a rounding tie would fall on a random side of it.
+_FLOAT_SLACK = 1e-9
+
+BOUNDS = ("less", "greater", "at-least", "within")
+
+
+@dataclass(frozen=True)
+class PrintedNumber:
+    """A number with its last digit, as printed.
+
+    Parameters
+    ----------
+    text : str
+        The digits as printed, trailing zeros kept: ``"25.0000"``, ``"5.7e-5"``.
+    exact : bool
+        True for a count: nothing was rounded, the interval is a point.
+    qualifier : str, optional
+        ``about``, ``nominal``, or a bound: ``less``, ``greater``, ``at-least``, ``within`` (of
+        zero).
+
+    Examples
+    --------
+    >>> number = PrintedNumber("0.50")
+    >>> number.value, number.half_unit
+    (0.5, 0.005)
+    """
+
+    text: str
+    exact: bool = False
+    qualifier: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse text that is not a number."""
+        try:
+            finite = Decimal(self.text).is_finite()
+        except InvalidOperation:
+            finite = False
+        if not finite:
+            raise ValueError(
+                f"expected the digits of a number, got {self.text!r}; "
+                "write words and dashes as text = ..."
+            )
+
+    @cached_property
+    def value(self) -> float:
+        """The number itself, in the unit of print."""
+        return float(Decimal(self.text))
+
+    @cached_property
+    def exponent(self) -> int:
+        """The power of ten of the last printed digit."""
+        exponent = Decimal(self.text).as_tuple().exponent
+        return exponent if isinstance(exponent, int) else 0
+
+    @cached_property
+    def half_unit(self) -> float:
+        """Half a unit of the last printed digit; zero for a count."""
+        return 0.0 if self.exact else float(Decimal(5).scaleb(self.exponent - 1))
+
+    @property
+    def low(self) -> float:
+        """The smallest value that prints so, bounds not considered."""
+        return self.value - self.half_unit
+
+    @property
+    def high(self) -> float:
+        """The largest value that prints so, bounds not considered."""
+        return self.value + self.half_unit
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the print states a limit and not a value."""
+        return self.qualifier in BOUNDS
+
+    def interval(self) -> tuple[float, float]:
+        """Return the closed interval of values that agree with the print.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper end. A bound reaches to infinity; ``within`` lies around zero. The
+            limit itself is taken as stated, not widened by half its last digit.
+
+        Examples
+        --------
+        >>> PrintedNumber("0.1", qualifier="within").interval()
+        (-0.1, 0.1)
+        """
+        if self.qualifier == "less":
+            return float("-inf"), self.value
+        if self.qualifier in {"greater", "at-least"}:
+            return self.value, float("inf")
+        if self.qualifier == "within":
+            return -abs(self.value), abs(self.value)
+        return self.low, self.high
+
+    def meets(self, low: float, high: float) -> bool:
+        """Tell whether the interval from `low` to `high` shares a point with the printed one.
+
+        Parameters
+        ----------
+        low, high : float
+            Ends of an interval of computed values, in the unit of print.
+
+        Returns
+        -------
+        bool
+            True where they overlap or touch.
+
+        Examples
+        --------
+        >>> PrintedNumber("0.9976").meets(0.99764, 0.99764)
+        True
+        """
+        ours, theirs = self.interval()
+        slack = _FLOAT_SLACK * max(self.half_unit, abs(self.value) * 1e-3, 1e-12)
+        return low <= theirs + slack and high >= ours - slack
+
+    def format(self, value: float, extra: int = 0) -> str:
+        """Return `value` written with as many decimals as the print, plus `extra`.
+
+        Parameters
+        ----------
+        value : float
+            A number in the unit of print.
+        extra : int
+            How many more digits to show than the print does.
+
+        Returns
+        -------
+        str
+            Fixed-point digits, or an exponent where the print has one.
+
+        Examples
+        --------
+        >>> PrintedNumber("5.7e-5").format(5.68e-5)
+        '5.7e-5'
+        """
+        places = self.exponent - extra
+        if "e" in self.text.lower():
+            power = int(self.text.lower().split("e")[1])
+            return f"{self._round(value, places).scaleb(-power):f}e{power}"
+        return f"{self._round(value, min(places, 0)):f}"
+
+    @staticmethod
+    def _round(value: float, exponent: int) -> Decimal:
+        rounded = Decimal(value).quantize(Decimal(1).scaleb(exponent), rounding=ROUND_HALF_EVEN)
+        return rounded if rounded else abs(rounded)  # no "-0.00"

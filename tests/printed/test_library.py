@@ -1,0 +1,134 @@
+"""The two papers' numbers: complete, entered twice, guarded by a checksum."""
+
+import csv
+import hashlib
+import re
+
+import pytest
+
+from reproduce.locate import data_folder
+from reproduce.printed.cells import PAPERS, anchor, find, library
+from reproduce.printed.given import UndeclaredInputError, given
+from reproduce.printed.units import UNITS, si_factor
+
+PRINTED = data_folder() / "printed"
+CELLS = {cell.address: cell for table in library().values() for cell in table.cells}
+
+
+def test_the_expected_tables_and_groups_are_there():
+    assert set(library()) == {
+        *(f"niu2024/table-{n}" for n in range(1, 5)),
+        *(f"chen2023/table-{n}" for n in range(1, 6)),
+        *(
+            f"niu2024/text-{topic}"
+            for topic in ("optics", "simulation", "registration", "approximations", "context")
+        ),
+        *(
+            f"chen2023/text-{topic}"
+            for topic in (
+                "design extraction accuracy effectiveness angular-resolution positioning "
+                "hardware context"
+            ).split()
+        ),
+    }
+
+
+def test_a_second_entry_agrees_cell_by_cell():
+    with (PRINTED / "second-entry.csv").open(encoding="utf-8", newline="") as file:
+        second = {row["address"]: row["value"] for row in csv.DictReader(file)}
+    assert second == {address: cell.text for address, cell in CELLS.items()}
+
+
+def test_the_checksums_hold():
+    recorded = dict(
+        reversed(line.split("  ", 1))
+        for line in (PRINTED / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
+    )
+    found = {
+        path.relative_to(PRINTED).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(PRINTED.rglob("*.[tc][os][mv]*"))
+    }
+    assert found == recorded, "a printed number changed: check it, then run `make checksums`"
+
+
+def test_anchors_are_unique():
+    anchors = [anchor(name) for name in [*library(), *CELLS]]
+    assert len(set(anchors)) == len(anchors)
+    assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in anchors)
+
+
+def test_every_cell_says_where_it_stands():
+    for cell in CELLS.values():
+        assert re.search(r"(section|page) \S", cell.place), cell.address
+
+
+def test_assumed_units_carry_a_reason():
+    radial = [c for c in CELLS.values() if "radial-distortion" in c.name]
+    assert len(radial) == 6
+    assert all(len(cell.unit_assumed or "") > 40 for cell in radial)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        ("arcsec", 4.84813681109536e-06),
+        ("deg", 0.017453292519943295),
+        ("um", 1e-6),
+        ("mm^-2", 1e6),
+        ("px", 1.0),
+        ("percent", 0.01),
+        ("min", 60.0),
+        ("1/K", 1.0),
+        ("count", 1.0),
+    ],
+)
+def test_conversions_to_si(unit, factor):
+    assert si_factor(unit) == pytest.approx(factor, rel=1e-14)
+
+
+def test_every_unit_converts():
+    assert all(si_factor(unit) > 0 for unit in UNITS)
+
+
+def test_unknown_units_are_refused():
+    with pytest.raises(ValueError, match="'parsec': expected one of"):
+        si_factor("parsec")
+
+
+def test_the_door_hands_out_what_is_declared_and_nothing_else():
+    door = given(["niu2024/table-1#focal-length.*"])
+    assert door["niu2024/table-1#focal-length.red"] == pytest.approx(0.0250601)
+    assert "niu2024/table-1#focal-length.red" in door
+    with pytest.raises(UndeclaredInputError, match="not declared"):
+        door["niu2024/table-2#scale.red"]
+    with pytest.raises(UndeclaredInputError):
+        door.array("niu2024/table-1#*.red")
+
+
+def test_the_door_refuses_patterns_that_match_nothing():
+    with pytest.raises(KeyError, match="no printed cell matches"):
+        given(["niu2024/table-9"])
+
+
+def test_the_door_tells_counts_from_measures():
+    door = given(["chen2023/table-2"])
+    assert door.count("chen2023/table-2#laser-number.value") == 4
+    with pytest.raises(TypeError, match="expected a count"):
+        door.count("chen2023/table-2#tracker-focal-length.value")
+
+
+def test_shifts_move_an_input_by_half_its_last_digit():
+    address = "chen2023/table-2#tracker-focal-length.value"
+    door = given([address])
+    assert door.shifted({address: 1.0})[address] == pytest.approx(0.0605)
+    assert door[address] == pytest.approx(0.060)
+
+
+def test_cells_of_text_have_no_number():
+    (dash,) = find("niu2024/table-4#scale.green")
+    with pytest.raises(TypeError, match="prints '-'"):
+        _ = dash.number
+
+
+def test_both_papers_are_there():
+    assert {key.split("/")[0] for key in library()} == set(PAPERS)

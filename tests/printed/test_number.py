@@ -1,0 +1,81 @@
+"""A printed number is its digits and the interval of values that print so."""
+
+import pytest
+from hypothesis import given, strategies
+
+from reproduce.printed.number import PrintedNumber
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "half_unit"),
+    [
+        ("25.0000", 25.0, 0.00005),
+        ("2000", 2000.0, 0.5),
+        ("5.7e-5", 5.7e-5, 0.05e-5),
+        ("-0.050", -0.05, 0.0005),
+        ("0", 0.0, 0.5),
+    ],
+)
+def test_trailing_zeros_set_the_last_digit(text, value, half_unit):
+    number = PrintedNumber(text)
+    assert number.value == pytest.approx(value, rel=1e-15)
+    assert number.half_unit == pytest.approx(half_unit, rel=1e-15)
+
+
+def test_a_count_is_a_point():
+    number = PrintedNumber("137", exact=True)
+    assert (number.low, number.high) == (137.0, 137.0)
+    assert not number.meets(137.4, 137.4)
+
+
+@pytest.mark.parametrize(
+    ("qualifier", "inside", "outside"),
+    [
+        ("less", 0.9, 1.1),
+        ("greater", 1.1, 0.9),
+        ("at-least", 1.0, 0.9),
+        ("within", -0.9, -1.1),
+        ("about", 1.04, 1.06),
+        (None, 0.96, 0.94),
+    ],
+)
+def test_qualifiers_shape_the_interval(qualifier, inside, outside):
+    number = PrintedNumber("1.0", qualifier=qualifier)
+    assert number.meets(inside, inside)
+    assert not number.meets(outside, outside)
+
+
+@pytest.mark.parametrize("text", ["", "-", "1,5", "0x1", "nan", "inf", "about 3"])
+def test_words_are_refused(text):
+    with pytest.raises(ValueError, match="digits of a number"):
+        PrintedNumber(text)
+
+
+@given(strategies.decimals(-1000, 1000, places=3), strategies.floats(-0.49, 0.49))
+def test_every_value_inside_the_interval_prints_the_same(decimal, part):
+    number = PrintedNumber(f"{decimal:.3f}")
+    value = number.value + 2 * part * number.half_unit
+    assert number.meets(value, value)
+    assert float(number.format(value)) == number.value
+
+
+@given(strategies.decimals(-1000, 1000, places=3), strategies.floats(1.01, 5.0))
+def test_no_value_outside_the_interval_is_accepted(decimal, part):
+    number = PrintedNumber(f"{decimal:.3f}")
+    for side in (-1, 1):
+        value = number.value + side * part * number.half_unit
+        assert not number.meets(value, value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "extra", "shown"),
+    [
+        ("0.9976", 0.99764, 0, "0.9976"),
+        ("0.9976", 0.99764, 1, "0.99764"),
+        ("5.7e-5", 5.68e-5, 1, "5.68e-5"),
+        ("280", 233.333, 0, "233"),
+        ("-0.040", -0.0002, 0, "0.000"),
+    ],
+)
+def test_computed_values_are_written_like_the_print(text, value, extra, shown):
+    assert PrintedNumber(text).format(value, extra=extra) == shown
