@@ -1,0 +1,101 @@
+"""The four laser spots of the ground platform as a small instrument (chen2023, IV-A, V-A).
+
+What the paper leaves open, and what stands in for it:
+
+* the principal point of the tracker is not printed: the centre of the detector stands in;
+* which laser sits at which corner is read from the spots: each at the corner of the designed
+  square that lies towards its spot. The image of the square is about a twentieth smaller than
+  designed, which moves the angles of a centroid error by far less than a digit of print.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reproduce.physics.lasers import emitted_directions, received_directions, received_jacobian
+from reproduce.physics.misalignment import angle_jacobian
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+PLATFORM = "chen2023/table-2"
+SCATTER = "chen2023/table-3"
+SPOTS = "chen2023/text-extraction#spot-*"
+DIAGONAL = "chen2023/text-hardware#laser-diagonal"
+READS = (
+    SPOTS,
+    DIAGONAL,
+    f"{PLATFORM}#telescope-focal-length.value",
+    f"{PLATFORM}#tracker-focal-length.value",
+    f"{PLATFORM}#tracker-pixel-size.value",
+    f"{PLATFORM}#tracker-pixels-*.value",
+)
+# Table III prints three standard deviations.
+SIGMAS = 3.0
+
+
+def angle_response(given: Given) -> FloatArray:
+    """Return how the camera's misalignment angles respond to errors of the four centroids.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells of `READS`.
+
+    Returns
+    -------
+    ndarray, shape (2, 4, 2)
+        Derivative of the angles about X and Y of the camera by x and y of each spot, in rad/px.
+    """
+    spots = given.array(SPOTS).reshape(-1, 2)
+    pixels = given.array(f"{PLATFORM}#tracker-pixels-*.value")
+    centre = (pixels - 1) / 2  # the centre of the first pixel is at zero
+    tracker = (
+        spots,
+        centre,
+        given[f"{PLATFORM}#tracker-pixel-size.value"],
+        given[f"{PLATFORM}#tracker-focal-length.value"],
+    )
+    camera = emitted_directions(
+        designed_positions(spots, given[DIAGONAL]),
+        given[f"{PLATFORM}#telescope-focal-length.value"],
+    )
+    jacobian = angle_jacobian(camera, received_directions(*tracker), received_jacobian(*tracker))
+    return jacobian[:2]
+
+
+def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
+    """Return where the lasers sit by design, each at the corner that lies towards its spot.
+
+    Parameters
+    ----------
+    spots : ndarray, shape (4, 2)
+        Centroids in the tracker, in px.
+    diagonal : float
+        Diagonal of the square of lasers, in metres.
+
+    Returns
+    -------
+    ndarray, shape (4, 2)
+        Positions on the camera's focal plane, in metres.
+    """
+    offsets = spots - spots.mean(axis=0)
+    corners = np.round(offsets / np.abs(offsets).max())  # the square stands on a corner
+    return corners * diagonal / 2
+
+
+def scatter(given: Given, group: int) -> FloatArray:
+    """Return the centroid scatter of one group of images.
+
+    Parameters
+    ----------
+    given : Given
+        Holds Table III.
+    group : int
+        1 or 2.
+
+    Returns
+    -------
+    ndarray, shape (4, 2)
+        One standard deviation of x and y of each spot, in px.
+    """
+    return given.array(f"{SCATTER}#{group}-*").reshape(-1, 2) / SIGMAS

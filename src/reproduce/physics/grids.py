@@ -1,0 +1,271 @@
+"""Arrangements of rotation angles over a field of view, from one declared family.
+
+A step and a range do not fix an arrangement. This module enumerates the plausible ones (lattice,
+offset, window) so that a count can select among them, and nothing else does.
+
+Angles have shape (n, 2), x before y, in radians: x is the angle of the rotary table's middle frame,
+y that of its external frame. Rows are sorted by y, then x.
+
+Every lattice is a fine rectangular grid of spacings (a, b), either whole or chequered. Chequered,
+it keeps the nodes whose indices have an even sum, which gives the quincunx and hexagonal lattices;
+its points then stand 2a apart along a row, and rows stand b apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from reproduce.physics.validate import FloatArray, positive, whole_number
+
+EDGE = 1e-9
+LARGEST_SIDE = 2000
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A regular pattern of points without bounds.
+
+    Attributes
+    ----------
+    name : str
+        Says what the step measures.
+    spacing_x, spacing_y : float
+        Of the fine grid, in radians.
+    chequered : bool
+        Whether every second node of the fine grid is left out.
+    """
+
+    name: str
+    spacing_x: float
+    spacing_y: float
+    chequered: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangement:
+    """A finite set of rotation angles and how it came about.
+
+    Attributes
+    ----------
+    lattice, offset, window : str
+        The choices that made it.
+    angles : ndarray, shape (n, 2)
+        In radians, x before y.
+    """
+
+    lattice: str
+    offset: str
+    window: str
+    angles: FloatArray
+
+    @property
+    def name(self) -> str:
+        """The three choices in one line."""
+        return f"{self.lattice}; {self.offset}; {self.window}"
+
+
+Window = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+def lattices(half_x: float, half_y: float, step: float) -> list[Lattice]:
+    """Every lattice of the family for the given half ranges and step.
+
+    Parameters
+    ----------
+    half_x, half_y : float
+        Half the range in x and in y, in radians.
+    step : float
+        The step of the angles, in radians.
+
+    Returns
+    -------
+    list of Lattice
+        Square, quincunx and hexagonal, by what the step can mean; and those stretched to fill the
+        range from edge to edge.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not a finite number above zero, or the step is too small for the range.
+
+    Examples
+    --------
+    >>> lattices(1.0, 1.0, 0.5)[0]
+    Lattice(name='square, step between neighbours', spacing_x=0.5, spacing_y=0.5, chequered=False)
+    """
+    half_x, half_y, step = _checked(half_x, half_y, step)
+    root2, root3 = np.sqrt(2.0), np.sqrt(3.0)
+    fixed = [
+        Lattice("square, step between neighbours", step, step, False),
+        Lattice("quincunx, step between rows", step, step, True),
+        Lattice("quincunx, step between neighbours", step / root2, step / root2, True),
+        Lattice("quincunx, step along a row", step / 2, step / 2, True),
+        Lattice("hexagonal, rows along x", step / 2, step * root3 / 2, True),
+        Lattice("hexagonal, rows along y", step * root3 / 2, step / 2, True),
+    ]
+    a, b = _nearest_division(half_x, step), _nearest_division(half_y, step)
+    return [
+        *fixed,
+        Lattice("square, stretched to the edges", a, b, False),
+        Lattice("quincunx, stretched to the edges, spacings nearest the step", a, b, True),
+        *(
+            Lattice(f"quincunx, stretched to the edges in {m} by {n} spacings", dx, dy, True)
+            for m, n, dx, dy in _stretched_to_mean(half_x, half_y, step)
+        ),
+    ]
+
+
+def arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrangement]:
+    """Every different arrangement of the family: lattices by offsets by windows.
+
+    Offsets: a point at the middle of the range; half a spacing away from it along the rows, across
+    them, or both; a point at the lower left corner. Windows: the rectangle with and without its
+    border, the ellipse that touches its sides, the circle of the smaller half range, that of the
+    larger one cut by the rectangle, the diamond through the middles of its sides. An arrangement
+    equal to an earlier one is left out. (The circle through the corners cuts nothing off.)
+
+    Parameters
+    ----------
+    half_x, half_y : float
+        Half the range in x and in y, in radians.
+    step : float
+        The step of the angles, in radians.
+
+    Yields
+    ------
+    Arrangement
+        Empty ones are left out.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not a finite number above zero, or the step is too small for the range.
+
+    Examples
+    --------
+    >>> first = next(arrangements(1.0, 1.0, 1.0))
+    >>> first.name, len(first.angles)
+    ('square, step between neighbours; centred; rectangle', 9)
+    """
+    half_x, half_y, step = _checked(half_x, half_y, step)
+    seen: set[bytes] = set()
+    for lattice in lattices(half_x, half_y, step):
+        for offset, origin in _offsets(lattice, half_x, half_y).items():
+            nodes = _nodes(lattice, origin, half_x, half_y)
+            for window, inside in _windows(half_x, half_y).items():
+                angles = nodes[inside(nodes[:, 0], nodes[:, 1])]
+                key = np.rint(angles / (EDGE * step)).astype(np.int64).tobytes()
+                if len(angles) and key not in seen:
+                    seen.add(key)
+                    yield Arrangement(lattice.name, offset, window, angles)
+
+
+def arrangements_with(count: int, half_x: float, half_y: float, step: float) -> list[Arrangement]:
+    """Every arrangement of the family that has exactly so many angles.
+
+    Parameters
+    ----------
+    count : int
+        The number of angles wanted.
+    half_x, half_y : float
+        Half the range in x and in y, in radians.
+    step : float
+        The step of the angles, in radians.
+
+    Returns
+    -------
+    list of Arrangement
+        In the order of `arrangements`; empty if none fits.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `count` is not a whole number above zero, or another argument is not a finite number
+        above zero.
+
+    Examples
+    --------
+    >>> [found.name for found in arrangements_with(9, 1.0, 1.0, 1.0)][0]
+    'square, step between neighbours; centred; rectangle'
+    """
+    count = whole_number("count", count)
+    return [found for found in arrangements(half_x, half_y, step) if len(found.angles) == count]
+
+
+def _checked(half_x: float, half_y: float, step: float) -> tuple[float, float, float]:
+    checked = []
+    for name, value in (("half_x", half_x), ("half_y", half_y), ("step", step)):
+        array = positive(name, value)
+        if array.ndim:
+            raise ValueError(
+                f"{name}: expected one number, got shape {array.shape}; call once per value"
+            )
+        checked.append(float(array))
+    if max(checked[:2]) > LARGEST_SIDE * checked[2]:
+        raise ValueError(
+            f"step: expected at least 1/{LARGEST_SIDE} of the half range, got {checked[2]:g} for "
+            f"{max(checked[:2]):g}; are all three in radians?"
+        )
+    return checked[0], checked[1], checked[2]
+
+
+def _nearest_division(half: float, step: float) -> float:
+    return 2 * half / max(1, round(2 * half / step))
+
+
+def _stretched_to_mean(
+    half_x: float, half_y: float, step: float
+) -> Iterator[tuple[int, int, float, float]]:
+    """Divisions of both ranges whose two spacings average to the step, within a factor of two."""
+    largest = round(3 * half_x / step) + 1
+    for m in range(1, largest + 1):
+        a = 2 * half_x / m
+        b = 2 * step - a
+        if not step * (2 / 3 - EDGE) <= a <= step * (4 / 3 + EDGE):
+            continue
+        n = 2 * half_y / b
+        if n >= 1 - EDGE and abs(n - round(n)) < EDGE * n:
+            yield m, round(n), a, 2 * half_y / round(n)
+
+
+def _offsets(lattice: Lattice, half_x: float, half_y: float) -> dict[str, tuple[float, float]]:
+    along = lattice.spacing_x * (1.0 if lattice.chequered else 0.5)
+    across = lattice.spacing_y / 2
+    return {
+        "centred": (0.0, 0.0),
+        "half a spacing along x": (along, 0.0),
+        "half a row spacing along y": (0.0, across),
+        "half a spacing along both": (along, across),
+        "from the lower left corner": (-half_x, -half_y),
+    }
+
+
+def _nodes(
+    lattice: Lattice, origin: tuple[float, float], half_x: float, half_y: float
+) -> FloatArray:
+    """All points of the lattice within the closed rectangle, sorted by y, then x."""
+    reach_x = int(2 * half_x / lattice.spacing_x) + 2
+    reach_y = int(2 * half_y / lattice.spacing_y) + 2
+    i, j = np.meshgrid(np.arange(-reach_x, reach_x + 1), np.arange(-reach_y, reach_y + 1))
+    kept = (i + j) % (2 if lattice.chequered else 1) == 0
+    x = origin[0] + lattice.spacing_x * i[kept]
+    y = origin[1] + lattice.spacing_y * j[kept]
+    inside = (np.abs(x) <= half_x * (1 + EDGE)) & (np.abs(y) <= half_y * (1 + EDGE))
+    return np.stack([x[inside], y[inside]], axis=-1)
+
+
+def _windows(half_x: float, half_y: float) -> dict[str, Window]:
+    small, large = min(half_x, half_y), max(half_x, half_y)
+    return {
+        "rectangle": lambda x, y: np.ones(x.shape, dtype=bool),
+        "rectangle without its border": lambda x, y: (
+            np.maximum(np.abs(x) / half_x, np.abs(y) / half_y) < 1 - EDGE
+        ),
+        "inscribed ellipse": lambda x, y: (x / half_x) ** 2 + (y / half_y) ** 2 <= 1 + EDGE,
+        "circle of the smaller half range": lambda x, y: np.hypot(x, y) <= small * (1 + EDGE),
+        "circle of the larger half range": lambda x, y: np.hypot(x, y) <= large * (1 + EDGE),
+        "diamond": lambda x, y: np.abs(x) / half_x + np.abs(y) / half_y <= 1 + EDGE,
+    }

@@ -1,0 +1,241 @@
+"""The camera's misalignment from laser spots in the star tracker.
+
+Names. A rotation is named target first. The paper writes the source below and the target
+above, so its T_cam^st is our `tracker_from_camera` (along the light, mirrors included), its
+R_st^cam our `camera_from_tracker` (the installation, mirrors apart), and its misalignment
+R_cam,0^cam,t our `camera_now_from_camera_zero`: it takes coordinates in the camera frame at
+the zero point to coordinates in the camera frame at time t.
+
+Sign. The misalignment angles (theta_X, theta_Y, theta_Z) are the right-handed turn that brings
+the camera from its zero position to the present one, about the camera's own axes. A camera
+that turns moves the world the other way through its frame, so to first order
+`camera_now_from_camera_zero` is I - [theta ×].
+
+Directions have shape (..., n, 3), angles are in radians, leading axes are a batch of frames.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics.rotations import rotations, transpose, unit, vector_from_rotation
+from reproduce.physics.validate import (
+    FloatArray,
+    common_batch,
+    finite_array,
+    weights_for,
+)
+from reproduce.physics.wahba import attitude
+
+
+def laser_transform(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    weights: ArrayLike | None = None,
+    pooled: bool = False,
+    method: str = "quest",
+) -> FloatArray:
+    """Return the rotation that carries laser light from the camera into the tracker.
+
+    Implements: chen2023 (4), (5).
+
+    Parameters
+    ----------
+    camera_directions : array_like, shape (..., n, 3)
+        Emitted directions v_i,cam in the camera frame.
+    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
+        Received directions w_i^k in the tracker frame, in the same order.
+    weights : array_like, shape (..., n), pooled: (n,) or (..., frames, n), optional
+        Relative weights of the spots.
+    pooled : bool
+        Whether all frames make one rotation, as in (5), instead of one rotation each.
+    method : {"quest", "q-method", "svd"}
+        The solver of Wahba's problem.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        T_cam^st, tracker_from_camera: w = T v.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If there are not two lasers in different directions.
+    ValueError
+        If shapes do not fit, or values or weights are out of range.
+
+    Examples
+    --------
+    >>> directions = [[0, 0, 1], [0.6, 0, 0.8]]
+    >>> np.allclose(laser_transform(directions, directions), np.eye(3))
+    True
+    """
+    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
+    return attitude(tracker, camera, factors, method)
+
+
+def misalignment(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    tracker_from_camera_zero: ArrayLike,
+    weights: ArrayLike | None = None,
+    pooled: bool = False,
+) -> FloatArray:
+    """Return the camera's misalignment directly from the laser spots, by QUEST.
+
+    Implements: chen2023 (7).
+
+    Parameters
+    ----------
+    camera_directions : array_like, shape (..., n, 3)
+        Emitted directions v_i,cam; constant in the camera frame.
+    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
+        Received directions w_i,t^k in the tracker frame at the present.
+    tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        T_cam,0^st, the laser transform at the zero point.
+    weights, pooled
+        As for `laser_transform`.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        camera_now_from_camera_zero; `misalignment_angles` reads its angles.
+
+    Raises
+    ------
+    DegenerateGeometryError, ValueError
+        As for `laser_transform`; also if the zero point is not a rotation.
+
+    Examples
+    --------
+    >>> directions = [[0, 0, 1], [0.6, 0, 0.8]]
+    >>> np.allclose(misalignment(directions, directions, np.eye(3)), np.eye(3))
+    True
+    """
+    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
+    zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
+    common_batch(tracker_directions=tracker.shape[:-2], tracker_from_camera_zero=zero.shape[:-2])
+    # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
+    return attitude(camera, tracker @ zero, factors, "quest")
+
+
+def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
+    """Return the turn of the camera about its X, Y and Z axes since the zero point.
+
+    Parameters
+    ----------
+    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        The misalignment R_cam,0^cam,t; less than half a turn.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Rotation vector (theta_X, theta_Y, theta_Z) in the camera frame, in radians,
+        right-handed: positive theta_Y swings the boresight towards X.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation, or turns by half a turn.
+
+    Examples
+    --------
+    The camera has turned right-handed about Z by a quarter turn: what lay along X now lies
+    along -Y of the camera.
+
+    >>> misalignment_angles([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) / np.pi
+    array([0. , 0. , 0.5])
+    """
+    matrix = rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
+    return vector_from_rotation(transpose(matrix))
+
+
+def angle_jacobian(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    direction_jacobian: ArrayLike,
+    weights: ArrayLike | None = None,
+) -> FloatArray:
+    """Return how the misalignment angles respond to each spot: the exact derivative.
+
+    At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
+    Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
+    H = trace(P) I - P and P = sum w v b^T.
+
+    Parameters
+    ----------
+    camera_directions, tracker_directions : array_like, shape (..., n, 3)
+        Emitted and received directions at the point of differentiation.
+    direction_jacobian : array_like, shape (..., n, 3, k)
+        Derivative of each tracker direction by k parameters of its own; for the spots in
+        px see `lasers.received_jacobian`.
+    weights : array_like, shape (..., n), optional
+        The weights of the solution.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, n, k)
+        Derivative of (theta_X, theta_Y, theta_Z), in radians per unit of the parameters.
+
+    Raises
+    ------
+    DegenerateGeometryError, ValueError
+        As for `laser_transform`.
+
+    Examples
+    --------
+    Two directions along X and Y hold the turn about Z together, half each. A tracker
+    direction that goes from X towards Y tells of a camera that turned about Z.
+
+    >>> moves = np.zeros((2, 3, 1))
+    >>> moves[0, 1, 0] = 1.0
+    >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
+    array([0. , 0. , 0.5])
+    """
+    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, False)
+    moves = finite_array(
+        "direction_jacobian", direction_jacobian, shape=(tracker.shape[-2], 3, None)
+    )
+    camera_from_tracker = attitude(camera, tracker, factors)
+    camera, carried = (
+        unit("camera", camera),
+        unit("tracker", tracker @ transpose(camera_from_tracker)),
+    )
+    shares = weights_for(factors, camera.shape[-2])
+    product = transpose(shares[..., np.newaxis] * camera) @ carried
+    trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
+    stiffness = trace * np.eye(3) - 0.5 * (product + transpose(product))
+    moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, moves)
+    torque = np.cross(camera[..., np.newaxis, :], np.swapaxes(moved, -1, -2))
+    weighted = shares[..., np.newaxis, np.newaxis] * torque
+    return np.asarray(np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted))
+
+
+def _paired(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    weights: ArrayLike | None,
+    pooled: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Return directions and weights row by row; pooled frames become rows of one set."""
+    camera = finite_array("camera_directions", camera_directions, shape=(None, 3))
+    leading = (None, None, 3) if pooled else (None, 3)
+    tracker = finite_array("tracker_directions", tracker_directions, shape=leading)
+    count = camera.shape[-2]
+    if tracker.shape[-2] != count:
+        raise ValueError(
+            f"camera_directions and tracker_directions: expected as many rows, got {count} and "
+            f"{tracker.shape[-2]}; row i of both must be the same laser"
+        )
+    factors = None if weights is None else weights_for(weights, count)
+    if not pooled:
+        return camera, tracker, factors
+    frames = tracker.shape[-3]
+    flat = (*tracker.shape[:-3], frames * count)
+    if factors is not None:
+        common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
+        factors = np.broadcast_to(factors, tracker.shape[:-1]).reshape(flat)
+    repeated = np.repeat(camera[..., np.newaxis, :, :], frames, axis=-3)
+    camera = repeated.reshape(*camera.shape[:-2], frames * count, 3)
+    return camera, tracker.reshape(*flat, 3), factors

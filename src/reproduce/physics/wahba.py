@@ -1,0 +1,343 @@
+"""Wahba's problem: the rotation that best carries one set of directions onto another.
+
+Directions have shape (..., n, 3): rows are observations, leading axes are a batch (frames,
+replicates), all solved in one call. Rotations are named target first: the result
+`target_from_source` fits `target = target_from_source @ source`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics import wahba_solvers
+from reproduce.physics.rotations import rotations, transpose, unit
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    FloatArray,
+    common_batch,
+    finite_array,
+    non_negative,
+    weights_for,
+)
+
+SOLVERS = {
+    "svd": wahba_solvers.by_svd,
+    "q-method": wahba_solvers.by_q_method,
+    "quest": wahba_solvers.by_quest,
+}
+
+# Relative eigenvalue gap below which rounding alone turns the answer by a milliradian. It
+# belongs to directions about a microradian apart.
+SMALLEST_GAP = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class WahbaSolution:
+    """The best rotation and what is known about it.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (..., 3, 3)
+        target_from_source.
+    loss : ndarray, shape (...)
+        sum w |target - rotation @ source|^2 over unit vectors. With weights 1/sigma^2, sigma
+        the error of a direction about each axis across it, its expectation is 2n - 3 and it
+        follows the chi-square law with that many degrees of freedom.
+    attitude_profile : ndarray, shape (..., 3, 3)
+        B = sum w target source^T.
+    eigenvalue_gap : ndarray, shape (...)
+        Distance between the two largest eigenvalues of Davenport's matrix, in the unit of
+        the weights. Zero means that one rotation is free.
+    directions : ndarray, shape (..., n, 3)
+        The source directions carried into the target frame.
+    weights : ndarray, shape (..., n)
+        The weights used.
+
+    Examples
+    --------
+    >>> float(solve(np.eye(3), np.eye(3)).loss)
+    0.0
+    """
+
+    rotation: FloatArray
+    loss: FloatArray
+    attitude_profile: FloatArray
+    eigenvalue_gap: FloatArray
+    directions: FloatArray
+    weights: FloatArray
+
+    def covariance(self, sigma: ArrayLike, frame: str = "target") -> FloatArray:
+        """Return the covariance of the solution's error as a rotation vector.
+
+        Parameters
+        ----------
+        sigma : array_like, scalar or shape (..., n)
+            1 sigma error of each direction about each axis across it, in radians; errors
+            of target and source added in quadrature.
+        frame : {"target", "source"}
+            The frame whose axes the error is resolved about.
+
+        Returns
+        -------
+        ndarray, shape (..., 3, 3)
+            Covariance in square radians.
+
+        Raises
+        ------
+        ValueError
+            If sigma is negative or not finite, or the frame has another name.
+
+        Examples
+        --------
+        >>> solution = solve(np.eye(3), np.eye(3))
+        >>> np.round(np.sqrt(solution.covariance(2e-6).diagonal()) * 1e6, 3)
+        array([1.414, 1.414, 1.414])
+        """
+        if frame not in ("target", "source"):
+            raise ValueError(
+                f'frame: expected "target" or "source", got {frame!r}; name the frame whose '
+                "axes the error is resolved about"
+            )
+        in_target = attitude_covariance(self.directions, sigma, self.weights)
+        if frame == "target":
+            return in_target
+        result: FloatArray = transpose(self.rotation) @ in_target @ self.rotation
+        return result
+
+
+def attitude(
+    target_vectors: ArrayLike,
+    source_vectors: ArrayLike,
+    weights: ArrayLike | None = None,
+    method: str = "svd",
+) -> FloatArray:
+    """Return the rotation that minimises sum w |target - rotation @ source|^2.
+
+    Parameters
+    ----------
+    target_vectors, source_vectors : array_like, shape (..., n, 3)
+        The same directions seen in two frames; they count as unit vectors, whatever their
+        length. Leading axes broadcast.
+    weights : array_like, shape (..., n), optional
+        Relative weights, such as inverse variances; all one where none are given.
+    method : {"svd", "q-method", "quest"}
+        The solver. All agree; "quest" is the fastest over many frames, "svd" the most
+        accurate where all directions are close together.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        target_from_source, a proper rotation.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If a rotation is left free: fewer than two directions of weight above zero that are
+        not parallel, or a set that mirrors its partner.
+    ValueError
+        If shapes do not fit, values are not finite, a direction has length zero, weights
+        are negative or all zero, or the method is unknown.
+
+    Examples
+    --------
+    Target axes that are turned so that what was X is now Y.
+
+    >>> target_from_source = attitude([[0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]])
+    >>> np.allclose(target_from_source @ [1, 0, 0], [0, 1, 0])
+    True
+    """
+    target, source, share = _prepared(target_vectors, source_vectors, weights)
+    rotation, _ = _best(_profile(target, source, share), method)
+    return rotation
+
+
+def solve(
+    target_vectors: ArrayLike,
+    source_vectors: ArrayLike,
+    weights: ArrayLike | None = None,
+    method: str = "svd",
+) -> WahbaSolution:
+    """Return the best rotation with its loss, attitude profile, gap and covariance.
+
+    Parameters
+    ----------
+    target_vectors, source_vectors, weights, method
+        As for `attitude`.
+
+    Returns
+    -------
+    WahbaSolution
+        The rotation target_from_source and what is known about it.
+
+    Raises
+    ------
+    DegenerateGeometryError, ValueError
+        As for `attitude`.
+
+    Examples
+    --------
+    >>> solution = solve(np.eye(3), np.eye(3), weights=[1, 2, 3])
+    >>> solution.attitude_profile.diagonal(), round(float(solution.eigenvalue_gap), 12)
+    (array([1., 2., 3.]), 6.0)
+    """
+    target, source, share = _prepared(target_vectors, source_vectors, weights)
+    profile = _profile(target, source, share)
+    rotation, gap = _best(profile, method)
+    kept = weights_for(weights, target.shape[-2])
+    total = kept.sum(axis=-1)
+    carried = source @ transpose(rotation)
+    misses = target - carried
+    return WahbaSolution(
+        rotation=rotation,
+        loss=total * np.einsum("...n,...ni,...ni->...", share, misses, misses),
+        attitude_profile=total[..., np.newaxis, np.newaxis] * profile,
+        eigenvalue_gap=total * gap,
+        directions=carried,
+        weights=kept,
+    )
+
+
+def attitude_covariance(
+    directions: ArrayLike, sigma: ArrayLike, weights: ArrayLike | None = None
+) -> FloatArray:
+    """Return the covariance of an attitude found from noisy directions.
+
+    First order in sigma. It holds for any weights; inverse variances give the smallest one.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., n, 3)
+        The observed directions, in the frame in which the covariance is wanted.
+    sigma : array_like, scalar or shape (..., n)
+        1 sigma error of each direction about each axis across it, in radians.
+    weights : array_like, shape (..., n), optional
+        The weights used in the solution; all one where none are given.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Covariance of the small rotation vector about the axes of that frame, in rad^2.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If all directions of weight above zero are parallel.
+    ValueError
+        If shapes do not fit, values are not finite, sigma is negative.
+
+    Examples
+    --------
+    Each axis is held by the two directions across it.
+
+    >>> np.round(attitude_covariance(np.eye(3), 1.0), 12).diagonal()
+    array([0.5, 0.5, 0.5])
+    """
+    rows = unit("directions", finite_array("directions", directions, shape=(None, 3)))
+    count = rows.shape[-2]
+    share = _shares(weights, count)
+    error = non_negative("sigma", sigma)
+    if error.ndim and error.shape[-1] != count:
+        raise ValueError(
+            f"sigma: expected one value or shape (..., {count}), one for each direction, "
+            f"got {error.shape}; give the error of every direction"
+        )
+    common_batch(directions=rows.shape[:-2], weights=share.shape[:-1], sigma=error.shape[:-1])
+    stiffness = _across(rows, share)
+    _refuse_free_rotation(np.asarray(np.linalg.eigvalsh(stiffness)[..., 0]))
+    freedom = np.linalg.inv(stiffness)
+    result: FloatArray = freedom @ _across(rows, (share * error) ** 2) @ freedom
+    return result
+
+
+def mean_rotation(matrices: ArrayLike) -> FloatArray:
+    """Return the rotation closest to several rotations, in the sum of squared differences.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (..., n, 3, 3)
+        Rotations between the same two frames.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Their mean, a rotation again.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If the rotations cancel, such as the identity and half a turn.
+    ValueError
+        If a matrix is not a rotation, or the shape does not fit.
+
+    Examples
+    --------
+    >>> mean_rotation([np.eye(3), np.eye(3)]).diagonal()
+    array([1., 1., 1.])
+    """
+    array = rotations("matrices", finite_array("matrices", matrices, shape=(None, 3, 3)))
+    mean, _ = _best(array.mean(axis=-3) / 3.0, "svd")
+    return mean
+
+
+def _prepared(
+    target_vectors: ArrayLike, source_vectors: ArrayLike, weights: ArrayLike | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit vectors and weights that sum to one, after checking that they pair."""
+    target = finite_array("target_vectors", target_vectors, shape=(None, 3))
+    source = finite_array("source_vectors", source_vectors, shape=(None, 3))
+    count = target.shape[-2]
+    if source.shape[-2] != count:
+        raise ValueError(
+            f"target_vectors and source_vectors: expected as many rows, got {count} and "
+            f"{source.shape[-2]}; row i of both must be the same direction"
+        )
+    share = _shares(weights, count)
+    common_batch(
+        target_vectors=target.shape[:-2],
+        source_vectors=source.shape[:-2],
+        weights=share.shape[:-1],
+    )
+    return unit("target_vectors", target), unit("source_vectors", source), share
+
+
+def _shares(weights: ArrayLike | None, count: int) -> FloatArray:
+    checked = weights_for(weights, count)
+    # The largest first, so that the sum of huge weights stays finite.
+    scaled = checked / checked.max(axis=-1, keepdims=True)
+    shares: FloatArray = scaled / scaled.sum(axis=-1, keepdims=True)
+    return shares
+
+
+def _profile(target: FloatArray, source: FloatArray, share: FloatArray) -> FloatArray:
+    result: FloatArray = transpose(share[..., np.newaxis] * target) @ source
+    return result
+
+
+def _across(rows: FloatArray, factors: FloatArray) -> FloatArray:
+    """Return sum f (I - d d^T): how strongly directions resist a turn about each axis."""
+    trace = factors.sum(axis=-1)[..., np.newaxis, np.newaxis] * np.eye(3)
+    result: FloatArray = trace - transpose(factors[..., np.newaxis] * rows) @ rows
+    return result
+
+
+def _best(profile: FloatArray, method: str) -> tuple[FloatArray, FloatArray]:
+    if method not in SOLVERS:
+        raise ValueError(f"method: expected one of {sorted(SOLVERS)}, got {method!r}; choose one")
+    rotation, gap = SOLVERS[method](profile)
+    _refuse_free_rotation(gap)
+    return rotation, gap
+
+
+def _refuse_free_rotation(gap: FloatArray) -> None:
+    free = gap < SMALLEST_GAP
+    if free.any():
+        first = tuple(int(i) for i in np.argwhere(free)[0])
+        where = f"in {int(free.sum())} of {free.size} sets, the first at index {first}, "
+        raise DegenerateGeometryError(
+            "expected directions that fix all three axes, got a set that leaves a rotation free "
+            f"({where if free.ndim else ''}relative eigenvalue gap {gap[free].min():.1e}); add "
+            "a direction that is not parallel to the others, with a weight above zero"
+        )

@@ -1,0 +1,1 @@
+"""Command line, notebooks, pages, citations and exports: they call, they compute nothing."""

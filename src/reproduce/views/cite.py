@@ -1,0 +1,106 @@
+"""Citations of a reproduced item, beside the paper it reproduces."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from pybtex.database import BibliographyData, Entry, Person, parse_file
+
+import reproduce
+from reproduce.locate import data_folder
+from reproduce.printed.cells import anchor
+from reproduce.views import keys
+
+FORMATS = ("bibtex", "csl", "text")
+_DEVELOPERS = "The reproduce-pointing developers"
+
+
+def citation(key: str, form: str) -> str:
+    """Return how to cite an item and the paper it comes from.
+
+    Parameters
+    ----------
+    key : str
+        A known key.
+    form : str
+        bibtex, csl (JSON) or text.
+
+    Returns
+    -------
+    str
+        Two entries: the reproduction, then the paper.
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown.
+    """
+    if form not in FORMATS:
+        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
+    paper = key.partition("/")[0]
+    source = parse_file(str(data_folder() / "references.bib")).entries[paper]
+    ours = _reproduction(key, source)
+    entries = {f"reproduce-{anchor(key)}": ours, paper: source}
+    if form == "bibtex":
+        return str(BibliographyData(entries).to_string("bibtex")).strip()
+    if form == "csl":
+        listed = [_csl(name, entry) for name, entry in entries.items()]
+        return json.dumps(listed, indent=2, ensure_ascii=False)
+    return _text(BibliographyData(entries))
+
+
+def _reproduction(key: str, source: Entry) -> Entry:
+    first = source.persons["author"][0].last_names[-1]
+    year = source.fields["year"]
+    place = keys.place(key).partition(",")[0]
+    what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
+    fields = {
+        "title": f"Reproduction of {what} of {first} et al. ({year}): {keys.title(key)}",
+        "year": reproduce.RELEASED[:4],
+        "howpublished": f"reproduce-pointing, version {reproduce.__version__}",
+        "note": f"Item {key}, anchor {anchor(key)}",
+    }
+    # Braces keep BibTeX from taking the group's name for a first and a last name.
+    return Entry("misc", fields=fields, persons={"author": [Person("{" + _DEVELOPERS + "}")]})
+
+
+def _csl(name: str, entry: Entry) -> dict[str, Any]:
+    fields = {
+        field: value.replace("{", "").replace("}", "") for field, value in entry.fields.items()
+    }
+    item: dict[str, Any] = {
+        "id": name,
+        "type": "article-journal" if entry.type == "article" else "software",
+        "title": fields["title"],
+        "author": [_csl_name(person) for person in entry.persons["author"]],
+        "issued": {"date-parts": [[int(fields["year"])]]},
+    }
+    renamed = {
+        "journal": "container-title",
+        "volume": "volume",
+        "pages": "page",
+        "number": "issue",
+        "doi": "DOI",
+        "note": "note",
+    }
+    item |= {csl: fields[field] for field, csl in renamed.items() if field in fields}
+    if item["type"] == "software":
+        item["version"] = reproduce.__version__
+    return item
+
+
+def _csl_name(person: Person) -> dict[str, str]:
+    if not person.first_names:
+        return {"literal": " ".join(person.last_names).strip("{}")}
+    given = " ".join(person.first_names + person.middle_names)
+    return {"family": " ".join(person.prelast_names + person.last_names), "given": given}
+
+
+def _text(data: BibliographyData) -> str:
+    from pybtex.backends.plaintext import Backend
+    from pybtex.plugin import find_plugin
+
+    style = find_plugin("pybtex.style.formatting", "unsrt")()
+    formatted = style.format_entries(data.entries.values())
+    return "\n".join(entry.text.render(Backend()).strip() for entry in formatted)

@@ -1,0 +1,206 @@
+"""The command line: list, check, show, export, figure and cite."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console
+from rich.padding import Padding
+
+import reproduce
+from reproduce.views.keys import UnknownKeyError, check_key
+
+if TYPE_CHECKING:
+    from reproduce.judge.ledger import Ledger
+
+
+class _Key(click.ParamType[str]):
+    name = "key"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        try:
+            return check_key(value)
+        except UnknownKeyError as error:
+            self.fail(str(error), param, ctx)
+
+
+KEY = _Key()
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(reproduce.__version__, prog_name="reproduce")
+def main() -> None:
+    """Recompute the printed numbers of niu2024 and chen2023, and judge every one.
+
+    A KEY names a table, a figure or a group of quoted numbers, such as niu2024/table-3.
+    """
+
+
+@main.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+def list_items(as_json: bool) -> None:
+    """List all items, in order of print."""
+    from reproduce.papers.catalogue import catalogue
+    from reproduce.views import keys, terminal
+
+    items = list(catalogue().values())
+    if as_json:
+        click.echo(
+            json.dumps(
+                [
+                    {
+                        "key": item.key,
+                        "place": keys.place(item.key),
+                        "title": keys.title(item.key),
+                        "functions": [c.name for c in item.computations],
+                        "draws": item.draw is not None,
+                    }
+                    for item in items
+                ],
+                indent=2,
+                ensure_ascii=False,
+            )
+        )
+        return
+    console = Console()
+    console.print(terminal.items_table(items, console.width))
+
+
+@main.command()
+@click.argument("keys", nargs=-1, type=KEY, metavar="[KEY]...")
+@click.option("--json", "as_json", is_flag=True, help="Print one record per printed cell.")
+def check(keys: tuple[str, ...], as_json: bool) -> None:
+    """Judge every printed cell and compare the verdicts with the frozen ones.
+
+    Exits with 0 only if every verdict is as frozen, else with 1.
+    """
+    from reproduce.judge.expected import surprises
+    from reproduce.views import terminal
+
+    ledger = _ledger(keys)
+    found = surprises(ledger)
+    if as_json:
+        click.echo(ledger.model_dump_json(indent=2))
+    else:
+        Console().print(terminal.score_table(ledger))
+    for surprise in found:
+        click.echo(
+            f"{surprise.cell}: expected {surprise.expected}, found {surprise.found}", err=True
+        )
+    if found:
+        click.echo(
+            f"{len(found)} verdicts differ from data/verdicts.toml; find the cause, or change "
+            "that file with the reason",
+            err=True,
+        )
+        sys.exit(1)
+    if not as_json:
+        click.echo(f"All {len(ledger.records)} verdicts are as frozen.")
+
+
+@main.command()
+@click.argument("key", type=KEY)
+def show(key: str) -> None:
+    """Show an item, computed beside printed."""
+    from reproduce.views import keys, terminal
+
+    ledger = _ledger((key,))
+    console = Console()
+    console.print(f"{key}: {keys.title(key)}", style="bold", highlight=False)
+    console.print(f"{keys.place(key)}", highlight=False)
+    if not ledger.of(key):
+        console.print(f"A figure: draw it with `reproduce figure {key} --out FILE.svg`.")
+        return
+    console.print(terminal.records_table(ledger.of(key), console.width))
+    for line in terminal.remarks(ledger, key):
+        console.print(Padding(line, (0, 0, 1, 0)), highlight=False, markup=False)
+
+
+@main.command("export")
+@click.argument("key", type=KEY)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["csv", "json", "latex", "markdown"]),
+    required=True,
+    help="csv and json carry every field.",
+)
+def export_item(key: str, form: str) -> None:
+    """Write an item's records to standard output."""
+    from reproduce.views.export import export
+
+    try:
+        click.echo(export(_ledger((key,)), key, form))
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+
+
+@main.command()
+@click.argument("key", type=KEY)
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    help="Where to write; the ending chooses the format: .svg, .pdf or .png.",
+)
+def figure(key: str, out: Path) -> None:
+    """Draw an item that draws."""
+    from reproduce.views.figures import save
+
+    try:
+        save(key, out)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.ClickException(f"cannot write {out}: {error.strerror}") from error
+    click.echo(f"Wrote {out}")
+
+
+@main.command()
+@click.argument("key", type=KEY)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["bibtex", "csl", "text"]),
+    default="bibtex",
+    show_default=True,
+)
+def cite(key: str, form: str) -> None:
+    """Print how to cite a reproduced item and its paper."""
+    from reproduce.views.cite import citation
+
+    click.echo(citation(key, form))
+
+
+def _ledger(keys: tuple[str, ...]) -> Ledger:
+    from reproduce.judge import ledger
+    from reproduce.papers.catalogue import catalogue
+
+    wanted = list(keys or catalogue())
+    with _progress(len(wanted)) as advance:
+        return ledger.build(wanted, advance)
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Any]:
+    """Show a bar on a terminal's standard error, and nothing in a pipe."""
+    console = Console(stderr=True)
+    if not console.is_terminal or total < 2:
+        yield None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("recomputing", total=total)
+        yield lambda key: bar.update(task, advance=1, description=f"done {key}")
+
+
+if __name__ == "__main__":
+    main()

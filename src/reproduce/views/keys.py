@@ -1,0 +1,87 @@
+"""Keys as a reader may type them, with suggestions for slips."""
+
+from __future__ import annotations
+
+import difflib
+
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import library
+
+
+class UnknownKeyError(KeyError):
+    """No item has this key; the message suggests the nearest ones."""
+
+    def __str__(self) -> str:
+        """Return the message without KeyError's quotes."""
+        return str(self.args[0])
+
+
+def check_key(key: str) -> str:
+    """Return `key` if it names an item.
+
+    Parameters
+    ----------
+    key : str
+        A key as typed.
+
+    Returns
+    -------
+    str
+        The same key.
+
+    Raises
+    ------
+    UnknownKeyError
+        If no item has it; the message suggests the nearest keys.
+
+    Examples
+    --------
+    >>> check_key("niu2024/table-3")
+    'niu2024/table-3'
+    """
+    known = list(catalogue())
+    if key in known:
+        return key
+    near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
+    hint = f"; did you mean {', '.join(near)}?" if near else ""
+    raise UnknownKeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
+
+
+def title(key: str) -> str:
+    """Return the title of an item, in our words.
+
+    Parameters
+    ----------
+    key : str
+        A known key.
+
+    Returns
+    -------
+    str
+        From the file of printed numbers, or from the docstring that draws the figure.
+    """
+    table = library().get(key)
+    if table is not None:
+        return table.title
+    draw = catalogue()[key].draw
+    first_line = ((draw.__doc__ if draw else "") or "").strip().split("\n")[0]
+    return first_line.rstrip(".")
+
+
+def place(key: str) -> str:
+    """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``.
+
+    Parameters
+    ----------
+    key : str
+        A known key.
+
+    Returns
+    -------
+    str
+        The paper's name of the table or figure, or the section of a quoted number.
+    """
+    table = library().get(key)
+    if table is not None:
+        return table.place
+    return f"Figure {key.rpartition('-')[2]}"

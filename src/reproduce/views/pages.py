@@ -1,0 +1,280 @@
+"""What the book's pages call: one call shows a table, a figure, the score."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import jinja2
+from markupsafe import Markup, escape
+
+from reproduce.judge import ledger as ledgers
+from reproduce.judge.expected import reason
+from reproduce.judge.ledger import Ledger, Record, TableRecord
+from reproduce.judge.verdicts import VERDICTS
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
+from reproduce.views import keys, words
+from reproduce.views.figures import draw
+from reproduce.views.inline_svg import inline
+
+
+@dataclass(frozen=True)
+class Html:
+    """A piece of a page; notebooks show it as HTML."""
+
+    text: str
+
+    def _repr_html_(self) -> str:
+        return self.text
+
+    def __repr__(self) -> str:
+        """Return nothing to read: the HTML is what counts."""
+        return "<HTML>"
+
+
+@functools.cache
+def _ledger(key: str) -> Ledger:
+    return ledgers.build([key])
+
+
+@functools.cache
+def _whole() -> Ledger:
+    return ledgers.build()
+
+
+@functools.cache
+def _templates() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("reproduce.views"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+    )
+
+
+def table(key: str) -> Html:
+    """Show a table or a group of quoted numbers: printed, computed, verdict, cell by cell.
+
+    Parameters
+    ----------
+    key : str
+        An item with printed cells.
+
+    Returns
+    -------
+    Html
+        The table in the paper's layout, with one anchor per cell and the details below.
+    """
+    printed, ledger = library()[keys.check_key(key)], _ledger(key)
+    single = len(printed.columns) <= 1
+    heads, rows = _single(printed, ledger) if single else _grid(printed, ledger)
+    text = (
+        _templates()
+        .get_template("table.html")
+        .render(
+            anchor=anchor(key),
+            place=printed.place,
+            title=printed.title,
+            corner="Quantity" if single else "",
+            single=single,
+            heads=heads,
+            rows=rows,
+            joint=_joint_sentence(ledger.table(key)),
+            details=[_detail(record) for record in ledger.of(key) if record.role == "result"],
+        )
+    )
+    return Html(text)
+
+
+def _single(printed: PrintedTable, ledger: Ledger) -> tuple[list[str], list[dict[str, Any]]]:
+    heads = ["Printed", "Computed", "Verdict", "Where"]
+    rows = []
+    for cell, record in zip(printed.cells, ledger.of(printed.key), strict=True):
+        columns = [_printed(cell), _computed(record), _verdict(record), escape(cell.place)]
+        cells = [{"html": html, "verdict": record.verdict, "anchor": ""} for html in columns]
+        rows.append({"label": cell.label, "anchor": cell.anchor, "cells": cells})
+    return heads, rows
+
+
+def _grid(printed: PrintedTable, ledger: Ledger) -> tuple[list[str], list[dict[str, Any]]]:
+    records = {record.cell: record for record in ledger.of(printed.key)}
+    rows = []
+    for row in printed.rows:
+        cells = []
+        for column in printed.columns:
+            cell = printed[f"{row.id}.{column.id}"]
+            record = records[cell.address]
+            parts = [_printed(cell)]
+            if cell.is_number:
+                parts += [_computed(record), _verdict(record)]
+            html = Markup("<br>").join(part for part in parts if part)
+            cells.append({"html": html, "verdict": record.verdict, "anchor": cell.anchor})
+        rows.append({"label": row.label, "anchor": "", "cells": cells})
+    return [column.label for column in printed.columns], rows
+
+
+def _printed(cell: Cell) -> Markup:
+    sigma = Markup(' <span class="rp-sigma">{}σ</span>').format(cell.sigma) if cell.sigma else ""
+    assumed = ""
+    if cell.unit_assumed and cell.is_number:
+        assumed = Markup(' <abbr title="{}">unit ours</abbr>').format(cell.unit_assumed)
+    return Markup('<span class="rp-printed">{}</span>{}{}').format(cell.shown, sigma, assumed)
+
+
+def _computed(record: Record) -> Markup:
+    text = words.computed(record)
+    return Markup('<span class="rp-computed">{}</span>').format(text) if text else Markup("")
+
+
+def _verdict(record: Record) -> Markup:
+    text = reason(record.cell) if record.verdict == "differs" else record.why
+    marks = "".join(f" {flag.replace('_', ' ')}" for flag in _shown_flags(record))
+    flags = Markup('<span class="rp-flag">{}</span>').format(marks) if marks else ""
+    badge = Markup('<span class="rp-badge rp-badge-{0}" title="{1}">{0}</span>{2}')
+    return badge.format(record.verdict, text, flags)
+
+
+def _shown_flags(record: Record) -> list[str]:
+    return [f for f in record.flags if f in {"through_rounding", "uninformative", "stand_in"}]
+
+
+def _detail(record: Record) -> dict[str, str]:
+    why = record.why
+    if record.verdict == "differs":
+        why = f"{why}. {reason(record.cell)}"
+    return {
+        "anchor": anchor(record.cell),
+        "name": record.cell.partition("#")[2],
+        "printed": words.cell_of(record).shown,
+        "computed": words.computed(record, extra=1),
+        "interval": words.interval(record),
+        "probability": words.probability(record),
+        "share": "" if record.share is None else f"{record.share:.2f}",
+        "verdict": record.verdict,
+        "why": why,
+    }
+
+
+def _joint_sentence(joint: TableRecord | None) -> str:
+    if joint is None:
+        return ""
+    return (
+        f"All {joint.cells} predicted cells together: a table simulated whole is at least as "
+        f"surprising with probability {words.chance(joint.joint_probability, joint.mcse)} "
+        f"({joint.replicates:,} replicates). {joint.outside} of them lie outside the central "
+        f"99 % of their prediction; {joint.expected_outside:.2g} would by chance."
+    )
+
+
+def figure(key: str, alternative: str) -> Html:
+    """Show a figure that follows the page's light or dark theme.
+
+    Parameters
+    ----------
+    key : str
+        An item that draws.
+    alternative : str
+        What the figure shows, for readers who cannot see it.
+
+    Returns
+    -------
+    Html
+        The figure as inline SVG.
+    """
+    return Html(inline(draw(key), f"figure-{anchor(key)}", alternative))
+
+
+def score(paper: str | None = None) -> Html:
+    """Show the number of cells by verdict.
+
+    Parameters
+    ----------
+    paper : str, optional
+        One paper, item by item; both papers, a row each, by default.
+
+    Returns
+    -------
+    Html
+        A table of counts.
+    """
+    ledger = _whole()
+    groups: dict[str, tuple[Record, ...]] = {}
+    if paper is None:
+        for name in PAPERS:
+            groups[name] = tuple(r for r in ledger.records if r.key.startswith(f"{name}/"))
+        groups["both"] = ledger.records
+    else:
+        for item in catalogue().values():
+            if item.paper == paper and ledger.of(item.key):
+                groups[item.key] = ledger.of(item.key)
+    return Html(_templates().get_template("score.html").render(rows=_score_rows(groups)))
+
+
+def _score_rows(groups: dict[str, tuple[Record, ...]]) -> list[dict[str, Any]]:
+    rows = []
+    for name, records in groups.items():
+        tally = words.tally(records)
+        weak = sum("through_rounding" in r.flags or "uninformative" in r.flags for r in records)
+        rows.append({"name": name, "counts": tally, "weak": weak, "sum": len(records)})
+    return rows
+
+
+def verdict_legend() -> Html:
+    """Show what the verdict words mean.
+
+    Returns
+    -------
+    Html
+        A definition list.
+    """
+    meanings = [(verdict, words.MEANINGS[verdict]) for verdict in VERDICTS]
+    return Html(_templates().get_template("legend.html").render(meanings=meanings))
+
+
+def glue(*names: str) -> None:
+    """Make ledger numbers available to the sentences of a page.
+
+    Parameters
+    ----------
+    *names : str
+        Addresses of cells. For each, the page may then use the anchor of the cell followed by
+        ``-printed``, ``-computed``, ``-verdict`` or ``-probability``. A key instead of an address
+        yields ``-joint`` (its joint probability) and one count per verdict, such as ``-exact``; a
+        paper's name or ``all`` yields these counts for the paper or for everything.
+    """
+    from myst_nb import glue as glue_one
+
+    for name in names:
+        for label, text in _sayable(name).items():
+            glue_one(label, text, display=False)
+
+
+def _sayable(name: str) -> dict[str, str]:
+    if "#" in name:
+        record = _ledger(name.partition("#")[0]).cell(name)
+        cell = words.cell_of(record)
+        unit = words.unit(record)
+        gap = "" if unit in {"", "°", "″"} else "\u202f"
+        value = words.computed(record)
+        said = {
+            "printed": cell.shown,
+            "computed": f"{value}{gap}{unit}" if value else "nothing",
+            "verdict": record.verdict,
+            "probability": words.probability(record) or "none",
+        }
+        return {f"{cell.anchor}-{what}": text for what, text in said.items()}
+    if "/" in name:
+        ledger = _ledger(name)
+        records, joint = ledger.of(name), ledger.table(name)
+        counts = {f"{anchor(name)}-{v}": str(n) for v, n in words.tally(records).items()}
+        if joint is not None:
+            shown = words.chance(joint.joint_probability, joint.mcse)
+            counts[f"{anchor(name)}-joint"] = shown
+            counts[f"{anchor(name)}-replicates"] = f"{joint.replicates:,}"
+        return counts
+    chosen = tuple(r for r in _whole().records if name in {"all", r.key.split("/")[0]})
+    counts = {f"{name}-{v}": str(n) for v, n in words.tally(chosen).items()}
+    counts[f"{name}-cells"] = str(len(chosen))
+    counts[f"{name}-computed"] = str(sum(r.role == "result" for r in chosen))
+    return counts

@@ -1,0 +1,153 @@
+"""Tables for the terminal: aligned, with verdict words, readable without colour."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from reproduce.judge.expected import reason
+from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.verdicts import VERDICTS
+from reproduce.papers.declare import Item
+from reproduce.views import keys, words
+
+_STYLES = {
+    "exact": "green",
+    "consistent": "green",
+    "differs": "bold red",
+    "blocked": "yellow",
+    "pending": "magenta",
+    "input": "dim",
+}
+
+
+def items_table(items: list[Item], width: int) -> Table:
+    """Return the list of items.
+
+    Parameters
+    ----------
+    items : list of Item
+        The items to list.
+    width : int
+        Columns of the terminal.
+
+    Returns
+    -------
+    rich.table.Table
+        Key, place and title.
+    """
+    table = Table(box=box.SIMPLE_HEAD, width=min(width, 110), pad_edge=False)
+    table.add_column("key", no_wrap=True)
+    table.add_column("in the paper")
+    table.add_column("what")
+    for item in items:
+        table.add_row(item.key, keys.place(item.key), keys.title(item.key))
+    return table
+
+
+def records_table(records: tuple[Record, ...], width: int) -> Table:
+    """Return one item's cells, computed beside printed.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        The records of one item.
+    width : int
+        Columns of the terminal.
+
+    Returns
+    -------
+    rich.table.Table
+        Cell, printed, computed, unit, verdict; wide terminals also get interval and probability.
+    """
+    wide = width >= 110
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("cell", overflow="fold")
+    table.add_column("printed", justify="right", no_wrap=True)
+    table.add_column("computed", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    if wide:
+        table.add_column("allowed or predicted", no_wrap=True)
+        table.add_column("probability", no_wrap=True)
+    for record in records:
+        cells: list[str | Text] = [
+            record.cell.partition("#")[2],
+            record.printed,
+            words.computed(record).replace("−", "-"),
+            words.unit(record),
+            Text(record.verdict, style=_STYLES[record.verdict]),
+        ]
+        if wide:
+            cells += [words.interval(record).replace("−", "-"), words.probability(record)]
+        table.add_row(*cells)
+    return table
+
+
+def remarks(ledger: Ledger, key: str) -> list[str]:
+    """Return what a reader needs beside the table: joint probability, flags, reasons.
+
+    Parameters
+    ----------
+    ledger : Ledger
+        A ledger that holds the item.
+    key : str
+        The item.
+
+    Returns
+    -------
+    list of str
+        Sentences in plain text.
+    """
+    lines = []
+    joint = ledger.table(key)
+    if joint is not None:
+        lines.append(
+            f"The table as a whole: probability "
+            f"{words.chance(joint.joint_probability, joint.mcse)} from {joint.replicates} "
+            f"replicates; {joint.outside} of {joint.cells} cells outside, "
+            f"{joint.expected_outside:.1f} expected by chance."
+        )
+    records = ledger.of(key)
+    for flag, meaning in words.FLAG_MEANINGS.items():
+        flagged = [r.cell.partition("#")[2] for r in records if flag in r.flags]
+        if flagged:
+            lines.append(f"{flag} ({meaning}): {', '.join(flagged)}")
+    reasons: dict[str, list[str]] = {}
+    for record in records:
+        if record.verdict in {"differs", "blocked", "pending"}:
+            text = reason(record.cell) if record.verdict == "differs" else record.why
+            reasons.setdefault(f"{record.verdict}: {text}", []).append(
+                record.cell.partition("#")[2]
+            )
+    lines += [f"{text} ({', '.join(cells)})" for text, cells in reasons.items()]
+    return lines
+
+
+def score_table(ledger: Ledger) -> Table:
+    """Return the number of cells by verdict, item by item.
+
+    Parameters
+    ----------
+    ledger : Ledger
+        All records.
+
+    Returns
+    -------
+    rich.table.Table
+        One row per item and one for the sum.
+    """
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("item", no_wrap=True)
+    for verdict in VERDICTS:
+        table.add_column(verdict, justify="right", no_wrap=True)
+    for key in dict.fromkeys(record.key for record in ledger.records):
+        table.add_row(key, *_counts(ledger.of(key)))
+    table.add_section()
+    table.add_row("all", *_counts(ledger.records))
+    return table
+
+
+def _counts(records: tuple[Record, ...]) -> list[str]:
+    return [str(count) if count else "·" for count in words.tally(records).values()]

@@ -1,0 +1,161 @@
+"""How numbers and verdicts are written, the same in the terminal, the book and the exports."""
+
+from __future__ import annotations
+
+from reproduce.judge.ledger import Record
+from reproduce.judge.verdicts import VERDICTS
+from reproduce.printed.cells import Cell, library
+from reproduce.printed.units import symbol
+
+MEANINGS: dict[str, str] = {
+    "exact": "recomputed and rounds to the printed digits",
+    "consistent": "inside the central 99 % of what the reproduction predicts",
+    "differs": "recomputed and does not agree",
+    "blocked": "needs something the paper does not publish",
+    "pending": "belongs to work not done yet",
+    "input": "taken from the paper, nothing to compute",
+}
+
+FLAG_MEANINGS: dict[str, str] = {
+    "through_rounding": "agrees only because the printed inputs are rounded",
+    "uninformative": "the predicted interval is wider than the number itself",
+    "bound": "the print states a limit, not a value",
+    "stand_in": "the value shown stands in for something unpublished",
+    "about": "printed as an approximate number",
+    "nominal": "printed as a nominal value",
+}
+
+
+def cell_of(record: Record) -> Cell:
+    """Return the printed cell that a record judges.
+
+    Parameters
+    ----------
+    record : Record
+        A record of the ledger.
+
+    Returns
+    -------
+    Cell
+        The printed cell.
+    """
+    return library()[record.key].by_name[record.cell.partition("#")[2]]
+
+
+def computed(record: Record, extra: int = 0) -> str:
+    """Write a record's computed value with as many decimals as the print.
+
+    Parameters
+    ----------
+    record : Record
+        A record of the ledger.
+    extra : int
+        How many more decimals to show.
+
+    Returns
+    -------
+    str
+        The digits with a true minus sign, empty where nothing was computed.
+    """
+    if record.computed is None:
+        return ""
+    # One more digit where the printed ones alone could not show the difference.
+    hidden = record.verdict == "differs" or "through_rounding" in record.flags
+    text = cell_of(record).number.format(record.computed, extra=extra + hidden)
+    return text.replace("-", "−")
+
+
+def interval(record: Record) -> str:
+    """Write a record's interval, empty where there is none.
+
+    Parameters
+    ----------
+    record : Record
+        A record of the ledger.
+
+    Returns
+    -------
+    str
+        ``low to high`` with one more decimal than the print.
+    """
+    if record.interval is None or record.interval[0] == record.interval[1]:
+        return ""
+    number = cell_of(record).number
+    low, high = (number.format(end, extra=1).replace("-", "−") for end in record.interval)
+    return f"{low} to {high}"
+
+
+def probability(record: Record) -> str:
+    """Write a record's probability with no more digits than its Monte Carlo error allows.
+
+    Parameters
+    ----------
+    record : Record
+        A record of the ledger.
+
+    Returns
+    -------
+    str
+        The probability, a bound where no replicate lies so far out, empty where there is none.
+    """
+    if record.probability is None or record.mcse is None:
+        return ""
+    return chance(record.probability, record.mcse)
+
+
+def chance(value: float, mcse: float) -> str:
+    """Write a probability with no more digits than its Monte Carlo error allows.
+
+    Parameters
+    ----------
+    value, mcse : float
+        The probability and its standard error.
+
+    Returns
+    -------
+    str
+        Such as ``0.43``, or ``< 0.001``.
+
+    Examples
+    --------
+    >>> chance(0.4321, 0.01)
+    '0.43'
+    """
+    if value < mcse:
+        return f"< {2 * mcse:.1g}"
+    decimals = 1
+    while decimals < 6 and 10.0**-decimals > 2 * mcse:
+        decimals += 1
+    return f"{value:.{decimals}f}"
+
+
+def unit(record: Record) -> str:
+    """Write the unit of a record, empty for pure numbers, counts and words.
+
+    Parameters
+    ----------
+    record : Record
+        A record of the ledger.
+
+    Returns
+    -------
+    str
+        The unit's symbol.
+    """
+    return symbol(record.unit) if record.unit else ""
+
+
+def tally(records: tuple[Record, ...]) -> dict[str, int]:
+    """Count records by verdict.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Any records.
+
+    Returns
+    -------
+    dict
+        Verdict to count, every verdict present, in the order in which they are shown.
+    """
+    return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
