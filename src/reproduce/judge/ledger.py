@@ -42,8 +42,8 @@ class Record(BaseModel):
     interval: tuple[float, float] | None = Field(
         description="results that rounded inputs allow, or the central 99 % of the prediction"
     )
-    verdict: Verdict
-    flags: tuple[Flag, ...]
+    verdict: Verdict = Field(description="what became of the cell; see the book's page on verdicts")
+    flags: tuple[Flag, ...] = Field(description="what qualifies the verdict")
     tolerance: float | None = Field(
         description="half the last printed digit, or half the width of the predicted interval"
     )
@@ -122,7 +122,10 @@ def build(
         If a key is unknown.
     """
     items = catalogue()
-    wanted = list(items) if keys is None else [key for key in items if key in set(keys)]
+    asked = set(items if keys is None else keys)
+    if unknown := asked - set(items):
+        raise KeyError(f"unknown key {sorted(unknown)}; expected some of {list(items)}")
+    wanted = [key for key in items if key in asked]
     records: list[Record] = []
     tables: list[TableRecord] = []
     for key in wanted:

@@ -13,8 +13,8 @@ Interval = tuple[float, float]
 def result_intervals(computation: Computation, given: Given) -> dict[str, Interval]:
     """Propagate the rounding of the printed inputs through a deterministic computation.
 
-    Each input is moved to an end of its rounding interval on its own to see which way every
-    result goes; then all inputs are moved together to the corner that makes the result smallest
+    Each input is moved to both ends of its rounding interval on its own to see which way every
+    result goes (both, because a smallest or largest value may answer to one side alone); then all inputs are moved together to the corner that makes the result smallest
     and to the one that makes it largest. For results monotone in each input, as all
     deterministic ones here are, these corners are the exact ends.
 
@@ -40,10 +40,11 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     centre = _numbers(computation, given)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for cell in given.numbers():
-        moved = _numbers(computation, given.shifted({cell.address: 1.0}))
-        for name, value in moved.items():
-            if value != centre[name]:
-                slopes[name][cell.address] = 1.0 if value > centre[name] else -1.0
+        for side in (1.0, -1.0):
+            moved = _numbers(computation, given.shifted({cell.address: side}))
+            for name, value in moved.items():
+                if value != centre[name]:
+                    slopes[name][cell.address] = side if value > centre[name] else -side
     return {
         name: _corners(computation, given, name, slopes[name]) if slopes[name] else (value, value)
         for name, value in centre.items()

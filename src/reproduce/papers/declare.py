@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fnmatch
-import functools
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -102,6 +101,11 @@ class Computation:
         return f"{self.function.__module__}.{self.function.__qualname__}"
 
     @property
+    def summary(self) -> str:
+        """What the function computes, in one sentence."""
+        return (self.function.__doc__ or "").strip().split("\n")[0]
+
+    @property
     def entropy(self) -> tuple[int, ...]:
         """The seed: the project's root and this computation's own number; () if deterministic."""
         if not self.replicates:
@@ -158,11 +162,7 @@ def reproduces(
     """
 
     def declare(function: Callable[..., Results]) -> Computation:
-        computation = Computation(
-            key, function, tuple(cells), tuple(given), tuple(equations), replicates
-        )
-        functools.update_wrapper(computation, function, updated=())
-        return computation
+        return Computation(key, function, tuple(cells), tuple(given), tuple(equations), replicates)
 
     return declare
 

@@ -24,7 +24,7 @@ from reproduce.physics.gauss_newton import (
     correction,
     deviations,
 )
-from reproduce.physics.registration import paired_points
+from reproduce.physics.registration import fit_similarity, paired_points
 from reproduce.physics.similarity import Similarity, as_complex
 from reproduce.physics.validate import (
     DegenerateGeometryError,
@@ -132,7 +132,7 @@ def calibrate(
     ValueError
         If an argument is not finite, has the wrong shape, or the counts differ.
     DegenerateGeometryError
-        If the source points coincide, or cluster too far from the pivot.
+        If the points coincide or mirror each other, or cluster too far from the pivot.
     ConvergenceError
         If a calibration of the batch has not settled.
 
@@ -177,7 +177,7 @@ def calibrate_from_all(
     ValueError
         If an argument is not finite, has the wrong shape, or the counts differ.
     DegenerateGeometryError
-        If the source points coincide, or cluster too far from the pivot.
+        If the points coincide or mirror each other, or cluster too far from the pivot.
     ConvergenceError
         If no start of some calibration has settled.
 
@@ -272,6 +272,8 @@ def _two_stages(
         pivot=pivot.shape[:-1],
         start=start.shape[:-1],
     )
+    # The closed form refuses what has no unique answer; the iteration would settle anywhere.
+    fit_similarity(source, target, pivot)
     _refuse_narrow(source, pivot)
     start = np.broadcast_to(start, (*batch, PARAMETERS))
     first, _ = _iterate(source, target, pivot, start, (2, stopping))
@@ -289,9 +291,9 @@ def _refuse_narrow(source: FloatArray, pivot: FloatArray) -> None:
     spread = np.square(np.abs(centred)).sum(axis=-1)
     if (spread <= SINGULAR_SPREAD * about_pivot).any():
         raise DegenerateGeometryError(
-            "source: expected two or more different points, spread over more than a "
-            "three-thousandth of their distance from the pivot, got one point, coincident points "
-            "or a narrow cluster; add spots, or use fit_similarity for a narrow cluster"
+            "source: expected points spread over more than a three-thousandth of their distance "
+            "from the pivot, got a narrow cluster; add spots across the field of view, or use "
+            "fit_similarity"
         )
 
 

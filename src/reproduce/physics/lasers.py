@@ -167,9 +167,9 @@ def pixel_angle(pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     >>> round(float(pixel_angle(1e-5, 1.0)), 12)
     1e-05
     """
-    return np.asarray(
-        np.arctan2(positive("pixel_pitch", pixel_pitch), positive("focal_length", focal_length))
-    )
+    pitch, focal = positive("pixel_pitch", pixel_pitch), positive("focal_length", focal_length)
+    common_batch(pixel_pitch=pitch.shape, focal_length=focal.shape)
+    return np.asarray(np.arctan2(pitch, focal))
 
 
 def _offsets(

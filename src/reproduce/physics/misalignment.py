@@ -194,15 +194,14 @@ def angle_jacobian(
     array([0. , 0. , 0.5])
     """
     camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, False)
-    moves = finite_array(
-        "direction_jacobian", direction_jacobian, shape=(tracker.shape[-2], 3, None)
-    )
+    count = tracker.shape[-2]
+    moves = finite_array("direction_jacobian", direction_jacobian, shape=(count, 3, None))
     camera_from_tracker = attitude(camera, tracker, factors)
-    camera, carried = (
-        unit("camera", camera),
-        unit("tracker", tracker @ transpose(camera_from_tracker)),
-    )
-    shares = weights_for(factors, camera.shape[-2])
+    batch = camera_from_tracker.shape[:-2]
+    common_batch(directions=batch, direction_jacobian=moves.shape[:-3])
+    camera = unit("camera_directions", camera)
+    carried = unit("tracker_directions", tracker) @ transpose(camera_from_tracker)
+    shares = weights_for(factors, count)
     product = transpose(shares[..., np.newaxis] * camera) @ carried
     trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
     stiffness = trace * np.eye(3) - 0.5 * (product + transpose(product))
@@ -228,7 +227,7 @@ def _paired(
             f"camera_directions and tracker_directions: expected as many rows, got {count} and "
             f"{tracker.shape[-2]}; row i of both must be the same laser"
         )
-    factors = None if weights is None else weights_for(weights, count)
+    factors = None if weights is None else finite_array("weights", weights, shape=(count,))
     if not pooled:
         return camera, tracker, factors
     frames = tracker.shape[-3]

@@ -157,17 +157,9 @@ def fit_similarity(
     targets, target_centroid = _centred(as_complex(target), checked, total)
     row = (offsets if checked is None else checked * offsets).conj()[..., None, :]
     spread = (row @ offsets[..., None])[..., 0, 0].real
+    _refuse_vanished("source", spread, total, centroid)
     factor = (row @ targets[..., None])[..., 0, 0] / spread
-    # What rounding leaves of coincident points grows with their distance from the origin.
-    floor = total * ROUNDING**2
-    known = spread > floor * _squared(centroid)
-    known &= _squared(factor) * spread > floor * _squared(target_centroid)
-    if not known.all():
-        raise DegenerateGeometryError(
-            "source, target: expected at least two different points of weight above zero whose "
-            "pattern fixes scale and rotation, got one point, coincident points or a mirror "
-            "image; add spots across the field of view and pair them row by row"
-        )
+    _refuse_vanished("target", _squared(factor) * spread, total, target_centroid)
     origin = as_complex(pivot)
     shift = factor * (centroid - origin) + (origin - target_centroid)
     similarity = Similarity.from_factor(factor, as_points(shift), pivot)
@@ -284,3 +276,15 @@ def _centred(
 def _squared(numbers: ComplexArray) -> FloatArray:
     squared: FloatArray = numbers.real**2 + numbers.imag**2
     return squared
+
+
+def _refuse_vanished(
+    name: str, spread: FloatArray, total: FloatArray | float, centroid: ComplexArray
+) -> None:
+    # What rounding leaves of coincident points grows with their distance from the origin.
+    if not (spread > total * ROUNDING**2 * _squared(centroid)).all():
+        raise DegenerateGeometryError(
+            f"{name}: expected at least two different points of weight above zero whose pattern "
+            "fixes scale and rotation, got one point, coincident points or a mirror image; add "
+            "spots across the field of view and pair them row by row"
+        )

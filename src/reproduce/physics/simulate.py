@@ -153,7 +153,7 @@ def noisy_centroids(
     if sigma.ndim > 1 or (sigma.ndim == 1 and len(sigma) != centroids.shape[-3]):
         raise ValueError(
             f"sigma: expected one number or one per channel ({centroids.shape[-3]}), got shape "
-            f"{sigma.shape}"
+            f"{sigma.shape}; give one, or as many as there are channels"
         )
     noise = np.empty((replicates, *centroids.shape[-3:]))
     for row, stream in zip(noise, _streams(seeds, replicates, first), strict=True):

@@ -47,18 +47,7 @@ def line_direction(points: ArrayLike) -> FloatArray:
     >>> float(np.degrees(line_direction([[0, 0], [1, 1], [2, 2]])).round(9))
     45.0
     """
-    points = finite_array("points", points, shape=(None, 2))
-    numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
-    # Squaring doubles the angle, so that both senses of the line add up.
-    doubled = (numbers**2).sum(axis=-1)
-    spread = (np.abs(numbers) ** 2).sum(axis=-1)
-    rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
-    if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
-        raise DegenerateGeometryError(
-            "points: expected spots along a line, got coincident points or points that spread "
-            "alike in all directions; rotate the middle frame alone, over a wider range"
-        )
-    return np.asarray(np.angle(doubled) / 2)
+    return _direction("points", points)
 
 
 def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatArray:
@@ -87,7 +76,8 @@ def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatAr
     >>> float(np.degrees(two_line_rotation([[0, 0], [1, 0]], [[0, 0], [1, 1]])).round(9))
     45.0
     """
-    target, source = line_direction(target_line), line_direction(source_line)
+    source = _direction("source_line", source_line)
+    target = _direction("target_line", target_line)
     common_batch(source_line=source.shape, target_line=target.shape)
     return np.asarray(np.angle(np.exp(2j * (target - source))) / 2)
 
@@ -122,6 +112,8 @@ def starting_values(
     array([ 1.,  0.,  2., -1.])
     """
     rotation = two_line_rotation(source_line, target_line)
+    source_zero = finite_array("source_zero", source_zero, shape=(2,))
+    target_zero = finite_array("target_zero", target_zero, shape=(2,))
     shift = principal_point_shift(source_zero, target_zero)
     batch = common_batch(lines=rotation.shape, zero_positions=shift.shape[:-1])
     values = np.ones((*batch, PARAMETERS))
@@ -166,3 +158,18 @@ def random_starts(
     half_widths = non_negative("half_widths", finite_array("half_widths", half_widths, shape=(4,)))
     count = whole_number("count", count)
     return start + half_widths * generator.uniform(-1, 1, (count, *start.shape))
+
+
+def _direction(name: str, points: ArrayLike) -> FloatArray:
+    points = finite_array(name, points, shape=(None, 2))
+    numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
+    # Squaring doubles the angle, so that both senses of the line add up.
+    doubled = (numbers**2).sum(axis=-1)
+    spread = (np.abs(numbers) ** 2).sum(axis=-1)
+    rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
+    if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
+        raise DegenerateGeometryError(
+            f"{name}: expected spots along a line, got coincident points or points that spread "
+            "alike in all directions; rotate the middle frame alone, over a wider range"
+        )
+    return np.asarray(np.angle(doubled) / 2)

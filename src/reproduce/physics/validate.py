@@ -56,7 +56,10 @@ def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
         ) from error
     _check_shape(name, array, shape)
     if array.size == 0:
-        raise ValueError(f"{name}: expected at least one value, got shape {array.shape}")
+        raise ValueError(
+            f"{name}: expected at least one value, got shape {array.shape}; "
+            "check what was selected before this call"
+        )
     finite = np.isfinite(array)
     if not finite.all():
         bad = ~finite

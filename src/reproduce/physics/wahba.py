@@ -185,7 +185,8 @@ def solve(
     """
     target, source, share = _prepared(target_vectors, source_vectors, weights)
     profile = _profile(target, source, share)
-    rotation, gap = _best(profile, method)
+    rotation, _ = _best(profile, method)
+    values = np.linalg.eigvalsh(wahba_solvers.davenport_matrix(profile))
     kept = weights_for(weights, target.shape[-2])
     total = kept.sum(axis=-1)
     carried = source @ transpose(rotation)
@@ -194,7 +195,7 @@ def solve(
         rotation=rotation,
         loss=total * np.einsum("...n,...ni,...ni->...", share, misses, misses),
         attitude_profile=total[..., np.newaxis, np.newaxis] * profile,
-        eigenvalue_gap=total * gap,
+        eigenvalue_gap=total * (values[..., -1] - values[..., -2]),
         directions=carried,
         weights=kept,
     )

@@ -37,6 +37,7 @@ IndexArray = NDArray[np.intp]
 # Newton halves the distance to a double root at each step: enough for all 52 bits.
 MOST_STEPS = 60
 ROUNDING = 2e-16
+MOST_BLUR = 100 * ROUNDING
 
 # Half turns about X, Y and Z; about one of them or none the rotation is below 120 degrees.
 HALF_TURNS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64)
@@ -112,7 +113,8 @@ def by_quest(profile: FloatArray) -> tuple[FloatArray, FloatArray]:
     Returns
     -------
     rotation : ndarray, shape (..., 3, 3)
-        The rotation target_from_source; the identity where the gap is zero.
+        The rotation target_from_source. Where Newton's iteration cannot tell the root from
+        its neighbour (data close to mirror images of each other), that of `by_svd`.
     gap : ndarray, shape (...)
         The distance between the two largest eigenvalues of K.
 
@@ -127,8 +129,12 @@ def by_quest(profile: FloatArray) -> tuple[FloatArray, FloatArray]:
     left = _reflection_to_z(_take(transpose(profile), columns))
     right = _reflection_to_z(_take(profile, rows))
     graded = left @ profile @ right
-    root, gap = largest_root(graded)
-    return left @ _rotation_at(graded, root) @ right, gap
+    root, gap, blur = largest_root(graded)
+    rotation = left @ _rotation_at(graded, root) @ right
+    lost = blur > MOST_BLUR
+    if lost.any():
+        rotation[lost], gap[lost] = by_svd(profile[lost])
+    return rotation, gap
 
 
 def davenport_matrix(profile: FloatArray) -> FloatArray:
@@ -159,7 +165,7 @@ def davenport_matrix(profile: FloatArray) -> FloatArray:
     return result
 
 
-def largest_root(profile: FloatArray) -> tuple[FloatArray, FloatArray]:
+def largest_root(profile: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the largest eigenvalue of Davenport's matrix without forming the matrix.
 
     Newton's iteration on (x^2 - |B|^2)^2 - 8 x det B - 4 |cof B|^2, which rises and is
@@ -176,10 +182,13 @@ def largest_root(profile: FloatArray) -> tuple[FloatArray, FloatArray]:
         The eigenvalue: the sum of the singular values, the last with the sign of det B.
     gap : ndarray, shape (...)
         Its distance from the next eigenvalue.
+    blur : ndarray, shape (...)
+        How far rounding in the polynomial can move the root; infinite where the iteration
+        has not ended.
 
     Examples
     --------
-    >>> root, gap = largest_root(np.diag([0.5, 0.25, 0.25]))
+    >>> root, gap, _ = largest_root(np.diag([0.5, 0.25, 0.25]))
     >>> float(root), round(float(gap), 12)
     (1.0, 1.0)
     """
@@ -192,37 +201,32 @@ def largest_root(profile: FloatArray) -> tuple[FloatArray, FloatArray]:
         excess = root * root - square
         slope = 4.0 * root * excess - volume
         value = excess * excess - root * volume - constant
-        step = _downhill(value, slope)
+        # A step upwards can only be rounding at the root: stay.
+        step = np.maximum(value, 0.0) / np.where(slope > 0, slope, np.inf)
         root -= step
         if (step <= ROUNDING).all():
             break
-    return root, _gap_at(root, square, volume / 8.0)
+    terms = excess * (excess + 4.0 * root * root) + root * np.abs(volume) + constant
+    blur = ROUNDING * terms / np.where(slope > 0, slope, ROUNDING)
+    unfinished = step > MOST_BLUR
+    return root, _gap_at(root, square, volume / 8.0), np.where(unfinished, np.inf, blur)
 
 
 def _gap_at(root: FloatArray, square: FloatArray, volume: FloatArray) -> FloatArray:
     """Return twice the least eigenvalue of the stiffness trace(A B^T) - A B^T.
 
-    Its characteristic polynomial follows from three invariants of B, and Newton's iteration
-    from zero climbs to the least root.
+    Its characteristic polynomial follows from three invariants of B, and the cosine formula
+    solves that. It is sharp where it matters, at a least eigenvalue well below the others.
     """
     pairs = 0.5 * (root * root - square)
+    mean = root * (2.0 / 3.0)
     second, third = square + 3.0 * pairs, root * pairs - volume
-    least = np.zeros_like(root)
-    for _ in range(MOST_STEPS):
-        value = third - least * (second - least * (2.0 * root - least))
-        slope = second - least * (4.0 * root - 3.0 * least)
-        step = _downhill(value, slope)
-        least += step
-        if (step <= ROUNDING).all():
-            break
-    return 2.0 * least
-
-
-def _downhill(value: FloatArray, slope: FloatArray) -> FloatArray:
-    """Return Newton's step; none where only rounding asks for it."""
-    uphill = slope > 0
-    step: FloatArray = np.maximum(value, 0.0) / np.where(uphill, slope, np.inf)
-    return step
+    width = np.maximum(mean * mean - second / 3.0, 0.0)
+    skew = mean * (second - 2.0 * mean * mean) - third
+    scale = 2.0 * width * np.sqrt(width)
+    cosine = np.clip(skew / np.where(scale > 0, scale, 1.0), -1.0, 1.0)
+    least = mean - 2.0 * np.sqrt(width) * np.cos(np.arccos(cosine) / 3.0)
+    return np.asarray(2.0 * least)
 
 
 def _rotation_at(profile: FloatArray, root: FloatArray) -> FloatArray:

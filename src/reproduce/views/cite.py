@@ -56,12 +56,13 @@ def _reproduction(key: str, source: Entry) -> Entry:
     place = keys.place(key).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
     fields = {
-        "title": f"Reproduction of {what} of {first} et al. ({year}): {keys.title(key)}",
+        # Braces keep a bibliography style from changing the case of names.
+        "title": f"{{Reproduction of {what} of {first} et al. ({year}): {keys.title(key)}}}",
         "year": reproduce.RELEASED[:4],
         "howpublished": f"reproduce-pointing, version {reproduce.__version__}",
         "note": f"Item {key}, anchor {anchor(key)}",
     }
-    # Braces keep BibTeX from taking the group's name for a first and a last name.
+    # Here they keep BibTeX from taking the group's name for a first and a last name.
     return Entry("misc", fields=fields, persons={"author": [Person("{" + _DEVELOPERS + "}")]})
 
 

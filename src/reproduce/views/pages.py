@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import functools
+import platform
 from dataclasses import dataclass
+from importlib import metadata
 from typing import Any
 
 import jinja2
+import numpy as np
 from markupsafe import Markup, escape
 
-from reproduce.judge import ledger as ledgers
+import reproduce
 from reproduce.judge.expected import reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
+from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
+from reproduce.papers.niu2024 import angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
-from reproduce.views import keys, words
+from reproduce.printed.given import given
+from reproduce.views import cite, keys, words
+from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.figures import draw
 from reproduce.views.inline_svg import inline
+from reproduce.views.sayings import item_ledger, sayable, whole_ledger
 
 
 @dataclass(frozen=True)
@@ -32,16 +40,6 @@ class Html:
     def __repr__(self) -> str:
         """Return nothing to read: the HTML is what counts."""
         return "<HTML>"
-
-
-@functools.cache
-def _ledger(key: str) -> Ledger:
-    return ledgers.build([key])
-
-
-@functools.cache
-def _whole() -> Ledger:
-    return ledgers.build()
 
 
 @functools.cache
@@ -66,7 +64,7 @@ def table(key: str) -> Html:
     Html
         The table in the paper's layout, with one anchor per cell and the details below.
     """
-    printed, ledger = library()[keys.check_key(key)], _ledger(key)
+    printed, ledger = library()[keys.check_key(key)], item_ledger(key)
     single = len(printed.columns) <= 1
     heads, rows = _single(printed, ledger) if single else _grid(printed, ledger)
     text = (
@@ -161,7 +159,7 @@ def _joint_sentence(joint: TableRecord | None) -> str:
         return ""
     return (
         f"All {joint.cells} predicted cells together: a table simulated whole is at least as "
-        f"surprising with probability {words.chance(joint.joint_probability, joint.mcse)} "
+        f"surprising with probability {words.joint_chance(joint)} "
         f"({joint.replicates:,} replicates). {joint.outside} of them lie outside the central "
         f"99 % of their prediction; {joint.expected_outside:.2g} would by chance."
     )
@@ -198,7 +196,7 @@ def score(paper: str | None = None) -> Html:
     Html
         A table of counts.
     """
-    ledger = _whole()
+    ledger = whole_ledger()
     groups: dict[str, tuple[Record, ...]] = {}
     if paper is None:
         for name in PAPERS:
@@ -215,7 +213,7 @@ def _score_rows(groups: dict[str, tuple[Record, ...]]) -> list[dict[str, Any]]:
     rows = []
     for name, records in groups.items():
         tally = words.tally(records)
-        weak = sum("through_rounding" in r.flags or "uninformative" in r.flags for r in records)
+        weak = words.weak(records)
         rows.append({"name": name, "counts": tally, "weak": weak, "sum": len(records)})
     return rows
 
@@ -232,6 +230,93 @@ def verdict_legend() -> Html:
     return Html(_templates().get_template("legend.html").render(meanings=meanings))
 
 
+def citation(key: str) -> Html:
+    """Show how to cite a reproduced item, in words.
+
+    Parameters
+    ----------
+    key : str
+        A known key.
+
+    Returns
+    -------
+    Html
+        The item and its paper.
+    """
+    entries = cite.citation(keys.check_key(key), "text").splitlines()
+    items = Markup("").join(Markup("<li>{}</li>").format(entry) for entry in entries)
+    return Html(Markup('<ul class="rp-citation">{}</ul>').format(items))
+
+
+def source(key: str) -> Html:
+    """Show the file of printed numbers of an item.
+
+    Parameters
+    ----------
+    key : str
+        An item with printed cells.
+
+    Returns
+    -------
+    Html
+        The file as it stands in `data/printed/`.
+    """
+    path = data_folder() / "printed" / f"{keys.check_key(key)}.toml"
+    return Html(Markup("<pre>{}</pre>").format(path.read_text(encoding="utf-8")))
+
+
+def downloads() -> Html:
+    """Show links to the ledger, its schema and every item's table, as shipped beside the pages.
+
+    Returns
+    -------
+    Html
+        A list of links that work from a page at the root of the book.
+    """
+    link = Markup('<li><a href="{0}" download><code>{0}</code></a>: {1}</li>')
+    items = [link.format(name, what) for name, what in downloads_shipped().items()]
+    return Html(Markup('<ul class="rp-downloads">{}</ul>').format(Markup("").join(items)))
+
+
+def versions() -> Html:
+    """Show what the book was built with.
+
+    Returns
+    -------
+    Html
+        Python and the packages that the numbers rest on, with their versions.
+    """
+    names = ("numpy", "scipy", "matplotlib", "pandas", "emcee", "jupyter-book")
+    rows = {"Python": platform.python_version(), "reproduce-pointing": reproduce.__version__}
+    rows |= {name: metadata.version(name) for name in names}
+    line = Markup('<tr><th scope="row">{}</th><td>{}</td></tr>')
+    body = Markup("").join(line.format(name, version) for name, version in rows.items())
+    return Html(Markup('<table class="rp-table">{}</table>').format(body))
+
+
+def angle_arrangements() -> Html:
+    """Show every arrangement of rotation angles that has the count niu2024 prints.
+
+    Returns
+    -------
+    Html
+        A table, one arrangement per row with a small picture; the one in use is marked.
+    """
+    door = given(angles.READS)
+    used = angles.literal(door).name
+    rows = [
+        {
+            "picture": np.degrees(found.angles).round(3).tolist(),
+            "choices": (found.lattice, found.offset, found.window),
+            "zero": "yes" if np.isclose(found.angles, 0).all(axis=-1).any() else "no",
+            "used": found.name == used,
+        }
+        for found in angles.candidates(door)
+    ]
+    half = np.degrees(angles.half_ranges(door)).round(3).tolist()
+    return Html(_templates().get_template("arrangements.html").render(rows=rows, half=half))
+
+
 def glue(*names: str) -> None:
     """Make ledger numbers available to the sentences of a page.
 
@@ -246,35 +331,5 @@ def glue(*names: str) -> None:
     from myst_nb import glue as glue_one
 
     for name in names:
-        for label, text in _sayable(name).items():
+        for label, text in sayable(name).items():
             glue_one(label, text, display=False)
-
-
-def _sayable(name: str) -> dict[str, str]:
-    if "#" in name:
-        record = _ledger(name.partition("#")[0]).cell(name)
-        cell = words.cell_of(record)
-        unit = words.unit(record)
-        gap = "" if unit in {"", "°", "″"} else "\u202f"
-        value = words.computed(record)
-        said = {
-            "printed": cell.shown,
-            "computed": f"{value}{gap}{unit}" if value else "nothing",
-            "verdict": record.verdict,
-            "probability": words.probability(record) or "none",
-        }
-        return {f"{cell.anchor}-{what}": text for what, text in said.items()}
-    if "/" in name:
-        ledger = _ledger(name)
-        records, joint = ledger.of(name), ledger.table(name)
-        counts = {f"{anchor(name)}-{v}": str(n) for v, n in words.tally(records).items()}
-        if joint is not None:
-            shown = words.chance(joint.joint_probability, joint.mcse)
-            counts[f"{anchor(name)}-joint"] = shown
-            counts[f"{anchor(name)}-replicates"] = f"{joint.replicates:,}"
-        return counts
-    chosen = tuple(r for r in _whole().records if name in {"all", r.key.split("/")[0]})
-    counts = {f"{name}-{v}": str(n) for v, n in words.tally(chosen).items()}
-    counts[f"{name}-cells"] = str(len(chosen))
-    counts[f"{name}-computed"] = str(sum(r.role == "result" for r in chosen))
-    return counts

@@ -104,8 +104,8 @@ def remarks(ledger: Ledger, key: str) -> list[str]:
     joint = ledger.table(key)
     if joint is not None:
         lines.append(
-            f"The table as a whole: probability "
-            f"{words.chance(joint.joint_probability, joint.mcse)} from {joint.replicates} "
+            f"The table as a whole: probability {words.joint_chance(joint)}, from "
+            f"{joint.replicates:,} "
             f"replicates; {joint.outside} of {joint.cells} cells outside, "
             f"{joint.expected_outside:.1f} expected by chance."
         )
@@ -131,23 +131,32 @@ def score_table(ledger: Ledger) -> Table:
     Parameters
     ----------
     ledger : Ledger
-        All records.
+        Some or all records.
 
     Returns
     -------
     rich.table.Table
-        One row per item and one for the sum.
+        One row per item, grouped by paper, and one for the sum; agreement that is weak (through
+        rounding alone, or with an uninformative prediction) is counted once more, apart.
     """
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    # Without a box the table fits 80 columns with every word whole.
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("item", no_wrap=True)
     for verdict in VERDICTS:
         table.add_column(verdict, justify="right", no_wrap=True)
+    table.add_column("(weak)", justify="right", no_wrap=True)
+    paper = ""
     for key in dict.fromkeys(record.key for record in ledger.records):
-        table.add_row(key, *_counts(ledger.of(key)))
-    table.add_section()
-    table.add_row("all", *_counts(ledger.records))
+        if key.partition("/")[0] != paper:
+            paper = key.partition("/")[0]
+            table.add_row()
+            table.add_row(Text(paper, style="bold"))
+        table.add_row(key.partition("/")[2], *_counts(ledger.of(key)))
+    table.add_row()
+    table.add_row("all", *_counts(ledger.records), style="bold")
     return table
 
 
 def _counts(records: tuple[Record, ...]) -> list[str]:
-    return [str(count) if count else "·" for count in words.tally(records).values()]
+    counts = [*words.tally(records).values(), words.weak(records)]
+    return [str(count) if count else "·" for count in counts]

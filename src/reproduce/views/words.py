@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reproduce.judge.ledger import Record
+from reproduce.judge.ledger import Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
@@ -129,6 +129,24 @@ def chance(value: float, mcse: float) -> str:
     return f"{value:.{decimals}f}"
 
 
+def joint_chance(joint: TableRecord) -> str:
+    """Write the joint probability of a table.
+
+    Parameters
+    ----------
+    joint : TableRecord
+        The joint record.
+
+    Returns
+    -------
+    str
+        The probability, or a bound where no replicate was as surprising as the print.
+    """
+    if joint.joint_probability * (joint.replicates + 1) < 1.5:
+        return f"below 1 in {joint.replicates:,}"
+    return chance(joint.joint_probability, joint.mcse)
+
+
 def unit(record: Record) -> str:
     """Write the unit of a record, empty for pure numbers, counts and words.
 
@@ -159,3 +177,20 @@ def tally(records: tuple[Record, ...]) -> dict[str, int]:
         Verdict to count, every verdict present, in the order in which they are shown.
     """
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
+
+
+def weak(records: tuple[Record, ...]) -> int:
+    """Count the records whose agreement is weak, which are counted apart.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Any records.
+
+    Returns
+    -------
+    int
+        Those exact through rounding alone, or consistent with an uninformative prediction.
+    """
+    agreeing = [r for r in records if r.verdict in {"exact", "consistent"}]
+    return sum(bool({"through_rounding", "uninformative"} & set(r.flags)) for r in agreeing)

@@ -23,14 +23,14 @@ TRACKER = "chen2023/table-2#tracker-focal-length.value"
 def ground_resolution(given: Given) -> Results:
     """Multispectral ground resolution at the altitude that the panchromatic one implies."""
     altitude = ground.altitude_for_resolution(
-        given[f"{SATELLITE}#panchromatic-ground-resolution.value"],
         given[f"{SATELLITE}#panchromatic-focal-length.value"],
         given[f"{SATELLITE}#panchromatic-pixel-size.value"],
+        given[f"{SATELLITE}#panchromatic-ground-resolution.value"],
     )
     resolution = ground.ground_resolution(
-        altitude,
         given[f"{SATELLITE}#multispectral-focal-length.value"],
         given[f"{SATELLITE}#multispectral-pixel-size.value"],
+        altitude,
     )
     return {"multispectral-ground-resolution.value": float(resolution)}
 

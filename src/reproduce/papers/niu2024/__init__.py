@@ -5,7 +5,7 @@ from reproduce.papers.niu2024 import angles, camera, experiment, model, simulati
 
 ITEMS = (
     Item("niu2024/text-context"),
-    Item("niu2024/text-approximations", (model.approximations,)),
+    Item("niu2024/text-approximations", (model.scale_near_one, model.parameter_count)),
     Item("niu2024/text-optics", (camera.field_of_view, camera.centre_wavelengths)),
     Item("niu2024/table-1"),
     Item("niu2024/table-2", (model.true_scale, model.true_translation)),

@@ -7,6 +7,7 @@ from reproduce.physics import chromatic
 from reproduce.printed.given import Given
 
 IMAGING = "niu2024/table-1"
+APPROXIMATIONS = "niu2024/text-approximations"
 CHANNELS = ("red", "blue")
 
 
@@ -44,24 +45,28 @@ def true_translation(given: Given) -> Results:
 
 
 @reproduces(
-    "niu2024/text-approximations",
-    given=[
-        f"{IMAGING}#focal-length.*",
-        "niu2024/text-approximations#parameters-per-channel",
-        "niu2024/text-context#detectors",
-    ],
+    APPROXIMATIONS,
+    cells=["scale-approximation"],
+    given=[f"{IMAGING}#focal-length.*"],
     equations=["6"],
 )
-def approximations(given: Given) -> Results:
-    """The scale factor farthest from one, and the count of parameters."""
+def scale_near_one(given: Given) -> Results:
+    """The scale factor of Table 1 that lies farthest from one."""
     green = given[f"{IMAGING}#focal-length.green"]
     scales = [
         float(chromatic.scale_factor(green, given[f"{IMAGING}#focal-length.{channel}"]))
         for channel in CHANNELS
     ]
-    registered = given.count("niu2024/text-context#detectors") - 1  # green is the reference
-    per_channel = given.count("niu2024/text-approximations#parameters-per-channel")
-    return {
-        "scale-approximation": max(scales, key=lambda scale: abs(scale - 1)),
-        "parameters": float(registered * per_channel),
-    }
+    return {"scale-approximation": max(scales, key=lambda scale: abs(scale - 1))}
+
+
+@reproduces(
+    APPROXIMATIONS,
+    cells=["parameters"],
+    given=[f"{APPROXIMATIONS}#parameters-per-channel", "niu2024/text-context#detectors"],
+)
+def parameter_count(given: Given) -> Results:
+    """Parameters of the whole model: those of one channel, for every channel but green."""
+    registered = given.count("niu2024/text-context#detectors") - 1
+    per_channel = given.count(f"{APPROXIMATIONS}#parameters-per-channel")
+    return {"parameters": float(registered * per_channel)}

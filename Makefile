@@ -1,0 +1,59 @@
+# Every target but help uses the virtual environment in .venv, which is made on
+# first use and again when environment.txt or pyproject.toml change.
+
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help book test check browser-test bench lock checksums clean
+
+export PYTHON
+PY := .venv/bin/python
+STAMP := .venv/.installed
+UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
+
+help:  ## this list
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
+
+book: $(STAMP)  ## build the book and say where it is
+	@$(PY) tools/drop_stale_pages.py
+	@$(PY) -m reproduce.views.downloads book/_extra
+	@$(PY) .venv/bin/jupyter-book build book -W --keep-going -n --all
+	@printf '\nThe book is ready. Open %s\n' "$(CURDIR)/book/_build/html/index.html"
+
+test: $(STAMP)  ## run the tests, with line coverage
+	@$(PY) -m pytest -m "not browser" --cov --cov-report=term --benchmark-disable
+
+check: $(STAMP)  ## lint, format, types, citation file
+	@$(PY) -m ruff check .
+	@$(PY) -m ruff format --check .
+	@$(PY) -m mypy
+	@$(PY) .venv/bin/cffconvert --validate -i CITATION.cff
+
+browser-test: $(STAMP)  ## read the built pages in a headless Chromium
+	@$(PY) -m pytest -m browser tests/book
+
+bench: $(STAMP)  ## time what the project promises to be fast
+	@$(PY) -m pytest benchmarks --benchmark-only --benchmark-columns=min,median,rounds
+
+lock: $(STAMP)  ## resolve environment.txt again
+	@$(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
+		--generate-hashes --no-emit-index-url --all-extras --group lock \
+		--upgrade --quiet --output-file environment.txt pyproject.toml
+
+checksums:  ## record the checksums of the printed numbers, after both entries agree
+	@cd data/printed && find . -name '*.toml' -o -name '*.csv' | sed 's|^\./||' | LC_ALL=C sort \
+		| xargs sha256sum > SHA256SUMS
+
+clean:  ## remove built pages and caches (not .venv)
+	@rm -rf book/_build book/_extra/* .coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks dist
+	@find src tests tools benchmarks book -name __pycache__ -prune -exec rm -rf {} +
+
+$(STAMP): environment.txt pyproject.toml
+	@if ! $(PY) -m pip --version >/dev/null 2>&1; then \
+		found=$$(sh tools/find-python) && "$$found" -m venv --clear .venv; \
+	fi
+	@echo "Installing the locked packages into .venv"
+	@$(PY) -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)"
+	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) environment.txt
+	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@

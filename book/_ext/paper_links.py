@@ -1,0 +1,46 @@
+"""Sphinx extension: from a function's documentation to the equation it implements.
+
+A docstring says ``Implements: niu2024 (17), (18).``; each number becomes a link
+to the equation in the book, so that equations and functions lead to each other.
+An equation that no page shows is a dangling link and fails the build.
+"""
+
+import re
+from typing import Any
+
+from sphinx.application import Sphinx
+
+CLAIM = re.compile(r"^(\s*)(Implements:|Printed form of) (niu2024|chen2023) (\(\d+\).*)$")
+
+
+def linked(line: str) -> str:
+    """Return a docstring line with its equation numbers turned into links.
+
+    >>> linked("Implements: niu2024 (17), (18).")
+    'Implements: niu2024 :eq:`niu2024-17`, :eq:`niu2024-18`.'
+    >>> linked("Printed form of niu2024 (24). It diverges.")
+    'Printed form of niu2024 :eq:`niu2024-24-printed`. It diverges.'
+    >>> linked("Nothing is claimed (17).")
+    'Nothing is claimed (17).'
+    """
+    match = CLAIM.match(line)
+    if match is None:
+        return line
+    indent, verb, paper, rest = match.groups()
+    suffix = "-printed" if verb.startswith("Printed") else ""
+    claim, stop, remark = rest.partition(".")
+    claim = re.sub(r"\((\d+)\)", rf":eq:`{paper}-\1{suffix}`", claim)
+    return f"{indent}{verb} {paper} {claim}{stop}{remark}"
+
+
+def link_equations(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
+    """Rewrite the claims of one docstring in place."""
+    lines[:] = [linked(line) for line in lines]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect the handler, before napoleon turns sections into fields."""
+    app.connect("autodoc-process-docstring", link_equations, priority=400)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,80 @@
+"""What a browser sees on one built page."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Page
+
+HTML = Path(__file__).resolve().parents[2] / "book" / "_build" / "html"
+PHONE = {"width": 390, "height": 844}
+DESKTOP = {"width": 1280, "height": 900}
+SETTLED = "() => window.MathJax?.startup?.promise.then(() => true) ?? true"
+# MathJax draws a macro that it does not know in red.
+RAW_MATHEMATICS = """() => [...document.querySelectorAll('.math')]
+    .filter(e => !e.querySelector('mjx-container')
+        || e.querySelector('[data-mjx-error], [data-mml-node="merror"], [fill="red"]'))
+    .map(e => e.textContent.trim().slice(0, 80))"""
+# Label and number of every numbered equation, and of every reference to one.
+SHOWN_NUMBERS = """() => [...document.querySelectorAll('.eqno')].map(e => [
+    e.querySelector('a.headerlink').hash.replace('#equation-', ''),
+    e.firstChild.textContent.trim()])"""
+REFERRED_NUMBERS = """() => [...document.querySelectorAll('article a.reference.internal')]
+    .filter(a => a.hash.startsWith('#equation-'))
+    .map(a => [a.hash.replace('#equation-', ''), a.textContent.trim()])"""
+# What sticks out of the column of text, unless a box inside the article scrolls.
+OVERFLOWING = """() => {
+    const scrolls = e => e.tagName !== 'ARTICLE' &&
+        (/auto|scroll/.test(getComputedStyle(e).overflowX) || scrolls(e.parentElement));
+    const column = document.querySelector('article')?.parentElement ?? document.body;
+    const edge = Math.min(innerWidth, column.getBoundingClientRect().right) + 1;
+    const out = [...document.querySelectorAll('article *')].filter(e => {
+        const box = e.getBoundingClientRect();
+        return box.width && box.right > edge && !scrolls(e);
+    }).map(e => e.tagName.toLowerCase() + ' ' + e.className);
+    const root = document.documentElement;
+    return root.scrollWidth > root.clientWidth ? ['page is wider than the window', ...out] : out;
+}"""
+
+
+@dataclass
+class Visit:
+    """What one page did and holds."""
+
+    console: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+    raw_mathematics: list[str] = field(default_factory=list)
+    shown_numbers: list[list[str]] = field(default_factory=list)
+    referred_numbers: list[list[str]] = field(default_factory=list)
+    overflowing: dict[int, list[str]] = field(default_factory=dict)
+    ids: set[str] = field(default_factory=set)
+    references: list[str] = field(default_factory=list)
+
+
+def built_pages() -> list[str]:
+    """Return the addresses of all built pages below the site's root."""
+    found = (path.relative_to(HTML) for path in HTML.rglob("*.html"))
+    return sorted(path.as_posix() for path in found if path.parts[0] != "_static")
+
+
+def note_console(visit: Visit, message: Any) -> None:
+    if message.type in ("error", "warning"):
+        visit.console.append(message.text)
+
+
+def read(page: Page, url: str, visit: Visit) -> None:
+    """Load a page and write down what it holds, on a phone and on a desk."""
+    page.goto(url, wait_until="load")
+    page.evaluate(SETTLED)
+    visit.raw_mathematics = page.evaluate(RAW_MATHEMATICS)
+    visit.shown_numbers = page.evaluate(SHOWN_NUMBERS)
+    visit.referred_numbers = page.evaluate(REFERRED_NUMBERS)
+    visit.ids = set(page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)"))
+    visit.references = page.evaluate(
+        "() => [...document.querySelectorAll('[href], [src]')]"
+        ".map(e => e.getAttribute('href') ?? e.getAttribute('src'))"
+    )
+    for size in (PHONE, DESKTOP):
+        page.set_viewport_size(size)
+        visit.overflowing[size["width"]] = page.evaluate(OVERFLOWING)
+    page.set_viewport_size(PHONE)

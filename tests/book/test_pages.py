@@ -1,0 +1,90 @@
+"""The built pages, read as a reader's browser reads them."""
+
+from pathlib import Path
+from urllib.parse import unquote, urldefrag, urljoin, urlsplit
+
+import pytest
+from playwright.sync_api import Page
+from reading import HTML, Visit, built_pages, read
+
+pytestmark = pytest.mark.browser
+LOCAL = {"file", "data", "blob"}
+each_page = pytest.mark.parametrize("address", built_pages())
+
+
+def test_the_book_is_built() -> None:
+    assert (HTML / "index.html").is_file(), "no pages to read: run `make book` first"
+
+
+@each_page
+def test_page_logs_no_error(visits: dict[str, Visit], address: str) -> None:
+    assert visits[address].console == []
+
+
+@each_page
+def test_page_asks_the_network_for_nothing(visits: dict[str, Visit], address: str) -> None:
+    outside = [url for url in visits[address].requests if urlsplit(url).scheme not in LOCAL]
+    assert outside == []
+
+
+@each_page
+def test_mathematics_is_typeset(visits: dict[str, Visit], address: str) -> None:
+    assert visits[address].raw_mathematics == []
+
+
+@each_page
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_sticks_out_of_the_window(
+    visits: dict[str, Visit], address: str, width: int
+) -> None:
+    assert visits[address].overflowing[width] == []
+
+
+@each_page
+def test_links_lead_somewhere(visits: dict[str, Visit], address: str) -> None:
+    broken = [
+        ref for ref in visits[address].references if not leads_somewhere(ref, address, visits)
+    ]
+    assert broken == []
+
+
+def test_equations_carry_the_papers_numbers(visits: dict[str, Visit]) -> None:
+    """The shown number, the label and every reference agree."""
+    shown = {label: number for visit in visits.values() for label, number in visit.shown_numbers}
+    referred = [pair for visit in visits.values() for pair in visit.referred_numbers]
+    assert shown, "no numbered equation in the book"
+    assert shown == {label: expected_number(label) for label in shown}
+    assert [pair for pair in referred if shown.get(pair[0]) != pair[1]] == []
+
+
+def test_no_request_leaves_a_served_book(page: Page, served: str) -> None:
+    visit = Visit()
+    page.on("request", lambda request: visit.requests.append(request.url))
+    read(page, f"{served}/index.html", visit)
+    assert [url for url in visit.requests if not url.startswith((served, "data:"))] == []
+
+
+def test_search_finds_a_word(page: Page, served: str) -> None:
+    page.goto(f"{served}/search.html?q=printed")
+    page.wait_for_selector("#search-results ul.search li a", timeout=10_000)
+
+
+def expected_number(label: str) -> str:
+    """Spell out the number a label stands for."""
+    prefix, number, *printed = label.split("-")
+    own = {"book": "B"}.get(prefix, "")
+    return f"({own}{number}{', as printed' if printed else ''})"
+
+
+def leads_somewhere(reference: str, address: str, visits: dict[str, Visit]) -> bool:
+    """Tell whether a link inside the book has a file, and its fragment an anchor."""
+    here = (HTML / address).as_uri()
+    url, fragment = urldefrag(urljoin(here, reference))
+    parts = urlsplit(url)
+    if parts.scheme != "file":
+        return True
+    target = Path(unquote(parts.path))
+    if not target.is_file() or not target.is_relative_to(HTML):
+        return False
+    inside = target.relative_to(HTML).as_posix()
+    return not fragment or inside not in visits or unquote(fragment) in visits[inside].ids

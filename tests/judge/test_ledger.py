@@ -1,0 +1,163 @@
+"""The ledger: complete, frozen, documented, and the same however it is built."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from reproduce.judge import expected, ledger
+from reproduce.judge.ledger import Ledger, Record
+from reproduce.locate import data_folder
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import library
+
+FIELDS = (
+    "key cell printed unit role computed verdict flags tolerance share probability mcse why "
+    "function equations seed"
+).split()
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return ledger.build()
+
+
+def test_every_printed_cell_has_one_record(whole):
+    printed = [cell.address for item in catalogue() for cell in cells(item)]
+    assert [record.cell for record in whole.records] == printed
+    assert len(set(printed)) == len(printed) == 333
+
+
+def cells(key):
+    return library()[key].cells if key in library() else ()
+
+
+def test_every_verdict_is_as_frozen(whole):
+    assert expected.surprises(whole) == []
+
+
+def test_every_frozen_cell_is_printed_and_every_printed_cell_frozen(whole):
+    assert set(expected.frozen()) == {record.cell for record in whole.records}
+
+
+def test_what_differs_has_its_reason(whole):
+    for record in whole.records:
+        if record.verdict == "differs":
+            assert len(expected.reason(record.cell)) > 60, record.cell
+
+
+def test_a_changed_verdict_is_told(whole):
+    changed = whole.records[0].model_copy(update={"verdict": "exact"})
+    found = expected.surprises(Ledger(records=(changed,), tables=()))
+    assert [(s.cell, s.expected, s.found) for s in found] == [(changed.cell, "input", "exact")]
+
+
+def test_records_carry_the_fields_of_the_design():
+    assert set(FIELDS) <= set(Record.model_fields)
+
+
+def test_roles_follow_from_use(whole):
+    for record in whole.records:
+        assert (record.role == "result") == (record.function is not None), record.cell
+        assert (record.verdict == "input") == (record.role == "given"), record.cell
+
+
+def test_numbers_fit_their_verdicts(whole):
+    for record in whole.records:
+        exact, consistent = record.verdict == "exact", record.verdict == "consistent"
+        assert (record.probability is None) == (record.seed is None), record.cell
+        if consistent:
+            assert 0.01 <= record.probability <= 1.0
+            assert record.share == pytest.approx((1 - record.probability) / 0.99)
+        if exact and record.share is not None and "through_rounding" not in record.flags:
+            assert record.share <= 1 + 1e-9, record.cell
+        if record.verdict in {"input", "pending"}:
+            assert record.computed is None
+        if record.verdict == "differs":
+            assert record.share is None
+
+
+def test_stochastic_tables_get_a_joint_probability(whole):
+    stochastic = {record.key for record in whole.records if record.seed}
+    assert {table.key for table in whole.tables} == stochastic
+    for table in whole.tables:
+        assert 0 < table.joint_probability <= 1
+        assert table.expected_outside == pytest.approx(0.01 * table.cells)
+        assert table.replicates >= 2000
+
+
+def test_only_work_not_done_is_pending(whole):
+    """The twin of the laboratory and the Monte Carlo of Figure 11 are still to come."""
+    pending = {record.key for record in whole.records if record.verdict == "pending"}
+    assert pending == {"niu2024/text-registration", "chen2023/text-angular-resolution"}
+
+
+def test_one_item_alone_is_judged_as_in_the_whole(whole):
+    ledger._judged.cache_clear()
+    alone = ledger.build(["chen2023/table-5"])
+    assert alone.records == whole.of("chen2023/table-5")
+    assert alone.tables == (whole.table("chen2023/table-5"),)
+
+
+def test_the_json_reads_back(whole):
+    assert Ledger.model_validate_json(whole.model_dump_json()) == whole
+
+
+def test_the_schema_in_data_is_the_ledgers_own():
+    """Other programs read the ledger by this file."""
+    written = json.loads((data_folder() / "ledger.schema.json").read_text(encoding="utf-8"))
+    assert written == Ledger.model_json_schema()
+
+
+def test_every_field_is_documented():
+    undocumented = [
+        name
+        for name, entry in Record.model_json_schema()["properties"].items()
+        if "description" not in entry
+    ]
+    assert undocumented == []
+
+
+def test_unknown_cells_and_keys_are_refused(whole):
+    with pytest.raises(KeyError, match="no record of"):
+        whole.cell("niu2024/table-3#scale.green")
+    with pytest.raises(KeyError, match="unknown key"):
+        ledger.build(["niu2024/table-9"])
+
+
+def test_functions_named_in_the_ledger_exist(whole):
+    from importlib import import_module
+
+    for name in {record.function for record in whole.records if record.function}:
+        module, _, function = name.rpartition(".")
+        assert re.fullmatch(r"reproduce\.papers\.(niu2024|chen2023)\.\w+", module)
+        assert hasattr(import_module(module), function)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ('verdict = "maybe"\ncells = ["niu2024/table-1"]', "unknown verdict 'maybe'"),
+        ('verdict = "differs"\ncells = ["niu2024/table-1"]', "a differs needs its reason"),
+        (
+            'verdict = "input"\ncells = ["niu2024/table-1", "niu2024/table-1#focal-length.red"]',
+            "stands twice",
+        ),
+    ],
+)
+def test_faults_in_the_frozen_verdicts_are_told(tmp_path, monkeypatch, entry, message):
+    (tmp_path / "verdicts.toml").write_text(f"[[expect]]\n{entry}\n")
+    monkeypatch.setattr(expected, "data_folder", lambda: tmp_path)
+    expected.frozen.cache_clear()
+    try:
+        with pytest.raises(ValueError, match=message):
+            expected.frozen()
+    finally:
+        expected.frozen.cache_clear()
+
+
+def test_no_prediction_is_degenerate(whole):
+    for record in whole.records:
+        if record.probability is not None:
+            assert np.ptp(record.interval) > 0, record.cell

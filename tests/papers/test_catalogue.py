@@ -1,0 +1,126 @@
+"""Declarations: complete, free of circles, blind to their answers."""
+
+import fnmatch
+
+import numpy as np
+import pytest
+
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Blocked, Pending, Prediction, reproduces
+from reproduce.printed.cells import find, library
+from reproduce.printed.given import UndeclaredInputError, given
+
+ITEMS = catalogue()
+COMPUTATIONS = [c for item in ITEMS.values() for c in item.computations]
+NAMES = [c.name.split(".", 2)[-1] for c in COMPUTATIONS]
+
+
+def edges():
+    """Map every computed cell to the cells that it is computed from."""
+    reads = {}
+    for computation in COMPUTATIONS:
+        sources = {cell.address for pattern in computation.given for cell in find(pattern)}
+        for cell in library()[computation.key].cells:
+            if computation.makes(cell.name):
+                reads.setdefault(cell.address, set()).update(sources)
+    return reads
+
+
+def reaches_itself(address, reads):
+    """Tell whether following the inputs of a cell leads back to it."""
+    seen, ahead = set(), list(reads.get(address, ()))
+    while ahead:
+        here = ahead.pop()
+        if here == address:
+            return True
+        if here not in seen:
+            seen.add(here)
+            ahead.extend(reads.get(here, ()))
+    return False
+
+
+def test_every_printed_file_is_an_item():
+    assert set(library()) <= set(ITEMS)
+    figures = set(ITEMS) - set(library())
+    assert all("/fig-" in key and ITEMS[key].draw for key in figures)
+
+
+def test_items_and_computations_carry_the_same_key():
+    for key, item in ITEMS.items():
+        assert all(computation.key == key for computation in item.computations)
+
+
+def test_no_cell_reaches_itself():
+    reads = edges()
+    assert [address for address in reads if reaches_itself(address, reads)] == []
+
+
+def test_a_circle_would_be_seen():
+    assert reaches_itself("a", {"a": {"b"}, "b": {"c"}, "c": {"a"}})
+    assert not reaches_itself("a", {"a": {"b"}, "b": {"c"}})
+
+
+def test_no_cell_is_made_twice():
+    for key, item in ITEMS.items():
+        for cell in library()[key].cells if key in library() else ():
+            makers = [c.name for c in item.computations if c.makes(cell.name)]
+            assert len(makers) <= 1, cell.address
+
+
+@pytest.mark.parametrize("computation", COMPUTATIONS, ids=NAMES)
+def test_results_are_cells_of_the_item(computation):
+    few = 3 if computation.replicates else None
+    results = computation(given(computation.given), few)
+    table = library()[computation.key]
+    assert results
+    for name, result in results.items():
+        assert computation.makes(name)
+        assert table[name].is_number
+        if isinstance(result, Prediction):
+            assert result.draws.shape == (few,)
+            assert np.isfinite(result.draws).all()
+        else:
+            assert isinstance(result, float | Blocked | Pending), name
+    made = [c.name for c in table.cells if computation.makes(c.name) and c.is_number]
+    assert sorted(made) == sorted(results), "the declared patterns and the results must agree"
+
+
+@pytest.mark.parametrize("computation", COMPUTATIONS, ids=NAMES)
+def test_every_declared_input_is_needed(computation):
+    """Without any one of its inputs, a computation fails at the door."""
+    for pattern in computation.given:
+        others = [p for p in computation.given if p != pattern]
+        dropped = {c.address for c in find(pattern)} - {
+            c.address for other in others for c in find(other)
+        }
+        assert dropped, f"{pattern} is covered by another pattern"
+        with pytest.raises(UndeclaredInputError):
+            computation(given(others), 3 if computation.replicates else None)
+
+
+def test_seeds_differ_between_computations():
+    seeds = [c.entropy for c in COMPUTATIONS if c.replicates]
+    assert len(set(seeds)) == len(seeds) > 0
+
+
+def test_replicates_do_not_depend_on_how_many_are_drawn():
+    for computation in COMPUTATIONS:
+        if computation.replicates:
+            door = given(computation.given)
+            few, more = computation(door, 3), computation(door, 5)
+            for name, result in few.items():
+                np.testing.assert_allclose(result.draws, more[name].draws[:3], rtol=1e-9)
+
+
+def test_stochastic_computations_draw_at_least_2000_replicates():
+    assert all(c.replicates >= 2000 for c in COMPUTATIONS if c.replicates)
+
+
+def test_patterns_match_names_only():
+    @reproduces("niu2024/table-3", cells=["scale.*"])
+    def scales(door):
+        return {}
+
+    assert scales.makes("scale.red")
+    assert not scales.makes("rotation.red")
+    assert fnmatch.fnmatchcase("scale.red", scales.cells[0])

@@ -1,0 +1,280 @@
+"""Every public function of the misalignment physics says what it wants when it gets nonsense."""
+
+import inspect
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from reproduce.physics import (
+    averaging,
+    ground,
+    imaging,
+    installation,
+    lasers,
+    misalignment,
+    rotations,
+    stage,
+    wahba,
+)
+from reproduce.physics.validate import DegenerateGeometryError
+
+EYE = np.eye(3)
+POINTS = np.array([[0.0, 0.1], [0.2, 0.0], [0.1, 0.1]])
+TRACKER = {"principal_point": (0.0, 0.0), "pixel_pitch": 1e-5, "focal_length": 0.06}
+
+# A good call of every public function that takes arrays; the tests spoil one argument each.
+GOOD = {
+    wahba.attitude: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
+    wahba.solve: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
+    wahba.attitude_covariance: {"directions": EYE, "sigma": [1.0, 1, 1], "weights": [1.0, 2, 3]},
+    wahba.mean_rotation: {"matrices": [EYE, EYE]},
+    rotations.rotations: {"name": "R", "matrices": EYE},
+    rotations.unit: {"name": "v", "vectors": EYE},
+    rotations.cross_matrix: {"vectors": EYE},
+    rotations.rotation_from_vector: {"rotation_vector": EYE},
+    rotations.vector_from_rotation: {"rotation": EYE},
+    rotations.rotation_from_quaternion: {"quaternion": np.eye(4)},
+    lasers.emitted_directions: {
+        "points": POINTS,
+        "focal_length": 1.0,
+        "principal_point": (0.0, 0.0),
+    },
+    lasers.received_directions: {"spots": POINTS, **TRACKER},
+    lasers.received_jacobian: {"spots": POINTS, **TRACKER},
+    lasers.pixel_angle: {"pixel_pitch": 1e-5, "focal_length": 0.06},
+    misalignment.laser_transform: {
+        "camera_directions": EYE,
+        "tracker_directions": EYE,
+        "weights": [1.0, 2, 3],
+    },
+    misalignment.misalignment: {
+        "camera_directions": EYE,
+        "tracker_directions": EYE,
+        "tracker_from_camera_zero": EYE,
+        "weights": [1.0, 2, 3],
+    },
+    misalignment.misalignment_angles: {"camera_now_from_camera_zero": EYE},
+    misalignment.angle_jacobian: {
+        "camera_directions": EYE,
+        "tracker_directions": EYE,
+        "direction_jacobian": np.ones((3, 3, 2)),
+        "weights": [1.0, 2, 3],
+    },
+    installation.moved_laser_transform: {
+        "tracker_from_camera_zero": EYE,
+        "camera_now_from_camera_zero": EYE,
+    },
+    installation.misalignment_between: {
+        "tracker_from_camera_now": EYE,
+        "tracker_from_camera_zero": EYE,
+    },
+    installation.transform_error_printed: {
+        "tracker_from_camera": EYE,
+        "tracker_from_camera_reference": EYE,
+    },
+    installation.corrected_installation: {
+        "camera_now_from_camera_zero": EYE,
+        "camera_zero_from_tracker": EYE,
+    },
+    installation.inertial_attitude: {"camera_from_tracker": EYE, "tracker_from_inertial": EYE},
+    installation.misalignment_in_tracker: {
+        "camera_now_from_camera_zero": EYE,
+        "tracker_from_camera_zero": EYE,
+    },
+    stage.stage_angle: {"shift": 1e-5, "focal_length": 2.0},
+    stage.stage_angle_printed: {"shift": 1e-5, "focal_length": 2.0},
+    stage.stage_angles: {"shifts": [1e-5, 2e-5], "focal_length": 2.0},
+    averaging.moving_average: {"series": np.arange(9.0), "count": 2},
+    averaging.block_average: {"series": np.arange(9.0), "count": 2},
+    averaging.scatter_of_averages: {"series": np.arange(9.0), "counts": [1, 2]},
+    averaging.averaged_error: {"count": 4.0, "single": 1.0, "floor": 0.1},
+    averaging.attitude_accuracy: {"centroid_sigma": 0.1, "count": 4.0, "pixel_angle": 1e-4},
+    ground.ground_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "altitude": 5e5},
+    ground.altitude_for_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "resolution": 1.0},
+    ground.ground_error: {"altitude": 5e5, "angle": 1e-6},
+    imaging.image_vectors: {
+        "points": POINTS,
+        "focal_length": 1.0,
+        "principal_point": (0.0, 0.0),
+        "distortion": (0.0, 0.0),
+    },
+    imaging.imaging_chain: {
+        "earth_from_inertial": EYE,
+        "inertial_from_tracker": EYE,
+        "tracker_misalignment": EYE,
+        "tracker_from_camera": EYE,
+    },
+    imaging.imaged_position: {
+        "vectors": [[0.0, 0.0, 1.0]],
+        "satellite": [0.0, 0.0, 7e6],
+        "earth_from_camera": EYE,
+    },
+    imaging.distance_to_ground: {"origin": [0.0, 0.0, 7e6], "directions": [0.0, 0.0, -1.0]},
+}
+# Helpers on arrays that are already checked.
+INNER = {
+    rotations.transpose,
+    rotations.cofactors,
+    rotations.determinant,
+}
+ARGUMENTS = [(function, name) for function, good in GOOD.items() for name in good if name != "name"]
+# What may be zero or negative; all else is a length, a count or a set of directions.
+LENGTHS = {
+    "focal_length",
+    "pixel_pitch",
+    "altitude",
+    "resolution",
+    "count",
+    "pixel_angle",
+}
+SIGMAS = {"sigma", "centroid_sigma", "single", "floor", "weights"}
+# Integers: their own checks speak of whole numbers.
+COUNTS = {(averaging.moving_average, "count"), (averaging.block_average, "count")}
+
+
+def spoilt(function, name, value):
+    call = {**GOOD[function], name: value}
+    with pytest.raises((ValueError, TypeError)) as caught:
+        function(**call)
+    message = str(caught.value)
+    assert "expected" in message
+    assert "got" in message
+    return message
+
+
+def test_every_public_function_is_tried():
+    modules = [
+        *(wahba, rotations, lasers, misalignment, installation),
+        *(stage, averaging, ground, imaging),
+    ]
+    public = {
+        function
+        for module in modules
+        for name, function in inspect.getmembers(module, inspect.isfunction)
+        if not name.startswith("_") and function.__module__ == module.__name__
+    }
+    assert public == set(GOOD) | INNER
+
+
+@pytest.mark.parametrize("function", GOOD, ids=lambda f: f.__name__)
+def test_the_good_call_is_good_and_its_docstring_whole(function):
+    function(**GOOD[function])
+    text = inspect.getdoc(function)
+    for section in ("Parameters\n---", "Returns\n---", "Raises\n---", "Examples\n---", ">>> "):
+        assert section in text
+
+
+@given(argument=st.sampled_from(ARGUMENTS), poison=st.sampled_from([np.nan, np.inf, -np.inf]),
+       place=st.integers(0, 1000))  # fmt: skip
+@settings(max_examples=300, deadline=None, derandomize=True)
+def test_nan_and_infinity_are_refused_by_name(argument, poison, place):
+    function, name = argument
+    if argument in COUNTS or name == "counts":
+        spoilt(function, name, poison if name == "count" else [poison])
+        return
+    value = np.array(GOOD[function][name], dtype=float)
+    value.flat[place % value.size] = poison
+    message = spoilt(function, name, value)
+    assert GOOD[function].get("name", name) in message
+
+
+@pytest.mark.parametrize(("function", "name"), ARGUMENTS, ids=lambda x: getattr(x, "__name__", x))
+def test_empty_text_complex_and_wrong_shapes_are_refused(function, name):
+    good = GOOD[function][name]
+    spoilt(function, name, "twelve" if name != "counts" else ["twelve"])
+    if name in ("count", "counts"):
+        spoilt(function, name, np.zeros(0))
+        return
+    shape = np.shape(good)
+    spoilt(function, name, np.zeros((0, *shape[1:])))
+    spoilt(function, name, np.asarray(good) * 1j)
+    if shape:
+        wide = np.zeros((*shape[:-1], shape[-1] + 4)) + 1.0
+        if name not in ("series", "direction_jacobian"):
+            spoilt(function, name, wide)
+
+
+@given(argument=st.sampled_from([a for a in ARGUMENTS if a[1] in LENGTHS]),
+       value=st.floats(-1e300, 0.0))  # fmt: skip
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_lengths_and_counts_are_above_zero(argument, value):
+    spoilt(*argument, int(value) if argument in COUNTS else value)
+
+
+@given(argument=st.sampled_from([a for a in ARGUMENTS if a[1] in SIGMAS]),
+       value=st.floats(-1e300, -1e-300))  # fmt: skip
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_sigmas_and_weights_are_not_negative(argument, value):
+    function, name = argument
+    message = spoilt(function, name, np.full(np.shape(GOOD[function][name]), value))
+    assert name in message
+
+
+BATCHED = [
+    (function, name)
+    for function, name in ARGUMENTS
+    if len(GOOD[function].keys() - {"name"}) > 1
+    and name not in ("counts", "series")
+    and (function, name) not in COUNTS
+]
+
+
+@pytest.mark.parametrize(("function", "name"), BATCHED, ids=lambda x: getattr(x, "__name__", x))
+def test_batches_that_do_not_fit_together_are_refused(function, name):
+    other = next(key for key in GOOD[function] if key != name)
+    call = dict(GOOD[function])
+    for key, size in ((name, 2), (other, 3)):
+        value = np.asarray(call[key], dtype=float)
+        call[key] = np.broadcast_to(value, (size, *value.shape))
+    with pytest.raises(ValueError, match=r"expected leading \(batch\) shapes .* got .* give each"):
+        function(**call)
+
+
+DIRECTIONS = [
+    (wahba.attitude, "target_vectors"),
+    (wahba.solve, "source_vectors"),
+    (wahba.attitude_covariance, "directions"),
+    (misalignment.laser_transform, "camera_directions"),
+    (misalignment.misalignment, "tracker_directions"),
+    (misalignment.angle_jacobian, "tracker_directions"),
+]
+
+
+@given(
+    argument=st.sampled_from(DIRECTIONS),
+    direction=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: max(map(abs, v)) > 1e-3),
+    lengths=st.tuples(*[st.floats(0.1, 10)] * 3),
+)
+@settings(max_examples=150, deadline=None, derandomize=True)
+def test_collinear_directions_are_refused(argument, direction, lengths):
+    function, name = argument
+    rows = np.outer(lengths, direction)
+    call = {**GOOD[function], name: rows}
+    with pytest.raises(DegenerateGeometryError, match=r"expected .* got .* add a direction"):
+        function(**call)
+
+
+@pytest.mark.parametrize(("function", "name"), DIRECTIONS, ids=lambda x: getattr(x, "__name__", x))
+def test_zero_vectors_unequal_rows_and_zero_weights_are_refused(function, name):
+    assert "length above zero" in spoilt(function, name, [[0, 0, 0], [0, 1, 0], [0, 0, 1]])
+    assert "weights" in spoilt(function, "weights", [0.0, 0, 0])
+    with pytest.raises(DegenerateGeometryError):
+        function(**{**GOOD[function], "weights": [0.0, 1, 0]})
+    if function is not wahba.attitude_covariance:
+        assert "as many rows" in spoilt(function, name, EYE[:2])
+
+
+ROTATIONS = [
+    (function, name)
+    for function, good in GOOD.items()
+    for name, value in good.items()
+    if np.shape(value) == (3, 3) and "_from_" in name
+]
+
+
+@pytest.mark.parametrize(("function", "name"), ROTATIONS, ids=lambda x: getattr(x, "__name__", x))
+def test_reflections_and_stretched_matrices_are_refused(function, name):
+    assert f"{name}: expected rotation matrices" in spoilt(function, name, 2 * EYE)
+    assert f"{name}: expected rotation matrices" in spoilt(function, name, -EYE)

@@ -1,0 +1,394 @@
+"""Bad input meets an error that says what was expected, what came, and what to do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+from numpy.random import SeedSequence, default_rng
+
+from reproduce.physics import (
+    calibration,
+    camera,
+    chromatic,
+    gauss_newton,
+    grids,
+    pixel_angles,
+    registration,
+    rotary,
+    similarity,
+    simulate,
+    starting,
+)
+from reproduce.physics.validate import DegenerateGeometryError
+
+SOURCE = np.array([[100.0, 200.0], [900.0, 300.0], [500.0, 1200.0], [40.0, 1000.0]])
+TARGET = SOURCE * 1.001 + 0.5
+LINE = np.array([[0.0, 5.0], [10.0, 5.5], [20.0, 6.0]])
+START = np.array([1.0, 0.0, 0.0, 0.0])
+PIVOT = np.array([500.0, 400.0])
+CAMERA = camera.Camera(25e-3, PIVOT, 40.0, 4e-6)
+SEEDS = SeedSequence(1)
+STARLIGHT = np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 1.0]])
+SIMILARITY = similarity.Similarity(1.001, 0.001, (0.5, 0.5), PIVOT)
+FIT = {"source": SOURCE, "target": TARGET, "pivot": PIVOT}
+STEP = {"parameters": START, **FIT}
+
+# Every public function, with arguments that it takes; arrays and floats among them are spoilt.
+CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
+    "Camera": (
+        camera.Camera,
+        {
+            "focal_length": 25e-3,
+            "principal_point": PIVOT,
+            "radial_distortion": 40.0,
+            "pixel_pitch": 4e-6,
+        },
+    ),
+    "ideal_positions": (
+        camera.ideal_positions,
+        {"directions": STARLIGHT, "focal_length": 25e-3},
+    ),
+    "radial_displacements": (
+        camera.radial_displacements,
+        {"ideal": SOURCE, "radial_distortion": 1.0},
+    ),
+    "turned_onto_detector": (
+        camera.turned_onto_detector,
+        {"positions": SOURCE, "rotation": 0.1},
+    ),
+    "image_points": (
+        camera.image_points,
+        {"directions": STARLIGHT, "camera": CAMERA, "rotation": 0.1},
+    ),
+    "field_of_view": (
+        pixel_angles.field_of_view,
+        {"pixels": 1000.0, "pixel_pitch": 4e-6, "focal_length": 25e-3},
+    ),
+    "angle_from_pixels": (
+        pixel_angles.angle_from_pixels,
+        {"pixels": 10.0, "pixel_pitch": 4e-6, "focal_length": 25e-3},
+    ),
+    "pixels_from_angle": (
+        pixel_angles.pixels_from_angle,
+        {"angle": 0.1, "pixel_pitch": 4e-6, "focal_length": 25e-3},
+    ),
+    "scale_factor": (
+        chromatic.scale_factor,
+        {"reference_focal_length": 25e-3, "focal_length": 25e-3},
+    ),
+    "reference_ideal_positions": (
+        chromatic.reference_ideal_positions,
+        {"ideal": SOURCE, "scale": 1.0},
+    ),
+    "distortion_ratio": (
+        chromatic.distortion_ratio,
+        {"scale": 1.0, "reference_distortion": 40.0, "distortion": 40.0},
+    ),
+    "distortion_ratio_equal_coefficients": (
+        chromatic.distortion_ratio_equal_coefficients,
+        {"scale": 1.0},
+    ),
+    "distortion_ratio_linear": (chromatic.distortion_ratio_linear, {"scale": 1.0}),
+    "reference_points_from_ideal": (
+        chromatic.reference_points_from_ideal,
+        {"ideal": SOURCE, "displacements": SOURCE, "scale": 1.0, "principal_point": PIVOT},
+    ),
+    "offsets_from_principal_point": (
+        chromatic.offsets_from_principal_point,
+        {"points": SOURCE, "principal_point": PIVOT},
+    ),
+    "reference_points_scaled": (
+        chromatic.reference_points_scaled,
+        {"points": SOURCE, "scale": 1.0, "principal_point": PIVOT},
+    ),
+    "rotary_matrix": (rotary.rotary_matrix, {"external": 0.1, "middle": 0.1}),
+    "rotary_matrix_printed": (rotary.rotary_matrix_printed, {"external": 0.1, "middle": 0.1}),
+    "starlight": (rotary.starlight, {"external": 0.1, "middle": 0.1}),
+    "Similarity": (
+        similarity.Similarity,
+        {"scale": 1.0, "rotation": 0.1, "shift": np.zeros(2), "pivot": PIVOT},
+    ),
+    "Similarity.transform": (SIMILARITY.transform, {"points": SOURCE}),
+    "Similarity.about": (SIMILARITY.about, {"pivot": PIVOT}),
+    "principal_point_shift": (
+        similarity.principal_point_shift,
+        {"principal_point": PIVOT, "reference_principal_point": PIVOT},
+    ),
+    "similarity_between": (
+        similarity.similarity_between,
+        {"camera": CAMERA, "rotation": 0.1, "reference": CAMERA},
+    ),
+    "fit_similarity": (registration.fit_similarity, {**FIT, "weights": np.ones(4)}),
+    "rmse": (registration.rmse, {"points": SOURCE, "reference": TARGET}),
+    "rmse_per_axis": (registration.rmse_per_axis, {"points": SOURCE, "reference": TARGET}),
+    "paired_points": (registration.paired_points, {"source": SOURCE, "target": TARGET}),
+    "model_points": (
+        gauss_newton.model_points,
+        {"parameters": START, "source": SOURCE, "pivot": PIVOT},
+    ),
+    "jacobian": (
+        gauss_newton.jacobian,
+        {"parameters": START, "source": SOURCE, "pivot": PIVOT},
+    ),
+    "deviations": (gauss_newton.deviations, STEP),
+    "gauss_newton_step": (gauss_newton.gauss_newton_step, STEP),
+    "gauss_newton_step_printed": (gauss_newton.gauss_newton_step_printed, STEP),
+    "correction": (gauss_newton.correction, STEP),
+    "line_direction": (starting.line_direction, {"points": LINE}),
+    "two_line_rotation": (
+        starting.two_line_rotation,
+        {"source_line": LINE, "target_line": LINE},
+    ),
+    "starting_values": (
+        starting.starting_values,
+        {"source_line": LINE, "target_line": LINE, "source_zero": PIVOT, "target_zero": PIVOT},
+    ),
+    "random_starts": (
+        starting.random_starts,
+        {"start": START, "half_widths": START, "count": 2, "generator": default_rng(1)},
+    ),
+    "calibrate": (calibration.calibrate, {**FIT, "start": START}),
+    "calibrate_from_all": (calibration.calibrate_from_all, {**FIT, "starts": START[None]}),
+    "Stopping": (calibration.Stopping, {"movement": 1e-9, "steps": 9}),
+    "constraint": (calibration.constraint, {"rotation": 0.1}),
+    "constraint_printed": (calibration.constraint_printed, {"rotation": 0.1}),
+    "lattices": (grids.lattices, {"half_x": 8.0, "half_y": 6.0, "step": 0.9}),
+    "arrangements": (
+        lambda **given: list(grids.arrangements(**given)),
+        {"half_x": 8.0, "half_y": 6.0, "step": 0.9},
+    ),
+    "arrangements_with": (
+        grids.arrangements_with,
+        {"count": 9, "half_x": 8.0, "half_y": 6.0, "step": 0.9},
+    ),
+    "table_starlight": (simulate.table_starlight, {"angles": SOURCE * 1e-4}),
+    "channel_centroids": (
+        simulate.channel_centroids,
+        {"cameras": [CAMERA], "rotations": np.zeros(1), "angles": SOURCE * 1e-4},
+    ),
+    "noisy_centroids": (
+        simulate.noisy_centroids,
+        {"centroids": SOURCE[None], "sigma": 0.05, "seeds": SEEDS, "replicates": 2},
+    ),
+    "spawned_normals": (
+        simulate.spawned_normals,
+        {"seeds": SEEDS, "replicates": 2, "shape": (3,)},
+    ),
+    "spawned_angles": (
+        simulate.spawned_angles,
+        {"seeds": SEEDS, "replicates": 2, "count": 3, "half_range": np.array([0.1, 0.1])},
+    ),
+}
+SPOILABLE = [
+    (name, argument)
+    for name, (_, arguments) in CALLS.items()
+    for argument, value in arguments.items()
+    if isinstance(value, (np.ndarray, float))
+]
+COUNTS = [
+    (name, argument)
+    for name, (_, arguments) in CALLS.items()
+    for argument, value in arguments.items()
+    if isinstance(value, int)
+]
+LENGTHS = {"focal_length", "reference_focal_length", "pixel_pitch", "scale", "half_x", "step"}
+
+
+def call(name: str, **changes: Any) -> Any:
+    function, arguments = CALLS[name]
+    return function(**arguments | changes)
+
+
+def refuses(name: str, argument: str, value: Any) -> str:
+    with pytest.raises((ValueError, TypeError)) as caught:
+        call(name, **{argument: value})
+    message = str(caught.value)
+    assert argument in message, message
+    assert re.search(r"expected .*, got .*; \w+", message, re.DOTALL), message
+    return message
+
+
+def test_the_table_holds_every_public_function() -> None:
+    modules = (
+        calibration, camera, chromatic, gauss_newton, grids, pixel_angles, registration,
+        rotary, similarity, simulate, starting,
+    )  # fmt: skip
+    # These take arrays that others have checked, to go fast.
+    inner = {"per_point", "as_complex", "as_points"}
+    for module in modules:
+        for name, thing in vars(module).items():
+            own = getattr(thing, "__module__", None) == module.__name__
+            if own and callable(thing) and not isinstance(thing, type) and name[0] != "_":
+                assert name in CALLS or name in inner, f"{module.__name__}.{name}"
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_the_unspoilt_call_works(name: str) -> None:
+    call(name)
+
+
+@given(st.data())
+def test_nan_and_infinity_are_refused(data: st.DataObject) -> None:
+    name, argument = data.draw(st.sampled_from(SPOILABLE))
+    good = np.asarray(CALLS[name][1][argument], dtype=float)
+    spoilt = good.copy()
+    index = tuple(data.draw(st.integers(0, side - 1)) for side in good.shape)
+    spoilt[index] = data.draw(st.sampled_from([np.nan, np.inf, -np.inf]))
+    assert "finite" in refuses(name, argument, spoilt)
+
+
+@pytest.mark.parametrize(("name", "argument"), SPOILABLE)
+def test_empty_text_and_complex_are_refused(name: str, argument: str) -> None:
+    good = np.asarray(CALLS[name][1][argument], dtype=float)
+    refuses(name, argument, np.empty((0, *good.shape)))
+    refuses(name, argument, "ten")
+    refuses(name, argument, good + 1j)
+
+
+@given(st.data())
+def test_a_wrong_shape_is_refused(data: st.DataObject) -> None:
+    arrays = [pair for pair in SPOILABLE if np.ndim(CALLS[pair[0]][1][pair[1]])]
+    name, argument = data.draw(st.sampled_from(arrays))
+    good = np.asarray(CALLS[name][1][argument])
+    shape = data.draw(npst.array_shapes(min_dims=0, max_dims=2, min_side=1, max_side=5))
+    # One row is enough for most, and a row more or less may be a different number of points.
+    assume(shape[-1:] != good.shape[-1:])
+    with pytest.raises((ValueError, TypeError), match="expected"):
+        call(name, **{argument: np.ones(shape)})
+
+
+@pytest.mark.parametrize(("name", "argument"), [pair for pair in SPOILABLE if pair[1] in LENGTHS])
+@given(value=st.floats(max_value=0, allow_infinity=False))
+def test_a_length_of_zero_or_less_is_refused(name: str, argument: str, value: float) -> None:
+    assert "above zero" in refuses(name, argument, value)
+
+
+@pytest.mark.parametrize(("name", "argument"), COUNTS)
+def test_a_count_that_is_none_is_refused(name: str, argument: str) -> None:
+    for bad in (0, -3, 2.5, True, "2"):
+        refuses(name, argument, bad)
+
+
+@given(st.floats(max_value=0, exclude_max=True, allow_infinity=False))
+def test_negative_sigma_weights_and_widths_are_refused(value: float) -> None:
+    assert "zero or more" in refuses("noisy_centroids", "sigma", value)
+    assert "zero or more" in refuses("fit_similarity", "weights", np.array([1, 1, value, 1]))
+    assert "zero or more" in refuses("random_starts", "half_widths", START + value)
+    assert "zero or more" in refuses("spawned_angles", "half_range", np.array([value, 0.1]))
+
+
+def test_unlike_counts_are_refused() -> None:
+    for name in ("fit_similarity", "rmse", "deviations", "gauss_newton_step", "calibrate"):
+        second = "reference" if name == "rmse" else "target"
+        assert "4 and 3" in refuses(name, second, TARGET[:3])
+    assert "2 cameras" in refuses("channel_centroids", "cameras", [CAMERA, CAMERA])
+    assert "per channel" in refuses("noisy_centroids", "sigma", np.ones(3))
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "value"),
+    [
+        ("fit_similarity", "pivot", np.zeros((3, 2))),
+        ("rmse", "reference", np.stack([TARGET] * 3)),
+        ("calibrate", "start", np.stack([START] * 3)),
+        ("Similarity.transform", "points", None),
+        ("image_points", "rotation", np.zeros(3)),
+        ("rotary_matrix", "middle", np.zeros(3)),
+        ("noisy_centroids", "centroids", np.zeros((3, 1, 4, 2))),
+    ],
+)
+def test_unlike_batches_are_refused(name: str, argument: str, value: Any) -> None:
+    function, arguments = CALLS[name]
+    two = {
+        key: np.stack([value, value])
+        for key, value in arguments.items()
+        if isinstance(value, np.ndarray) and key != argument
+    } or {key: np.zeros(2) for key in arguments if key == "external"}
+    if name == "Similarity.transform":
+        pairs = similarity.Similarity([1, 1], 0, (0, 0), PIVOT)
+        function, two, value = pairs.transform, {}, np.stack([SOURCE] * 3)
+    if name == "noisy_centroids":
+        two = {}
+    with pytest.raises(ValueError, match=r"expected leading .* got .*; give"):
+        function(**{**arguments, **two, argument: value})
+
+
+@pytest.mark.parametrize("name", ["fit_similarity", "calibrate", "gauss_newton_step"])
+@given(point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 4))
+def test_one_point_and_coincident_points_are_refused(
+    name: str, point: tuple[float, float], count: int
+) -> None:
+    same = np.tile(point, (count, 1))
+    changes = {"source": same, "target": TARGET[:count]}
+    if name == "fit_similarity":
+        changes["weights"] = None
+    with pytest.raises(DegenerateGeometryError, match=r"expected .*, got .*; \w+"):
+        call(name, **changes)
+
+
+def test_coincident_targets_are_refused() -> None:
+    same = np.tile(TARGET[:1], (4, 1))
+    for name in ("fit_similarity", "calibrate"):
+        with pytest.raises(DegenerateGeometryError, match="target"):
+            call(name, target=same)
+
+
+def test_zero_weights_are_refused_and_one_is_not_enough() -> None:
+    assert "at least one" in refuses("fit_similarity", "weights", np.zeros(4))
+    with pytest.raises(DegenerateGeometryError, match="weight above zero"):
+        call("fit_similarity", weights=[0, 0, 1, 0])
+
+
+@given(point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 5))
+def test_a_line_needs_two_points(point: tuple[float, float], count: int) -> None:
+    with pytest.raises(DegenerateGeometryError, match=r"expected .*, got .*; \w+"):
+        starting.line_direction(np.tile(point, (count, 1)))
+    with pytest.raises(DegenerateGeometryError, match="alike"):
+        starting.line_direction([[0, 0], [1, 0], [1, 1], [0, 1]])
+
+
+@given(
+    npst.arrays(float, (3,), elements=st.floats(-10, 10)).filter(
+        lambda star: star[2] <= 1e-10 * np.abs(star[:2]).max()
+    )
+)
+def test_stars_beside_and_behind_the_camera_are_refused(star: np.ndarray) -> None:
+    assert "in front" in refuses("ideal_positions", "directions", star[None])
+
+
+def test_special_refusals() -> None:
+    assert "no ratio" in refuses("distortion_ratio", "distortion", 0.0)
+    assert "radians" in refuses("pixels_from_angle", "angle", 45.0)
+    assert "radians" in refuses("lattices", "step", 1e-5)
+    assert "one number" in refuses("lattices", "step", np.array([0.9, 0.8]))
+    assert "one x and one y" in refuses("spawned_angles", "half_range", np.ones((3, 2)))
+    assert "SeedSequence" in refuses("spawned_normals", "seeds", 7)
+    assert "leave" in refuses("gauss_newton_step", "free", 5)
+    assert "0 or more" in refuses("spawned_normals", "first", -1)
+
+
+@given(st.data())
+def test_a_fit_of_anything_is_finite_or_refused(data: st.DataObject) -> None:
+    count = data.draw(st.integers(1, 5))
+    # Few different values, so that points coincide, mirror and line up.
+    elements = st.one_of(st.integers(-2, 2).map(float), st.floats(-1e4, 1e4, width=32))
+    source, target = (
+        data.draw(npst.arrays(float, (count, 2), elements=elements)) for _ in range(2)
+    )
+    try:
+        fit = registration.fit_similarity(source, target, (0.0, 0.0))
+    except DegenerateGeometryError:
+        return
+    assert np.isfinite(fit.parameters).all()
+    assert np.isfinite(fit.cofactor).all()
+    size = 1 + np.abs(target).max()
+    np.testing.assert_allclose(fit.residuals.sum(axis=0), 0, atol=1e-9 * size)
+    again = target - fit.similarity.transform(source)
+    np.testing.assert_allclose(fit.residuals, again, atol=1e-9 * size)

@@ -1,0 +1,97 @@
+"""The arrows of the design: which folder may import which."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parent.parent / "src" / "reproduce"
+
+# Folder -> what it may import from the project. A dotted name allows that module alone.
+ARROWS = {
+    "physics": {"physics"},
+    "printed": {"printed", "locate"},
+    "store": {"store", "locate"},
+    "inference": {"inference", "physics"},
+    "papers": {"papers", "inference", "physics", "store", "printed.given"},
+    "judge": {"judge", "papers", "printed", "locate"},
+    "audit": {"audit", "printed", "physics"},
+    "views": {"views", "judge", "audit", "inference", "store", "printed", "papers", "locate"},
+}
+PHYSICS_MAY_NOT = {"pathlib", "io", "os", "tomllib", "json", "csv", "pandas", "importlib"}
+FILES = sorted(SOURCE.rglob("*.py"))
+
+
+def imports(path):
+    """Yield the modules that a file imports; relative imports as a leading dot."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                yield "." * node.level + (node.module or "")
+            elif node.module and node.module.startswith("reproduce"):
+                yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            else:
+                yield node.module or ""
+
+
+def violations(path, folder):
+    """Yield the imports that the arrows forbid."""
+    for name in imports(path):
+        if name.startswith("."):
+            yield f"{name} (relative)"
+        elif name.startswith("reproduce."):
+            inner = name.removeprefix("reproduce.")
+            allowed = any(inner == a or inner.startswith(f"{a}.") for a in ARROWS[folder])
+            if not allowed and inner not in {"__version__", "RELEASED"}:
+                yield name
+        elif folder == "physics" and name.split(".")[0] in PHYSICS_MAY_NOT:
+            yield f"{name} (physics reads no file)"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(SOURCE).as_posix())
+def test_imports_follow_the_arrows(path):
+    parts = path.relative_to(SOURCE).parts
+    if len(parts) == 1:
+        inner = [name for name in imports(path) if name.startswith("reproduce")]
+        allowed = {"__init__.py": [], "locate.py": [], "__main__.py": ["reproduce.views.cli.main"]}
+        assert inner == allowed[path.name]
+        return
+    assert list(violations(path, parts[0])) == []
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(SOURCE).as_posix())
+def test_physics_opens_no_file(path):
+    if "physics" not in path.relative_to(SOURCE).parts:
+        return
+    calls = {
+        node.func.id if isinstance(node.func, ast.Name) else node.func.attr
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute)
+    }
+    assert not calls & {"open", "load", "loadtxt", "genfromtxt", "fromfile", "read_text"}
+
+
+@pytest.mark.parametrize(
+    ("folder", "line"),
+    [
+        ("physics", "from reproduce.printed import cells"),
+        ("physics", "import pathlib"),
+        ("papers", "from reproduce.printed.cells import library"),
+        ("papers", "from reproduce.judge import ledger"),
+        ("judge", "from reproduce.views import words"),
+        ("store", "from reproduce.papers import catalogue"),
+        ("views", "from reproduce.physics import camera"),
+        ("views", "from . import words"),
+    ],
+)
+def test_forbidden_imports_are_seen(tmp_path, folder, line):
+    path = tmp_path / "module.py"
+    path.write_text(line)
+    assert list(violations(path, folder))
+
+
+def test_every_folder_has_its_arrows():
+    folders = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
+    assert folders == set(ARROWS)

@@ -1,0 +1,102 @@
+"""Equations: those that items cite are implemented, and the book shows each with its function."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from reproduce.papers.catalogue import catalogue
+
+ROOT = Path(__file__).parent.parent
+PHYSICS = ROOT / "src" / "reproduce" / "physics"
+BOOK = ROOT / "book"
+CLAIM = re.compile(
+    r"^\s*Implements: (niu2024|chen2023) ((?:\(\d+\)(?:, | and |\.))+)", re.MULTILINE
+)
+PRINTED = re.compile(r"Printed form of (niu2024|chen2023) \((\d+)\)")
+LABEL = re.compile(r"^\$\$ ?\(((?:niu2024|chen2023)-[a-z0-9-]+)\)", re.MULTILINE)
+
+
+def docstrings():
+    """Yield the full name and the docstring of every public function, class and method."""
+    for path in sorted(PHYSICS.glob("*.py")):
+        module = f"reproduce.physics.{path.stem}"
+        yield from _inside(ast.parse(path.read_text(encoding="utf-8")), module)
+
+
+def _inside(node, prefix):
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef) and not child.name.startswith("_"):
+            name = f"{prefix}.{child.name}"
+            yield name, ast.get_docstring(child) or ""
+            yield from _inside(child, name)
+
+
+def claims(text):
+    """Return the equations that a docstring says it implements."""
+    return {
+        f"{paper}-{number}"
+        for paper, numbers in CLAIM.findall(text)
+        for number in re.findall(r"\d+", numbers)
+    }
+
+
+IMPLEMENTED: dict[str, list[str]] = {}
+for _name, _text in docstrings():
+    for _equation in claims(_text):
+        IMPLEMENTED.setdefault(_equation, []).append(_name)
+CITED = {
+    f"{item.paper}-{number}"
+    for item in catalogue().values()
+    for computation in item.computations
+    for number in computation.equations
+}
+PAGES = {path: path.read_text(encoding="utf-8") for path in sorted(BOOK.glob("*/*.md"))}
+SHOWN = {label: path for path, text in PAGES.items() for label in LABEL.findall(text)}
+
+
+def test_claims_are_read():
+    assert claims("Implements: niu2024 (17), (18).") == {"niu2024-17", "niu2024-18"}
+    assert claims("Printed form of niu2024 (24).") == set()
+
+
+@pytest.mark.parametrize("equation", sorted(CITED))
+def test_cited_equations_are_implemented(equation):
+    assert equation in IMPLEMENTED
+
+
+def test_nearly_every_equation_of_both_papers_is_implemented():
+    niu = {f"niu2024-{n}" for n in range(1, 27)}
+    chen = {f"chen2023-{n}" for n in range(1, 12)}
+    assert set(IMPLEMENTED) == niu | chen
+
+
+def test_every_mention_of_implementing_is_understood():
+    """A docstring that says Implements in another form would silently claim nothing."""
+    for name, text in docstrings():
+        if "Implements" in text:
+            assert claims(text), name
+
+
+@pytest.mark.parametrize("equation", sorted(IMPLEMENTED))
+def test_the_book_shows_the_equation_beside_its_function(equation):
+    page = PAGES[SHOWN[equation]]
+    links = set(re.findall(r"\{py:(?:func|meth|class)\}`~?([\w.]+)`", page))
+    assert links & set(IMPLEMENTED[equation]), f"{equation}: no link to {IMPLEMENTED[equation]}"
+
+
+def test_the_book_shows_no_equation_that_is_not_implemented():
+    printed = {
+        f"{paper}-{number}-printed"
+        for _, text in docstrings()
+        for paper, number in PRINTED.findall(text)
+    }
+    assert set(SHOWN) <= set(IMPLEMENTED) | printed
+
+
+def test_links_from_the_book_lead_to_public_functions():
+    public = {name for name, _ in docstrings()}
+    for path, text in PAGES.items():
+        for name in re.findall(r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`", text):
+            assert name in public, f"{path.name}: {name}"

@@ -1,0 +1,151 @@
+"""The command line: what it prints, and with which exit code it ends."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from reproduce.judge import expected
+from reproduce.papers.catalogue import catalogue
+from reproduce.views.cli import main
+
+FIELDS = (
+    "key cell printed unit role computed verdict flags tolerance share probability mcse why "
+    "function equations seed"
+).split()
+
+
+def run(*arguments, columns=80):
+    return CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(main, arguments)
+
+
+def test_list_names_every_item_in_order_of_print():
+    result = run("list")
+    assert result.exit_code == 0
+    shown = [
+        line.split()[0] for line in result.stdout.splitlines() if "2024/" in line or "2023/" in line
+    ]
+    assert shown == list(catalogue())
+
+
+def test_list_as_json():
+    listed = json.loads(run("list", "--json").stdout)
+    assert [entry["key"] for entry in listed] == list(catalogue())
+    assert next(e for e in listed if e["key"] == "niu2024/fig-4")["draws"] is True
+
+
+def test_check_of_everything_ends_with_zero():
+    result = run("check")
+    assert result.exit_code == 0, result.output
+    assert "All 333 verdicts are as frozen." in result.stdout
+    for verdict in ("exact", "consistent", "differs", "blocked", "pending", "input"):
+        assert verdict in result.stdout
+
+
+def test_check_of_one_item_as_json():
+    result = run("check", "niu2024/table-2", "--json")
+    records = json.loads(result.stdout)["records"]
+    assert result.exit_code == 0
+    assert len(records) == 8
+    assert all(set(FIELDS) <= set(record) for record in records)
+    first = records[0]
+    assert (first["cell"], first["printed"], first["verdict"]) == (
+        "niu2024/table-2#scale.red",
+        "0.9976",
+        "exact",
+    )
+
+
+def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
+    frozen = dict(expected.frozen())
+    frozen["niu2024/table-2#scale.red"] = expected.Expectation("differs", "for the test")
+    monkeypatch.setattr(expected, "frozen", lambda: frozen)
+    result = run("check", "niu2024/table-2", "niu2024/table-1")
+    assert result.exit_code == 1
+    assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stderr
+    assert result.stderr.count("expected") == 1
+
+
+@pytest.mark.parametrize("command", [["check"], ["show"], ["export", "--format", "csv"], ["cite"]])
+def test_unknown_keys_get_suggestions_and_exit_code_two(command):
+    result = run(*command, "niu2024/tabel-3")
+    assert result.exit_code == 2
+    assert "niu2024/table-3" in result.stderr
+
+
+@pytest.mark.parametrize("key", list(catalogue()))
+def test_show_fits_80_columns(key):
+    result = run("show", key)
+    assert result.exit_code == 0
+    assert max(len(line) for line in result.stdout.splitlines()) <= 80
+    assert "…" not in result.stdout
+
+
+@pytest.mark.parametrize("command", [["list"], ["check"]])
+def test_tables_fit_80_columns_uncut(command):
+    output = run(*command).stdout
+    assert max(len(line) for line in output.splitlines()) <= 80
+    assert "…" not in output
+
+
+def test_show_puts_computed_beside_printed():
+    lines = run("show", "niu2024/table-3").stdout.splitlines()
+    (row,) = [line for line in lines if "rotation.red" in line]
+    assert row.split() == ["rotation.red", "0.0698", "0.0700", "°", "consistent"]
+
+
+def test_wide_terminals_show_more():
+    assert "allowed or predicted" in run("show", "niu2024/table-3", columns=140).stdout
+
+
+def test_show_of_a_figure_says_how_to_draw_it():
+    assert "reproduce figure niu2024/fig-4" in run("show", "niu2024/fig-4").stdout
+
+
+def test_no_progress_bar_in_a_pipe():
+    result = subprocess.run(
+        [sys.executable, "-m", "reproduce", "check"], capture_output=True, text=True, check=True
+    )
+    assert result.stderr == ""
+    assert "\x1b" not in result.stdout
+
+
+def test_figures_are_written(tmp_path):
+    for ending, start in ((".svg", b"<?xml"), (".pdf", b"%PDF"), (".png", b"\x89PNG")):
+        out = tmp_path / f"figure{ending}"
+        result = run("figure", "niu2024/fig-4", "--out", str(out))
+        assert result.exit_code == 0, result.output
+        assert out.read_bytes().startswith(start)
+
+
+@pytest.mark.parametrize(
+    ("key", "out", "message"),
+    [
+        ("niu2024/table-1", "x.svg", "has no figure; these have one"),
+        ("niu2024/fig-4", "x.bmp", "unknown ending '.bmp'"),
+    ],
+)
+def test_figures_that_cannot_be_drawn_are_told(tmp_path, key, out, message):
+    result = run("figure", key, "--out", str(tmp_path / out))
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.split())
+
+
+def test_an_unwritable_place_is_told(tmp_path):
+    result = run("figure", "niu2024/fig-4", "--out", str(tmp_path / "missing" / "x.svg"))
+    assert result.exit_code == 1
+    assert "cannot write" in result.stderr
+
+
+def test_exporting_a_figure_is_refused():
+    result = run("export", "niu2024/fig-4", "--format", "csv")
+    assert result.exit_code == 2
+    assert "reproduce figure niu2024/fig-4" in result.stderr
+
+
+def test_the_version_is_told():
+    import reproduce
+
+    assert run("--version").stdout.strip() == f"reproduce, version {reproduce.__version__}"

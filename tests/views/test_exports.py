@@ -1,0 +1,112 @@
+"""Exports and citations are read back by other programs' readers."""
+
+import io
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from pybtex.database import parse_string
+
+from reproduce.judge import ledger
+from reproduce.papers.catalogue import catalogue
+from reproduce.views.cite import citation
+from reproduce.views.export import FORMATS, export
+from reproduce.views.figures import draw, drawable, save
+
+KEY = "chen2023/table-5"
+
+
+@pytest.fixture(scope="module")
+def table():
+    return ledger.build([KEY])
+
+
+def test_csv_carries_every_field_at_full_precision(table):
+    frame = pd.read_csv(io.StringIO(export(table, KEY, "csv")), dtype={"printed": str})
+    records = table.of(KEY)
+    assert list(frame["cell"]) == [record.cell for record in records]
+    assert list(frame["printed"]) == [record.printed for record in records]
+    for record, value in zip(records, frame["computed"], strict=True):
+        assert (record.computed is None) == bool(np.isnan(value))
+        assert record.computed is None or value == record.computed
+
+
+def test_json_reads_back_as_a_ledger(table):
+    assert ledger.Ledger.model_validate_json(export(table, KEY, "json")) == table
+
+
+def test_markdown_has_a_row_per_cell_with_trailing_zeros(table):
+    lines = export(table, KEY, "markdown").splitlines()
+    assert len(lines) == 2 + len(table.records)
+    (row,) = [line for line in lines if "| 2.difference-y " in line]
+    assert [part.strip() for part in row.strip("|").split("|")][:3] == [
+        "2.difference-y",
+        "-0.040",
+        "-0.040",
+    ]
+
+
+def test_latex_is_plain_ascii_with_caption_and_label(table):
+    text = export(table, KEY, "latex")
+    assert text.isascii()
+    assert r"\label{tab:chen2023-table-5}" in text
+    assert text.count(r"\\") == 1 + len(table.records)
+
+
+def test_unknown_formats_are_refused(table):
+    with pytest.raises(ValueError, match="unknown format 'xls': expected one of csv"):
+        export(table, KEY, "xls")
+    with pytest.raises(ValueError, match="unknown format 'ris'"):
+        citation(KEY, "ris")
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("key", [k for k in catalogue() if "/fig-" not in k])
+def test_every_item_exports(key, form):
+    assert export(ledger.build([key]), key, form)
+
+
+@pytest.mark.parametrize("key", list(catalogue()))
+def test_citations_name_item_and_paper(key):
+    paper = key.split("/")[0]
+    parsed = parse_string(citation(key, "bibtex"), "bibtex").entries
+    assert list(parsed) == [f"reproduce-{key.replace('/', '-')}", paper]
+    assert parsed[paper].fields["doi"].startswith("10.")
+    listed = json.loads(citation(key, "csl"))
+    assert [entry["id"] for entry in listed] == list(parsed)
+    assert listed[1]["DOI"] == parsed[paper].fields["doi"]
+    text = citation(key, "text")
+    assert key in text
+    assert len(text.splitlines()) == 2
+
+
+def test_citations_keep_the_case_of_names():
+    assert "Table 3 of Niu et al. (2024)" in citation("niu2024/table-3", "text")
+
+
+def test_figures_are_the_same_at_every_drawing(tmp_path):
+    key = drawable()[0]
+    for name in ("a.svg", "b.svg"):
+        save(key, tmp_path / name)
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+@pytest.mark.parametrize("key", drawable())
+def test_every_axis_has_its_unit_or_counts(key):
+    for axes in draw(key).axes:
+        drawn = [axes.get_xlabel(), axes.get_ylabel()]
+        assert drawn[0], "the x axis has no label"
+        for label in filter(None, drawn):
+            assert "(" in label or label in {"frames averaged", "state"}, label
+
+
+def test_the_frame_averaging_figure_marks_every_printed_value():
+    """24 printed accuracies, at the values of the table."""
+    printed = []
+    for axes in draw("chen2023/table-4").axes:
+        for line in axes.lines:
+            if line.get_label().startswith("printed"):
+                printed += list(line.get_ydata())
+    cells = [r for r in ledger.build(["chen2023/table-4"]).records if r.unit == "arcsec"]
+    np.testing.assert_allclose(sorted(printed), sorted(float(r.printed) for r in cells))
