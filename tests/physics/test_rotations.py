@@ -42,7 +42,9 @@ def test_quaternion_has_its_scalar_last():
     expected = Rotation.from_quat(quaternions).as_matrix()
     np.testing.assert_allclose(rotation_from_quaternion(quaternions), expected, atol=1e-15)
     np.testing.assert_allclose(rotation_from_quaternion([0, 0, 0, -2]), np.eye(3))
-    np.testing.assert_allclose(rotation_from_quaternion(1e-180 * quaternions), expected, atol=1e-15)
+    for length in (1e-180, 1e180):
+        found = rotation_from_quaternion(length * quaternions)
+        np.testing.assert_allclose(found, expected, atol=1e-15)
 
 
 def test_cross_matrix_is_the_cross_product():

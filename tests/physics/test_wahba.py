@@ -10,10 +10,17 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest
 
+from reproduce.physics import wahba_solvers
 from reproduce.physics.rotations import cross_matrix
 from reproduce.physics.validate import DegenerateGeometryError
 from reproduce.physics.wahba import attitude, attitude_covariance, mean_rotation, solve
-from reproduce.physics.wahba_solvers import by_q_method, by_quest, by_svd, davenport_matrix
+from reproduce.physics.wahba_solvers import (
+    by_q_method,
+    by_quest,
+    by_svd,
+    davenport_matrix,
+    largest_component,
+)
 
 METHODS = ("svd", "q-method", "quest")
 EPSILON = np.finfo(float).eps
@@ -93,18 +100,53 @@ def test_svd_agrees_with_scipy_to_a_picoradian():
 
 
 @pytest.mark.parametrize("near", [True, False])
-def test_on_a_tight_cluster_svd_agrees_with_scipy_and_the_others_to_ten_nanoradians(near):
+@pytest.mark.parametrize("seen_from", ["boresight", "aside"])
+def test_on_a_tight_cluster_svd_agrees_with_scipy_and_the_others_to_a_nanoradian(near, seen_from):
     rng = np.random.default_rng(21)
+    source = CLUSTER if seen_from == "boresight" else CLUSTER @ random_rotations(1, 22)[0]
     turns = 1e-5 * rng.standard_normal((300, 3)) if near else rng.standard_normal((300, 3))
     truth = Rotation.from_rotvec(turns).as_matrix()
-    target = noisy(CLUSTER @ np.swapaxes(truth, -1, -2), 4e-6, rng)
-    reference = np.array([scipy_attitude(row, CLUSTER) for row in target])
-    assert angle_between(attitude(target, CLUSTER), reference).max() < 1e-12
-    for method in ("q-method", "quest"):
-        solution = solve(target, CLUSTER, method=method)
+    target = noisy(source @ np.swapaxes(truth, -1, -2), 4e-6, rng)
+    reference = np.array([scipy_attitude(row, source) for row in target])
+    if seen_from == "boresight":
+        assert angle_between(attitude(target, source), reference).max() < 1e-12
+    for method in METHODS:
+        solution = solve(target, source, method=method)
         error = angle_between(solution.rotation, reference)
         assert error.max() < 1e-9
         assert (error < ROUNDINGS * EPSILON * 4 / solution.eigenvalue_gap).all()
+
+
+def test_quest_falls_back_on_svd_only_for_mirrored_data(monkeypatch):
+    rng = np.random.default_rng(23)
+    sides = random_rotations(200, 24)
+    profiles = {
+        name: np.mean(
+            noisy(rows @ np.swapaxes(sides, -1, -2), 1e-5, rng)[..., :, np.newaxis]
+            * rows[:, np.newaxis, :],
+            axis=-3,
+        )
+        for name, rows in {**SETS, "cluster aside": CLUSTER @ sides[0]}.items()
+    }
+    expected = {name: by_svd(profile)[0] for name, profile in profiles.items()}
+
+    def refuse(profile):
+        raise AssertionError(f"QUEST gave up on {len(profile)} sets")
+
+    monkeypatch.setattr(wahba_solvers, "by_svd", refuse)
+    for name, profile in profiles.items():
+        rotation, gap = by_quest(profile)
+        assert (angle_between(rotation, expected[name]) < ROUNDINGS * EPSILON / gap).all()
+    with pytest.raises(AssertionError, match="QUEST gave up on 1 sets"):
+        by_quest(np.diag([-0.4, -0.3, -0.300001]))
+
+
+def test_quest_takes_the_half_turn_that_leaves_the_largest_scalar():
+    turns = Rotation.random(500, random_state=np.random.default_rng(27))
+    profiles = turns.as_matrix() @ np.diag([0.5, 0.3, 0.2])
+    x, y, z, scalar = np.abs(turns.as_quat()).T
+    expected = np.argmax([scalar, x, y, z], axis=0)
+    np.testing.assert_array_equal(largest_component(profiles, np.full(500, 1 - 1e-9)), expected)
 
 
 def test_the_solvers_agree_from_wide_fields_to_clusters_lost_in_noise():

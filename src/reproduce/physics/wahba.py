@@ -43,7 +43,7 @@ class WahbaSolution:
     rotation : ndarray, shape (..., 3, 3)
         target_from_source.
     loss : ndarray, shape (...)
-        sum w |target - rotation @ source|^2 over unit vectors. With weights 1/sigma^2, sigma
+        ``sum w |target - rotation @ source|^2`` over unit vectors. With weights 1/sigma^2, sigma
         the error of a direction about each axis across it, its expectation is 2n - 3 and it
         follows the chi-square law with that many degrees of freedom.
     attitude_profile : ndarray, shape (..., 3, 3)
@@ -114,7 +114,7 @@ def attitude(
     weights: ArrayLike | None = None,
     method: str = "svd",
 ) -> FloatArray:
-    """Return the rotation that minimises sum w |target - rotation @ source|^2.
+    """Return the rotation that minimises ``sum w |target - rotation @ source|^2``.
 
     Parameters
     ----------
@@ -124,8 +124,8 @@ def attitude(
     weights : array_like, shape (..., n), optional
         Relative weights, such as inverse variances; all one where none are given.
     method : {"svd", "q-method", "quest"}
-        The solver. All agree; "quest" is the fastest over many frames, "svd" the most
-        accurate where all directions are close together.
+        The solver. All agree to rounding over the eigenvalue gap; "quest" is the fastest over
+        many frames, "svd" the most accurate for spots close about a boresight.
 
     Returns
     -------
@@ -279,7 +279,7 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     array([1., 1., 1.])
     """
     array = rotations("matrices", finite_array("matrices", matrices, shape=(None, 3, 3)))
-    mean, _ = _best(array.mean(axis=-3) / 3.0, "svd")
+    mean, _ = _best(array.mean(axis=-3), "svd")
     return mean
 
 
@@ -306,9 +306,7 @@ def _prepared(
 
 def _shares(weights: ArrayLike | None, count: int) -> FloatArray:
     checked = weights_for(weights, count)
-    # The largest first, so that the sum of huge weights stays finite.
-    scaled = checked / checked.max(axis=-1, keepdims=True)
-    shares: FloatArray = scaled / scaled.sum(axis=-1, keepdims=True)
+    shares: FloatArray = checked / checked.sum(axis=-1, keepdims=True)
     return shares
 
 

@@ -2,7 +2,7 @@
 
 The profile B = sum w t s^T gathers target directions t and source directions s; its weights
 sum to one. Each solver returns the rotation A that maximises trace(A B^T), which is the one
-that minimises sum w |t - A s|^2, and the gap between the two largest eigenvalues of
+that minimises ``sum w |t - A s|^2``, and the gap between the two largest eigenvalues of
 Davenport's matrix K: half of it is the stiffness against turning about the worst axis, and
 at zero that turn is free. The solvers share nothing but B, so their agreement is evidence:
 
@@ -10,13 +10,14 @@ at zero that turn is free. The solvers share nothing but B, so their agreement i
 - `by_q_method`: the leading eigenvector of Davenport's matrix K;
 - `by_quest`: Newton's iteration on the characteristic polynomial of K (Shuster and Oh 1981).
 
-Each is accurate to a few roundings over the gap, SVD to a few over its square root. QUEST
-needs care to get there. The quaternion is taken from cofactors of K - lambda, because the
-matrix that the textbook form inverts is singular at a half turn. And its polynomial has
-nearly a double root when all directions are close together, as laser spots are; expanded in
-powers of lambda it then loses half the digits of the root. Two things keep them: the
-polynomial in Markley's form, whose three terms all vanish with the gap, and reflections that
-first bring B to a graded form, in which determinant and cofactors cancel nothing.
+Each is accurate to a few roundings over the gap; SVD to far fewer where the directions crowd
+about the axis of a frame, as spots do about a boresight. QUEST needs care to get there. The
+quaternion is taken from cofactors of K - lambda, because the matrix that the textbook form
+inverts is singular at a half turn. And its polynomial has nearly a double root when all
+directions are close together; expanded in powers of lambda it then loses half the digits of
+the root. Two things keep them: the polynomial in Markley's form, whose three terms all vanish
+with the gap, and reflections that first bring B to a graded form, in which determinant and
+cofactors cancel nothing. Where even that does not resolve the root, SVD takes over.
 """
 
 from __future__ import annotations
@@ -168,7 +169,7 @@ def davenport_matrix(profile: FloatArray) -> FloatArray:
 def largest_root(profile: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the largest eigenvalue of Davenport's matrix without forming the matrix.
 
-    Newton's iteration on (x^2 - |B|^2)^2 - 8 x det B - 4 |cof B|^2, which rises and is
+    Newton's iteration on ``(x^2 - |B|^2)^2 - 8 x det B - 4 |cof B|^2``, which rises and is
     convex beyond its largest root, so from above every step falls short of the root.
 
     Parameters
@@ -232,7 +233,7 @@ def _gap_at(root: FloatArray, square: FloatArray, volume: FloatArray) -> FloatAr
 def _rotation_at(profile: FloatArray, root: FloatArray) -> FloatArray:
     """Return the rotation of the eigenvector of K at `root`, from cofactors of K - root."""
     # Of Shuster's sequential rotations take the one whose quaternion has the largest scalar.
-    turns = HALF_TURNS[_largest_component(profile, root)]
+    turns = HALF_TURNS[largest_component(profile, root)]
     turned = profile * turns[..., np.newaxis, :]
     trace = np.einsum("...ii->...", turned)
     block = -(turned + transpose(turned))
@@ -247,8 +248,26 @@ def _rotation_at(profile: FloatArray, root: FloatArray) -> FloatArray:
     return rotation_from_quaternion(quaternion) * turns[..., np.newaxis, :]
 
 
-def _largest_component(profile: FloatArray, root: FloatArray) -> IndexArray:
-    """Return which half turn, of none, X, Y, Z, is closest to the rotation at `root`."""
+def largest_component(profile: FloatArray, root: FloatArray) -> IndexArray:
+    """Return which component of the quaternion is the largest.
+
+    Parameters
+    ----------
+    profile : ndarray, shape (..., 3, 3)
+        The attitude profile matrix B.
+    root : ndarray, shape (...)
+        The largest eigenvalue of Davenport's matrix.
+
+    Returns
+    -------
+    ndarray of int, shape (...)
+        0 for the scalar, 1, 2, 3 for X, Y, Z: the half turn closest to the rotation.
+
+    Examples
+    --------
+    >>> int(largest_component(np.diag([-0.2, -0.3, 0.5]), np.array(1.0)))
+    3
+    """
     matrix = davenport_matrix(profile)
     for i in range(4):
         matrix[..., i, i] -= root

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import library
+from reproduce.printed.cells import find, library
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +51,8 @@ def draw(key: str) -> Figure:
     from matplotlib.figure import Figure
 
     table = library().get(key)
-    printed = {c.address: c.si for c in table.cells if c.is_number} if table else {}
+    marked = [*(table.cells if table else ()), *(c for mark in item.marks for c in find(mark))]
+    printed = {c.address: c.si for c in marked if c.is_number}
     with style.context(STYLE):
         figure = Figure(layout="constrained")
         item.draw(figure, printed)

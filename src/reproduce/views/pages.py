@@ -17,7 +17,7 @@ from reproduce.judge.expected import reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.niu2024 import angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
@@ -181,6 +181,30 @@ def figure(key: str, alternative: str) -> Html:
         The figure as inline SVG.
     """
     return Html(inline(draw(key), f"figure-{anchor(key)}", alternative))
+
+
+def study(name: str) -> Html:
+    """Show a table of our own results that no paper prints.
+
+    Parameters
+    ----------
+    name : str
+        A known study, such as ``chen2023/readings``.
+
+    Returns
+    -------
+    Html
+        The table; it carries no verdict.
+
+    Raises
+    ------
+    KeyError
+        If there is no such study; the message lists them.
+    """
+    known = studies()
+    if name not in known:
+        raise KeyError(f"unknown study {name!r}: expected one of {', '.join(known)}")
+    return Html(_templates().get_template("study.html").render(study=known[name](), name=name))
 
 
 def score(paper: str | None = None) -> Html:

@@ -1,0 +1,143 @@
+"""What the pages call: tables with anchors, figures that follow the theme, words for sentences."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import library
+from reproduce.views import pages, words
+from reproduce.views.downloads import shipped, write
+from reproduce.views.figures import drawable
+from reproduce.views.sayings import sayable, whole_ledger
+
+TABLES = list(library())
+
+
+class Reader(HTMLParser):
+    """Collects ids and the text of the printed numbers."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.printed, self.open = [], [], []
+        self.inside = False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        if "id" in attributes:
+            self.ids.append(attributes["id"])
+        self.inside = attributes.get("class") == "rp-printed"
+        if tag not in {"br", "meta", "path", "use"}:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        self.inside = False
+        while self.open and self.open.pop() != tag:
+            pass
+
+    def handle_data(self, data):
+        if self.inside:
+            self.printed.append(data)
+
+
+@pytest.mark.parametrize("key", TABLES)
+def test_every_cell_has_its_anchor_and_its_print(key):
+    reader = Reader(pages.table(key)._repr_html_())
+    for cell in library()[key].cells:
+        assert reader.ids.count(cell.anchor) == 1
+    assert reader.printed == [cell.shown for cell in library()[key].cells]
+    assert reader.open == []
+
+
+def test_anchors_are_unique_over_all_tables():
+    ids = [name for key in TABLES for name in Reader(pages.table(key).text).ids]
+    assert len(ids) == len(set(ids))
+
+
+def test_computed_and_verdict_stand_beside_the_print():
+    html = pages.table("niu2024/table-2").text
+    (cell,) = re.findall(r'<td id="niu2024-table-2-translation-x-red".*?</td>', html, re.DOTALL)
+    assert "0.3\u202fpx" in cell
+    assert "1.90" in cell
+    assert ">differs<" in cell
+    assert "follow from Table 1" in cell, "the reason stands in the title"
+
+
+def test_unknown_keys_are_refused():
+    with pytest.raises(KeyError, match="did you mean niu2024/table-3"):
+        pages.table("niu2024/tabel-3")
+
+
+@pytest.mark.parametrize("key", drawable())
+def test_figures_follow_the_theme_and_have_alternative_text(key):
+    html = pages.figure(key, 'a "quoted" text').text
+    assert 'role="img"' in html
+    assert 'aria-label="a &quot;quoted&quot; text"' in html
+    assert "currentColor" in html
+    assert "#000000" not in html
+    assert "<text" in html, "text stays text"
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert all(name.startswith(f"figure-{key.replace('/', '-')}") for name in ids)
+    for used in re.findall(r'(?:url\(#|href="#)([^)"]+)', html):
+        assert used in ids
+
+
+def test_the_score_adds_up():
+    html = pages.score().text
+    rows = [re.findall(r"<td>([\d·]+)</td>", row) for row in html.split("<tr>")[2:]]
+    numbers = [[int(n.replace("·", "0")) for n in row] for row in rows]
+    assert len(numbers) == 3
+    assert [a + b for a, b in zip(numbers[0], numbers[1], strict=True)] == numbers[2]
+    for row in numbers:
+        assert sum(row[:6]) == row[6]
+    assert numbers[2][6] == len(whole_ledger().records)
+
+
+def test_the_score_of_one_paper_lists_its_items():
+    html = pages.score("chen2023").text
+    for key in catalogue():
+        assert (f"<code>{key}</code>" in html) == (key.startswith("chen2023") and key in library())
+
+
+def test_sayings_of_a_cell_an_item_and_a_paper():
+    cell = sayable("niu2024/table-3#rotation.red")
+    assert cell["niu2024-table-3-rotation-red-printed"] == "0.0698°"
+    assert cell["niu2024-table-3-rotation-red-verdict"] == "consistent"
+    assert sayable("niu2024/table-3")["niu2024-table-3-joint"] == "below 1 in 2,000"
+    everything = sayable("all")
+    assert everything["all-cells"] == "333"
+    judged = sum(int(everything[f"all-{v}"]) for v in ("exact", "consistent", "differs"))
+    assert int(everything["all-judged"]) == judged
+
+
+@pytest.mark.parametrize("name", ["nobody1999", "niu2024/table-3#scale.green"])
+def test_nothing_can_be_said_of_what_does_not_exist(name):
+    with pytest.raises(KeyError):
+        sayable(name)
+
+
+@pytest.mark.parametrize(
+    ("value", "mcse", "shown"),
+    [(0.4321, 0.01, "0.43"), (0.05, 0.01, "0.05"), (0.0, 0.0004, "< 0.0008"), (1.0, 0.02, "1.00")],
+)
+def test_probabilities_show_no_more_digits_than_their_error_allows(value, mcse, shown):
+    assert words.chance(value, mcse) == shown
+
+
+def test_shipped_files_are_written(tmp_path):
+    write(tmp_path)
+    written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    assert written == set(shipped())
+    assert whole_ledger().model_validate_json((tmp_path / "ledger.json").read_text()) == (
+        whole_ledger()
+    )
+
+
+def test_small_pieces():
+    assert "<code>ledger.json</code>" in pages.downloads().text
+    assert "scale" in pages.source("niu2024/table-2").text
+    assert "Niu" in pages.citation("niu2024/table-3").text
+    assert "numpy" in pages.versions().text
+    assert repr(pages.verdict_legend()) == "<HTML>"
