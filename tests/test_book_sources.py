@@ -83,6 +83,17 @@ def test_every_drawing_is_shown_exactly_once():
     assert sorted(calls("figure")) == sorted(drawable())
 
 
+def test_every_physics_module_is_documented():
+    documented = {
+        name
+        for path in (BOOK / "api").glob("*.md")
+        for name in re.findall(r"automodule:: (\S+)", path.read_text(encoding="utf-8"))
+    }
+    folder = BOOK.parent / "src" / "reproduce" / "physics"
+    modules = {f"reproduce.physics.{path.stem}" for path in folder.glob("[!_]*.py")}
+    assert modules <= documented
+
+
 def test_every_page_is_in_the_table_of_contents():
     """A page outside it is skipped without a word."""
     text = (BOOK / "_toc.yml").read_text(encoding="utf-8")

@@ -181,6 +181,10 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         simulate.spawned_normals,
         {"seeds": SEEDS, "replicates": 2, "shape": (3,)},
     ),
+    "spawned_streams": (
+        lambda **given: list(simulate.spawned_streams(**given)),
+        {"seeds": SEEDS, "replicates": 2},
+    ),
     "spawned_angles": (
         simulate.spawned_angles,
         {"seeds": SEEDS, "replicates": 2, "count": 3, "half_range": np.array([0.1, 0.1])},

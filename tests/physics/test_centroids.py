@@ -130,6 +130,18 @@ def test_the_scatter_of_the_centre_of_gravity_is_as_predicted(trials):
     assert (np.abs(law.bias) > 4 * error).any(), "a bias of zero would pass as well"
 
 
+def test_read_noise_pushes_the_centre_of_gravity_away_from_the_middle_of_the_window():
+    point, corners, count = np.array([0.45, 0.0]), np.array([-2, -2]), 100_000
+    light = np.broadcast_to(spot_windows(point, 400.0, 0.6, corners, 5), (count, 5, 5))
+    noisy = expose(light, Detector(read_noise=10.0), np.random.default_rng(11))
+    found = centre_of_gravity(noisy, corners)[:, 0]
+    law = centre_of_gravity_error(point, 400.0, 0.6, corners, 5, 10.0)
+    quiet = centre_of_gravity_error(point, 400.0, 0.6, corners, 5)
+    error = np.sqrt(law.variance[0] / count)
+    assert abs(found.mean() - point[0] - law.bias[0]) < 4 * error
+    assert law.bias[0] - quiet.bias[0] > 8 * error
+
+
 def test_likelihood_reaches_the_bound_and_nothing_beats_it(trials):
     point, corners, noisy = trials
     bound = cramer_rao_variance(point, 3000.0, 0.6, corners, 5, 4.0)

@@ -18,6 +18,7 @@ from reproduce.physics.lasers import (
     pixel_angle,
     received_directions,
     received_jacobian,
+    received_spots,
 )
 from reproduce.physics.misalignment import (
     angle_jacobian,
@@ -86,6 +87,12 @@ def test_cameras_broadcast_against_frames():
         np.testing.assert_array_equal(row, received_directions(SPOTS, (511.5, 511.5), 13e-6, focal))
 
 
+def test_spots_come_back_from_their_directions():
+    np.testing.assert_allclose(received_spots(7.0 * RECEIVED, **TRACKER), SPOTS, atol=1e-10)
+    with pytest.raises(ValueError, match="directions: expected light from in front"):
+        received_spots(-RECEIVED, **TRACKER)
+
+
 def test_received_jacobian_is_the_derivative():
     found = received_jacobian(SPOTS, **TRACKER)
     for axis in range(2):
@@ -132,6 +139,11 @@ def test_pooled_weights_drop_a_frame_or_a_spot():
     np.testing.assert_allclose(
         three, laser_transform(EMITTED[:3], received[:, :3], pooled=True, method="svd"), atol=1e-12
     )
+
+
+def test_pooled_weights_that_do_not_fit_the_frames_are_refused():
+    with pytest.raises(ValueError, match=r"got weights \(3,\), tracker_directions \(5,\)"):
+        laser_transform(EMITTED, frames_of_spots(5), np.ones((3, 4)), pooled=True)
 
 
 def test_pooling_equals_averaging_single_frames_to_first_order():

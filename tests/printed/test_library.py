@@ -62,6 +62,12 @@ def test_every_cell_says_where_it_stands():
         assert re.search(r"(section|page) \S", cell.place), cell.address
 
 
+def test_claimed_misprints_are_shown_and_not_mended():
+    (claimed,) = [cell for cell in CELLS.values() if cell.misprint]
+    assert claimed.address == "chen2023/table-5#4.motion-y"
+    assert claimed.text == "60.66"
+
+
 def test_assumed_units_carry_a_reason():
     radial = [c for c in CELLS.values() if "radial-distortion" in c.name]
     assert len(radial) == 6

@@ -1,0 +1,1 @@
+"""Posteriors: models, sampling with emcee, diagnostics, calibration of the posteriors."""

@@ -14,10 +14,11 @@ from reproduce.printed.cells import find
 
 @dataclass(frozen=True)
 class Expectation:
-    """The verdict frozen for a cell, with the reason where one is due."""
+    """The verdict frozen for a cell, with the reason and the erratum where they are due."""
 
     verdict: str
     reason: str
+    erratum: str = ""
 
 
 @cache
@@ -48,7 +49,7 @@ def frozen() -> dict[str, Expectation]:
         for address in (cell.address for pattern in entry["cells"] for cell in find(pattern)):
             if address in expectations:
                 raise ValueError(f"{path.name}: {address} stands twice; keep one")
-            expectations[address] = Expectation(verdict, reason)
+            expectations[address] = Expectation(verdict, reason, entry.get("erratum", ""))
     return expectations
 
 
@@ -97,3 +98,20 @@ def reason(address: str) -> str:
     """
     expectation = frozen().get(address)
     return expectation.reason if expectation else ""
+
+
+def erratum(address: str) -> str:
+    """Return the id of the erratum behind a `differs`, empty where the register has none.
+
+    Parameters
+    ----------
+    address : str
+        The cell.
+
+    Returns
+    -------
+    str
+        An id of ``data/errata.toml``.
+    """
+    expectation = frozen().get(address)
+    return expectation.erratum if expectation else ""

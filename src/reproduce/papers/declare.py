@@ -110,7 +110,7 @@ class Computation:
         """The seed: the project's root and this computation's own number; () if deterministic."""
         if not self.replicates:
             return ()
-        return (ROOT_SEED, zlib.crc32(f"{self.key}:{self.function.__name__}".encode()))
+        return _entropy(f"{self.key}:{self.function.__name__}")
 
     def makes(self, name: str) -> bool:
         """Tell whether the cell called `name` is one that this computation makes."""
@@ -122,6 +122,32 @@ class Computation:
             return self.function(given)
         seed = np.random.SeedSequence(self.entropy[0], spawn_key=self.entropy[1:])
         return self.function(given, seed, replicates or self.replicates)
+
+
+def seed_of(name: str) -> np.random.SeedSequence:
+    """Return the random seed of something that is drawn or studied but judges no cell.
+
+    Parameters
+    ----------
+    name : str
+        Its key, such as ``chen2023/fig-8``.
+
+    Returns
+    -------
+    numpy.random.SeedSequence
+        Another one for every name.
+
+    Examples
+    --------
+    >>> seed_of("chen2023/fig-8").spawn_key == seed_of("chen2023/fig-9").spawn_key
+    False
+    """
+    root, key = _entropy(name)
+    return np.random.SeedSequence(root, spawn_key=(key,))
+
+
+def _entropy(name: str) -> tuple[int, int]:
+    return ROOT_SEED, zlib.crc32(name.encode())
 
 
 def reproduces(
@@ -180,11 +206,15 @@ class Item:
     draw : callable, optional
         ``draw(figure, printed)`` draws the item on a matplotlib figure; ``printed`` maps the
         addresses of the cells to be marked to their values, and comes from the caller.
+    marks : tuple of str
+        Addresses of cells of other items that the drawing marks, such as a figure's optimum that
+        is quoted in the text; an item's own cells need no mention.
     """
 
     key: str
     computations: tuple[Computation, ...] = ()
     draw: Callable[..., None] | None = None
+    marks: tuple[str, ...] = ()
 
     @property
     def paper(self) -> str:

@@ -99,6 +99,55 @@ def received_directions(
     return unit("spots", _outward(offsets * pitch[..., np.newaxis, np.newaxis], focal))
 
 
+def received_spots(
+    directions: ArrayLike,
+    principal_point: ArrayLike,
+    pixel_pitch: ArrayLike,
+    focal_length: ArrayLike,
+) -> FloatArray:
+    """Return where light from given directions makes spots: `received_directions` turned round.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., n, 3)
+        Tracker directions, of any length, pointing to where the light comes from.
+    principal_point, pixel_pitch, focal_length
+        As for `received_directions`.
+
+    Returns
+    -------
+    ndarray, shape (..., n, 2)
+        Spots, in px.
+
+    Raises
+    ------
+    ValueError
+        If a direction does not point in front of the tracker, a shape does not fit, a value is
+        not finite, or a length is not above zero.
+
+    Examples
+    --------
+    >>> received_spots([[-0.6, 0.0, 0.8]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
+    array([[13., 10.]])
+    """
+    rays = finite_array("directions", directions, shape=(None, 3))
+    centre = finite_array("principal_point", principal_point, shape=(2,))
+    pitch, focal = positive("pixel_pitch", pixel_pitch), positive("focal_length", focal_length)
+    common_batch(
+        directions=rays.shape[:-2],
+        principal_point=centre.shape[:-1],
+        pixel_pitch=pitch.shape,
+        focal_length=focal.shape,
+    )
+    if (rays[..., 2] <= 0).any():
+        raise ValueError(
+            "directions: expected light from in front of the tracker, got a third component of "
+            f"{rays[..., 2].min():g}; the tracker looks along its Z axis"
+        )
+    scale = (focal / pitch)[..., np.newaxis, np.newaxis]
+    return np.asarray(centre[..., np.newaxis, :] - scale * rays[..., :2] / rays[..., 2:])
+
+
 def received_jacobian(
     spots: ArrayLike,
     principal_point: ArrayLike,

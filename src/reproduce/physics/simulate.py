@@ -156,7 +156,7 @@ def noisy_centroids(
             f"{sigma.shape}; give one, or as many as there are channels"
         )
     noise = np.empty((replicates, *centroids.shape[-3:]))
-    for row, stream in zip(noise, _streams(seeds, replicates, first), strict=True):
+    for row, stream in zip(noise, spawned_streams(seeds, replicates, first), strict=True):
         draws = stream.standard_normal((repeats, *row.shape))
         # Averaged here, not later: ten repeats of many replicates would not fit in memory.
         row[...] = draws[0] if repeats == 1 else draws.mean(axis=0)
@@ -200,7 +200,7 @@ def spawned_normals(
     True
     """
     numbers = _table(replicates, shape)
-    for row, stream in zip(numbers, _streams(seeds, replicates, first), strict=True):
+    for row, stream in zip(numbers, spawned_streams(seeds, replicates, first), strict=True):
         row[...] = stream.standard_normal(row.shape)
     return numbers
 
@@ -250,7 +250,7 @@ def spawned_angles(
     if half.shape != (2,):
         raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
     numbers = _table(replicates, (whole_number("count", count), 2))
-    for row, stream in zip(numbers, _streams(seeds, replicates, first), strict=True):
+    for row, stream in zip(numbers, spawned_streams(seeds, replicates, first), strict=True):
         row[...] = stream.uniform(-half, half, row.shape)
     return numbers
 
@@ -260,14 +260,40 @@ def _table(replicates: int, shape: tuple[int, ...]) -> FloatArray:
     return np.empty((whole_number("replicates", replicates), *sides))
 
 
-def _streams(seeds: SeedSequence, replicates: int, first: int) -> Iterator[Generator]:
+def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Iterator[Generator]:
+    """Generators, one for each replicate, for draws that are not normal.
+
+    Parameters
+    ----------
+    seeds : numpy.random.SeedSequence
+        One that is used for nothing else; it is not changed.
+    replicates : int
+        How many replicates.
+    first : int
+        Number of the first replicate, where a long run is done in parts.
+
+    Yields
+    ------
+    numpy.random.Generator
+        The stream of one replicate, the same in whatever part of the run it is asked for.
+
+    Raises
+    ------
+    TypeError
+        If `seeds` is not a SeedSequence, or a count is not a whole number.
+
+    Examples
+    --------
+    >>> len(list(spawned_streams(SeedSequence(1), 3)))
+    3
+    """
     if not isinstance(seeds, SeedSequence):
         raise TypeError(
             f"seeds: expected a numpy.random.SeedSequence, got {type(seeds).__name__}; "
             "pass SeedSequence(your_number)"
         )
     first = whole_number("first", first, least=0)
-    for number in range(first, first + replicates):
+    for number in range(first, first + whole_number("replicates", replicates)):
         # spawn() would count up inside `seeds`, and a second call would draw other numbers.
         child = SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, number))
         yield Generator(PCG64(child))

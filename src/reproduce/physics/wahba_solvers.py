@@ -16,8 +16,9 @@ quaternion is taken from cofactors of K - lambda, because the matrix that the te
 inverts is singular at a half turn. And its polynomial has nearly a double root when all
 directions are close together; expanded in powers of lambda it then loses half the digits of
 the root. Two things keep them: the polynomial in Markley's form, whose three terms all vanish
-with the gap, and reflections that first bring B to a graded form, in which determinant and
-cofactors cancel nothing. Where even that does not resolve the root, SVD takes over.
+with the gap, and half turns of both frames that first bring crowded or heavy directions to
+the Z axis, where determinant and cofactors cancel nothing and the error is one of roll alone.
+Where even that does not resolve the root, SVD takes over.
 """
 
 from __future__ import annotations
@@ -127,8 +128,8 @@ def by_quest(profile: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     columns = np.einsum("...ij,...ij->...j", profile, profile).argmax(axis=-1)
     rows = np.einsum("...ij,...ij->...i", profile, profile).argmax(axis=-1)
-    left = _reflection_to_z(_take(transpose(profile), columns))
-    right = _reflection_to_z(_take(profile, rows))
+    left = _half_turn_to_z(_take(transpose(profile), columns))
+    right = _half_turn_to_z(_take(profile, rows))
     graded = left @ profile @ right
     root, gap, blur = largest_root(graded)
     rotation = left @ _rotation_at(graded, root) @ right
@@ -292,15 +293,15 @@ def _axial(profile: FloatArray) -> FloatArray:
     return result
 
 
-def _reflection_to_z(vector: FloatArray) -> FloatArray:
-    """Return the mirror matrices that carry each vector onto the Z axis, up or down."""
+def _half_turn_to_z(vector: FloatArray) -> FloatArray:
+    """Return half turns that carry each vector onto the Z axis, up or down."""
     length = np.sqrt(np.einsum("...i,...i->...", vector, vector))
-    normal = vector / np.where(length > 0, length, 1.0)[..., np.newaxis]
-    # Away from Z, so that the sum does not cancel; its square is then two at least.
-    normal[..., 2] += np.where(normal[..., 2] < 0, -1.0, 1.0)
-    square = np.einsum("...i,...i->...", normal, normal)
-    outer = normal[..., :, np.newaxis] * normal[..., np.newaxis, :]
-    result: FloatArray = np.eye(3) - (2.0 / square)[..., np.newaxis, np.newaxis] * outer
+    axis = vector / np.where(length > 0, length, 1.0)[..., np.newaxis]
+    # The bisector of the vector and the nearer end of Z: a sum that does not cancel.
+    axis[..., 2] += np.where(axis[..., 2] < 0, -1.0, 1.0)
+    square = np.einsum("...i,...i->...", axis, axis)
+    outer = axis[..., :, np.newaxis] * axis[..., np.newaxis, :]
+    result: FloatArray = (2.0 / square)[..., np.newaxis, np.newaxis] * outer - np.eye(3)
     return result
 
 

@@ -23,7 +23,8 @@ from reproduce.printed.schema import (
 from reproduce.printed.units import si_factor, symbol
 
 PAPERS = ("niu2024", "chen2023")
-_SIGNS = {"less": "< ", "greater": "> ", "at-least": "≥ ", "within": "± ", "about": "≈ "}
+# A no-break space keeps sign and digits on one line.
+_SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,8 @@ class Cell:
         """The cell as a reader sees it: qualifier, digits, unit."""
         if isinstance(self.content, str):
             return self.content
-        lead = _SIGNS.get(self.content.qualifier or "", "")
+        sign = _SIGNS.get(self.content.qualifier or "", "")
+        lead = f"{sign}\u00a0" if sign else ""
         unit = symbol(self.unit)
         gap = "" if unit in {"", "°", "″"} else "\u202f"
         return f"{lead}{self.text.replace('-', '−')}{gap}{unit}"

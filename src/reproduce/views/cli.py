@@ -1,4 +1,4 @@
-"""The command line: list, check, show, export, figure and cite."""
+"""The command line: list, check, show, export, figure, cite, audit, posterior and calibrate."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from rich.padding import Padding
 
 import reproduce
 from reproduce.views.keys import UnknownKeyError, check_key
+from reproduce.views.posterior_commands import calibrate, posterior
 
 if TYPE_CHECKING:
     from reproduce.judge.ledger import Ledger
@@ -31,6 +32,7 @@ class _Key(click.ParamType[str]):
 
 
 KEY = _Key()
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -40,6 +42,10 @@ def main() -> None:
 
     A KEY names a table, a figure or a group of quoted numbers, such as niu2024/table-3.
     """
+
+
+main.add_command(posterior)
+main.add_command(calibrate)
 
 
 @main.command("list")
@@ -176,6 +182,31 @@ def cite(key: str, form: str) -> None:
     from reproduce.views.cite import citation
 
     click.echo(citation(key, form))
+
+
+@main.command()
+@click.argument("paper", required=False, type=click.Choice(["niu2024", "chen2023"]))
+@click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+@click.option("--table", type=_FILE, help="Audit this table of yours (format: data/README.md).")
+@click.option("--relations", type=_FILE, help="What its numbers should keep, in TOML.")
+def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path | None) -> None:
+    """Cross-examine the printed numbers of a paper, or of a table of your own."""
+    from reproduce.views import audit_terminal, audit_words
+
+    if (table is None) != (relations is None) or (table and paper):
+        raise click.UsageError("give a PAPER, or both --table and --relations, or nothing")
+    try:
+        found = audit_words.audits(paper, table, relations)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    if as_json:
+        told = [audit_words.as_json(one) for one in found]
+        click.echo(json.dumps(told, indent=2, ensure_ascii=False))
+        return
+    width = Console().width
+    for one in found:
+        for line in audit_terminal.lines(one):
+            click.echo(audit_terminal.wrapped(line, width))
 
 
 def _ledger(keys: tuple[str, ...]) -> Ledger:

@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 import reproduce
-from reproduce.judge.expected import reason
+from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import data_folder
@@ -75,7 +75,7 @@ def table(key: str) -> Html:
             place=printed.place,
             title=printed.title,
             corner="Quantity" if single else "",
-            single=single,
+            legend=not single and any(record.role == "result" for record in ledger.of(key)),
             heads=heads,
             rows=rows,
             joint=_joint_sentence(ledger.table(key)),
@@ -86,10 +86,12 @@ def table(key: str) -> Html:
 
 
 def _single(printed: PrintedTable, ledger: Ledger) -> tuple[list[str], list[dict[str, Any]]]:
-    heads = ["Printed", "Computed", "Verdict", "Where"]
+    elsewhere = any(cell.place != printed.place for cell in printed.cells)
+    heads = ["Printed", "Computed", "Verdict", *(["Where"] if elsewhere else [])]
     rows = []
     for cell, record in zip(printed.cells, ledger.of(printed.key), strict=True):
-        columns = [_printed(cell), _computed(record), _verdict(record), escape(cell.place)]
+        columns = [_printed(cell), _computed(record), _verdict(record)]
+        columns += [escape(cell.place)] if elsewhere else []
         cells = [{"html": html, "verdict": record.verdict, "anchor": ""} for html in columns]
         rows.append({"label": cell.label, "anchor": cell.anchor, "cells": cells})
     return heads, rows
@@ -117,6 +119,8 @@ def _printed(cell: Cell) -> Markup:
     assumed = ""
     if cell.unit_assumed and cell.is_number:
         assumed = Markup(' <abbr title="{}">unit ours</abbr>').format(cell.unit_assumed)
+    if cell.misprint:
+        assumed += Markup(' <abbr title="{}">misprint?</abbr>').format(cell.misprint)
     return Markup('<span class="rp-printed">{}</span>{}{}').format(cell.shown, sigma, assumed)
 
 
@@ -127,7 +131,7 @@ def _computed(record: Record) -> Markup:
 
 def _verdict(record: Record) -> Markup:
     text = reason(record.cell) if record.verdict == "differs" else record.why
-    marks = "".join(f" {flag.replace('_', ' ')}" for flag in _shown_flags(record))
+    marks = ", ".join(flag.replace("_", " ") for flag in _shown_flags(record))
     flags = Markup('<span class="rp-flag">{}</span>').format(marks) if marks else ""
     badge = Markup('<span class="rp-badge rp-badge-{0}" title="{1}">{0}</span>{2}')
     return badge.format(record.verdict, text, flags)
@@ -151,6 +155,7 @@ def _detail(record: Record) -> dict[str, str]:
         "share": "" if record.share is None else f"{record.share:.2f}",
         "verdict": record.verdict,
         "why": why,
+        "erratum": erratum(record.cell) if record.verdict == "differs" else "",
     }
 
 
@@ -229,7 +234,7 @@ def score(paper: str | None = None) -> Html:
     else:
         for item in catalogue().values():
             if item.paper == paper and ledger.of(item.key):
-                groups[item.key] = ledger.of(item.key)
+                groups[item.key.partition("/")[2]] = ledger.of(item.key)
     return Html(_templates().get_template("score.html").render(rows=_score_rows(groups)))
 
 
@@ -286,7 +291,7 @@ def source(key: str) -> Html:
         The file as it stands in `data/printed/`.
     """
     path = data_folder() / "printed" / f"{keys.check_key(key)}.toml"
-    return Html(Markup("<pre>{}</pre>").format(path.read_text(encoding="utf-8")))
+    return Html(Markup('<pre class="rp-source">{}</pre>').format(path.read_text(encoding="utf-8")))
 
 
 def downloads() -> Html:

@@ -8,18 +8,20 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import reproduce
 from reproduce.judge import readings
-from reproduce.papers.niu2024 import study
+from reproduce.papers.niu2024 import fusion, images, study
 from reproduce.printed.given import given
 from reproduce.store import studies
 
-Arrays = dict[str, NDArray[np.generic]]
+Arrays = dict[str, NDArray[Any]]
 READINGS = "niu2024-readings"
+FUSION = "niu2024-fusion"
 QUANTILES = (0.005, 0.025, 0.5, 0.975, 0.995)
 # Replicates stored whole, so that a small part can be recomputed and compared.
 KEPT = 20
@@ -82,8 +84,31 @@ def niu2024_readings(replicates: int = study.REPLICATES, processes: int = 2) -> 
     }
 
 
+def niu2024_fusion(trials: int = fusion.TRIALS) -> Arrays:
+    """Compare centroids and signals with and without registration, on simulated images.
+
+    Parameters
+    ----------
+    trials : int
+        Exposures of each star in each place.
+
+    Returns
+    -------
+    dict
+        The arrays of `papers.niu2024.fusion.Outcome`.
+    """
+    found = fusion.simulate(given(images.READS), trials)
+    return {
+        "error": found.error,
+        "bias": found.bias,
+        "signal_to_noise": found.signal_to_noise,
+        "colour": found.colour,
+    }
+
+
 STUDIES: dict[str, tuple[Callable[[], Arrays], int, int]] = {
     READINGS: (niu2024_readings, study.SEED, study.REPLICATES),
+    FUSION: (niu2024_fusion, fusion.SEED, fusion.PHASES * fusion.TRIALS),
 }
 
 

@@ -6,7 +6,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from reproduce.judge.expected import reason
+from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.declare import Item
@@ -118,6 +118,8 @@ def remarks(ledger: Ledger, key: str) -> list[str]:
     for record in records:
         if record.verdict in {"differs", "blocked", "pending"}:
             text = reason(record.cell) if record.verdict == "differs" else record.why
+            if record.verdict == "differs" and (known := erratum(record.cell)):
+                text = f"{text} Erratum {known}."
             reasons.setdefault(f"{record.verdict}: {text}", []).append(
                 record.cell.partition("#")[2]
             )

@@ -122,7 +122,7 @@ def chance(value: float, mcse: float) -> str:
     '0.43'
     """
     if value < mcse:
-        return f"< {2 * mcse:.1g}"
+        return f"<\u00a0{2 * mcse:.1g}"
     decimals = 1
     while decimals < 6 and 10.0**-decimals > 2 * mcse:
         decimals += 1

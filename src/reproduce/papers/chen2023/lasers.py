@@ -46,6 +46,22 @@ def angle_response(given: Given) -> FloatArray:
     ndarray, shape (2, 4, 2)
         Derivative of the angles about X and Y of the camera by x and y of each spot, in rad/px.
     """
+    return turn_response(given)[:2]
+
+
+def turn_response(given: Given) -> FloatArray:
+    """Return the same response for the angles about X, Y and Z, roll included.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells of `READS`.
+
+    Returns
+    -------
+    ndarray, shape (3, 4, 2)
+        In rad/px.
+    """
     spots = given.array(SPOTS).reshape(-1, 2)
     pixels = given.array(f"{PLATFORM}#tracker-pixels-*.value")
     centre = (pixels - 1) / 2  # the centre of the first pixel is at zero
@@ -59,8 +75,7 @@ def angle_response(given: Given) -> FloatArray:
         designed_positions(spots, given[DIAGONAL]),
         given[f"{PLATFORM}#telescope-focal-length.value"],
     )
-    jacobian = angle_jacobian(camera, received_directions(*tracker), received_jacobian(*tracker))
-    return jacobian[:2]
+    return angle_jacobian(camera, received_directions(*tracker), received_jacobian(*tracker))
 
 
 def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
@@ -79,7 +94,7 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
         Positions on the camera's focal plane, in metres.
     """
     offsets = spots - spots.mean(axis=0)
-    corners = np.round(offsets / np.abs(offsets).max())  # the square stands on a corner
+    corners: FloatArray = np.round(offsets / np.abs(offsets).max())  # it stands on a corner
     return corners * diagonal / 2
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import Blocked, Pending, Results, reproduces
+from reproduce.papers.declare import Blocked, Results, reproduces
 from reproduce.physics import chromatic, pixel_angles
 from reproduce.printed.given import Given
 
@@ -63,18 +63,6 @@ def pointing_errors(given: Given) -> Results:
                 focal_length,
             )
         )
-        for channel in CHANNELS
-        for axis in AXES
-    }
-
-
-@reproduces(OUTCOME, cells=["rmse-*"], equations=["26"])
-def laboratory_rmse(given: Given) -> Results:
-    """RMSE values of the experiment: to be predicted by a twin of the laboratory."""
-    twin = Pending("the twin of the laboratory")
-    return {
-        f"rmse-{when}-{channel}-{axis}": twin
-        for when in ("before", "after")
         for channel in CHANNELS
         for axis in AXES
     }

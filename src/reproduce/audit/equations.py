@@ -1,0 +1,249 @@
+"""Equations cross-examined with themselves: each is run as printed, on printed numbers.
+
+A matrix that should be a rotation, an identity, a dimension, an iteration that should converge, a
+chain of frames that should close. Where the print fails, the right form runs beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from reproduce.audit.quantity import Sheet
+from reproduce.physics import chromatic, gauss_newton, installation, lasers, misalignment, stage
+from reproduce.physics.calibration import constraint, constraint_printed
+from reproduce.physics.camera import turned_onto_detector
+from reproduce.physics.rotary import rotary_matrix, rotary_matrix_printed
+from reproduce.physics.rotations import rotation_from_vector, transpose
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.units import si_factor
+
+# Far above the noise of double precision, far below any digit of print.
+_ZERO = 1e-9
+STEPS = 5
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """An equation run as printed.
+
+    Parameters
+    ----------
+    name : str
+        Its only name.
+    place : str
+        Equation or section.
+    asked : str
+        What an equation of this kind must do.
+    printed, right : float
+        What the printed form gives for it, and the form that the library uses.
+    wanted : float
+        What it should give.
+    meaning : str
+        What the numbers are.
+    """
+
+    name: str
+    place: str
+    asked: str
+    printed: float
+    right: float
+    wanted: float
+    meaning: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether the printed form does what it must."""
+        return abs(self.printed - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
+
+    @property
+    def mended(self) -> bool:
+        """Whether the form that the library uses does."""
+        return abs(self.right - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
+
+
+def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
+    """Run the equations of a paper as printed.
+
+    Parameters
+    ----------
+    paper : str
+        ``niu2024`` or ``chen2023``.
+    cells : mapping of str to Quantity
+        The printed numbers, for the arguments.
+
+    Returns
+    -------
+    list of Demonstration
+        In order of print.
+    """
+    runs: dict[str, tuple[Callable[[Sheet], Iterator[Demonstration]], ...]] = {
+        "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration),
+        "chen2023": (_unit_vectors, _chain, _stage_angle, _stage_signs),
+    }
+    return [shown for run in runs[paper] for shown in run(cells)]
+
+
+def _distortion_ratio(cells: Sheet) -> Iterator[Demonstration]:
+    k = cells["niu2024/table-2#scale.red"].si
+    ours, theirs = (cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red"))
+    right = float(chromatic.distortion_ratio(k, ours, theirs))
+    # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
+    printed = k**2 * ours / theirs
+    asked = "the ratio of distortions must be the same along x and y"
+    yield Demonstration("distortion-ratio", "(7)", asked, printed, right, right, "ratio along y")
+
+
+def _turned_back(cells: Sheet) -> Iterator[Demonstration]:
+    angle = cells["niu2024/table-2#rotation.red"].si
+    start = np.array([[3.0, 4.0]])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    back = turned_onto_detector(start, angle) @ np.array([[cosine, -sine], [sine, cosine]]).T
+    left = float(np.abs(back - start).max())
+    asked = "the rotation of (13) must undo that of (22) and (23)"
+    yield Demonstration("turned-back", "(13), (22), (23)", asked, left, left, 0.0, "what is left")
+
+
+def _rotary(cells: Sheet) -> Iterator[Demonstration]:
+    turn = cells["niu2024/text-simulation#range-x-high"].si
+    printed, right = (
+        float(np.linalg.det(form(0.0, turn))) for form in (rotary_matrix_printed, rotary_matrix)
+    )
+    asked = "a rotation matrix must have determinant one"
+    yield Demonstration(
+        "rotary-matrix", "(20)", asked, printed, right, 1.0, "determinant at the largest angle"
+    )
+
+
+def _constraint(cells: Sheet) -> Iterator[Demonstration]:
+    turn = cells["niu2024/table-2#rotation.red"].si
+    printed, right = float(constraint_printed(turn)), float(constraint(turn))
+    asked = "cosine and sine must lie on the unit circle"
+    yield Demonstration(
+        "unit-circle", "section 3.2", asked, printed, right, 0.0, "excess at a printed angle"
+    )
+
+
+def _iteration(cells: Sheet) -> Iterator[Demonstration]:
+    t = "niu2024/table-2#"
+    truth = np.array(
+        [
+            cells[f"{t}{row}.red"].si
+            for row in ("scale", "rotation", "translation-x", "translation-y")
+        ]
+    )
+    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
+    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * size
+    target = gauss_newton.model_points(truth, source, size / 2)
+    left = {}
+    for step in (gauss_newton.gauss_newton_step_printed, gauss_newton.gauss_newton_step):
+        found = np.array([1.0, 0.0, 0.0, 0.0])
+        for _ in range(STEPS):
+            found = step(found, source, target, size / 2)
+        left[step.__name__] = float(np.linalg.norm((found - truth)[2:]))
+    asked = f"an iteration must approach the solution; after {STEPS} steps the error must be gone"
+    yield Demonstration(
+        "iteration",
+        "(24), (25)",
+        asked,
+        left["gauss_newton_step_printed"],
+        left["gauss_newton_step"],
+        0.0,
+        "error of the translation in pixels",
+    )
+
+
+def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
+    half = cells["chen2023/text-hardware#laser-diagonal"].si / 2
+    places = np.array([[0.0, -half], [-half, 0.0], [half, 0.0], [0.0, half]])
+    return places, cells["chen2023/table-2#telescope-focal-length.value"].si
+
+
+def _unit_vectors(cells: Sheet) -> Iterator[Demonstration]:
+    length = float(np.linalg.norm(lasers.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
+    yield Demonstration(
+        "unit-vectors",
+        "(2), (3)",
+        "a direction must have length one",
+        length,
+        length,
+        1.0,
+        "length",
+    )
+
+
+def _chain(cells: Sheet) -> Iterator[Demonstration]:
+    """Close the chain (4), (6), (7): the misalignment put in must come out."""
+    camera = lasers.emitted_directions(*_laser_geometry(cells))
+    zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
+    turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
+    moved = installation.moved_laser_transform(zero, turned)
+    seen = camera @ moved.T  # w = T v, one row for each laser
+    left = float(np.abs(camera - seen @ (turned @ transpose(zero)).T).max())
+    asked = "the misalignment put in by (6) must make (7) vanish"
+    yield Demonstration("chain", "(4), (6), (7)", asked, left, left, 0.0, "largest residual")
+
+
+def _stage_angle(cells: Sheet) -> Iterator[Demonstration]:
+    travel = cells["chen2023/text-effectiveness#maximum-travel"].si
+    focal = cells["chen2023/text-effectiveness#focal-length"].si
+    arcsec = si_factor("arcsec")
+    printed, right = (
+        float(form(travel, focal)) / arcsec
+        for form in (stage.stage_angle_printed, stage.stage_angle)
+    )
+    asked = "a length moved behind a focal length must turn the beam by their ratio"
+    wanted = -float(np.arctan(travel / focal)) / arcsec
+    yield Demonstration(
+        "stage-angle",
+        "(10)",
+        asked,
+        printed,
+        right,
+        wanted,
+        "angle in arcseconds, the printed form with metres",
+    )
+
+
+def _stage_signs(cells: Sheet) -> Iterator[Demonstration]:
+    """Move the lasers along Y and let (5) and (7) measure which way the camera seems to turn."""
+    places, focal = _laser_geometry(cells)
+    shift = cells["chen2023/text-effectiveness#step"].si
+    before, after = (
+        lasers.emitted_directions(places + np.array([0.0, moved]), focal) for moved in (0.0, shift)
+    )
+    found = misalignment.misalignment(before, after, np.eye(3))
+    measured = float(misalignment.misalignment_angles(found)[0])
+    printed = float(stage.stage_angle(shift, focal))
+    right = float(stage.stage_angles([0.0, shift], focal)[0])
+    signs = [float(np.sign(angle)) for angle in (printed, right, measured)]
+    asked = "with right-handed axes (10) must have the sign that (7) measures about X"
+    yield Demonstration(
+        "stage-signs",
+        "(10)",
+        asked,
+        printed=signs[0],
+        right=signs[1],
+        wanted=signs[2],
+        meaning="sign of the angle about X",
+    )
+
+
+def refused_by_units() -> str:
+    """Let the units library judge the dimension of (10) as printed, and return its complaint.
+
+    Returns
+    -------
+    str
+        Why the tangent of a length has no value; empty if the library accepts it.
+    """
+    import pint
+
+    registry = pint.application_registry
+    try:
+        np.tan(registry.Quantity(1.0, "micrometer"))
+    except pint.DimensionalityError as error:
+        return str(error)
+    return ""

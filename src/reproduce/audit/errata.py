@@ -1,0 +1,79 @@
+"""The register of errata: what is printed, why it cannot be, and what the library does."""
+
+from __future__ import annotations
+
+import fnmatch
+import tomllib
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from reproduce.audit.equations import Demonstration
+from reproduce.audit.examine import Finding
+from reproduce.audit.report import Audit
+
+Conclusion = Literal["stands", "moves", "open"]
+
+
+class Erratum(BaseModel):
+    """One entry of the register.
+
+    The numbers of its evidence are not written in it: they come from the relations and equations
+    that it names.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    id: str
+    paper: Literal["niu2024", "chen2023"]
+    place: str
+    printed: str
+    problem: str
+    library: str
+    conclusion: Conclusion
+    because: str
+    status: Literal["open", "one reading of several", "reported", "confirmed"]
+    extraction: bool = False
+    relations: list[str] = []
+    equations: list[str] = []
+
+    def findings(self, audit: Audit) -> list[Finding]:
+        """Return the findings of the relations that the entry names."""
+        return [f for f in audit.findings if self.names(f.relation.name)]
+
+    def names(self, relation: str) -> bool:
+        """Tell whether the entry rests on a relation."""
+        return any(fnmatch.fnmatchcase(relation, pattern) for pattern in self.relations)
+
+    def demonstrations(self, audit: Audit) -> list[Demonstration]:
+        """Return the equations, run as printed, that the entry names."""
+        return [shown for shown in audit.equations if shown.name in self.equations]
+
+
+def register(text: str) -> list[Erratum]:
+    """Read the register.
+
+    Parameters
+    ----------
+    text : str
+        The content of ``data/errata.toml``.
+
+    Returns
+    -------
+    list of Erratum
+        In the order of the file.
+
+    Raises
+    ------
+    ValueError
+        If an entry does not follow the form, an id stands twice, or an entry has no evidence.
+    """
+    entries = [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]
+    seen: set[str] = set()
+    for entry in entries:
+        if entry.id in seen:
+            raise ValueError(f"erratum {entry.id!r} stands twice; give each its own id")
+        if not entry.relations and not entry.equations:
+            raise ValueError(f"erratum {entry.id!r}: name the relations or equations it rests on")
+        seen.add(entry.id)
+    return entries

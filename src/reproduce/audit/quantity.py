@@ -1,0 +1,200 @@
+"""A printed number as the audit sees it, and the values that print so under each rounding rule.
+
+What the print may mean:
+
+* a plain number was rounded: half up and half to even differ on a tie alone, so both give the
+  closed interval of half a unit of the last digit to either side; truncation (towards zero) and
+  ceiling (upwards) give one unit to one side;
+* ``about`` leaves open which way it was rounded: one unit of the last digit to either side;
+* a bound (``within``, ``less``, ...) is the limit itself, as stated, not a value;
+* a ``nominal`` value is the label itself; how far the true one may lie from it is up to the
+  relation, which says so with its reason;
+* a count is exact.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
+from typing import Literal
+
+from reproduce.printed.cells import Cell
+from reproduce.printed.number import PrintedNumber
+from reproduce.printed.units import si_factor
+
+Rule = Literal["nearest", "truncation", "ceiling"]
+ROUNDINGS = {
+    "half-up": ROUND_HALF_UP,
+    "half-even": ROUND_HALF_EVEN,
+    "truncation": ROUND_DOWN,
+    "ceiling": ROUND_CEILING,
+}
+# Binary arithmetic on decimal inputs leaves noise in the sixteenth digit; a tie is looked for
+# in the twelfth.
+_DIGITS = 12
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One printed number with its address and unit.
+
+    Parameters
+    ----------
+    address : str
+        Its only name; in a table ``KEY#row.column``.
+    number : PrintedNumber
+        The digits, with their qualifier.
+    unit : str
+        The unit of print.
+    """
+
+    address: str
+    number: PrintedNumber
+    unit: str
+
+    @property
+    def si(self) -> float:
+        """The printed number in SI units (pixels stay pixels)."""
+        return self.number.value * si_factor(self.unit)
+
+    @property
+    def key(self) -> str:
+        """The table or group."""
+        return self.address.partition("#")[0]
+
+    @property
+    def row(self) -> str:
+        """The row of the table; empty in a group."""
+        return self.address.partition("#")[2].rpartition(".")[0]
+
+    @property
+    def column(self) -> str:
+        """The column of the table, or the name in a group."""
+        return self.address.partition("#")[2].rpartition(".")[2]
+
+    def printing(self, text: str) -> Quantity:
+        """Return the same quantity with other digits."""
+        return replace(self, number=replace(self.number, text=text))
+
+
+Sheet = Mapping[str, Quantity]
+
+
+def quantity(address: str, text: str, unit: str = "1", qualifier: str | None = None) -> Quantity:
+    """Make a quantity from what stands on paper.
+
+    Parameters
+    ----------
+    address : str
+        Its name, ``table#row.column`` where it stands in a table.
+    text : str
+        The digits as printed.
+    unit : str
+        One of the units of `reproduce.printed.units`.
+    qualifier : str, optional
+        ``about``, ``nominal`` or a bound.
+
+    Returns
+    -------
+    Quantity
+        The printed number.
+
+    Raises
+    ------
+    ValueError
+        If the text is not a number or the unit is unknown.
+
+    Examples
+    --------
+    >>> allowed(quantity("t#1.a", "0.50", "mm"))
+    (0.000495, 0.000505)
+    """
+    si_factor(unit)
+    return Quantity(address, PrintedNumber(text, unit == "count", qualifier), unit)
+
+
+def sheet(cells: Iterable[Cell]) -> dict[str, Quantity]:
+    """Return the numbers among printed cells by address.
+
+    Parameters
+    ----------
+    cells : iterable of Cell
+        Printed cells; those of text are left out.
+
+    Returns
+    -------
+    dict
+        Address to quantity.
+    """
+    return {c.address: Quantity(c.address, c.number, c.unit) for c in cells if c.is_number}
+
+
+@functools.lru_cache(maxsize=200_000)
+def _printed(number: PrintedNumber, rule: Rule) -> Interval:
+    value, step = number.value, 2 * number.half_unit
+    if number.is_bound or number.qualifier == "nominal" or not step:
+        return value, value
+    if number.qualifier == "about":
+        return value - step, value + step
+    if rule == "ceiling":
+        return value - step, value
+    if rule == "truncation":
+        return (value - step if value <= 0 else value), (value + step if value >= 0 else value)
+    return value - step / 2, value + step / 2
+
+
+def allowed(printed: Quantity, rule: Rule = "nearest") -> Interval:
+    """Return the values that print so.
+
+    Parameters
+    ----------
+    printed : Quantity
+        The printed number.
+    rule : str
+        How the authors are supposed to have rounded.
+
+    Returns
+    -------
+    tuple of float
+        A closed interval, in SI units.
+    """
+    factor = si_factor(printed.unit)
+    low, high = _printed(printed.number, rule)
+    return low * factor, high * factor
+
+
+def rules_that_print(value: float, number: PrintedNumber) -> frozenset[str]:
+    """Return the rounding rules that turn a computed value into the printed digits.
+
+    Parameters
+    ----------
+    value : float
+        In the unit of print.
+    number : PrintedNumber
+        The print.
+
+    Returns
+    -------
+    frozenset of str
+        Some of half-up, half-even, truncation, ceiling.
+
+    Examples
+    --------
+    >>> sorted(rules_that_print(44.691, PrintedNumber("44.6")))
+    ['truncation']
+    >>> sorted(rules_that_print(0.25, PrintedNumber("0.3")))
+    ['ceiling', 'half-up']
+    """
+    if not math.isfinite(value):
+        return frozenset()
+    if value != 0:
+        value = float(f"{value:.{_DIGITS}g}")
+    last = Decimal(1).scaleb(number.exponent)
+    printed, exact = Decimal(number.text), Decimal(repr(value))
+    if number.exact:
+        return frozenset(ROUNDINGS) if exact == printed else frozenset()
+    return frozenset(n for n, r in ROUNDINGS.items() if exact.quantize(last, rounding=r) == printed)

@@ -1,0 +1,238 @@
+"""Slips of the pen: what one small mistake can turn a printed number, row or column into."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from reproduce.audit.quantity import Interval, Quantity, Sheet, allowed
+from reproduce.printed.units import UNITS
+
+Kind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
+
+# How large a slip is, in slips of one digit. Only the order matters: a mistake in one character
+# is smaller than one that moves a cell, and that is smaller than one that moves a whole line.
+COSTS: Mapping[Kind, float] = {
+    "digit": 1.0,
+    "swap": 1.0,
+    "sign": 1.0,
+    "drop": 1.25,
+    "extra": 1.25,
+    "unit": 1.5,
+    "cells": 1.5,
+    "rows": 2.0,
+    "columns": 2.0,
+}
+
+
+@dataclass(frozen=True)
+class Slip:
+    """One supposed mistake, and what the cells should have been.
+
+    Parameters
+    ----------
+    kind : str
+        What sort of slip.
+    told : str
+        In words.
+    changes : tuple of (str, Quantity)
+        Address and corrected number of every cell that it touches.
+    """
+
+    kind: Kind
+    told: str
+    changes: tuple[tuple[str, Quantity], ...]
+
+    @property
+    def cost(self) -> float:
+        """How large a slip it is."""
+        return COSTS[self.kind]
+
+    def undone(self, cells: Sheet) -> dict[str, Quantity]:
+        """Return the sheet with the slip corrected."""
+        return {**cells, **dict(self.changes)}
+
+
+def of_digits(text: str) -> Iterator[tuple[Kind, str]]:
+    """Yield what the digits may have been before a slip.
+
+    Parameters
+    ----------
+    text : str
+        The digits as printed.
+
+    Yields
+    ------
+    tuple of str
+        The kind of slip and the digits before it: one digit changed, two neighbours swapped, one
+        dropped (so that it is missing in print), one too many, the sign.
+
+    Examples
+    --------
+    >>> sorted(set(before for kind, before in of_digits("1.2") if kind in {"swap", "sign"}))
+    ['-1.2', '2.1']
+    """
+    mantissa, mark, power = text.partition("e")
+    sign = "-" if mantissa.startswith("-") else ""
+    body = mantissa.removeprefix("-")
+    tail = mark + power
+    places = [i for i, character in enumerate(body) if character.isdigit()]
+    for i in places:
+        for digit in "0123456789":
+            if digit != body[i]:
+                yield "digit", f"{sign}{body[:i]}{digit}{body[i + 1 :]}{tail}"
+    for i, j in itertools.pairwise(places):
+        if body[i] != body[j]:
+            swapped = body[:i] + body[j] + body[i + 1 : j] + body[i] + body[j + 1 :]
+            yield "swap", f"{sign}{swapped}{tail}"
+    for i in range(len(body) + 1):
+        for digit in "0123456789":
+            yield "drop", f"{sign}{body[:i]}{digit}{body[i:]}{tail}"
+    # Without its last decimal a number only gets vaguer, and that would "mend" anything.
+    for i in places[:-1] if "." in body else places:
+        if len(places) > 1:
+            yield "extra", f"{sign}{body[:i]}{body[i + 1 :]}{tail}"
+    if any(character in "123456789" for character in body):
+        yield "sign", ("" if sign else "-") + body + tail
+
+
+def of_cell(printed: Quantity) -> Iterator[Slip]:
+    """Yield all slips in one cell: in its digits and in its unit.
+
+    Parameters
+    ----------
+    printed : Quantity
+        The cell as printed.
+
+    Yields
+    ------
+    Slip
+        Each different correction once.
+    """
+    seen = {printed.number.text}
+    for kind, text in of_digits(printed.number.text):
+        if text in seen or not readable(text):
+            continue
+        seen.add(text)
+        told = f"{printed.address}: {printed.number.text} → {text}"
+        yield Slip(kind, told, ((printed.address, printed.printing(text)),))
+    for unit in _units_like(printed.unit):
+        told = f"{printed.address}: {printed.unit} → {unit}"
+        yield Slip("unit", told, ((printed.address, replace(printed, unit=unit)),))
+
+
+def readable(text: str) -> bool:
+    """Tell whether a number could be printed so: it starts with a digit, without idle zeros."""
+    body = text.removeprefix("-").partition("e")[0]
+    return body[:1].isdigit() and not (len(body) > 1 and body[0] == "0" and body[1] != ".")
+
+
+@functools.cache
+def _units_like(unit: str) -> tuple[str, ...]:
+    import pint
+
+    registry = pint.application_registry
+
+    def dimension(name: str) -> object:
+        return registry.Quantity(1.0, UNITS[name][0]).dimensionality
+
+    angles = {"deg", "arcsec"}  # to pint an angle is a pure number, but no pen confuses the two
+    if unit in angles:
+        return tuple(angles - {unit})
+    if unit in {"1", "count", "mag", "px", "percent"}:
+        return ()
+    return tuple(u for u in UNITS if u != unit and dimension(u) == dimension(unit))
+
+
+def reaching(printed: Quantity, wanted: Iterable[Interval]) -> Iterator[Slip]:
+    """Yield the slips in a cell whose correction can reach one of the wanted intervals.
+
+    Parameters
+    ----------
+    printed : Quantity
+        The cell as printed.
+    wanted : iterable of tuple of float
+        Where relations would have the cell, in SI.
+
+    Yields
+    ------
+    Slip
+        Those that get there.
+    """
+    goals = list(wanted)
+    for slip, (low, high) in _with_intervals(printed):
+        if any(low <= end and high >= start for start, end in goals):
+            yield slip
+
+
+@functools.lru_cache(maxsize=5_000)
+def _with_intervals(printed: Quantity) -> tuple[tuple[Slip, Interval], ...]:
+    """Keep the slips of a cell: a search asks for the same ones again and again."""
+    return tuple((slip, allowed(slip.changes[0][1])) for slip in of_cell(printed))
+
+
+def of_lines(cells: Sheet, touched: Iterable[str]) -> Iterator[Slip]:
+    """Yield interchanges of two cells, rows or columns that move at least one touched cell.
+
+    Only cells of one unit are interchanged, within their row, column or group; only lines of the
+    same table whose units fit cell by cell.
+
+    Parameters
+    ----------
+    cells : mapping of str to Quantity
+        The printed numbers.
+    touched : iterable of str
+        Addresses, at least one of which must move.
+
+    Yields
+    ------
+    Slip
+        Each interchange once.
+    """
+    want = set(touched)
+    for key in dict.fromkeys(address.partition("#")[0] for address in sorted(want)):
+        table = {a: q for a, q in cells.items() if q.key == key}
+        yield from _of_two_cells(table, want)
+        for kind in ("columns", "rows"):
+            yield from _of_two_lines(table, want, kind)
+
+
+def _of_two_cells(table: Sheet, want: set[str]) -> Iterator[Slip]:
+    for one, two in itertools.combinations(table.values(), 2):
+        near = (one.row and one.row == two.row) or one.column == two.column or not one.row
+        if near and one.unit == two.unit and {one.address, two.address} & want:
+            changes = _interchanged([(one, two)])
+            if changes:
+                yield Slip("cells", f"{one.address} ↔ {two.address}", changes)
+
+
+def _of_two_lines(table: Sheet, want: set[str], kind: Kind) -> Iterator[Slip]:
+    lines: dict[str, dict[str, Quantity]] = {}
+    for q in table.values():
+        if q.row:
+            line, along = (q.column, q.row) if kind == "columns" else (q.row, q.column)
+            lines.setdefault(line, {})[along] = q
+    for (name, one), (other, two) in itertools.combinations(lines.items(), 2):
+        pairs = [(one[at], two[at]) for at in one if at in two]
+        fits = len(pairs) > 1 and all(a.unit == b.unit for a, b in pairs)
+        if fits and {q.address for pair in pairs for q in pair} & want:
+            changes = _interchanged(pairs)
+            if len(changes) > 2:
+                key = pairs[0][0].key
+                yield Slip(kind, f"{key}: {kind} {name} ↔ {other}", changes)
+
+
+def _interchanged(
+    pairs: Iterable[tuple[Quantity, Quantity]],
+) -> tuple[tuple[str, Quantity], ...]:
+    changes: list[tuple[str, Quantity]] = []
+    for one, two in pairs:
+        if one.number != two.number:
+            changes += [
+                (one.address, replace(one, number=two.number)),
+                (two.address, replace(two, number=one.number)),
+            ]
+    return tuple(changes)

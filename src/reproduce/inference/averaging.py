@@ -1,0 +1,185 @@
+"""White noise and a floor from the scatter of running averages: Table IV of chen2023 as data.
+
+The standard deviations of averages over n = 1, 4, ... frames come from the same frames, so they
+are strongly correlated. For a series of white noise a and a floor that drifts evenly through the
+series with standard deviation b, each squared standard deviation is a quadratic form in Gaussian
+numbers. Its mean, variance and covariances with the others are known exactly; its cube root is
+very nearly Gaussian (Wilson and Hilferty, 1931). What is printed is rounded: the likelihood is the
+probability of the box of all printed digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Self
+
+import numpy as np
+from numpy.random import Generator
+
+from reproduce.inference.censored import log_box, quasi_random
+from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.priors import HalfNormal, LogUniform
+from reproduce.physics.averaging import averaged_error, scatter_of_averages
+from reproduce.physics.validate import FloatArray
+
+
+@lru_cache(maxsize=8)
+def moments(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    """Moments of the variances of running averages.
+
+    Parameters
+    ----------
+    frames : int
+        Length of the series.
+    counts : tuple of int
+        Frames in each average.
+
+    Returns
+    -------
+    tuple of ndarray
+        Means for white noise of unit size and for the floor, shape (m,); traces of products for
+        the white part and for the mixed part of the covariances, shape (m, m).
+    """
+    drift = np.linspace(-1, 1, frames)
+    drift = drift / drift.std(ddof=1)
+    averages, forms = [], []
+    for count in counts:
+        runs = frames - count + 1
+        window = (np.arange(frames) - np.arange(runs)[:, None]) // count == 0
+        average = window / count
+        centred = (average - average.mean(axis=0)) / np.sqrt(runs - 1)
+        forms.append(centred.T @ centred)
+        averages.append(centred @ drift)
+    stacked = np.stack(forms)
+    white = np.einsum("kii->k", stacked)
+    floor = np.array([float(a @ a) for a in averages])
+    pairs = np.einsum("kij,lij->kl", stacked, stacked, optimize=True)
+    bent = stacked @ drift
+    return white, floor, pairs, bent @ bent.T
+
+
+@dataclass(frozen=True, eq=False)
+class AveragingLikelihood:
+    """Printed scatter of running averages; parameters: white noise of one frame, floor.
+
+    Parameters
+    ----------
+    counts : tuple of int
+        Frames in each average.
+    printed : ndarray, shape (m,)
+        Printed standard deviations, one sigma, in radians.
+    half_unit : float
+        Half the last printed digit, in radians.
+    frames : int
+        Length of the series.
+    """
+
+    counts: tuple[int, ...]
+    printed: FloatArray
+    half_unit: float
+    frames: int
+    floor: bool = True
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Fixed points of the box integral."""
+        return quasi_random(len(self.counts))
+
+    def _floor(self, parameters: FloatArray) -> FloatArray:
+        return parameters[:, 1:2] if self.floor else np.zeros((len(parameters), 1))
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        white, floor, pairs, bent = moments(self.frames, self.counts)
+        a, b = parameters[:, :1], self._floor(parameters)
+        mean = a**2 * white + b**2 * floor
+        covariance = 2 * a[..., None] ** 4 * pairs + 4 * (a * b)[..., None] ** 2 * bent
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        # Cube root of a scaled chi square with as many degrees of freedom.
+        relative = variance / mean**2
+        centre = np.cbrt(mean) * (1 - relative / 18)
+        spread = np.cbrt(mean) * np.sqrt(relative) / 3
+        scale = np.sqrt(variance)
+        correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+        root = spread[..., None] * np.linalg.cholesky(correlation)
+        low, high = (
+            np.cbrt(np.maximum(self.printed + side * self.half_unit, 0) ** 2) for side in (-1, 1)
+        )
+        return log_box(centre, root, low, high, self.points)
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Standard deviations of one series, rounded as in print, shape (m,)."""
+        drift = np.linspace(-1, 1, self.frames)
+        floor = float(self._floor(parameters[None])[0, 0])
+        series = floor * drift / drift.std(ddof=1)
+        series = series + parameters[0] * generator.normal(size=self.frames)
+        exact = scatter_of_averages(series, self.counts)
+        unit = 2 * self.half_unit
+        return np.asarray(np.round(exact / unit) * unit)
+
+    def given(self, data: FloatArray) -> Self:
+        """The same table with other numbers."""
+        return replace(self, printed=data)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """White noise from the first number; a floor of the size of the last."""
+        single, last = float(self.printed[0]), float(self.printed[-1])
+        single = max(single, self.half_unit)
+        spread = max(single / np.sqrt(2 * self.frames), self.half_unit / 2)
+        if not self.floor:
+            return np.array([single]), np.array([spread])
+        return np.array([single, 0.3 * last]), np.array([spread, 0.15 * max(last, self.half_unit)])
+
+    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
+        """Each scatter over what white noise of the first one would leave."""
+        data = self.printed if data is None else data
+        first = max(float(data[0]), self.half_unit)
+        return {
+            f"{count} frames, over white noise": float(value * np.sqrt(count) / first)
+            for count, value in zip(self.counts[1:], data[1:], strict=True)
+        }
+
+
+def averaging_model(
+    likelihood: AveragingLikelihood,
+    name: str = "frame-averaging",
+    shown: float = 206264.80624709636,
+    derived: Derived | None = None,
+) -> Model:
+    """White noise and floor from printed scatters of running averages.
+
+    Parameters
+    ----------
+    likelihood : AveragingLikelihood
+        With the printed numbers.
+    name : str
+        The model's name.
+    shown : float
+        Shown units in one SI unit.
+    derived : Derived, optional
+        Consequences.
+
+    Returns
+    -------
+    Model
+        Parameters white and floor, in radians, one sigma; white alone without a floor.
+    """
+    least = likelihood.half_unit
+    white = LogUniform(10 * least, 10000 * least, "from ten to ten thousand times what the print "
+                       "can tell from zero; no scale preferred")  # fmt: skip
+    floor = HalfNormal(20 * least, "a floor that may well be nothing; averaging would stop to pay "
+                       "at some tens of half the last digit")  # fmt: skip
+    parameters: tuple[Parameter, ...] = (
+        Parameter("white", "a", "arcsec", white, shown),
+        Parameter("floor", "b", "arcsec", floor, shown),
+    )
+    title = "White noise of one frame and the floor that averaging leaves"
+    if not likelihood.floor:
+        parameters = parameters[:1]
+    return Model(name, title, parameters, likelihood, {}, derived)
+
+
+def predicted_error(parameters: FloatArray, count: int) -> FloatArray:
+    """Error of an average over `count` frames, E^2 = a^2 / n + b^2, shape (n,)."""
+    return averaged_error(count, parameters[:, 0], parameters[:, 1])

@@ -1,0 +1,228 @@
+"""Simulation-based calibration: does the sampled posterior know what it knows?
+
+A parameter vector is drawn from the prior, data are simulated from it, the posterior is sampled,
+and the true value is ranked among the draws. If model, likelihood and sampler are right, all ranks
+are equally probable, for every parameter and for any quantity computed from parameters and data;
+the log likelihood is such a quantity, and sees errors that no single parameter sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import repeat
+
+import numpy as np
+from numpy.random import PCG64, Generator, SeedSequence
+from numpy.typing import NDArray
+from scipy.stats import binom, norm
+
+from reproduce.inference.convergence import thinned
+from reproduce.inference.diagnostics import autocorrelation_time
+from reproduce.inference.model import Model
+from reproduce.inference.sampling import Job, Plan, run_ensemble
+from reproduce.physics.validate import FloatArray, whole_number
+
+Counts = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+# Ranks run from zero to this.
+DRAWS = 99
+# Kept steps of a replicate: the next number is tried where the gate on time is missed.
+STEPS = (600, 2000, 6000)
+TIMES = 50.0
+LEVELS = (0.5, 0.9, 0.95)
+QUANTITY = "log likelihood"
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Ranks of many replicates.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters, then the data-dependent test quantity.
+    ranks : ndarray of int, shape (replicates, names)
+        From 0 to `DRAWS`.
+    failed : ndarray of bool, shape (replicates,)
+        Replicates whose chain missed the gate on time even with the most steps. They keep their
+        ranks: leaving them out would leave out the hard cases.
+    covered : ndarray of bool, shape (replicates, levels, parameters)
+        Whether the least-squares interval of each level covers; empty where the model has none.
+    """
+
+    names: tuple[str, ...]
+    ranks: Counts
+    failed: Flags
+    covered: Flags
+
+    @property
+    def replicates(self) -> int:
+        """How many replicates."""
+        return len(self.ranks)
+
+    def coverage(self, level: float) -> FloatArray:
+        """Share of central posterior intervals of this level that cover, shape (names,)."""
+        scaled = (self.ranks + 0.5) / (DRAWS + 1)
+        return np.asarray((np.abs(scaled - 0.5) < level / 2).mean(axis=0))
+
+    def probabilities(self, seed: int = 1) -> FloatArray:
+        """Probability of ranks at least as uneven, for each name, by the simultaneous band."""
+        simulated = band_statistics(self.replicates, seed)
+        smaller = np.searchsorted(simulated, _least(self.counts()), side="right")
+        return np.asarray((smaller + 1) / (len(simulated) + 1))
+
+    def counts(self) -> Counts:
+        """Cumulated counts of ranks up to 0, 1, ..., shape (names, DRAWS + 1)."""
+        table = [np.bincount(column, minlength=DRAWS + 1) for column in self.ranks.T]
+        return np.cumsum(np.array(table), axis=1)
+
+
+def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Flags]:
+    """Run one replicate.
+
+    Parameters
+    ----------
+    model : Model
+        Its data are replaced.
+    seed : int
+        Root of all replicates.
+    index : int
+        Which replicate: it is the same for any number of them and on any machine.
+
+    Returns
+    -------
+    tuple
+        Ranks, shape (d + 1,); whether the chain missed the gate; covered, shape (levels, d).
+    """
+    root = SeedSequence(seed, spawn_key=(index,))
+    generator = Generator(PCG64(SeedSequence(seed, spawn_key=(index, 0))))
+    truth = model.draw_prior(generator, 1)
+    fitted = model.given(model.simulate(truth[0], generator))
+    entropy = int(SeedSequence(root.entropy, spawn_key=(index, 1)).generate_state(2, np.uint64)[0])
+    for steps in STEPS:
+        plan = Plan(entropy, ensembles=1, steps=steps, warmup=steps // 4, checkpoint=10**6)
+        chain, _, _ = run_ensemble(Job(fitted, plan, 0))
+        times = [autocorrelation_time(chain[None, ..., i]) for i in range(model.dimension)]
+        failed = steps / max(times) < TIMES
+        if not failed:
+            break
+    draws = thinned(chain[None], max(times))[0]
+    draws = draws[np.linspace(0, len(draws) - 1, DRAWS).astype(int)]
+    ranks = (draws < truth).sum(axis=0)
+    quantity = fitted.log_likelihood(np.concatenate([truth, draws]))
+    return np.append(ranks, (quantity[1:] < quantity[0]).sum()), failed, _covered(fitted, truth[0])
+
+
+def _covered(model: Model, truth: FloatArray) -> Flags:
+    if not getattr(model.likelihood, "least_squares", False):
+        return np.zeros((0, model.dimension), dtype=bool)
+    centre, spread = model.likelihood.start()
+    reach = norm.ppf(0.5 + np.array(LEVELS) / 2)[:, None]
+    return np.asarray(np.abs(truth - centre) <= reach * spread)
+
+
+def calibrate(
+    model: Model,
+    seed: int,
+    replicates: int,
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Calibration:
+    """Run simulation-based calibration.
+
+    Parameters
+    ----------
+    model : Model
+        The model; its own data play no part.
+    seed : int
+        Root of all replicates.
+    replicates : int
+        How many.
+    executor : concurrent.futures.Executor, optional
+        Carries the replicates.
+    progress : callable, optional
+        Called with the replicates done and their number.
+
+    Returns
+    -------
+    Calibration
+        The ranks.
+    """
+    count = whole_number("replicates", replicates)
+    mapped = map if executor is None else executor.map
+    results = []
+    for result in mapped(replicate, repeat(model), repeat(seed), range(count)):
+        results.append(result)
+        if progress is not None:
+            progress(len(results), count)
+    ranks, failed, covered = (np.array(column) for column in zip(*results, strict=True))
+    return Calibration((*model.names, QUANTITY), ranks, failed, covered)
+
+
+@lru_cache(maxsize=32)
+def band_statistics(replicates: int, seed: int, simulations: int = 4000) -> FloatArray:
+    """Smallest pointwise probability along the whole curve, for ranks that are truly uniform.
+
+    Parameters
+    ----------
+    replicates : int
+        Ranks in each simulated sample.
+    seed : int
+        Of the simulation.
+    simulations : int
+        How many samples.
+
+    Returns
+    -------
+    ndarray, shape (simulations,)
+        Sorted.
+    """
+    generator = Generator(PCG64(seed))
+    even = np.full(DRAWS + 1, 1 / (DRAWS + 1))
+    counts = np.cumsum(generator.multinomial(replicates, even, simulations), axis=1)
+    return np.sort(_least(counts))
+
+
+@lru_cache(maxsize=32)
+def _tails(total: int) -> FloatArray:
+    """Two-sided pointwise probabilities of every count up to each rank, (total + 1, DRAWS)."""
+    counts = np.arange(total + 1)[:, None]
+    share = np.arange(1, DRAWS + 1) / (DRAWS + 1)
+    below, above = binom.cdf(counts, total, share), binom.sf(counts - 1, total, share)
+    return np.asarray(2 * np.minimum(below, above))
+
+
+def _least(counts: Counts) -> FloatArray:
+    """Smallest pointwise probability of cumulated counts, shape (..., DRAWS + 1)."""
+    table = _tails(int(counts.reshape(-1, DRAWS + 1)[0, -1]))
+    return np.asarray(table[counts[..., :-1], np.arange(DRAWS)].min(axis=-1))
+
+
+def band(replicates: int, level: float = 0.95, seed: int = 1) -> tuple[FloatArray, FloatArray]:
+    """Simultaneous band of the cumulated ranks (Säilynoja, Bürkner and Vehtari, 2022).
+
+    Parameters
+    ----------
+    replicates : int
+        How many ranks.
+    level : float
+        Probability that the whole curve of uniform ranks stays inside.
+    seed : int
+        Of the simulation that sets the pointwise level.
+
+    Returns
+    -------
+    tuple of ndarray, shape (DRAWS + 1,)
+        Lower and upper count; the last rank is certain.
+    """
+    pointwise = float(np.quantile(band_statistics(replicates, seed), 1 - level))
+    share = np.arange(1, DRAWS + 2) / (DRAWS + 1)
+    return (
+        np.asarray(binom.ppf(pointwise / 2, replicates, share)),
+        np.asarray(binom.ppf(1 - pointwise / 2, replicates, share)),
+    )

@@ -1,0 +1,162 @@
+"""The gates: a chain that misses one is refused, with its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reproduce.inference import diagnostics
+from reproduce.physics.validate import FloatArray
+
+
+@dataclass(frozen=True)
+class Gates:
+    """What a set of ensembles must reach.
+
+    Parameters
+    ----------
+    rhat : float
+        Largest rank-normalised split R-hat over ensembles (Vehtari et al., 2021).
+    times : float
+        Smallest number of autocorrelation times in the steps kept (emcee's own gate).
+    size : float
+        Smallest bulk and tail effective sample size: 100 per chain of four.
+    acceptance : float
+        Smallest share of accepted moves: below it an ensemble may be stuck.
+    """
+
+    rhat: float = 1.01
+    times: float = 50.0
+    size: float = 400.0
+    acceptance: float = 0.05
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The numbers of one parameter.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    rhat, time, times : float
+        Split R-hat; autocorrelation time in steps; steps over that time.
+    bulk, tail : float
+        Effective sample sizes.
+    mcse : float
+        Monte Carlo standard error of the mean, in SI units or px.
+    """
+
+    name: str
+    rhat: float
+    time: float
+    times: float
+    bulk: float
+    tail: float
+    mcse: float
+
+
+class ConvergenceError(ArithmeticError):
+    """Chains that miss the gates; `diagnoses`, `acceptance` and `missed` carry the numbers."""
+
+    def __init__(
+        self, missed: list[str], diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...]
+    ) -> None:
+        self.missed, self.diagnoses, self.acceptance = missed, diagnoses, acceptance
+        super().__init__(
+            "the chains are refused: " + "; ".join(missed) + "; take more steps, or find out what "
+            "keeps the ensembles from mixing"
+        )
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Survive the way back from a worker process."""
+        return (type(self), (self.missed, self.diagnoses, self.acceptance))
+
+
+def thinned(chains: FloatArray, time: float) -> FloatArray:
+    """Draws of each ensemble in time order, thinned by the autocorrelation time.
+
+    Parameters
+    ----------
+    chains : ndarray, shape (ensembles, steps, walkers, ...)
+        All draws.
+    time : float
+        Steps between the draws that are kept, rounded up.
+
+    Returns
+    -------
+    ndarray, shape (ensembles, draws, ...)
+        Step by step, all walkers of a step beside each other.
+    """
+    kept = chains[:, :: max(1, int(np.ceil(time)))]
+    return kept.reshape(len(kept), -1, *kept.shape[3:])
+
+
+def diagnose(names: tuple[str, ...], chain: FloatArray) -> tuple[Diagnosis, ...]:
+    """Return the numbers of every parameter.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters.
+    chain : ndarray, shape (ensembles, steps, walkers, parameters)
+        All draws after warm-up.
+
+    Returns
+    -------
+    tuple of Diagnosis
+        In the order of the parameters.
+    """
+    found = []
+    for column, name in enumerate(names):
+        draws = chain[..., column]
+        time = diagnostics.autocorrelation_time(draws)
+        found.append(
+            Diagnosis(
+                name,
+                diagnostics.split_rhat(thinned(draws, time)),
+                time,
+                draws.shape[1] / time,
+                diagnostics.bulk_size(draws),
+                diagnostics.tail_size(draws),
+                diagnostics.mcse_mean(draws),
+            )
+        )
+    return tuple(found)
+
+
+def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates) -> None:
+    """Refuse chains that miss a gate.
+
+    Parameters
+    ----------
+    diagnoses : tuple of Diagnosis
+        From `diagnose`.
+    acceptance : tuple of float
+        Share of accepted moves of each ensemble.
+    gates : Gates
+        What must be reached.
+
+    Raises
+    ------
+    ConvergenceError
+        If a gate is missed, or a number is not finite.
+    """
+    missed = []
+    for one in diagnoses:
+        # Written so that NaN misses.
+        if not one.rhat <= gates.rhat:
+            missed.append(f"{one.name}: R-hat {one.rhat:.4f}, at most {gates.rhat:g} allowed")
+        if not one.times >= gates.times:
+            missed.append(
+                f"{one.name}: {one.times:.1f} autocorrelation times (one is {one.time:.1f} steps), "
+                f"at least {gates.times:g} required"
+            )
+        for kind, size in (("bulk", one.bulk), ("tail", one.tail)):
+            if not size >= gates.size:
+                missed.append(f"{one.name}: {kind} ESS {size:.0f}, at least {gates.size:g} needed")
+    if not min(acceptance) >= gates.acceptance:
+        missed.append(f"acceptance {min(acceptance):.3f}, at least {gates.acceptance:g} required")
+    if missed:
+        raise ConvergenceError(missed, diagnoses, acceptance)

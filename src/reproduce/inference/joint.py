@@ -1,0 +1,188 @@
+"""Both channels at once: they share the green noise, which belongs in the covariance.
+
+A true green position z gives green = z + noise, red and blue = z carried back by their transforms
++ noise. Given the red points, and with a flat prior on z, the two residuals of a star (green minus
+transformed red, green minus transformed blue) are Gaussian per axis with covariance
+noise^2 [[1 + k_red^2, 1], [1, 1 + k_blue^2]]; blue itself being random adds the Jacobian k_blue^2
+per star. Conventions and units are those of `registration`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from reproduce.inference.model import Derived, Model
+from reproduce.inference.registration import (
+    GaussianRegistration,
+    fit_checks,
+    registration_parameters,
+    triangular,
+    with_priors,
+)
+from reproduce.physics.similarity import Similarity, as_complex
+from reproduce.physics.validate import FloatArray
+
+CHANNELS = ("red", "blue")
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class JointRegistration:
+    """Parameters: (k, theta, shift x, shift y) of red, the same of blue, noise.
+
+    Parameters
+    ----------
+    sources : tuple of ndarray, shape (n, 2)
+        Red and blue points, in px.
+    target : ndarray, shape (n, 2)
+        Green points, in px.
+    pivots : tuple of ndarray, shape (2,)
+        Principal points of red and blue, in px.
+    """
+
+    # `start` is the least-squares estimate with its standard errors.
+    least_squares: ClassVar[bool] = True
+
+    sources: tuple[FloatArray, FloatArray]
+    target: FloatArray
+    pivots: tuple[FloatArray, FloatArray]
+
+    @cached_property
+    def columns(self) -> ComplexArray:
+        """The columns (red, blue, one, green), red and blue about their pivots, shape (n, 4)."""
+        origin = as_complex(self.pivots[0])
+        offsets = [
+            as_complex(s) - as_complex(p) for s, p in zip(self.sources, self.pivots, strict=True)
+        ]
+        one = np.ones(len(self.target), dtype=np.complex128)
+        return np.stack([*offsets, one, as_complex(self.target) - origin], axis=-1)
+
+    @cached_property
+    def root(self) -> ComplexArray:
+        """Triangular factor of the columns, shape (4, 4)."""
+        return triangular(self.columns)
+
+    def weights(self, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Coefficients of the columns in the two residuals, each of shape (n, 4)."""
+        found = []
+        for channel in (0, 1):
+            k, theta, x, y = parameters[:, 4 * channel : 4 * channel + 4].T
+            weights = np.zeros((len(parameters), 4), dtype=np.complex128)
+            weights[:, channel] = -k * np.exp(1j * theta)
+            weights[:, 2] = (
+                x + 1j * y - (as_complex(self.pivots[channel]) - as_complex(self.pivots[0]))
+            )
+            weights[:, 3] = 1
+            found.append(weights)
+        return found[0], found[1]
+
+    def _density(
+        self, parameters: FloatArray, left: ComplexArray, right: ComplexArray
+    ) -> FloatArray:
+        red, blue = (1 + parameters[:, i] ** 2 for i in (0, 4))
+        determinant = red * blue - 1
+        squares = blue * _product(left, left) + red * _product(right, right)
+        squares -= 2 * _product(left, right)
+        noise, count = parameters[:, 8], len(self.target)
+        # Per star: two axes of a pair of residuals, and the Jacobian of the blue transform.
+        constant = -np.log(determinant) - 4 * np.log(noise) - 2 * np.log(2 * np.pi)
+        constant += 2 * np.log(parameters[:, 4])
+        return np.asarray(count * constant - squares / (2 * noise**2 * determinant))
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        left, right = (weights @ self.root.T for weights in self.weights(parameters))
+        return self._density(parameters, left, right)
+
+    def full(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood from all points: what the sufficient statistics must reproduce."""
+        left, right = (weights @ self.columns.T for weights in self.weights(parameters))
+        return self._density(parameters, left, right)
+
+    def simulate(
+        self, parameters: FloatArray, generator: Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Blue and green points for one parameter vector, given the red ones; in px."""
+        red, blue = (
+            Similarity(u[0], u[1], u[2:4], pivot)
+            for u, pivot in zip((parameters[:4], parameters[4:8]), self.pivots, strict=True)
+        )
+        noise = parameters[8] * generator.normal(size=(3, *self.target.shape))
+        true = red.transform(self.sources[0] + noise[0])
+        return blue.inverse().transform(true) + noise[1], true + noise[2]
+
+    def given(self, data: tuple[FloatArray, FloatArray]) -> Self:
+        """The same red points with other blue and green ones."""
+        return replace(self, sources=(self.sources[0], data[0]), target=data[1])
+
+    def _single(self, channel: int) -> GaussianRegistration:
+        return GaussianRegistration(self.sources[channel], self.target, self.pivots[channel], True)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """The least-squares fits of both channels and their standard errors."""
+        starts = [self._single(channel).start() for channel in (0, 1)]
+        centre = np.concatenate([c[:4] for c, _ in starts] + [[np.mean([c[4] for c, _ in starts])]])
+        spread = np.concatenate([s[:4] for _, s in starts] + [[starts[0][1][4]]])
+        return centre, spread
+
+    def checks(self, data: tuple[FloatArray, FloatArray] | None = None) -> dict[str, float]:
+        """Those of each channel, and the correlation of the two channels' residuals."""
+        blue, green = (self.sources[1], self.target) if data is None else data
+        found = {}
+        for name, source, pivot in zip(CHANNELS, (self.sources[0], blue), self.pivots, strict=True):
+            checks = fit_checks(source, green, pivot)
+            found.update({f"{name}: {key}": value for key, value in checks.items()})
+        return found
+
+
+def _product(left: ComplexArray, right: ComplexArray) -> FloatArray:
+    return np.asarray((left.real * right.real + left.imag * right.imag).sum(axis=-1))
+
+
+def joint_model(
+    sources: tuple[FloatArray, FloatArray],
+    target: FloatArray,
+    pivots: tuple[FloatArray, FloatArray],
+    derived: Derived | None = None,
+) -> Model:
+    """Registration of red and blue together, with one noise in all three channels.
+
+    Parameters
+    ----------
+    sources : tuple of ndarray, shape (n, 2)
+        Red and blue points, in px.
+    target : ndarray, shape (n, 2)
+        Green points, in px.
+    pivots : tuple of ndarray, shape (2,)
+        Principal points of red and blue, in px.
+    derived : Derived, optional
+        Consequences.
+
+    Returns
+    -------
+    Model
+        Nine parameters, in rad and px.
+    """
+    likelihood = JointRegistration(sources, target, pivots)
+    parameters = []
+    for channel, source in zip(CHANNELS, sources, strict=True):
+        for one in registration_parameters(source, target)[:4]:
+            label = f"{one.label}_\\mathrm{{{channel[0]}}}"
+            parameters.append(replace(one, name=f"{channel}-{one.name}", label=label))
+    noise = registration_parameters(sources[0], target)[4]
+    names = [p.name for p in parameters]
+    estimate = dict(zip(names, likelihood.start()[0].tolist(), strict=False))
+    return Model(
+        "registration-joint",
+        "Registration of both channels: they share the green noise",
+        with_priors((*parameters, noise), None),
+        likelihood,
+        estimate,
+        derived,
+    )

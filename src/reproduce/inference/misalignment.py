@@ -1,0 +1,340 @@
+"""The camera's misalignment from laser centroids in pixels: still, in five states, drifting.
+
+The calibration group is data like any other: the zero attitude is a parameter, so its error is
+in the posterior of the misalignment. Angles in radians, right-handed about the camera's axes
+(`physics.misalignment` states the sign); spots in px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.random import Generator
+
+from reproduce.inference.lasers import Platform, SpotStatistics
+from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.priors import LogNormal, LogUniform, Normal, Prior
+from reproduce.inference.registration import with_priors
+from reproduce.physics.stage import stage_angles
+from reproduce.physics.validate import FloatArray
+
+ARCSEC = 206264.80624709636
+AXES = "xyz"
+# Steps of the central differences, as shares of each parameter's own scale.
+STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class SpotLikelihood:
+    """Spots of one or more groups; a subclass says how the camera turns in each group.
+
+    Parameters
+    ----------
+    platform : Platform
+        The instrument.
+    statistics : SpotStatistics
+        The data.
+
+    Notes
+    -----
+    The first three parameters are the mount angles, the last two the laser scale and the noise.
+    """
+
+    # `start` is the least-squares estimate with its standard errors.
+    least_squares: ClassVar[bool] = True
+
+    platform: Platform
+    statistics: SpotStatistics
+
+    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Misalignment at the start and at the end of each group, (n, groups, 3)."""
+        raise NotImplementedError
+
+    def focal(self, parameters: FloatArray) -> FloatArray | float:
+        """Focal length of the camera, in metres."""
+        return self.platform.camera_focal_length
+
+    def middle(self) -> tuple[FloatArray, FloatArray]:
+        """Rough values and scales of the parameters between mount and laser scale."""
+        raise NotImplementedError
+
+    def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Predicted spots at the start and at the end of each group, in px."""
+        mount, scale = parameters[:, :3], parameters[:, -2]
+        first, last = self.turns(parameters)
+        focal = self.focal(parameters)
+        start = self.platform.predicted(mount, first, scale, focal)
+        if first is last:
+            return start, start
+        return start, self.platform.predicted(mount, last, scale, focal)
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        return self.statistics.log_likelihood(*self.paths(parameters), parameters[:, -1])
+
+    def full(self, parameters: FloatArray, images: list[FloatArray]) -> FloatArray:
+        """Log likelihood image by image, the camera turning evenly: for comparison."""
+        total = np.zeros(len(parameters))
+        first, last = self.turns(parameters)
+        for group, spots in enumerate(images):
+            for u, frame in zip(np.linspace(0, 1, len(spots)), spots, strict=True):
+                turn = (1 - u) * first[:, group] + u * last[:, group]
+                predicted = self.platform.predicted(
+                    parameters[:, :3], turn[:, None], parameters[:, -2], self.focal(parameters)
+                )[:, 0]
+                scaled = np.square((frame - predicted) / parameters[:, -1, None, None])
+                total -= 0.5 * scaled.sum(axis=(-2, -1))
+        size = self.statistics.size
+        constant = size * np.log(parameters[:, -1]) + 0.5 * size * np.log(2 * np.pi)
+        return np.asarray(total - constant)
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
+        """Statistics of as many images for one parameter vector."""
+        start, end = self.paths(parameters[None])
+        return self.statistics.simulate(start[0], end[0], float(parameters[-1]), generator)
+
+    def given(self, data: SpotStatistics) -> Self:
+        """The same instrument with other spots."""
+        return replace(self, statistics=data)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Least squares about the rough values, with its standard errors."""
+        return self.fitted
+
+    @cached_property
+    def fitted(self) -> tuple[FloatArray, FloatArray]:
+        """Two Gauss-Newton steps from the rough values, ridged by their scales; and errors."""
+        noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
+        middle, scales = self.middle()
+        centre = np.concatenate([np.zeros(3), middle, [1.0]])
+        scale = np.concatenate([np.full(3, 1e-2), scales, [0.3]])
+        rough = centre.copy()
+        for _ in range(3):
+            response, left = self.linearised(np.append(centre, noise), scale)
+            normal = response.T @ response / noise**2 + np.diag(1 / scale**2)
+            pull = response.T @ left / noise**2 - (centre - rough) / scale**2
+            centre = centre + np.linalg.solve(normal, pull)
+        errors = np.sqrt(np.diagonal(np.linalg.inv(normal)))
+        noise_error = noise / np.sqrt(2 * self.statistics.freedom)
+        return np.append(centre, noise), np.append(errors, noise_error)
+
+    def linearised(self, centre: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Response of the weighted statistics to all parameters but the noise, and what is left.
+
+        Returns
+        -------
+        ndarray, shape (m, d - 1)
+            Derivatives of mean times root count, then of slope times root lever.
+        ndarray, shape (m,)
+            Measured less predicted, weighted alike; each has the standard deviation of the noise.
+        """
+        steps = np.zeros((2 * len(scale), len(centre)))
+        steps[::2, :-1], steps[1::2, :-1] = np.diag(STEP * scale), -np.diag(STEP * scale)
+        found = self._weighted(np.concatenate([centre[None], centre + steps]))
+        response = (found[1::2] - found[2::2]) / (2 * STEP * scale)[:, None]
+        measured = self._weigh(self.statistics.means[None], self.statistics.slopes[None])[0]
+        return response.T, measured - found[0]
+
+    def _weighted(self, parameters: FloatArray) -> FloatArray:
+        start, end = self.paths(parameters)
+        return self._weigh(0.5 * (start + end), 0.5 * (end - start))
+
+    def _weigh(self, means: FloatArray, slopes: FloatArray) -> FloatArray:
+        roots = (np.sqrt(self.statistics.counts), np.sqrt(self.statistics.levers))
+        parts = [
+            (part * root[:, None, None]).reshape(len(part), -1)
+            for part, root in zip((means, slopes), roots, strict=True)
+        ]
+        return np.concatenate(parts, axis=1)
+
+    def checks(self, data: SpotStatistics | None = None) -> dict[str, float]:
+        """Scatter, shape of the pattern and motion of its centre, in px."""
+        data = data or self.statistics
+        pattern = np.ptp(data.means.mean(axis=0), axis=0)
+        centres = data.means.mean(axis=1)
+        return {
+            "scatter of one image (px)": float(np.sqrt(data.squares / data.freedom)),
+            "pattern, wider than high (px)": float(pattern[0] - pattern[1]),
+            "centre, last less first group, x (px)": float(centres[-1, 0] - centres[0, 0]),
+            "centre, last less first group, y (px)": float(centres[-1, 1] - centres[0, 1]),
+        }
+
+
+class ConstantLikelihood(SpotLikelihood):
+    """Two groups: the zero point and one misalignment (parameters 3 to 5)."""
+
+    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """No turn in the first group, the misalignment in the second."""
+        turn = np.stack([np.zeros_like(parameters[:, 3:6]), parameters[:, 3:6]], axis=1)
+        return turn, turn
+
+    def middle(self) -> tuple[FloatArray, FloatArray]:
+        """No misalignment, give or take some arc minutes."""
+        return np.zeros(3), np.full(3, 1e-2)
+
+
+class DriftLikelihood(SpotLikelihood):
+    """The zero point, and a misalignment (3 to 5) that drifts evenly (by 6 to 8 over the group)."""
+
+    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The misalignment in the middle of the group, less and plus half the drift."""
+        zero = np.zeros_like(parameters[:, 3:6])
+        half = 0.5 * parameters[:, 6:9]
+        first = np.stack([zero, parameters[:, 3:6] - half], axis=1)
+        last = np.stack([zero, parameters[:, 3:6] + half], axis=1)
+        return first, last
+
+    def middle(self) -> tuple[FloatArray, FloatArray]:
+        """No misalignment and no drift, give or take some arc minutes."""
+        return np.zeros(6), np.full(6, 1e-2)
+
+
+@dataclass(frozen=True, eq=False)
+class StageLikelihood(SpotLikelihood):
+    """Groups at known stage positions; parameters 3 and 4: camera focal length, stage scale.
+
+    Parameters
+    ----------
+    motions : ndarray, shape (groups, 2)
+        Motion of the lasers since the first group, in metres.
+    """
+
+    motions: FloatArray
+
+    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The angles that the motions stand for."""
+        motions = parameters[:, 4, None, None] * self.motions
+        turn = stage_angles(motions, np.broadcast_to(parameters[:, 3, None], motions.shape[:2]))
+        return turn, turn
+
+    def focal(self, parameters: FloatArray) -> FloatArray:
+        """Focal length of the camera, in metres."""
+        return parameters[:, 3]
+
+    def middle(self) -> tuple[FloatArray, FloatArray]:
+        """As designed, give or take a few per cent."""
+        focal = self.platform.camera_focal_length
+        return np.array([focal, 1.0]), np.array([0.03 * focal, 0.01])
+
+
+def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
+    return tuple(Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC) for a in AXES)
+
+
+def _model(
+    name: str,
+    title: str,
+    middle: tuple[Parameter, ...],
+    likelihood: SpotLikelihood,
+    priors: Mapping[str, Prior] | None,
+    derived: Derived | None,
+) -> Model:
+    mount = Normal(0.0, 5e-3, "the zero attitude is laid over the spots to begin with, so only the "
+                   "misfit of the design is left: a quarter of a degree is generous")  # fmt: skip
+    scale = Parameter("laser-scale", "s", "1", Normal(1.0, 0.1, "a pattern within a tenth or so of "
+                      "its design; the printed spots lie a twentieth off"))  # fmt: skip
+    noise = Parameter("noise", r"\sigma", "px", LogUniform(1e-4, 1.0, "from far finer than any "
+                      "centroid to a whole pixel, no scale preferred"))  # fmt: skip
+    parameters = (*_angles("mount", r"\alpha", mount), *middle, scale, noise)
+    return Model(name, title, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
+
+
+MISALIGNED = Normal(0.0, 100 / ARCSEC, "on orbit the misalignment may reach dozens of arc seconds")
+
+
+def misalignment_model(
+    platform: Platform,
+    statistics: SpotStatistics,
+    *,
+    priors: Mapping[str, Prior] | None = None,
+    derived: Derived | None = None,
+) -> Model:
+    """A constant misalignment from two groups of images, the first at the zero point.
+
+    Parameters
+    ----------
+    platform : Platform
+        The instrument.
+    statistics : SpotStatistics
+        Two groups.
+    priors : mapping, optional
+        Priors in place of ours, by parameter.
+    derived : Derived, optional
+        Consequences.
+
+    Returns
+    -------
+    Model
+        Parameters mount-x..z, angle-x..z (rad), laser-scale, noise (px).
+    """
+    likelihood = ConstantLikelihood(platform, statistics)
+    middle = _angles("angle", r"\theta", MISALIGNED)
+    title = "Constant misalignment from laser spots"
+    return _model("misalignment", title, middle, likelihood, priors, derived)
+
+
+def drift_model(
+    platform: Platform,
+    statistics: SpotStatistics,
+    *,
+    priors: Mapping[str, Prior] | None = None,
+    derived: Derived | None = None,
+) -> Model:
+    """A misalignment that drifts evenly through the second group of images.
+
+    Parameters
+    ----------
+    platform, statistics, priors, derived
+        As for `misalignment_model`; the statistics hold slopes of the second group.
+
+    Returns
+    -------
+    Model
+        Parameters mount-x..z, angle-x..z (middle of the group), drift-x..z (over the whole
+        group), laser-scale, noise.
+    """
+    likelihood = DriftLikelihood(platform, statistics)
+    middle = (
+        *_angles("angle", r"\theta", MISALIGNED),
+        *_angles("drift", r"\dot\theta", MISALIGNED),
+    )
+    title = "Drifting misalignment from laser spots"
+    return _model("misalignment-drift", title, middle, likelihood, priors, derived)
+
+
+def states_model(
+    platform: Platform,
+    statistics: SpotStatistics,
+    motions: FloatArray,
+    *,
+    priors: Mapping[str, Prior] | None = None,
+    derived: Derived | None = None,
+) -> Model:
+    """States of a stage that moves the lasers, jointly: focal length and stage scale are free.
+
+    Parameters
+    ----------
+    platform, statistics, priors, derived
+        As for `misalignment_model`; one group per state.
+    motions : ndarray, shape (groups, 2)
+        Motion of the stage since the first state, in metres.
+
+    Returns
+    -------
+    Model
+        Parameters mount-x..z (rad), focal-length (m), stage-scale, laser-scale, noise (px).
+    """
+    focal = platform.camera_focal_length
+    middle = (
+        Parameter("focal-length", "f", "mm", LogNormal(focal, 0.02, "a nominal focal length "
+                  "holds to a few per cent"), 1e3),
+        Parameter("stage-scale", "c", "1", Normal(1.0, 0.002, "a closed-loop piezo stage is "
+                  "calibrated to a few parts in a thousand")),
+    )  # fmt: skip
+    likelihood = StageLikelihood(platform, statistics, motions)
+    title = "Five states of the stage, jointly"
+    return _model("misalignment-states", title, middle, likelihood, priors, derived)

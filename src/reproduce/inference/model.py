@@ -1,0 +1,195 @@
+"""A model is one frozen object: parameters with priors, likelihood, simulation, estimate.
+
+Adding a model is one small file: a likelihood class with the five methods of `Likelihood`, and a
+function that gives it parameters. Everything else (sampling, diagnostics, calibration, checks,
+pages) works on any `Model`. Parameter vectors have shape (n, d), in SI units and px, in the order
+of `Model.parameters`; n counts vectors that are evaluated together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.random import Generator
+
+from reproduce.inference.priors import Prior
+from reproduce.physics.validate import FloatArray
+
+# A start is this many times wider than the posterior is expected to be.
+OVERDISPERSION = 3.0
+TRIES = 1000
+
+
+class Likelihood(Protocol):
+    """What a model needs of a likelihood: a picklable object that holds the data."""
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,), of parameter vectors, shape (n, d)."""
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
+        """Data drawn for one parameter vector, shape (d,)."""
+
+    def given(self, data: Any) -> Self:
+        """The same likelihood with other data: what `simulate` returns."""
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """A rough estimate and its rough standard error, both of shape (d,)."""
+
+    def checks(self, data: Any | None = None) -> dict[str, float]:
+        """Numbers that predictive checks compare, of other data or of its own."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a model.
+
+    Parameters
+    ----------
+    name : str
+        Its name in tables and files, such as ``shift-x``.
+    label : str
+        Its symbol for axes, in TeX without dollar signs.
+    unit : str
+        The unit in which it is shown.
+    prior : Prior
+        Its prior, in SI units or px.
+    shown : float
+        How many shown units one SI unit is: 206264.8 for an angle shown in arcsec.
+    offset : float
+        Subtracted before showing, in SI units: 1 for a scale shown as its excess over one.
+    """
+
+    name: str
+    label: str
+    unit: str
+    prior: Prior
+    shown: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A model with its data.
+
+    Parameters
+    ----------
+    name, title : str
+        Its key and what it is about, in one line.
+    parameters : tuple of Parameter
+        In the order of the columns of every parameter array.
+    likelihood : Likelihood
+        The log likelihood with its data.
+    estimate : mapping of str to float
+        The published or least-squares point estimate, by parameter, where there is one; SI.
+    derived : Derived, optional
+        Consequences of the parameters.
+
+    Examples
+    --------
+    See `reproduce.inference.registration.registration_model`.
+    """
+
+    name: str
+    title: str
+    parameters: tuple[Parameter, ...]
+    likelihood: Likelihood
+    estimate: Mapping[str, float] = field(default_factory=dict)
+    derived: Derived | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters' names."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def dimension(self) -> int:
+        """The number of parameters."""
+        return len(self.parameters)
+
+    def log_prior(self, parameters: FloatArray) -> FloatArray:
+        """Log prior density, shape (n,), of vectors of shape (n, d)."""
+        total = np.zeros(len(parameters))
+        for column, parameter in zip(parameters.T, self.parameters, strict=True):
+            total += parameter.prior.log_density(column)
+        return total
+
+    def log_likelihood(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,), of vectors of shape (n, d)."""
+        return self.likelihood(parameters)
+
+    def log_posterior(self, parameters: FloatArray) -> FloatArray:
+        """Log prior plus log likelihood, shape (n,); the likelihood sees supported values only."""
+        total = self.log_prior(parameters)
+        inside = np.isfinite(total)
+        if inside.all():
+            total += self.likelihood(parameters)
+        elif inside.any():
+            total[inside] += self.likelihood(parameters[inside])
+        return np.where(np.isnan(total), -np.inf, total)
+
+    def draw_prior(self, generator: Generator, count: int) -> FloatArray:
+        """Independent draws from the prior, shape (count, d)."""
+        columns = [p.prior.draw(generator, count) for p in self.parameters]
+        return np.stack(columns, axis=-1)
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
+        """Data that one parameter vector, shape (d,), would have given."""
+        return self.likelihood.simulate(parameters, generator)
+
+    def given(self, data: Any) -> Model:
+        """The same model with other data; point estimates do not carry over."""
+        return replace(self, likelihood=self.likelihood.given(data), estimate={})
+
+    def start(self, generator: Generator, walkers: int) -> FloatArray:
+        """Over-dispersed starting points about a displaced centre, shape (walkers, d).
+
+        The displacement belongs to the ensemble, so that ensembles start apart from each other.
+
+        Raises
+        ------
+        ValueError
+            If hardly any starting point has a finite posterior.
+        """
+        centre, spread = self.likelihood.start()
+        centre = centre + OVERDISPERSION * spread * generator.normal(size=self.dimension)
+        points = np.empty((0, self.dimension))
+        for attempt in range(TRIES):
+            # A displaced centre may lie outside the support: let the scatter grow back to it.
+            wider = OVERDISPERSION * (1 + attempt / 20)
+            tried = centre + wider * spread * generator.normal(size=(walkers, self.dimension))
+            points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
+            if len(points) >= walkers:
+                return points[:walkers]
+        raise ValueError(
+            f"{self.name}: expected starting points with a finite posterior, got {len(points)} of "
+            f"{walkers} after {TRIES} tries; check the data against the priors"
+        )
+
+
+class Derived(Protocol):
+    """Consequences of a model's parameters."""
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Named consequences of parameter vectors of shape (n, d)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A consequence with its draws.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        In the unit shown.
+    unit : str
+        That unit.
+    meaning : str
+        What it is, in a few words.
+    """
+
+    values: FloatArray
+    unit: str
+    meaning: str

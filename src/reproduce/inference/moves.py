@@ -1,0 +1,102 @@
+"""Moves of an emcee ensemble, with the whole half-ensemble accepted or rejected at once.
+
+emcee decides walker by walker in Python; for likelihoods that cost next to nothing this is most
+of the time. `Complement` adds a proposal for the nearly Gaussian posteriors of this book.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from emcee import moves
+from emcee.state import State
+
+from reproduce.physics.validate import FloatArray
+
+# Student-t with few degrees of freedom: heavier than any posterior tail that is met here.
+DEGREES = 5.0
+# Slightly wider than the ensemble, since half an ensemble underestimates the spread.
+WIDER = 1.2
+
+
+class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
+    """A red-blue move whose acceptance is decided for a whole half at once."""
+
+    def propose(self, model: Any, state: State) -> tuple[State, Any]:
+        """Move one half of the ensemble after the other, each given its complement."""
+        self.setup(state.coords)
+        walkers = len(state.coords)
+        halves = np.arange(walkers) % 2
+        model.random.shuffle(halves)
+        accepted = np.zeros(walkers, dtype=bool)
+        coords, log_prob = state.coords.copy(), np.array(state.log_prob)
+        for half in (0, 1):
+            moved, rest = halves == half, halves != half
+            proposed, factors = self.get_proposal(coords[moved], [coords[rest]], model.random)
+            values = model.log_prob_fn(proposed)
+            # Minus infinity less minus infinity cannot occur: a walker never stands on it.
+            gain = factors + values - log_prob[moved]
+            taken = np.log(model.random.rand(len(gain))) < gain
+            index = np.flatnonzero(moved)[taken]
+            coords[index], log_prob[index] = proposed[taken], values[taken]
+            accepted[index] = True
+        return State(coords, log_prob=log_prob, random_state=state.random_state), accepted
+
+
+class Stretch(_AtOnce, moves.StretchMove):  # type: ignore[misc]
+    """The affine-invariant stretch of Goodman and Weare, decided at once."""
+
+
+class DifferentialEvolution(_AtOnce, moves.DEMove):  # type: ignore[misc]
+    """A step along the difference of two other walkers, decided at once."""
+
+
+class Complement(_AtOnce):
+    """An independent draw from a Student-t with mean and covariance of the other half.
+
+    The proposal depends on the other half alone, so the step leaves the posterior unchanged for
+    any shape of it; the nearer to Gaussian, the more often it is accepted. It is affine
+    invariant, as the stretch is.
+    """
+
+    def get_proposal(
+        self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        """Propose for every walker; the factor is the ratio of proposal densities."""
+        others = complement[0]
+        dimension = sample.shape[1]
+        mean = others.mean(axis=0)
+        # Scales differ by many orders of magnitude; factorise the correlation, not the covariance.
+        scale = others.std(axis=0) + np.finfo(float).tiny
+        scaled = (others - mean) / scale
+        correlation = scaled.T @ scaled / len(others) + 1e-10 * np.eye(dimension)
+        root = np.linalg.cholesky(correlation) * WIDER
+        normal = random.standard_normal(sample.shape)
+        chi = random.chisquare(DEGREES, len(sample)) / DEGREES
+        proposed = mean + scale * ((normal / np.sqrt(chi)[:, None]) @ root.T)
+        inverse = np.linalg.inv(root)
+        old = np.square(((sample - mean) / scale) @ inverse.T).sum(axis=1)
+        new = np.square(normal).sum(axis=1) / chi
+        return proposed, 0.5 * (DEGREES + dimension) * (
+            np.log1p(new / DEGREES) - np.log1p(old / DEGREES)
+        )
+
+
+def mixture() -> list[tuple[moves.Move, float]]:
+    """Return the moves of an ensemble with their shares.
+
+    The stretch and the differential evolution carry a far-off ensemble in and keep curved or
+    heavy-tailed posteriors moving; the complement makes draws nearly independent once it is in.
+
+    Returns
+    -------
+    list of tuple
+        Moves and weights for `emcee.EnsembleSampler`.
+
+    Examples
+    --------
+    >>> sum(weight for _, weight in mixture())
+    1.0
+    """
+    return [(Stretch(), 0.1), (DifferentialEvolution(), 0.2), (Complement(), 0.7)]

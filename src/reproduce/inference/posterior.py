@@ -1,0 +1,189 @@
+"""Draws of a posterior with all that is needed to report them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from reproduce.inference import diagnostics
+from reproduce.inference.convergence import Diagnosis, thinned
+from reproduce.inference.model import Model, Quantity
+from reproduce.physics.validate import FloatArray
+
+LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class Row:
+    """The summary of one parameter or consequence, in the unit shown.
+
+    Parameters
+    ----------
+    name, unit : str
+        Which, and its unit.
+    mean, deviation, low, median, high : float
+        Mean, standard deviation, and the median between the ends of the central 95 %.
+    mcse, mcse_end : float
+        Monte Carlo standard error of the mean, and the larger one of the two ends.
+    rhat, bulk, tail, time : float
+        Split R-hat, effective sample sizes, autocorrelation time in steps.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    deviation: float
+    low: float
+    median: float
+    high: float
+    mcse: float
+    mcse_end: float
+    rhat: float
+    bulk: float
+    tail: float
+    time: float
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Draws that passed the gates.
+
+    Parameters
+    ----------
+    model : Model
+        What was sampled.
+    seed : int
+        Root of its random numbers.
+    chain : ndarray, shape (ensembles, steps, walkers, d)
+        All draws after warm-up.
+    log_posterior : ndarray, shape (ensembles, steps, walkers)
+        Unnormalised.
+    acceptance : tuple of float
+        Of each ensemble.
+    diagnoses : tuple of Diagnosis
+        Of each parameter.
+    """
+
+    model: Model
+    seed: int
+    chain: FloatArray
+    log_posterior: FloatArray
+    acceptance: tuple[float, ...]
+    diagnoses: tuple[Diagnosis, ...]
+
+    @property
+    def time(self) -> float:
+        """The largest autocorrelation time of all parameters, in steps."""
+        return max(one.time for one in self.diagnoses)
+
+    @cached_property
+    def draws(self) -> FloatArray:
+        """Nearly independent draws, shape (n, d): thinned by the autocorrelation time."""
+        return np.concatenate(thinned(self.chain, self.time))
+
+    def rows(self) -> list[Row]:
+        """Return the summary of every parameter, in the unit shown."""
+        rows = []
+        for column, parameter in enumerate(self.model.parameters):
+            values = (self.chain[..., column] - parameter.offset) * parameter.shown
+            rows.append(summarised(parameter.name, parameter.unit, values))
+        return rows
+
+    def consequences(self) -> list[tuple[Row, Quantity]]:
+        """Return the summary of every derived quantity."""
+        if self.model.derived is None:
+            return []
+        shape = self.chain.shape[:3]
+        found = self.model.derived(self.chain.reshape(-1, self.model.dimension))
+        return [
+            (summarised(name, quantity.unit, quantity.values.reshape(shape)), quantity)
+            for name, quantity in found.items()
+        ]
+
+    def to_inference_data(self) -> Any:
+        """Convert to ArviZ, one chain per ensemble, thinned by the autocorrelation time.
+
+        Returns
+        -------
+        arviz.InferenceData
+            With the groups posterior (one variable per parameter, SI units) and sample_stats.
+        """
+        arviz = load_arviz()
+        draws = thinned(self.chain, self.time)
+        posterior = {name: draws[..., i] for i, name in enumerate(self.model.names)}
+        log_posterior = thinned(self.log_posterior, self.time)
+        return arviz.from_dict(posterior=posterior, sample_stats={"lp": log_posterior})
+
+
+def summarised(name: str, unit: str, values: FloatArray) -> Row:
+    """Summarise one quantity.
+
+    Parameters
+    ----------
+    name, unit : str
+        Which, and its unit.
+    values : ndarray, shape (ensembles, steps, walkers)
+        In that unit.
+
+    Returns
+    -------
+    Row
+        Its summary.
+    """
+    ends = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
+    low, median, high = np.quantile(values, (ends[0], 0.5, ends[1]))
+    time = diagnostics.autocorrelation_time(values)
+    return Row(
+        name,
+        unit,
+        float(values.mean()),
+        float(values.std()),
+        float(low),
+        float(median),
+        float(high),
+        diagnostics.mcse_mean(values),
+        max(diagnostics.mcse_quantile(values, end) for end in ends),
+        diagnostics.split_rhat(thinned(values, time)),
+        diagnostics.bulk_size(values),
+        diagnostics.tail_size(values),
+        time,
+    )
+
+
+def load_arviz() -> Any:
+    """Import ArviZ, without the announcement it makes on import."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+    return arviz
+
+
+def digits(value: float, mcse: float) -> str:
+    """Write a number with no more digits than its Monte Carlo error allows.
+
+    Parameters
+    ----------
+    value, mcse : float
+        The number and its Monte Carlo standard error.
+
+    Returns
+    -------
+    str
+        The last digit is the first that is larger than two standard errors, so that a second run
+        changes it by one at most, nearly always.
+
+    Examples
+    --------
+    >>> digits(1.23456, 0.002), digits(1234.5, 3.0), digits(0.5, 0.0)
+    ('1.23', '1230', '0.5')
+    """
+    if not np.isfinite(mcse) or mcse <= 0:
+        return f"{value:.6g}"
+    decimals = -int(np.ceil(np.log10(2 * mcse)))
+    if decimals >= 0:
+        return f"{value:.{min(decimals, 12)}f}"
+    return f"{round(value, decimals):.0f}"

@@ -1,0 +1,308 @@
+"""Registration of one channel or two: scale, rotation, shift and noise, from sufficient statistics.
+
+Points have shape (n, 2), in px, x before y; inside, a point is the complex number x + iy. About
+the pivot the model of niu2024 (17), (18) is linear, target = w source - shift with
+w = k exp(i theta), so the squared residuals of any parameters follow from a QR decomposition of
+the columns (source, one, target): the cost of a likelihood does not grow with n.
+
+The measured source points are the design: they are held, and the target (and the second channel)
+is random given them. With a flat prior on the true position of a star its noise then enters the
+residual as k times the source noise, exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
+from reproduce.physics.registration import fit_similarity, paired_points
+from reproduce.physics.similarity import Similarity, as_complex, as_points
+from reproduce.physics.validate import FloatArray, finite_array
+
+ARCMIN = 3437.746770784939
+
+
+def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Triangular factor of complex columns, shape (m, m) for columns of shape (n, m)."""
+    factor = np.linalg.qr(columns.astype(np.complex128), mode="r")
+    return np.asarray(factor)
+
+
+def squared_residuals(root: NDArray[np.complex128], weights: NDArray[np.complex128]) -> FloatArray:
+    """Squared length of root @ weights for every row of weights, shape (n,)."""
+    residual = weights @ root.T
+    return np.asarray((residual.real**2 + residual.imag**2).sum(axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianRegistration:
+    """Gaussian noise of one size; parameters (k, theta, shift x, shift y, noise).
+
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 2)
+        The same stars in the channel and in the reference channel, in px.
+    pivot : ndarray, shape (2,)
+        The channel's principal point, in px.
+    source_noise : bool
+        False: `noise` is that of a residual coordinate, the source noise neglected or included in
+        it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2 times
+        its variance.
+    pivot_free : bool
+        Whether two more parameters move the principal point, in px about `pivot`.
+    """
+
+    # `start` is the least-squares estimate with its standard errors.
+    least_squares: ClassVar[bool] = True
+
+    source: FloatArray
+    target: FloatArray
+    pivot: FloatArray
+    source_noise: bool = False
+    pivot_free: bool = False
+
+    @cached_property
+    def root(self) -> NDArray[np.complex128]:
+        """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""
+        origin = as_complex(self.pivot)
+        columns = [as_complex(self.source) - origin, np.ones(len(self.source)),
+                   as_complex(self.target) - origin]  # fmt: skip
+        return triangular(np.stack(columns, axis=-1))
+
+    def variance(self, parameters: FloatArray) -> FloatArray:
+        """Variance of a residual coordinate, shape (n,), in px^2."""
+        factor = 1 + parameters[:, 0] ** 2 if self.source_noise else 1.0
+        return np.asarray(parameters[:, 4] ** 2 * factor)
+
+    def weights(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Coefficients of (source, one, target) in the residual, shape (n, 3)."""
+        factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
+        shift = parameters[:, 2] + 1j * parameters[:, 3]
+        if self.pivot_free:
+            shift = shift + (factor - 1) * (parameters[:, 5] + 1j * parameters[:, 6])
+        return np.stack([-factor, shift, np.ones_like(factor)], axis=-1)
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        variance, count = self.variance(parameters), len(self.source)
+        squares = squared_residuals(self.root, self.weights(parameters))
+        return np.asarray(-count * np.log(2 * np.pi * variance) - squares / (2 * variance))
+
+    def full(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood point by point: what the sufficient statistics must reproduce."""
+        variance = self.variance(parameters)[:, None]
+        residual = self.residuals(parameters)
+        squares = residual.real**2 + residual.imag**2
+        return np.asarray((-np.log(2 * np.pi * variance) - squares / (2 * variance)).sum(axis=-1))
+
+    def residuals(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Target minus transformed source, shape (n, points)."""
+        origin = as_complex(self.pivot)
+        weights = self.weights(parameters)
+        source, target = as_complex(self.source) - origin, as_complex(self.target) - origin
+        return weights[:, :1] * source + weights[:, 1:2] + target
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Target points for one parameter vector, shape (points, 2), in px."""
+        rows = parameters[None]
+        noise = np.sqrt(self.variance(rows)) * generator.normal(size=self.source.shape)
+        residual = self.residuals(rows)[0]
+        return as_points(as_complex(self.target) - residual) + noise
+
+    def given(self, data: FloatArray) -> Self:
+        """The same sources with other target points."""
+        return replace(self, target=data)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """The least-squares fit and its standard errors."""
+        fit = fit_similarity(self.source, self.target, self.pivot)
+        freedom = 2 * len(self.source) - 4
+        variance = fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
+        noise = max(float(np.sqrt(variance)), 1e-12)
+        errors = np.sqrt(np.diagonal(fit.cofactor) * noise**2 * (1 + self.source_noise))
+        centre = np.append(fit.parameters, noise)
+        spread = np.append(errors, noise / np.sqrt(2 * freedom))
+        if self.pivot_free:
+            # The data say nothing of the pivot; the start only has to differ between walkers.
+            centre, spread = np.append(centre, [0, 0]), np.append(spread, [0.1, 0.1])
+        return centre, spread
+
+    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
+        """Root mean square and largest residual of the least-squares fit, and its scale."""
+        target = self.target if data is None else data
+        return fit_checks(self.source, target, self.pivot)
+
+
+def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, float]:
+    """What predictive checks compare: the least-squares fit and what it leaves over.
+
+    Returns
+    -------
+    dict
+        Residuals in px; their mean outwards and around in the outer half of the field is zero
+        only if a similarity is the right model.
+    """
+    fit = fit_similarity(source, target, pivot)
+    offsets = source - pivot
+    radius = np.hypot(*offsets.T)
+    outer = radius >= np.median(radius)
+    unit = offsets[outer] / radius[outer, None]
+    left = fit.residuals[outer]
+    return {
+        "residual, rms (px)": float(np.sqrt(np.square(fit.residuals).mean())),
+        "residual, largest (px)": float(np.abs(fit.residuals).max()),
+        "outer residual, outwards (px)": float((left * unit).sum(axis=1).mean()),
+        "outer residual, around (px)": float(
+            (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()
+        ),
+    }
+
+
+def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
+    """Parameters (k, theta, shift x, shift y, noise) with priors on the scale of the data alone.
+
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 2)
+        In px.
+
+    Returns
+    -------
+    tuple of Parameter
+        The five parameters.
+    """
+    source, target = paired_points(source, target)
+    extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
+    field = "the field itself: with a larger shift the channels would share no star"
+    return (
+        Parameter("scale", "k", "1e-6", Uniform(0.5, 2.0, "between half and double: any pair of "
+            "channels of one telescope; flat, as the closed form needs"), 1e6, 1.0),
+        Parameter("rotation", r"\theta", "arcmin", Uniform(-0.5, 0.5, "half a radian: detectors "
+            "behind one prism are mounted the same way round"), ARCMIN),
+        Parameter("shift-x", r"\Delta x", "px", Uniform(-extent, extent, field)),
+        Parameter("shift-y", r"\Delta y", "px", Uniform(-extent, extent, field)),
+        Parameter("noise", r"\sigma", "px", LogUniform(extent * 1e-7, extent * 1e-2,
+            "no scale preferred between a ten-millionth and a hundredth of the field")),
+    )  # fmt: skip
+
+
+def registration_model(
+    source: FloatArray,
+    target: FloatArray,
+    pivot: FloatArray,
+    *,
+    name: str = "registration",
+    priors: dict[str, Prior] | None = None,
+    derived: Derived | None = None,
+) -> Model:
+    """Registration of one channel with Gaussian noise.
+
+    Parameters
+    ----------
+    source, target : array_like, shape (n, 2)
+        The same stars in the channel and in the reference channel, in px.
+    pivot : array_like, shape (2,)
+        The channel's principal point, in px.
+    name : str
+        The model's name.
+    priors : dict, optional
+        Priors in place of those on the scale of the data.
+    derived : Derived, optional
+        Consequences.
+
+    Returns
+    -------
+    Model
+        Parameters scale, rotation (rad), shift-x, shift-y, noise (px).
+
+    Raises
+    ------
+    ValueError, DegenerateGeometryError
+        As for `physics.registration.fit_similarity`; also with fewer than four points.
+
+    Examples
+    --------
+    >>> points = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
+    >>> model = registration_model(points, points + [[1, 0], [0, 1], [1, 1], [0, 0]], (0, 0))
+    >>> model.names
+    ('scale', 'rotation', 'shift-x', 'shift-y', 'noise')
+    """
+    source, target = paired_points(source, target)
+    if len(source) < 4:
+        raise ValueError(
+            f"source: expected at least four points, got {len(source)}; two more than the fit "
+            "needs are the least that say anything of the noise"
+        )
+    pivot = finite_array("pivot", pivot, shape=(2,))
+    fit = fit_similarity(source, target, pivot)
+    parameters = with_priors(registration_parameters(source, target), priors)
+    return Model(
+        name,
+        "Registration of one channel: similarity and Gaussian noise",
+        parameters,
+        GaussianRegistration(source, target, pivot),
+        dict(
+            zip(("scale", "rotation", "shift-x", "shift-y"), fit.parameters.tolist(), strict=True)
+        ),
+        derived,
+    )
+
+
+def with_priors(
+    parameters: tuple[Parameter, ...], priors: dict[str, Prior] | None
+) -> tuple[Parameter, ...]:
+    """Return parameters with some priors replaced.
+
+    Raises
+    ------
+    ValueError
+        If a prior is for a parameter that does not exist.
+    """
+    unknown = set(priors or ()) - {p.name for p in parameters}
+    if unknown:
+        raise ValueError(
+            f"priors: expected names among {', '.join(p.name for p in parameters)}, got "
+            f"{', '.join(sorted(unknown))}; check the spelling"
+        )
+    return tuple(replace(p, prior=(priors or {}).get(p.name, p.prior)) for p in parameters)
+
+
+def principal_point_model(base: Model, sigma: float) -> Model:
+    """The registration with the principal point uncertain.
+
+    Parameters
+    ----------
+    base : Model
+        From `registration_model`.
+    sigma : float
+        Standard deviation of each coordinate of the principal point, in px.
+
+    Returns
+    -------
+    Model
+        With two more parameters, the offset of the principal point from the one assumed, in px.
+    """
+    plain = base.likelihood
+    if not isinstance(plain, GaussianRegistration):
+        raise TypeError(f"base: expected a Gaussian registration, got {type(plain).__name__}")
+    prior = Normal(0.0, sigma, "how well a laboratory knows a principal point; the data do not say")
+    extra = tuple(Parameter(f"pivot-{a}", f"p_{a}", "px", prior) for a in "xy")
+    return replace(
+        base,
+        name="registration-principal-point",
+        title="Registration with an uncertain principal point",
+        parameters=base.parameters + extra,
+        likelihood=replace(plain, pivot_free=True),
+    )
+
+
+def as_similarity(parameters: FloatArray, pivot: FloatArray) -> Similarity:
+    """The transforms that parameter vectors stand for, batch shape (n,)."""
+    return Similarity(parameters[:, 0], parameters[:, 1], parameters[:, 2:4], pivot)

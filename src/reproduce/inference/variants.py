@@ -1,0 +1,250 @@
+"""Registrations whose likelihood needs every point: heavy tails, uneven noise, free distortion.
+
+Conventions and units are those of `registration`; arrays have shape (n, points).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
+from reproduce.inference.model import Model, Parameter
+from reproduce.inference.priors import Normal, Uniform
+from reproduce.inference.registration import GaussianRegistration
+from reproduce.physics.similarity import as_complex, as_points
+from reproduce.physics.validate import FloatArray
+
+# Steps of Newton's method for the inverse distortion; each doubles the digits.
+NEWTON_STEPS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class PointwiseRegistration:
+    """A registration evaluated point by point; a subclass adds one idea and its parameters.
+
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 2)
+        In px.
+    pivot : ndarray, shape (2,)
+        The source channel's principal point, in px.
+    """
+
+    source: FloatArray
+    target: FloatArray
+    pivot: FloatArray
+
+    # Centre and spread of the parameters that a subclass adds.
+    extra_centre: ClassVar[tuple[float, ...]] = (0.0,)
+    extra_spread: ClassVar[tuple[float, ...]] = (0.3,)
+
+    @cached_property
+    def offsets(self) -> NDArray[np.complex128]:
+        """Source points about the pivot."""
+        return as_complex(self.source) - as_complex(self.pivot)
+
+    @cached_property
+    def radius(self) -> FloatArray:
+        """Distance from the pivot over the largest one, from 0 to 1."""
+        distance = np.abs(self.offsets)
+        return np.asarray(distance / distance.max())
+
+    def predicted(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Where the target points should lie, about the pivot."""
+        factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])
+        predicted: NDArray[np.complex128] = factor * self.offsets - _shift(parameters)
+        return predicted
+
+    def residuals(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Target minus prediction, in px."""
+        return as_complex(self.target) - as_complex(self.pivot) - self.predicted(parameters)
+
+    def noise(self, parameters: FloatArray) -> FloatArray:
+        """Standard deviation at each point, in px."""
+        return parameters[:, 4:5]
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        residual, noise = self.residuals(parameters), self.noise(parameters)
+        squares = (residual.real**2 + residual.imag**2) / noise**2
+        constant = 2 * np.log(noise) + np.log(2 * np.pi)
+        return np.asarray(-(0.5 * squares + constant).sum(axis=-1))
+
+    def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Noise of one replicate, shape (points, 2), in px."""
+        normal = generator.normal(size=self.source.shape)
+        return np.asarray(self.noise(parameters).T * normal)
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Target points for one parameter vector, shape (points, 2), in px."""
+        rows = parameters[None]
+        points = as_points(self.predicted(rows)[0]) + self.pivot
+        return points + self.scatter(rows, generator)
+
+    def given(self, data: FloatArray) -> Self:
+        """The same sources with other target points."""
+        return replace(self, target=data)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """The least-squares fit and its standard errors, and what the subclass adds."""
+        centre, spread = self.plain.start()
+        return np.append(centre, self.extra_centre), np.append(spread, self.extra_spread)
+
+    @property
+    def plain(self) -> GaussianRegistration:
+        """The registration without the added idea."""
+        return GaussianRegistration(self.source, self.target, self.pivot)
+
+    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
+        """As for the plain registration."""
+        return self.plain.checks(data)
+
+
+class StudentRegistration(PointwiseRegistration):
+    """Student-t noise; one more parameter, the decimal logarithm of its degrees of freedom."""
+
+    extra_centre: ClassVar[tuple[float, ...]] = (1.2,)
+    extra_spread: ClassVar[tuple[float, ...]] = (0.2,)
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        residual, noise = self.residuals(parameters), parameters[:, 4]
+        freedom = 10.0 ** parameters[:, 5]
+        scaled = freedom[:, None] * noise[:, None] ** 2
+        tails = np.log1p(residual.real**2 / scaled) + np.log1p(residual.imag**2 / scaled)
+        constant = gammaln((freedom + 1) / 2) - gammaln(freedom / 2)
+        constant -= 0.5 * np.log(freedom * np.pi) + np.log(noise)
+        total = 2 * len(self.source) * constant - (freedom + 1) / 2 * tails.sum(axis=-1)
+        return np.asarray(total)
+
+    def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Noise of one replicate, shape (points, 2), in px."""
+        return np.asarray(
+            parameters[0, 4] * generator.standard_t(10.0 ** parameters[0, 5], self.source.shape)
+        )
+
+
+class FieldNoiseRegistration(PointwiseRegistration):
+    """Noise that varies across the field; one more parameter, its log from centre to edge."""
+
+    def noise(self, parameters: FloatArray) -> FloatArray:
+        """Standard deviation at each point, in px: noise exp(growth radius^2)."""
+        return np.asarray(parameters[:, 4:5] * np.exp(parameters[:, 5:6] * self.radius**2))
+
+
+class DistortedRegistration(PointwiseRegistration):
+    """Radial distortion free in both channels; two more parameters.
+
+    The distortion is its displacement at the edge of the field, in px, so that the parameter does
+    not depend on the unit of the coefficient.
+    """
+
+    extra_centre: ClassVar[tuple[float, ...]] = (0.0, 0.0)
+    extra_spread: ClassVar[tuple[float, ...]] = (0.1, 0.1)
+
+    def predicted(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Undistort, scale and rotate, distort, shift."""
+        edge = np.abs(self.offsets).max()
+        source, target = (parameters[:, i : i + 1] / edge for i in (5, 6))
+        radius = np.broadcast_to(self.radius, (len(parameters), len(self.radius)))
+        ideal = radius.copy()
+        for _ in range(NEWTON_STEPS):
+            ideal = ideal - (ideal + source * ideal**3 - radius) / (1 + 3 * source * ideal**2)
+        with np.errstate(invalid="ignore"):
+            ratio = np.where(radius > 0, ideal / radius, 1.0)
+        factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])
+        carried = factor * ratio * self.offsets
+        bent = carried * (1 + target * np.abs(carried / edge) ** 2)
+        predicted: NDArray[np.complex128] = bent - _shift(parameters)
+        return predicted
+
+
+def _shift(parameters: FloatArray) -> NDArray[np.complex128]:
+    shift: NDArray[np.complex128] = parameters[:, 2:3] + 1j * parameters[:, 3:4]
+    return shift
+
+
+def student_model(base: Model) -> Model:
+    """The registration with Student-t noise, for centroids that go astray now and then.
+
+    Parameters
+    ----------
+    base : Model
+        From `registration.registration_model`.
+
+    Returns
+    -------
+    Model
+        With one more parameter, the decimal logarithm of the degrees of freedom.
+    """
+    prior = Uniform(0.3, 2.3, "from two degrees, tails that barely have a variance, to two "
+                    "hundred, which no sample of this size tells from Gaussian")  # fmt: skip
+    return _extended(base, StudentRegistration, "student", "Student-t noise",
+                     (Parameter("log-freedom", r"\log_{10}\nu", "1", prior),))  # fmt: skip
+
+
+def field_noise_model(base: Model) -> Model:
+    """The registration with noise that changes across the field.
+
+    Parameters
+    ----------
+    base : Model
+        From `registration.registration_model`.
+
+    Returns
+    -------
+    Model
+        With one more parameter, the log of the noise at the edge over that at the centre.
+    """
+    prior = Normal(0.0, 0.5, "spots at the edge may be blurred to half or double their noise or so")
+    return _extended(base, FieldNoiseRegistration, "field-noise", "noise that varies in the field",
+                     (Parameter("growth", "h", "1", prior),))  # fmt: skip
+
+
+def distortion_model(base: Model) -> Model:
+    """The registration with the radial distortion of both channels free.
+
+    Parameters
+    ----------
+    base : Model
+        From `registration.registration_model`.
+
+    Returns
+    -------
+    Model
+        With two more parameters, the displacement at the edge of the field in source and target.
+    """
+    prior = Normal(
+        0.0, 2.0, "a corrected star camera moves its outermost stars by a few px at most"
+    )
+    extra = (
+        Parameter("source-distortion", "d_s", "px", prior),
+        Parameter("target-distortion", "d_t", "px", prior),
+    )
+    return _extended(base, DistortedRegistration, "distortion", "both distortions free", extra)
+
+
+def _extended(
+    base: Model,
+    likelihood: type[PointwiseRegistration],
+    suffix: str,
+    idea: str,
+    extra: tuple[Parameter, ...],
+) -> Model:
+    plain = base.likelihood
+    if not isinstance(plain, GaussianRegistration):
+        raise TypeError(f"base: expected a Gaussian registration, got {type(plain).__name__}")
+    return replace(
+        base,
+        name=f"registration-{suffix}",
+        title=f"Registration with {idea}",
+        parameters=base.parameters + extra,
+        likelihood=likelihood(plain.source, plain.target, plain.pivot),
+        estimate=base.estimate,
+    )

@@ -1,0 +1,276 @@
+"""Figures 1d and 7 to 10: what the twin of the ground platform sees and measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import default_rng
+
+from reproduce.papers.chen2023 import accuracy, stage, twin, twin_study
+from reproduce.papers.declare import seed_of
+from reproduce.physics.averaging import moving_average
+from reproduce.physics.detector import Detector, expose
+from reproduce.physics.misalignment import misalignment, misalignment_angles
+from reproduce.physics.spots import render_frame
+from reproduce.physics.stage import stage_angle
+from reproduce.physics.validate import FloatArray
+from reproduce.physics.wahba import mean_rotation
+from reproduce.printed.given import given
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+RATE = ("chen2023/text-accuracy#duration", accuracy.FRAMES)
+READS = (*twin.READS, twin_study.SMOOTHED, "chen2023/text-accuracy#duration")
+STAGE_READS = (*READS, f"{stage.TABLE}#*.position-?", f"{stage.TABLE}#*.motion-?")
+MARGIN = 12
+ARCSEC = float(np.degrees(1.0) * 3600)
+
+
+@cache
+def groups() -> twin.Series:
+    """Return the two groups of frames that Figures 8 and 9 show."""
+    door = given(READS)
+    return twin.two_groups(
+        twin.bench(door), door.count(accuracy.FRAMES), default_rng(seed_of("chen2023/fig-8"))
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Ride:
+    """The test with the moving stage, frame by frame.
+
+    Attributes
+    ----------
+    times : ndarray, shape (frames,)
+        In seconds.
+    positions : ndarray, shape (frames, 2)
+        Of the stage, in metres.
+    reference, monitored : ndarray, shape (frames, 2)
+        About X and Y, in radians; monitored is the mean of up to 100 frames before.
+    """
+
+    times: FloatArray
+    positions: FloatArray
+    reference: FloatArray
+    monitored: FloatArray
+
+
+@cache
+def ride() -> Ride:
+    """Run the test of Figure 10: the printed positions, one state after the other.
+
+    Returns
+    -------
+    Ride
+        The twin's own measurement; the printed angles are not used.
+    """
+    door = given((*STAGE_READS, stage.FRAMES, stage.TELESCOPE))
+    platform, frames = twin.bench(door), door.count(stage.FRAMES)
+    places = door.array(f"{stage.TABLE}#*.position-?").reshape(-1, 2)
+    moved = places - places[0]
+    # A motion along one axis turns the camera about the other; the printed signs are kept.
+    angles = np.zeros((len(places), 3))
+    angles[:, :2] = stage_angle(moved[:, ::-1], door[stage.TELESCOPE])
+    spots = platform.turned(angles)
+    found = twin.centroids(
+        platform, spots, platform.light[1], frames, default_rng(seed_of("chen2023/fig-10b"))
+    )
+    zero = mean_rotation(platform.transform(found[0]))
+    single = misalignment_angles(
+        misalignment(platform.camera_directions, platform.directions(found), zero)
+    )
+    pace = door["chen2023/text-accuracy#duration"] / door.count(accuracy.FRAMES)
+    series = single.reshape(-1, 3)[:, :2]
+    return Ride(
+        times=np.asarray(np.arange(len(series)) * pace, dtype=np.float64),
+        positions=np.repeat(places, frames, axis=0),
+        reference=np.repeat(angles[:, :2], frames, axis=0),
+        monitored=trailing_mean(series, door.count(twin_study.SMOOTHED)),
+    )
+
+
+def trailing_mean(series: FloatArray, count: int) -> FloatArray:
+    """Return the mean of the last `count` frames at each frame, of fewer at the beginning.
+
+    Parameters
+    ----------
+    series : ndarray, shape (frames, k)
+        Values frame by frame.
+    count : int
+        Frames in a full average.
+
+    Returns
+    -------
+    ndarray, shape (frames, k)
+        In the unit of the series.
+    """
+    start = np.cumsum(series[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
+    return np.concatenate([start, moving_average(series, count, axis=0)])
+
+
+def draw_spots(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Image of the four laser spots in the tracker, rendered at the printed places.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of the printed centroids to values, in px.
+    """
+    door = given(READS)
+    platform = twin.bench(door)
+    corner = np.floor(platform.spots.min(axis=0)).astype(int) - MARGIN
+    size = np.ceil(platform.spots.max(axis=0)).astype(int) + MARGIN - corner
+    mean = render_frame(
+        platform.spots - corner, platform.light[0], platform.radius, (int(size[0]), int(size[1]))
+    )
+    seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7")))
+    left, top = corner - 0.5
+    figure.set_size_inches(6.4, 5.2)
+    axes = figure.add_subplot()
+    picture = axes.imshow(
+        seen, extent=(left, left + size[0], top + size[1], top), cmap="gray", vmin=0.0
+    )
+    centres = np.array(list(printed.values())).reshape(-1, 2)
+    axes.plot(*centres.T, "o", markersize=16, fillstyle="none", color="#D55E00", label="printed")
+    for number, (x, y) in enumerate(centres, start=1):
+        axes.annotate(f"{number}", (x + 2.5, y - 1.5), color="#E69F00")
+    axes.grid(visible=False)
+    axes.set(xlabel="x (px)", ylabel="y (px)")
+    axes.legend(loc="upper right", labelcolor="#E69F00")
+    figure.colorbar(picture, ax=axes, label="electrons per frame")
+
+
+def draw_transform(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Error of the laser transform over the first group, single frames and smoothed.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of the printed accuracies of one frame to values, in radians.
+    """
+    _series(figure, groups().transform, list(printed.values()))
+
+
+def draw_misalignment(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Monitored misalignment over the second group, single frames and smoothed.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of the printed accuracies of one frame to values, in radians.
+    """
+    _series(figure, groups().misalignment, list(printed.values()))
+
+
+def _series(figure: Figure, angles: FloatArray, accuracies: list[float]) -> None:
+    count = given(READS).count(twin_study.SMOOTHED)
+    frames = np.arange(1, len(angles) + 1)
+    figure.set_size_inches(7.2, 3.4)
+    panels: list[Axes] = list(figure.subplots(1, 2, sharey=True))
+    for panel, name, index in zip(panels, "XY", range(2), strict=True):
+        series = angles[:, index] * ARCSEC
+        smoothed = moving_average(series, count)
+        panel.plot(frames, series, linewidth=0.6, label="single frame")
+        panel.plot(frames[count - 1 :], smoothed, linewidth=2.5, label=f"mean of {count}")
+        for side in (-1, 1):
+            panel.axhline(
+                series.mean() + side * accuracies[index] * ARCSEC,
+                color="#000000",
+                linestyle="--",
+                linewidth=1,
+                label="printed, 3σ" if side > 0 else None,
+            )
+        panel.set(xlabel="frame", title=f"about {name}")
+    panels[0].set_ylabel("angle (arcsec)")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+
+
+def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Motion pattern of the stage, its five states marked.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of the printed positions to values, in metres.
+    """
+    places = np.array(list(printed.values())).reshape(-1, 2) * 1e6
+    axes = figure.add_subplot()
+    axes.plot(*places.T, "--", linewidth=1)
+    axes.plot(*places.T, "^", markersize=8, color="#D55E00")
+    for state, (x, y) in enumerate(places, start=1):
+        axes.annotate(f"state {state}", (x + 2.5, y - 3.5))
+    axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)", xlim=(0, 110))
+
+
+def draw_about_y(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Monitored and reference angle about Y while the stage moves along X.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of the printed monitored angles about Y to values, in radians.
+    """
+    _ridden(figure, 1, list(printed.values()))
+
+
+def draw_about_x(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Monitored and reference angle about X while the stage moves along Y.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of the printed monitored angles about X to values, in radians.
+    """
+    _ridden(figure, 0, list(printed.values()))
+
+
+def _ridden(figure: Figure, index: int, angles: list[float]) -> None:
+    content = ride()
+    axes = figure.add_subplot()
+    axes.plot(content.times, content.monitored[:, index] * ARCSEC, label="monitored by the twin")
+    axes.plot(content.times, content.reference[:, index] * ARCSEC, "--", label="reference, (10)")
+    each = len(content.times) // len(stage.STATES)
+    middles = content.times[each + each // 2 :: each]
+    axes.plot(middles, np.array(angles) * ARCSEC, "s", color="#000000", label="monitored, printed")
+    axes.set(xlabel="time (s)", ylabel=f"angle about {'XY'[index]} (arcsec)")
+    axes.legend()
+
+
+def draw_example(figure: Figure, printed: Mapping[str, float]) -> None:
+    """One move of the stage, close up: the average follows the reference after its own length.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Not used: no value is printed on this figure.
+    """
+    content = ride()
+    each = len(content.times) // len(stage.STATES)
+    shown = slice(each // 2, 2 * each)
+    figure.set_size_inches(6.4, 3.2)
+    axes = figure.add_subplot()
+    axes.plot(content.times[shown], content.monitored[shown, 1] * ARCSEC, label="monitored")
+    axes.plot(content.times[shown], content.reference[shown, 1] * ARCSEC, "--", label="reference")
+    axes.set(xlabel="time (s)", ylabel="misalignment about Y (arcsec)")
+    axes.legend()

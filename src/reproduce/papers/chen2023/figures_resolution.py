@@ -1,0 +1,153 @@
+"""Figure 11: accuracy of the centroids and of the monitoring against the angular resolution."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reproduce.papers.chen2023 import resolution
+from reproduce.papers.declare import seed_of
+from reproduce.physics.averaging import attitude_accuracy
+from reproduce.physics.phase_study import (
+    Scatter,
+    bound,
+    even_phases,
+    observed_scatter,
+    predicted_errors,
+    predicted_scatter,
+    simulated_errors,
+)
+from reproduce.physics.simulate import spawned_streams
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given, given
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STUDY = resolution.STUDY
+MARKS_CENTROIDS = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
+MARKS_MONITORING = (f"{STUDY}#saturation",)
+Curves = dict[str, FloatArray]
+
+
+def monte_carlo(given: Given) -> Scatter:
+    """Simulate the study as described: every phase and trial at every resolution.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells of `resolution.READS`.
+
+    Returns
+    -------
+    Scatter
+        Of shape (resolutions,), in px.
+    """
+    phases = even_phases(given.count(f"{STUDY}#phases"))
+    trials, size = given.count(f"{STUDY}#trials"), resolution.window(given)
+    light = resolution.light_for_table(given)
+    radius = resolution.radii(given, resolution.resolutions(given))
+    streams = spawned_streams(seed_of("chen2023/fig-11a"), len(radius))
+    found = [
+        observed_scatter(simulated_errors(phases, light, float(one), size, trials, stream))
+        for one, stream in zip(radius, streams, strict=True)
+    ]
+    return Scatter(
+        np.array([each.total for each in found]),
+        np.array([each.within for each in found]),
+        np.array([each.bias for each in found]),
+    )
+
+
+@cache
+def compute() -> Curves:
+    """Compute what both panels of Figure 11 show.
+
+    Returns
+    -------
+    dict
+        ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within``
+        (scatter without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
+    """
+    door = given(resolution.READS)
+    angles = resolution.resolutions(door)
+    phases = even_phases(door.count(f"{STUDY}#phases"))
+    radius, size = resolution.radii(door, angles), resolution.window(door)
+    light = resolution.light_for_table(door)
+    law = predicted_scatter(predicted_errors(phases, light, radius, size))
+    return {
+        "angles": angles,
+        "simulated": monte_carlo(door).total,
+        "predicted": law.total,
+        "within": law.within,
+        "bias": law.bias,
+        "bound": bound(phases, light, radius, size),
+    }
+
+
+def draw_centroids(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Centroiding accuracy against the angular resolution of the tracker.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of `MARKS_CENTROIDS` to values, in SI.
+    """
+    axes, angles = _axes(figure)
+    _curves(axes, angles, 1.0)
+    (optimum, accuracy) = (printed[address] for address in MARKS_CENTROIDS)
+    axes.plot(
+        float(_arcsec(optimum)), accuracy, "*", markersize=13, color="#000000", label="printed best"
+    )
+    axes.set(ylabel="centroid error (1σ, px)")
+    axes.legend()
+
+
+def draw_monitoring(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Monitoring accuracy against the angular resolution of the tracker.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    printed : mapping
+        Addresses of `MARKS_MONITORING` to values, in SI.
+    """
+    axes, angles = _axes(figure)
+    lasers = given(resolution.READS).count(f"{STUDY}#lasers")
+    _curves(axes, angles, _arcsec(attitude_accuracy(1.0, lasers, compute()["angles"])))
+    limit = float(_arcsec(printed[MARKS_MONITORING[0]]))
+    axes.axvline(limit, color="#000000", linestyle=(0, (1, 2)), label="printed limit of gain")
+    axes.set(ylabel="monitoring error (1σ, arcsec)")
+    axes.legend()
+
+
+def _axes(figure: Figure) -> tuple[Axes, FloatArray]:
+    axes = figure.add_subplot()
+    axes.set(xlabel="angular resolution (arcsec per px)", yscale="log")
+    return axes, np.asarray(_arcsec(compute()["angles"]))
+
+
+def _curves(axes: Axes, angles: FloatArray, scale: FloatArray | float) -> None:
+    content = compute()
+    few = slice(None, None, 2)
+    axes.plot(
+        angles[few], (content["simulated"] * scale)[few], "o", markersize=4, label="Monte Carlo"
+    )
+    axes.plot(angles, content["predicted"] * scale, "-", label="closed form")
+    axes.plot(angles, content["within"] * scale, "--", label="its scatter alone")
+    axes.plot(angles, content["bias"] * scale, "-.", label="its bias alone")
+    axes.plot(angles, content["bound"] * scale, ":", label="unbiased bound")
+    low = float((content["bound"] * scale).min())
+    axes.set_ylim(bottom=low / 4)
+
+
+def _arcsec(angle: FloatArray | float) -> FloatArray:
+    return np.asarray(np.degrees(angle) * 3600)

@@ -1,0 +1,153 @@
+"""What the optimum of Figure 11 depends on, and what better estimators would reach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+
+from reproduce.papers.chen2023 import resolution
+from reproduce.papers.declare import seed_of
+from reproduce.papers.study import Study
+from reproduce.physics.averaging import attitude_accuracy
+from reproduce.physics.centroids import centre_of_gravity, windowed_centre
+from reproduce.physics.detector import Detector, expose
+from reproduce.physics.phase_study import (
+    Light,
+    bound,
+    even_phases,
+    predicted_errors,
+    predicted_scatter,
+)
+from reproduce.physics.simulate import spawned_streams
+from reproduce.physics.spot_fit import fitted_centre
+from reproduce.physics.spots import spot_windows
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given, given
+
+STUDY = resolution.STUDY
+TRIALS = 40
+STEPS = 12
+# Angles per pixel at which the estimators are compared, in arc seconds.
+COMPARED = (20, 30, 43, 57, 80)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read the study: the light, the window, and where the spot may lie."""
+
+    name: str
+    light: Light
+    window: int
+    whole_pixel: bool = True
+    scatter_only: bool = False
+
+
+def readings() -> Study:
+    """Where the optimum lies under other readings of the text, from the closed form.
+
+    Returns
+    -------
+    Study
+        One row per reading.
+    """
+    door = given(resolution.READS)
+    rows = tuple(_row(door, reading) for reading in _readings(door))
+    head = ("Reading", "optimum (arcsec)", "error there (px)", "limit of gain (arcsec)")
+    return Study("The optimum of Figure 11 under other readings of the text.", head, rows)
+
+
+def _readings(door: Given) -> list[Reading]:
+    size = resolution.window(door)
+    literal = Reading("as the ledger reads it", resolution.light_for_table(door), size)
+    found = [literal]
+    for share in (0.25, 0.5, 0.75, 0.95):
+        light = resolution.light_for_table(door, share)
+        found.append(replace(literal, name=f"read noise is {share:.0%} of variance", light=light))
+    for factor in (0.5, 2.0):
+        light = Light(literal.light.signal * factor)
+        found.append(replace(literal, name=f"{factor:g} times the light", light=light))
+    for window in (3, 7):
+        found.append(replace(literal, name=f"window of {window} × {window} px", window=window))
+    found.append(replace(literal, name="spot within ±6.5 µm always", whole_pixel=False))
+    return [*found, replace(literal, name="scatter without bias", scatter_only=True)]
+
+
+def _row(door: Given, reading: Reading) -> tuple[str, ...]:
+    angles = resolution.resolutions(door)
+    radius = resolution.radii(door, angles)
+    phases = even_phases(door.count(f"{STUDY}#phases"))
+    if reading.whole_pixel:
+        law = predicted_scatter(predicted_errors(phases, reading.light, radius, reading.window))
+        error = law.within if reading.scatter_only else law.total
+    else:
+        error = np.array([_fixed_travel(door, reading, phases, float(one)) for one in radius])
+    monitoring = attitude_accuracy(error, door.count(f"{STUDY}#lasers"), angles)
+    limit = angles[resolution.saturation(monitoring, resolution.relative_error(door))]
+    best = int(error.argmin())
+    degrees = np.degrees([angles[best], limit]) * 3600
+    return reading.name, f"{degrees[0]:.0f}", f"{error[best]:.4f}", f"{degrees[1]:.0f}"
+
+
+def _fixed_travel(door: Given, reading: Reading, phases: FloatArray, radius: float) -> float:
+    """Return the total error where the spot's travel is the tracker's pixel, whatever its size."""
+    pitch = door[f"{STUDY}#spot-radius"] / radius
+    travel = phases * door[resolution.PIXEL] / pitch
+    nearest = travel - np.floor(travel + 0.5)
+    law = predicted_errors(nearest, reading.light, radius, reading.window)
+    return float(predicted_scatter(law).total)
+
+
+def estimators() -> Study:
+    """Errors of four estimators over all phases, against the bound, by simulation.
+
+    Returns
+    -------
+    Study
+        One row per estimator, one column per angular resolution.
+    """
+    door = given(resolution.READS)
+    # Half of the variance at the tracker's own pixel from the readout: a middle case.
+    light = resolution.light_for_table(door, read_share=0.5)
+    size, phases = resolution.window(door), even_phases(door.count(f"{STUDY}#phases"))
+    radius = resolution.radii(door, np.radians(np.array(COMPARED) / 3600))
+    streams = list(spawned_streams(seed_of("chen2023/estimators"), len(radius)))
+    columns = [
+        _errors(phases, light, float(one), size, stream)
+        for one, stream in zip(radius, streams, strict=True)
+    ]
+    rows = [(name, *(f"{column[name]:.4f}" for column in columns)) for name in columns[0]]
+    least = bound(phases, light, radius, size)
+    rows.append(("unbiased bound", *(f"{value:.4f}" for value in least)))
+    caption = (
+        "Root-mean-square error over all phases, in px, for pixels of the given angle (arcsec). "
+        f"Light {light.signal:.0f} electrons, read noise {light.read_noise:.1f} electrons: half "
+        "of the variance that Table III implies is read noise."
+    )
+    return Study(caption, ("Estimator", *(f"{angle}" for angle in COMPARED)), tuple(rows))
+
+
+def _errors(
+    phases: FloatArray, light: Light, radius: float, size: int, generator: Generator
+) -> dict[str, float]:
+    points = np.stack([phases, np.zeros_like(phases)], axis=-1)
+    corner = np.full(2, -(size // 2))
+    mean = spot_windows(points, light.signal, radius, corner, size)
+    sensor = Detector(read_noise=light.read_noise)
+    seen = expose(np.broadcast_to(mean, (TRIALS, *mean.shape)), sensor, generator)
+    found: dict[str, Callable[[], FloatArray]] = {
+        "centre of gravity": lambda: centre_of_gravity(seen, corner),
+        "Gaussian weight that follows": lambda: windowed_centre(seen, corner, radius, STEPS),
+        "matched filter": lambda: fitted_centre(
+            seen, corner, radius, light.read_noise, "uniform", STEPS
+        ),
+        "maximum likelihood": lambda: fitted_centre(
+            seen, corner, radius, light.read_noise, "likelihood", STEPS
+        ),
+    }
+    return {
+        name: float(np.sqrt(np.mean((centre()[..., 0] - phases) ** 2)))
+        for name, centre in found.items()
+    }

@@ -1,0 +1,67 @@
+"""Each channel calibrated alone, on the twin of the laboratory (niu2024, section 4.3).
+
+The paper fits a focal length and a distortion to every channel, and takes their closeness as
+support for its approximations. Here the twin does the same many times, to show how close they can
+come. Nothing is judged with it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from reproduce.papers.niu2024 import angles, laboratory
+from reproduce.physics.intrinsics import CameraFit, fit_camera
+from reproduce.physics.simulate import channel_centroids, noisy_centroids, table_starlight
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+
+def calibrated_alone(
+    given: Given, seed: SeedSequence, replicates: int, error: float
+) -> dict[str, CameraFit]:
+    """Calibrate each channel's own camera on the twin, as the last two rows of Table 4 were.
+
+    Nothing is judged with it: it shows how well such a fit can do.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells of `laboratory.INSTRUMENT` and `angles.READS`; the simulation's angles stand
+        in for those of the laboratory, which are not printed.
+    seed : numpy.random.SeedSequence
+        Of the errors.
+    replicates : int
+        How many calibrations.
+    error : float
+        Standard deviation of one coordinate of a calibration point, in px.
+
+    Returns
+    -------
+    dict
+        Channel to its calibrations, batch shape (replicates,).
+    """
+    table = angles.literal(given).angles
+    true = channel_centroids(laboratory.cameras(given), laboratory.rotations(given), table)
+    noisy = noisy_centroids(true, error, seed, replicates)
+    directions, pitch = table_starlight(table), given[f"{laboratory.OPTICS}#pixel-pitch-x"]
+    return {
+        channel: fit_camera(
+            directions, noisy[:, position], pitch, laboratory.rotations(given)[position]
+        )
+        for position, channel in enumerate(laboratory.CHANNELS)
+    }
+
+
+def distortion_range(given: Given, seed: SeedSequence, replicates: int, error: float) -> FloatArray:
+    """Return how far apart the three calibrated distortions lie in each calibration of the twin.
+
+    Parameters are those of `calibrated_alone`.
+
+    Returns
+    -------
+    ndarray, shape (replicates,)
+        Largest minus smallest coefficient of the three channels, in m^-2.
+    """
+    fits = calibrated_alone(given, seed, replicates, error)
+    return np.asarray(np.ptp([fit.camera.radial_distortion for fit in fits.values()], axis=0))

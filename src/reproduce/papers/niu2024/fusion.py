@@ -1,0 +1,236 @@
+"""What fusion does to a star's centroid and its signal, with and without registration.
+
+Windows around one star, exposed many times, over magnitude and place in the field; the camera, the
+stand-ins and the units are those of `images`. The star is a blackbody of `TEMPERATURE`.
+
+Three images are compared: green alone, the sum of three as they are, and the sum of three after
+registration. In each the centre is estimated by the centre of gravity and by maximum likelihood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator, SeedSequence
+
+from reproduce.papers.niu2024 import images, laboratory
+from reproduce.physics.centroids import centre_of_gravity, cut_windows
+from reproduce.physics.resample import registered_image
+from reproduce.physics.similarity import Similarity
+from reproduce.physics.simulate import channel_centroids
+from reproduce.physics.spectra import channel_ratio
+from reproduce.physics.spot_fit import fitted_centre
+from reproduce.physics.spots import spot_windows, window_corners
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+SEED = 2024_0103
+MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+# Places in the field, as shares of the half range to the corner.
+PLACES = (0.0, 0.5, 0.95)
+PHASES, TRIALS = 8, 60
+TEMPERATURE = 5800.0
+MADE = ("green alone", "fused as they are", "fused after registration")
+METHODS = ("centre of gravity", "maximum likelihood")
+MARGIN = 12  # px around the star, so that resampling has something to read
+GRAVITY = 5  # px, the window of the centre of gravity
+# px, in which the signal is summed: the width that suits a faint Gaussian spot best, about three
+# and a half of its radii across.
+APERTURE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Results by place, magnitude and kind of image.
+
+    Attributes
+    ----------
+    error : ndarray, shape (places, magnitudes, 3, 2)
+        Root mean square distance of the centre from green's true one, in px, by image and method.
+    bias : ndarray, shape (places, magnitudes, 3, 2)
+        Length of the mean error, in px.
+    signal_to_noise : ndarray, shape (places, magnitudes, 3)
+        Mean over scatter of the light in an aperture about the brightest pixel.
+    colour : ndarray, shape (places, magnitudes, 2, 3)
+        Ratios red / green and blue / green: true value, scatter about it, predicted scatter.
+    """
+
+    error: FloatArray
+    bias: FloatArray
+    signal_to_noise: FloatArray
+    colour: FloatArray
+
+
+def simulate(door: Given, trials: int = TRIALS, seed: int = SEED) -> Outcome:
+    """Run the comparison.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `images.READS`.
+    trials : int
+        Exposures for each of `PHASES` positions within a pixel.
+    seed : int
+        Of everything.
+
+    Returns
+    -------
+    Outcome
+        By place and magnitude.
+    """
+    cells = [
+        [
+            _cell(door, place, magnitude, trials, SeedSequence(seed, spawn_key=(i, j)))
+            for j, magnitude in enumerate(MAGNITUDES)
+        ]
+        for i, place in enumerate(PLACES)
+    ]
+    names = ("error", "bias", "signal_to_noise", "colour")
+    stacked = [np.array([[getattr(c, name) for c in row] for row in cells]) for name in names]
+    return Outcome(*stacked)
+
+
+def _cell(door: Given, place: float, magnitude: float, trials: int, seed: SeedSequence) -> Outcome:
+    generator = np.random.default_rng(seed)
+    photons = images.star_photons(door, [magnitude], [TEMPERATURE])[:, 0]
+    used = images.cameras(door)
+    pitch = float(used[0].pixel_pitch / used[0].focal_length)
+    errors, ratios, colours = [], [], []
+    for _ in range(PHASES):
+        angles = place * np.array(laboratory.half_field(door)) + pitch * generator.uniform(-1, 1, 2)
+        spots = channel_centroids(used, laboratory.rotations(door), angles[None])[:, 0]
+        windows, corner = exposures(spots, photons, trials, generator)
+        made = combinations(windows, corner, images.similarities(door))
+        errors.append(_centres(made, corner) - spots[0])
+        ratios.append([signal_to_noise(image) for image in made])
+        colours.append(_colours(windows, spots, corner))
+    left = np.concatenate(errors, axis=2)  # image, method, trial, axis
+    return Outcome(
+        np.sqrt(np.square(left).sum(axis=-1).mean(axis=-1)),
+        np.hypot(*np.moveaxis(left.mean(axis=2), -1, 0)),
+        np.mean(ratios, axis=0),
+        _colour_outcome(np.concatenate(colours, axis=2), photons),
+    )
+
+
+def exposures(
+    spots: FloatArray, photons: FloatArray, trials: int, generator: Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Expose the same window of all three detectors many times.
+
+    Parameters
+    ----------
+    spots : ndarray, shape (3, 2)
+        True positions, in px.
+    photons : ndarray, shape (3,)
+        Their light.
+    trials : int
+        How many exposures.
+    generator : numpy.random.Generator
+        Of the noise.
+
+    Returns
+    -------
+    windows : ndarray, shape (3, trials, size, size)
+        In electrons.
+    corner : ndarray, shape (2,)
+        First pixel of the windows, about green's spot.
+    """
+    size = images.WINDOW + 2 * MARGIN
+    corner = window_corners(spots[0], size).astype(np.float64)
+    clean = spot_windows(spots, photons, images.RADIUS, np.broadcast_to(corner, (3, 2)), size)
+    many = np.broadcast_to(clean[:, None], (3, trials, size, size))
+    return images.exposed(many, generator), corner
+
+
+def combinations(
+    windows: FloatArray, corner: FloatArray, transforms: list[Similarity]
+) -> list[FloatArray]:
+    """Return green alone, the plain sum, and the sum after registration.
+
+    Parameters
+    ----------
+    windows : ndarray, shape (3, trials, size, size)
+        Green, red, blue, in electrons.
+    corner : ndarray, shape (2,)
+        Their first pixel.
+    transforms : list of Similarity
+        Red and blue onto green.
+
+    Returns
+    -------
+    list of ndarray, each of shape (trials, window, window)
+        The middle of the windows, in the order of `MADE`.
+    """
+    at = (int(corner[0]), int(corner[1]))
+    moved = np.zeros_like(windows[0])
+    for layer, transform in zip(windows[1:], transforms, strict=True):
+        moved += np.stack([registered_image(one, transform, corner=at) for one in layer])
+    middle = (..., slice(MARGIN, -MARGIN), slice(MARGIN, -MARGIN))
+    return [image[middle] for image in (windows[0], windows.sum(axis=0), windows[0] + moved)]
+
+
+def signal_to_noise(image: FloatArray) -> float:
+    """Return mean over scatter of the light in an aperture about the brightest pixel.
+
+    Parameters
+    ----------
+    image : ndarray, shape (trials, window, window)
+        The same star, exposed many times, in electrons.
+
+    Returns
+    -------
+    float
+        The signal-to-noise ratio.
+    """
+    mean = image.mean(axis=0)
+    half = APERTURE // 2
+    inner = mean[half:-half, half:-half]
+    y, x = np.unravel_index(int(inner.argmax()), inner.shape)
+    sums = image[:, y : y + APERTURE, x : x + APERTURE].sum(axis=(-2, -1))
+    return float(sums.mean() / sums.std(ddof=1))
+
+
+def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
+    """Return centres, shape (3, 2, trials, 2), by image and method."""
+    first = corner + MARGIN
+    dark = images.SENSOR.noise_electrons()
+    found = []
+    for image, layers in zip(made, (1, 3, 3), strict=True):
+        noise = dark * np.sqrt(layers)
+        likely = fitted_centre(image, first, images.RADIUS, read_noise=noise)
+        found.append([_gravity(image, first), likely])
+    return np.array(found)
+
+
+def _gravity(image: FloatArray, first: FloatArray) -> FloatArray:
+    """Return the centre of gravity about the brightest pixel of each trial."""
+    half, width = GRAVITY // 2, image.shape[-1]
+    inner = image[:, half:-half, half:-half].reshape(len(image), -1)
+    y, x = np.divmod(inner.argmax(axis=1), width - 2 * half)
+    corners = np.stack([x, y], axis=-1)
+    cut = np.stack(
+        [cut_windows(one, at, GRAVITY)[0] for one, at in zip(image, corners, strict=True)]
+    )
+    return centre_of_gravity(np.maximum(cut, 0), corners + first)
+
+
+def _colours(windows: FloatArray, spots: FloatArray, corner: FloatArray) -> FloatArray:
+    """Return ratio and predicted scatter, shape (2, 2, trials), for red and blue over green."""
+    dark = images.SENSOR.noise_electrons()
+    light = []
+    for layer, spot in zip(windows, spots, strict=True):
+        x, y = window_corners(spot, images.WINDOW) - corner.astype(np.int64)
+        part = layer[:, y : y + images.WINDOW, x : x + images.WINDOW]
+        light.append(part.sum(axis=(-2, -1)))
+    variance = [np.maximum(s, 0) + images.WINDOW**2 * dark**2 for s in light]
+    green = np.maximum(light[0], 1.0)
+    return np.array([channel_ratio(light[i], green, variance[i], variance[0]) for i in (1, 2)])
+
+
+def _colour_outcome(measured: FloatArray, photons: FloatArray) -> FloatArray:
+    truth = photons[1:] / photons[0]
+    scatter = np.sqrt(np.square(measured[:, 0] - truth[:, None]).mean(axis=-1))
+    predicted = np.sqrt(np.square(measured[:, 1]).mean(axis=-1))
+    return np.stack([truth, scatter, predicted], axis=-1)

@@ -1,0 +1,57 @@
+"""What theory says of the calibration of niu2024: truth, bias by distortion, and least variance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from reproduce.papers.niu2024 import angles, simulation
+from reproduce.physics.bounds import registration_bound
+from reproduce.physics.registration import fit_similarity
+from reproduce.physics.similarity import similarity_between
+from reproduce.physics.simulate import channel_centroids
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+
+@dataclass(frozen=True, eq=False)
+class Precision:
+    """Theory of one channel's four parameters, in the order k, theta, shift x, shift y.
+
+    Attributes
+    ----------
+    truth : ndarray, shape (4,)
+        What the imaging parameters imply, distortion left aside.
+    bias : ndarray, shape (4,)
+        What the unequal distortions add to the fit without noise.
+    bound : ndarray, shape (4,)
+        Standard deviations of the Cramér-Rao bound.
+    """
+
+    truth: FloatArray
+    bias: FloatArray
+    bound: FloatArray
+
+
+def of_channel(door: Given, channel: str) -> Precision:
+    """Return the theory of one channel under the ledger's reading.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `study.READS`.
+    channel : str
+        red or blue.
+
+    Returns
+    -------
+    Precision
+        Truth, bias and bound; angles in radians, shifts in px.
+    """
+    place = simulation.CHANNELS.index(channel)
+    used, turns = simulation.cameras(door), simulation.rotations(door)
+    true = channel_centroids(used, turns, angles.literal(door).angles)
+    implied = similarity_between(used[place], turns[place], used[0])
+    fitted = fit_similarity(true[place], true[0], used[place].principal_point)
+    sigma = door[f"{simulation.SETTINGS}#noise"]
+    bound = registration_bound(true[place], implied, sigma, sigma).diagonal()
+    return Precision(implied.parameters, fitted.parameters - implied.parameters, bound**0.5)

@@ -1,0 +1,283 @@
+"""The simulation under every reading that the text leaves open (niu2024, sections 4.1 and 4.2).
+
+`reproduce.papers.niu2024.simulation` has the one reading that the ledger uses. Here are all of
+them, on common random numbers, so that two readings differ by their choices and not by their luck.
+Each choice, the ledger's first:
+
+* repeats: the noise of one draw, or the average of ten, at calibration and test points alike;
+* noise: in every channel, or in red and blue alone;
+* shifts: the principal points of Table 1, or green's and the translations of Table 2;
+* arrangement: each of those with the printed count (`angles.candidates`);
+* tests: directions at random over the printed range, or rotation angles drawn among those of the
+  calibration, none twice;
+* rmse: (26), which counts both axes, or one axis on average.
+
+Where an arrangement has no zero position, the starting values of section 3.2 need one all the same:
+it is then measured once more, beside the calibration points. The fit is the closed form, which is
+where the paper's iteration ends (a test holds the two together).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from reproduce.papers.niu2024 import angles, simulation
+from reproduce.physics.camera import Camera
+from reproduce.physics.registration import fit_similarity, rmse
+from reproduce.physics.similarity import Similarity
+from reproduce.physics.simulate import channel_centroids, spawned_angles, spawned_normals
+from reproduce.physics.validate import FloatArray, whole_number
+from reproduce.printed.given import Given
+
+SEED = 2024_0259
+REPLICATES = 10_000
+CHUNK = 500
+REPEATS = (1, 10)
+NOISY = ("every channel", "red and blue")
+SHIFTS = ("Table 1", "Table 2")
+TESTS = ("over the range", "among the angles")
+COUNTED = ("both axes", "one axis")
+READS = (
+    *simulation.READS,
+    f"{simulation.TRUTH}#translation-*",
+    f"{simulation.SETTINGS}#test-points",
+)
+# What one replicate of one channel yields, in this order.
+CELLS = ("scale", "rotation", "translation-x", "translation-y", "rmse-before", "rmse-after")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One choice for everything the text leaves open but how the RMSE counts the axes.
+
+    Attributes
+    ----------
+    arrangement : int
+        Place in `angles.candidates`.
+    shifts, noisy, tests : str
+        As listed in `SHIFTS`, `NOISY`, `TESTS`.
+    repeats : int
+        Draws averaged.
+    """
+
+    arrangement: int
+    shifts: str
+    repeats: int
+    noisy: str
+    tests: str
+
+
+def readings(door: Given) -> list[Reading]:
+    """Return every reading, in the order in which `simulate` has them.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+
+    Returns
+    -------
+    list of Reading
+        Arrangements slowest, tests fastest.
+    """
+    arrangements = range(len(angles.candidates(door)))
+    return [Reading(*c) for c in product(arrangements, SHIFTS, REPEATS, NOISY, TESTS)]
+
+
+def literal(door: Given) -> Reading:
+    """Return the reading that the ledger uses.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+
+    Returns
+    -------
+    Reading
+        Every first choice, with the ledger's arrangement.
+    """
+    names = [found.name for found in angles.candidates(door)]
+    place = names.index(angles.literal(door).name)
+    return Reading(place, SHIFTS[0], REPEATS[0], NOISY[0], TESTS[0])
+
+
+def cameras(door: Given, shifts: str) -> list[Camera]:
+    """Return the cameras under one reading of the principal points.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+    shifts : str
+        One of `SHIFTS`.
+
+    Returns
+    -------
+    list of Camera
+        Green, red, blue.
+
+    Raises
+    ------
+    ValueError
+        If `shifts` is none of them.
+    """
+    if shifts not in SHIFTS:
+        raise ValueError(f"shifts: expected one of {SHIFTS}, got {shifts!r}")
+    printed = simulation.cameras(door)
+    if shifts == SHIFTS[0]:
+        return printed
+    green, *others = printed
+    moved = [green]
+    for camera, channel in zip(others, simulation.REGISTERED, strict=True):
+        shift = [door[f"{simulation.TRUTH}#translation-{axis}.{channel}"] for axis in "xy"]
+        point = green.principal_point + shift
+        pitch = camera.pixel_pitch
+        moved.append(Camera(camera.focal_length, point, camera.radial_distortion, pitch))
+    return moved
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The random numbers of a run of replicates, shared by all readings.
+
+    Attributes
+    ----------
+    calibration : ndarray, shape (replicates, 3, n, 2)
+        Standard normal, channels green, red, blue.
+    zero : ndarray, shape (replicates, 3, 1, 2)
+        The same for a zero position measured once more.
+    test : ndarray, shape (replicates, 3, m, 2)
+        The same for the test points.
+    positions : ndarray, shape (replicates, m, 2)
+        Random table angles, in radians.
+    chosen : ndarray of int, shape (replicates, m)
+        Random places among the calibration angles, none twice.
+    """
+
+    calibration: FloatArray
+    zero: FloatArray
+    test: FloatArray
+    positions: FloatArray
+    chosen: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+
+
+def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> Numbers:
+    """Draw the random numbers of some replicates.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+    replicates : int
+        How many.
+    first : int
+        Number of the first one.
+    seed : int
+        Of the whole study.
+
+    Returns
+    -------
+    Numbers
+        Row r of each is the same for whatever `replicates` and `first` it was drawn with.
+    """
+    n = door.count(f"{simulation.SETTINGS}#angle-count")
+    m = door.count(f"{simulation.SETTINGS}#test-points")
+    streams = [SeedSequence(seed, spawn_key=(kind,)) for kind in range(5)]
+    calibration, zero, test = (
+        spawned_normals(stream, replicates, (3, count, 2), first=first)
+        for stream, count in zip(streams[:3], (n, 1, m), strict=True)
+    )
+    half = angles.half_ranges(door)
+    positions = spawned_angles(streams[3], replicates, m, half, first=first)
+    # The order of independent numbers is a random order.
+    order = spawned_normals(streams[4], replicates, (n,), first=first).argsort(axis=-1)
+    return Numbers(calibration, zero, test, positions, order[:, :m])
+
+
+def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> FloatArray:
+    """Simulate, calibrate and test both channels under every reading.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+    replicates : int
+        How many.
+    first : int
+        Number of the first one.
+    seed : int
+        Of the whole study.
+
+    Returns
+    -------
+    ndarray, shape (readings, replicates, 2, 6)
+        Readings as in `readings`, channels red and blue, numbers as in `CELLS`; in radians and px.
+        The RMSE counts both axes; for one axis divide it by the root of two.
+    """
+    replicates = whole_number("replicates", replicates)
+    every = readings(door)
+    results = np.empty((len(every), replicates, 2, len(CELLS)))
+    for begin in range(0, replicates, CHUNK):
+        count = min(CHUNK, replicates - begin)
+        drawn = numbers(door, count, first + begin, seed)
+        for place, channel in enumerate(simulation.REGISTERED):
+            found = simulate_channel(door, drawn, channel)
+            results[:, begin : begin + count, place] = np.stack(list(found))
+    return results
+
+
+def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[FloatArray]:
+    """Yield what one channel gives under every reading, in the order of `readings`.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+    drawn : Numbers
+        From `numbers`.
+    channel : str
+        red or blue.
+
+    Yields
+    ------
+    ndarray, shape (replicates, 6)
+        Numbers as in `CELLS`.
+    """
+    place = simulation.CHANNELS.index(channel)
+    pair = [0, place]
+    turns = simulation.rotations(door)
+    sigma = door[f"{simulation.SETTINGS}#noise"]
+    for found, shifts in product(angles.candidates(door), SHIFTS):
+        used, turned = [cameras(door, shifts)[i] for i in pair], [turns[i] for i in pair]
+        true = channel_centroids(used, turned, found.angles)
+        zero = channel_centroids(used, turned, np.zeros((1, 2)))
+        at_random = np.moveaxis(channel_centroids(used, turned, drawn.positions), -3, 1)
+        tests = {TESTS[0]: at_random, TESTS[1]: np.moveaxis(true[:, drawn.chosen], 0, 1)}
+        for repeats, noisy in product(REPEATS, NOISY):
+            level = sigma / np.sqrt(repeats) * np.array([float(noisy == NOISY[0]), 1.0])
+            level = level[:, None, None]
+            measured = true + level * drawn.calibration[:, pair]
+            again = zero + level * drawn.zero[:, pair]
+            similarity = _calibrated(measured, again, found.angles)
+            for kind in TESTS:
+                points = tests[kind] + level * drawn.test[:, pair]
+                yield _outcome(similarity, points)
+
+
+def _calibrated(measured: FloatArray, zero: FloatArray, table: FloatArray) -> Similarity:
+    green, source = measured[:, 0], measured[:, 1]
+    at_zero = np.flatnonzero(np.isclose(table, 0.0).all(axis=-1))
+    pivot = source[:, at_zero[0]] if len(at_zero) else zero[:, 1, 0]
+    return fit_similarity(source, green, pivot).similarity
+
+
+def _outcome(similarity: Similarity, points: FloatArray) -> FloatArray:
+    green, source = points[:, 0], points[:, 1]
+    before, after = rmse(source, green), rmse(similarity.transform(source), green)
+    return np.concatenate([similarity.parameters, before[:, None], after[:, None]], axis=-1)

@@ -1,0 +1,218 @@
+"""An image sensor after the linear model of EMVA 1288: photons in, digital numbers out.
+
+Light is in photons per pixel and exposure, charge in electrons, the output in digital numbers
+(DN). Arrays are images or windows of any shape: every pixel is alike and independent, so shapes
+pass through unchanged. Random numbers come from the generator that the caller hands over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
+
+from reproduce.physics.validate import FloatArray, finite_array, non_negative
+
+# What rounding to whole digital numbers adds: the variance of a number spread over one step.
+ROUNDING_VARIANCE = 1.0 / 12.0
+
+
+@dataclass(frozen=True)
+class Detector:
+    """The parameters of an image sensor.
+
+    Attributes
+    ----------
+    quantum_efficiency : float
+        eta, electrons per photon, above 0 and at most 1.
+    gain : float
+        K, the overall system gain, in DN per electron.
+    dark_signal : float
+        Mean charge of a pixel without light, in electrons per exposure; it has shot noise.
+    read_noise : float
+        Standard deviation of the readout, in electrons.
+    full_well : float
+        Charge at which a pixel is full, in electrons; infinite for none.
+    offset : float
+        Output without any charge, in DN; keeps the noise of dark pixels above zero.
+    bits : int, optional
+        Width of the digital output, which is then rounded to whole numbers and clipped; None for
+        an output that is neither.
+
+    Examples
+    --------
+    >>> Detector(gain=0.5, offset=10).mean_output(100.0)
+    array(60.)
+    """
+
+    quantum_efficiency: float = 1.0
+    gain: float = 1.0
+    dark_signal: float = 0.0
+    read_noise: float = 0.0
+    full_well: float = np.inf
+    offset: float = 0.0
+    bits: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.quantum_efficiency <= 1:
+            raise ValueError(
+                f"quantum_efficiency: expected above 0 and at most 1, got "
+                f"{self.quantum_efficiency}; pass a fraction, not a percentage"
+            )
+        for name in ("gain", "full_well"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected above zero, got {getattr(self, name)}")
+        for name in ("dark_signal", "read_noise", "offset"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name}: expected zero or more, got {value}; check its sign")
+        if not np.isfinite(self.gain):
+            raise ValueError(f"gain: expected a finite number of DN per electron, got {self.gain}")
+        if self.bits is not None and not 1 <= self.bits <= 32:
+            raise ValueError(f"bits: expected from 1 to 32, or None, got {self.bits}")
+
+    @property
+    def largest_output(self) -> float:
+        """The largest digital number; infinite without `bits`."""
+        return np.inf if self.bits is None else float(2**self.bits - 1)
+
+    def mean_output(self, photons: ArrayLike) -> FloatArray:
+        """Return the expected output below saturation: K (eta photons + dark) + offset.
+
+        Parameters
+        ----------
+        photons : array_like
+            Mean photons per pixel and exposure.
+
+        Returns
+        -------
+        ndarray
+            In DN.
+
+        Raises
+        ------
+        ValueError
+            If a value is negative or not finite.
+        """
+        light = non_negative("photons", photons)
+        charge = self.quantum_efficiency * light + self.dark_signal
+        return np.asarray(self.gain * charge + self.offset)
+
+    def output_variance(self, photons: ArrayLike) -> FloatArray:
+        """Return the variance of the output below saturation: the photon transfer curve.
+
+        Shot noise of light and dark charge, read noise and rounding, each independent.
+
+        Parameters
+        ----------
+        photons : array_like
+            Mean photons per pixel and exposure.
+
+        Returns
+        -------
+        ndarray
+            In DN squared.
+
+        Raises
+        ------
+        ValueError
+            If a value is negative or not finite.
+
+        Examples
+        --------
+        >>> Detector(gain=0.5, read_noise=10).output_variance(100.0)
+        array(50.)
+        """
+        light = non_negative("photons", photons)
+        charge = self.quantum_efficiency * light + self.dark_signal
+        rounding = 0.0 if self.bits is None else ROUNDING_VARIANCE
+        return np.asarray(self.gain**2 * (charge + self.read_noise**2) + rounding)
+
+    def noise_electrons(self) -> float:
+        """Return the noise of a dark pixel, in electrons: dark charge, readout and rounding."""
+        return float(np.sqrt(self.output_variance(0.0)) / self.gain)
+
+
+def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> FloatArray:
+    """Return one exposure: digital numbers with shot noise, read noise, rounding, saturation.
+
+    Parameters
+    ----------
+    photons : array_like
+        Mean photons per pixel and exposure, of any shape.
+    detector : Detector
+        The sensor.
+    generator : numpy.random.Generator
+        Draws the noise.
+
+    Returns
+    -------
+    ndarray
+        As `photons`, in DN. Without `bits` the numbers are not rounded and may fall below zero.
+
+    Raises
+    ------
+    TypeError
+        If the generator is not a numpy.random.Generator.
+    ValueError
+        If a value is negative or not finite.
+
+    Examples
+    --------
+    No light, no dark charge, no read noise: the offset.
+
+    >>> expose(np.zeros(3), Detector(offset=7, bits=8), np.random.default_rng(1))
+    array([7., 7., 7.])
+    """
+    if not isinstance(generator, Generator):
+        raise TypeError(
+            f"generator: expected a numpy.random.Generator, got {type(generator).__name__}; "
+            "pass numpy.random.default_rng(your_seed)"
+        )
+    light = non_negative("photons", photons)
+    # Light and dark charge are both Poisson, and so is their sum.
+    mean = detector.quantum_efficiency * light + detector.dark_signal
+    charge = np.asarray(generator.poisson(mean), dtype=np.float64)
+    if np.isfinite(detector.full_well):
+        np.minimum(charge, detector.full_well, out=charge)
+    if detector.read_noise:
+        noise = generator.standard_normal(charge.shape)
+        noise *= detector.read_noise
+        charge += noise
+    charge *= detector.gain
+    charge += detector.offset
+    if detector.bits is not None:
+        np.rint(charge, out=charge)
+        np.clip(charge, 0.0, detector.largest_output, out=charge)
+    return charge
+
+
+def electrons(output: ArrayLike, detector: Detector) -> FloatArray:
+    """Return the light's charge that an output stands for: the linear model turned round.
+
+    Parameters
+    ----------
+    output : array_like
+        In DN.
+    detector : Detector
+        The sensor.
+
+    Returns
+    -------
+    ndarray
+        (output - offset) / K - dark signal, in electrons; noise may push it below zero.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite.
+
+    Examples
+    --------
+    >>> float(electrons(60.0, Detector(gain=0.5, offset=10, dark_signal=20)))
+    80.0
+    """
+    numbers = finite_array("output", output)
+    return np.asarray((numbers - detector.offset) / detector.gain - detector.dark_signal)

@@ -1,0 +1,187 @@
+"""Registering anyone's points: five models, errors in both images, outliers.
+
+Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
+(0, 0); the leading axes are a batch of registrations. Models, parameters and their order are those
+of `transforms`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reproduce.physics.fit_single import single_similarity
+from reproduce.physics.fit_steps import Problem, Solution, prepare, solve
+from reproduce.physics.registration import SimilarityFit, fit_similarity
+from reproduce.physics.robust import outlier_weights
+from reproduce.physics.transforms import Registration, parameter_names
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationFit:
+    """A fitted registration, its uncertainty and what it leaves over.
+
+    Attributes
+    ----------
+    transform : Registration
+        Can be applied, undone, inverted and composed.
+    residuals : ndarray, shape (..., n, 2)
+        Target minus transformed source, in px.
+    weights : ndarray, shape (..., n), or None
+        How much each point counted: those given, times those that a robust fit found.
+    errors_known : bool
+        Whether covariances of the points were given.
+    """
+
+    transform: Registration
+    residuals: FloatArray
+    weights: FloatArray | None
+    errors_known: bool
+    _solution: Solution | SimilarityFit
+
+    @property
+    def model(self) -> str:
+        """The model's name."""
+        return self.transform.model
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
+        return parameter_names(self.model)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Estimates, shape (..., p); angles in radians, shifts in px, the radial term in px^-2."""
+        return self.transform.parameters
+
+    @property
+    def chi_square(self) -> FloatArray:
+        """Weighted sum of squared residuals, each over its variance where it is known."""
+        return self._solution.chi_square
+
+    @property
+    def degrees_of_freedom(self) -> NDArray[np.int64]:
+        """Two per point that counts, less the parameters."""
+        count = self.parameters.shape[-1]
+        if self.weights is not None:
+            return np.asarray(2 * np.count_nonzero(self.weights, axis=-1) - count)
+        return np.asarray(2 * self.residuals.shape[-2] - count)
+
+    @property
+    def cofactor(self) -> FloatArray:
+        """Inverse normal matrix, shape (..., p, p)."""
+        return self._solution.cofactor
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the parameters, shape (..., p, p).
+
+        From the points' covariances where these were given, otherwise from the scatter of the
+        residuals.
+
+        Raises
+        ------
+        DegenerateGeometryError
+            If no covariances were given and the points are too few to scatter.
+        """
+        if self.errors_known:
+            return self.cofactor
+        freedom = self.degrees_of_freedom
+        if (freedom <= 0).any():
+            raise DegenerateGeometryError(
+                f"covariance: expected more coordinates than the {len(self.names)} parameters, "
+                "got none to spare; add points, or give their covariances"
+            )
+        return np.asarray((self.chi_square / freedom)[..., None, None] * self.cofactor)
+
+
+def fit_registration(
+    source: ArrayLike,
+    target: ArrayLike,
+    pivot: ArrayLike,
+    weights: ArrayLike | None = None,
+    model: str = "similarity",
+    *,
+    source_covariance: ArrayLike | None = None,
+    target_covariance: ArrayLike | None = None,
+    robust: bool = False,
+) -> RegistrationFit:
+    """Fit the transform that lays source points over target points, by weighted least squares.
+
+    With covariances, a point counts by the inverse of what both images leave uncertain of target
+    minus transformed source: the target's covariance plus the source's carried through the
+    transform, which is brought up to date at every step. (The derivative of these weights is left
+    out: an error of the order of the source's variance over the squared size of the field.)
+
+    A robust fit starts from medians, which bear almost half of the points being wrong, and then
+    gives far residuals less and at last no weight; nothing in it is random.
+
+    Parameters
+    ----------
+    source, target : array_like, shape (..., n, 2)
+        The same n spots in both images, in px.
+    pivot : array_like, shape (..., 2)
+        The point turned and scaled about, in px: the source's principal point, for one.
+    weights : array_like, shape (..., n), optional
+        Relative weights, inverse variances for one; zero drops a point. One by default.
+    model : {"shift", "rigid", "similarity", "similarity+radial", "affine"}
+        What the transform may do.
+    source_covariance, target_covariance : array_like, shape (..., n, 2, 2), optional
+        Known covariances of the points, in px^2; a missing one counts as zero beside the other.
+    robust : bool
+        Whether to guard against wrong matches.
+
+    Returns
+    -------
+    RegistrationFit
+        Parameters, covariance, residuals, chi-square and the transform.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape, a weight is negative, the model is
+        unknown, or a covariance is not symmetric and positive.
+    DegenerateGeometryError
+        If the points do not fix every parameter of the model.
+
+    Examples
+    --------
+    >>> fit = fit_registration([[0, 0], [1, 0]], [[3, 0], [5, 0]], pivot=(0, 0))
+    >>> fit.parameters + 0.0
+    array([ 2.,  0., -3.,  0.])
+    >>> fit.transform.apply([[2, 0]])
+    array([[7., 0.]])
+    """
+    parameter_names(model)
+    plain = source_covariance is None and target_covariance is None and not robust
+    if model == "similarity" and plain:
+        return _closed_form(source, target, pivot, weights)
+    problem = prepare(source, target, pivot, weights, model)
+    problem = problem.with_covariances(source_covariance, target_covariance)
+    if robust:
+        problem = problem.with_weights(outlier_weights(problem))
+    return _result(problem, solve(problem))
+
+
+def _closed_form(
+    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None
+) -> RegistrationFit:
+    if weights is None:
+        origin = np.asarray(pivot, dtype=np.float64)
+        single = single_similarity(source, target, origin)
+        if single is not None:
+            transform = Registration.unchecked("similarity", single.parameters, origin)
+            return RegistrationFit(transform, single.residuals, None, False, single)
+    fit = fit_similarity(source, target, pivot, weights)
+    transform = Registration("similarity", fit.parameters, fit.similarity.pivot)
+    return RegistrationFit(transform, fit.residuals, fit.weights, False, fit)
+
+
+def _result(problem: Problem, solution: Solution) -> RegistrationFit:
+    transform = Registration(problem.model, solution.parameters, problem.pivot)
+    return RegistrationFit(
+        transform, solution.residuals, problem.weights, problem.errors_known, solution
+    )

@@ -1,0 +1,315 @@
+"""Transforms that lay one image over another: apply, undo, invert, compose.
+
+Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
+(0, 0). A `Registration` is one of five models about a fixed pivot, with q = point - pivot:
+
+* shift: q + pivot - shift;
+* rigid: R(theta) q + pivot - shift;
+* similarity: k R(theta) q + pivot - shift;
+* similarity+radial: k R(theta) q (1 + c |q|^2) + pivot - shift;
+* affine: A q + pivot - shift.
+
+R(theta) turns x towards y for a positive angle; the shift is subtracted, as in `similarity`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    FloatArray,
+    common_batch,
+    finite_array,
+)
+
+# Names of the parameters, in the order in which every array has them. Angles in radians, shifts in
+# px, the radial coefficient in px^-2, scales and matrix elements without unit.
+MODELS: dict[str, tuple[str, ...]] = {
+    "shift": ("shift x", "shift y"),
+    "rigid": ("rotation", "shift x", "shift y"),
+    "similarity": ("scale", "rotation", "shift x", "shift y"),
+    "similarity+radial": ("scale", "rotation", "shift x", "shift y", "radial"),
+    "affine": ("xx", "xy", "yx", "yy", "shift x", "shift y"),
+}
+NEWTON_STEPS = 50
+
+
+class Transform(Protocol):
+    """What every transform can do."""
+
+    def apply(self, points: ArrayLike) -> FloatArray:
+        """Lay points, shape (..., n, 2) in px, over the target."""
+
+    def inverse(self) -> Transform:
+        """Return the transform from target to source."""
+
+    def after(self, first: Transform) -> Transform:
+        """Return the composition: apply `first`, then this one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """One of the five models with its parameters; one transform or a batch of them.
+
+    Attributes
+    ----------
+    model : str
+        A key of `MODELS`.
+    parameters : ndarray, shape (..., p)
+        In the order of `MODELS`.
+    pivot : ndarray, shape (..., 2)
+        In px.
+
+    Examples
+    --------
+    >>> double = Registration("similarity", np.array([2.0, 0, 1, 0]), np.array([5.0, 5.0]))
+    >>> double.apply([[6, 5]])
+    array([[6., 5.]])
+    >>> double.inverse().apply([[6, 5]])
+    array([[6., 5.]])
+    """
+
+    model: str
+    parameters: FloatArray
+    pivot: FloatArray
+
+    def __post_init__(self) -> None:
+        count = len(parameter_names(self.model))
+        parameters = finite_array("parameters", self.parameters, shape=(count,))
+        pivot = finite_array("pivot", self.pivot, shape=(2,))
+        common_batch(parameters=parameters.shape[:-1], pivot=pivot.shape[:-1])
+        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "pivot", pivot)
+
+    @classmethod
+    def unchecked(cls, model: str, parameters: FloatArray, pivot: FloatArray) -> Registration:
+        """Make a registration from what a fit has just computed, without checking it again."""
+        registration = object.__new__(cls)
+        object.__setattr__(registration, "model", model)
+        object.__setattr__(registration, "parameters", parameters)
+        object.__setattr__(registration, "pivot", pivot)
+        return registration
+
+    @property
+    def matrix(self) -> FloatArray:
+        """The linear part about the pivot, shape (..., 2, 2)."""
+        return linear_part(self.model, self.parameters)
+
+    @property
+    def shift(self) -> FloatArray:
+        """Where the pivot was minus where it lands, shape (..., 2), in px."""
+        start = MODELS[self.model].index("shift x")
+        return self.parameters[..., start : start + 2]
+
+    @property
+    def radial(self) -> FloatArray:
+        """The coefficient c, shape (...), in px^-2; zero for all models but one."""
+        if self.model == "similarity+radial":
+            return self.parameters[..., -1]
+        return np.zeros(self.parameters.shape[:-1])
+
+    def apply(self, points: ArrayLike) -> FloatArray:
+        """Lay source points over the target.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n, 2)
+            In the source, in px.
+
+        Returns
+        -------
+        ndarray, shape (..., n, 2)
+            In the target, in px.
+
+        Raises
+        ------
+        ValueError
+            If `points` is not finite or has the wrong shape.
+        """
+        offsets = self._offsets(points, self.pivot)
+        if self.model == "similarity+radial":
+            squared = np.square(offsets).sum(axis=-1, keepdims=True)
+            offsets = offsets * (1 + self.radial[..., None, None] * squared)
+        turned = offsets @ np.swapaxes(self.matrix, -1, -2)
+        return np.asarray(turned + (self.pivot - self.shift)[..., None, :])
+
+    def undo(self, points: ArrayLike) -> FloatArray:
+        """Lay target points over the source.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n, 2)
+            In the target, in px.
+
+        Returns
+        -------
+        ndarray, shape (..., n, 2)
+            In the source, in px.
+
+        Raises
+        ------
+        ValueError
+            If `points` is not finite or has the wrong shape.
+        DegenerateGeometryError
+            If the linear part cannot be undone, or a point lies beyond the radius where a negative
+            radial term folds the image over.
+        """
+        determinant = np.linalg.det(self.matrix)
+        if (np.abs(determinant) < 1e-300).any():
+            raise DegenerateGeometryError(
+                "expected a transform that keeps two dimensions, got one of determinant zero; "
+                "it maps many points onto one and cannot be undone"
+            )
+        offsets = self._offsets(points, self.pivot - self.shift)
+        straight = offsets @ np.swapaxes(np.linalg.inv(self.matrix), -1, -2)
+        if self.model == "similarity+radial":
+            straight = straight * _shrink(np.hypot(straight[..., 0], straight[..., 1]), self.radial)
+        return np.asarray(straight + self.pivot[..., None, :])
+
+    def inverse(self) -> Transform:
+        """Return the transform from target to source."""
+        return Inverse(self)
+
+    def after(self, first: Transform) -> Transform:
+        """Return the composition: apply `first`, then this one."""
+        return Chain((first, self))
+
+    def _offsets(self, points: ArrayLike, origin: FloatArray) -> FloatArray:
+        points = finite_array("points", points, shape=(None, 2))
+        batch = np.broadcast_shapes(self.parameters.shape[:-1], self.pivot.shape[:-1])
+        common_batch(points=points.shape[:-2], registration=batch)
+        return points - origin[..., None, :]
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """The way back of a registration."""
+
+    of: Registration
+
+    def apply(self, points: ArrayLike) -> FloatArray:
+        """Lay points of the registration's target over its source."""
+        return self.of.undo(points)
+
+    def inverse(self) -> Transform:
+        """Return the registration itself."""
+        return self.of
+
+    def after(self, first: Transform) -> Transform:
+        """Return the composition: apply `first`, then this one."""
+        return Chain((first, self))
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Transforms one after the other, the first one first.
+
+    Examples
+    --------
+    >>> step = Registration("shift", np.array([-1.0, 0.0]), np.zeros(2))
+    >>> two = step.after(step)
+    >>> two.apply([[0, 0]]), two.inverse().apply([[2, 0]])
+    (array([[2., 0.]]), array([[0., 0.]]))
+    """
+
+    steps: tuple[Transform, ...]
+
+    def apply(self, points: ArrayLike) -> FloatArray:
+        """Apply every step in turn to points of shape (..., n, 2), in px."""
+        landed = finite_array("points", points, shape=(None, 2))
+        for step in self.steps:
+            landed = step.apply(landed)
+        return landed
+
+    def inverse(self) -> Transform:
+        """Return the inverses in the other order."""
+        return Chain(tuple(step.inverse() for step in reversed(self.steps)))
+
+    def after(self, first: Transform) -> Transform:
+        """Return the composition: apply `first`, then this one."""
+        return Chain((first, *self.steps))
+
+
+def parameter_names(model: str) -> tuple[str, ...]:
+    """Return the names of a model's parameters.
+
+    Parameters
+    ----------
+    model : str
+        A key of `MODELS`.
+
+    Returns
+    -------
+    tuple of str
+        In the order of every array.
+
+    Raises
+    ------
+    ValueError
+        If there is no such model.
+
+    Examples
+    --------
+    >>> parameter_names("rigid")
+    ('rotation', 'shift x', 'shift y')
+    """
+    if model not in MODELS:
+        raise ValueError(f"model: expected one of {', '.join(MODELS)}, got {model!r}")
+    return MODELS[model]
+
+
+def linear_part(model: str, parameters: FloatArray) -> FloatArray:
+    """Return the matrix of a model about its pivot.
+
+    Parameters
+    ----------
+    model : str
+        A key of `MODELS`.
+    parameters : ndarray, shape (..., p)
+        In the order of `MODELS`.
+
+    Returns
+    -------
+    ndarray, shape (..., 2, 2)
+        The radial term left aside.
+
+    Examples
+    --------
+    >>> linear_part("shift", np.zeros(2))
+    array([[1., 0.],
+           [0., 1.]])
+    """
+    batch = parameters.shape[:-1]
+    if model == "affine":
+        return parameters[..., :4].reshape(*batch, 2, 2)
+    if model == "shift":
+        return np.broadcast_to(np.eye(2), (*batch, 2, 2))
+    scale = np.ones(batch) if model == "rigid" else parameters[..., 0]
+    turn = parameters[..., 0 if model == "rigid" else 1]
+    cosine, sine = scale * np.cos(turn), scale * np.sin(turn)
+    rows = [np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)]
+    return np.stack(rows, axis=-2)
+
+
+def _shrink(radius: FloatArray, radial: FloatArray) -> FloatArray:
+    """Return r / r' where r' = r (1 + c r^2), solved for r by Newton's method."""
+    c = np.broadcast_to(radial[..., None], radius.shape)
+    # A negative c folds the image at r = 1 / sqrt(-3 c), where r' is two thirds of that.
+    fold = np.where(c < 0, (2 / 3) / np.sqrt(np.maximum(-3 * c, 1e-300)), np.inf)
+    if (radius >= fold).any():
+        raise DegenerateGeometryError(
+            f"points: expected radii below {float(fold.min()):g} px, where the radial term folds "
+            f"the image over, got {float(radius.max()):g}; check the coefficient"
+        )
+    solved = np.minimum(radius, 1.5 * fold * 0.999)
+    for _ in range(NEWTON_STEPS):
+        step = (solved * (1 + c * solved**2) - radius) / (1 + 3 * c * solved**2)
+        solved = solved - step
+        if (np.abs(step) <= 1e-13 * (1 + radius)).all():
+            break
+    return np.asarray(1 / (1 + c * solved**2))[..., None]

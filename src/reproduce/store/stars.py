@@ -1,0 +1,87 @@
+"""The Bright Star Catalogue that comes with the project; its origin stands beside the file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reproduce.locate import data_folder
+
+HEADER_BYTES = 28
+# One star: number, right ascension, declination, spectral type, 100 V, proper motions.
+RECORD = np.dtype(
+    [
+        ("number", "<f4"),
+        ("right_ascension", "<f8"),
+        ("declination", "<f8"),
+        ("spectrum", "S2"),
+        ("magnitude", "<i2"),
+        ("motion", "<f4", (2,)),
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Stars:
+    """Stars of a catalogue.
+
+    Attributes
+    ----------
+    number : ndarray of int, shape (n,)
+        In the catalogue.
+    directions : ndarray, shape (n, 3)
+        Unit vectors in the celestial frame, epoch J2000.
+    magnitude : ndarray, shape (n,)
+        Visual.
+    """
+
+    number: NDArray[np.int64]
+    directions: NDArray[np.float64]
+    magnitude: NDArray[np.float64]
+
+
+@cache
+def bright_stars() -> Stars:
+    """Return the Bright Star Catalogue, without the entries that are no stars.
+
+    Returns
+    -------
+    Stars
+        In order of catalogue number.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the file is missing.
+    ValueError
+        If it is not of the expected length.
+
+    Examples
+    --------
+    Sirius is number 2491.
+
+    >>> stars = bright_stars()
+    >>> float(stars.magnitude[stars.number == 2491][0])
+    -1.46
+    """
+    path = data_folder() / "stars" / "bsc5.dat"
+    content = path.read_bytes()
+    stars, rest = divmod(len(content) - HEADER_BYTES, RECORD.itemsize)
+    if rest or stars < 1:
+        raise ValueError(
+            f"{path}: expected a header of {HEADER_BYTES} bytes and records of {RECORD.itemsize}, "
+            f"got {len(content)} bytes; restore the file"
+        )
+    table = np.frombuffer(content, RECORD, offset=HEADER_BYTES)
+    # Fourteen numbers of the catalogue are novae and clusters, entered without a place.
+    table = table[(table["right_ascension"] != 0) | (table["declination"] != 0)]
+    alpha, delta = table["right_ascension"], table["declination"]
+    directions = np.stack(
+        [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)], axis=-1
+    )
+    return Stars(
+        table["number"].astype(np.int64), directions, table["magnitude"].astype(np.float64) / 100
+    )

@@ -1,0 +1,134 @@
+"""Results of slow studies: arrays beside a note that says how they came about.
+
+A study called `name` is `data/studies/name.npz` and `data/studies/name.toml`. The note holds the
+command that redoes it, its seed, the versions it was run with, and the SHA-256 of the arrays'
+file: a study whose arrays are not those of its note is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import tomllib
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reproduce.locate import data_folder
+
+Note = Mapping[str, str | int | float]
+
+
+class StudyError(ValueError):
+    """A stored study is missing, damaged or not the one that its note describes."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A stored study.
+
+    Attributes
+    ----------
+    name : str
+        What its files are called.
+    arrays : dict
+        Arrays by name.
+    note : dict
+        How they came about.
+    """
+
+    name: str
+    arrays: dict[str, NDArray[Any]]
+    note: Note
+
+
+def folder() -> Path:
+    """Return where the studies of the project lie."""
+    return data_folder() / "studies"
+
+
+def write(
+    name: str, arrays: Mapping[str, NDArray[Any]], note: Note, where: Path | None = None
+) -> None:
+    """Store a study.
+
+    Parameters
+    ----------
+    name : str
+        What to call its files.
+    arrays : mapping
+        Arrays by name.
+    note : mapping
+        At least ``command``, ``seed`` and ``versions``; the SHA-256 is added.
+    where : pathlib.Path, optional
+        The folder; the project's own by default.
+
+    Raises
+    ------
+    StudyError
+        If the note lacks one of the three.
+    """
+    if missing := {"command", "seed", "versions"} - set(note):
+        raise StudyError(f"{name}: the note lacks {', '.join(sorted(missing))}; add it")
+    content = _packed(arrays)
+    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in note.items()]
+    lines.append(f'sha256 = "{hashlib.sha256(content).hexdigest()}"')
+    target = where or folder()
+    target.mkdir(parents=True, exist_ok=True)
+    (target / f"{name}.npz").write_bytes(content)
+    (target / f"{name}.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def read(name: str, where: Path | None = None) -> Study:
+    """Return a stored study after checking that its arrays are those of its note.
+
+    Parameters
+    ----------
+    name : str
+        What its files are called.
+    where : pathlib.Path, optional
+        The folder; the project's own by default.
+
+    Returns
+    -------
+    Study
+        Arrays and note.
+
+    Raises
+    ------
+    StudyError
+        If a file is missing or the SHA-256 is another one.
+    """
+    source = where or folder()
+    try:
+        content = (source / f"{name}.npz").read_bytes()
+        note = tomllib.loads((source / f"{name}.toml").read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise StudyError(f"{name}: no such study in {source} ({error.filename})") from error
+    found = hashlib.sha256(content).hexdigest()
+    if found != note.get("sha256"):
+        raise StudyError(
+            f"{name}: expected arrays with the SHA-256 {note.get('sha256')}, got {found}; "
+            f"run again: {note.get('command')}"
+        )
+    with np.load(io.BytesIO(content), allow_pickle=False) as packed:
+        return Study(name, {key: packed[key] for key in packed.files}, note)
+
+
+def _packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """Return the arrays as one file; NumPy's own writer would put today's date into it."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for key, array in arrays.items():
+            one = io.BytesIO()
+            np.save(one, np.asarray(array), allow_pickle=False)
+            entry = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, one.getvalue())
+    return buffer.getvalue()

@@ -1,0 +1,222 @@
+"""How the audit's findings are written, the same in the terminal, the book and in JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from reproduce.audit.corrections import Correction
+from reproduce.audit.equations import Demonstration
+from reproduce.audit.examine import Finding, Fixed
+from reproduce.audit.quantity import Quantity, Sheet, sheet
+from reproduce.audit.report import Audit, Group, audit_paper, audit_table
+from reproduce.printed.cells import PAPERS, read
+from reproduce.printed.units import si_factor, symbol
+
+SHOWN = 6
+# With more equal corrections than this, a list of them says nothing.
+MANY = 12
+
+
+def audits(
+    paper: str | None, table: Path | None = None, relations: Path | None = None
+) -> list[Audit]:
+    """Audit one paper, both, or a table of the reader's own.
+
+    Parameters
+    ----------
+    paper : str, optional
+        One paper; both by default.
+    table, relations : pathlib.Path, optional
+        A file of printed numbers and one of relations.
+
+    Returns
+    -------
+    list of Audit
+        One for each paper or table.
+
+    Raises
+    ------
+    ValueError
+        If a file does not follow its format.
+    """
+    if table is not None and relations is not None:
+        cells = sheet(read(table, table.stem).cells)
+        return [audit_table(table.stem, cells, relations.read_text(encoding="utf-8"))]
+    return [audit_paper(name) for name in PAPERS if paper in {None, name}]
+
+
+def short(address: str) -> str:
+    """Return an address without its paper."""
+    return address.partition("/")[2] or address
+
+
+def told(text: str, paper: str) -> str:
+    """Return a text about cells without the paper's name before every address."""
+    return text.replace(f"{paper}/", "")
+
+
+def number(printed: Quantity) -> str:
+    """Write a printed number with its unit."""
+    unit = symbol(printed.unit)
+    gap = "" if unit in {"", "°", "″"} else "\u202f"
+    return f"{printed.number.text.replace('-', '−')}{gap}{unit}"
+
+
+def sides(finding: Finding, cells: Sheet) -> str:
+    """Write both sides of a relation with the printed values inserted.
+
+    Parameters
+    ----------
+    finding : Finding
+        The finding.
+    cells : mapping of str to Quantity
+        The printed numbers.
+
+    Returns
+    -------
+    str
+        Such as ``60.66 µm against 60.36 µm``; a word where nothing fixes the unknown.
+    """
+    relation = finding.relation
+    if finding.left is None or finding.right is None:
+        return f"no one {relation.unknown.label if relation.unknown else 'value'} fits"
+    # In the unit of the result, or of a cell of the same unit throughout; else as it stands.
+    units = {cells[address].unit for address in relation.addresses}
+    unit = (
+        cells[relation.result].unit if relation.result else units.pop() if len(units) == 1 else ""
+    )
+    factor = si_factor(unit) if unit else 1.0
+    mark = symbol(unit) if unit else ""
+    gap = "" if mark in {"", "°", "″"} else "\u202f"
+    left, right = (f"{value / factor:.6g}".replace("-", "−") for value in finding.sides)
+    return f"{left}{gap}{mark} against {right}{gap}{mark}"
+
+
+def common(fixed: Fixed) -> str:
+    """Write what the relations say of a number that is not printed."""
+    factor = si_factor(fixed.unknown.unit)
+    ends = [(low + high) / 2 / factor for low, high in fixed.by_relation.values()]
+    if not ends:
+        return f"{fixed.unknown.label}: no value fits"
+    spread = f"{100 * fixed.spread:.2g}\u202f%"
+    if len(fixed.members) == len(fixed.by_relation):
+        low, high = (end / factor for end in fixed.common)
+        middle, half = (low + high) / 2, (high - low) / 2
+        return (
+            f"{fixed.unknown.label}: {middle:.6g} ± {half:.2g} {symbol(fixed.unknown.unit)} "
+            f"fits all {len(fixed.members)}; their middles spread over {spread}"
+        )
+    return (
+        f"{fixed.unknown.label}: from {min(ends):.6g} to {max(ends):.6g} "
+        f"{symbol(fixed.unknown.unit)}, a spread of {spread}"
+    )
+
+
+def correction(found: Correction, paper: str) -> dict[str, Any]:
+    """Write one correction.
+
+    Parameters
+    ----------
+    found : Correction
+        The correction.
+    paper : str
+        The paper, whose name is left out of the addresses.
+
+    Returns
+    -------
+    dict
+        ``slips``, ``size``, ``also_lifts``, ``breaks``, ``unknowns``, ``conclusion``.
+    """
+    moved = "; ".join(found.moved)
+    return {
+        "slips": [told(slip.told, paper) for slip in found.slips],
+        "kinds": [slip.kind for slip in found.slips],
+        "size": found.cost,
+        "lifts": list(found.lifted),
+        "breaks": list(found.broken),
+        "unknowns": [common(fixed) for fixed in found.unknowns.values()],
+        "conclusion": f"moves: no longer holds that {moved}" if moved else "stands",
+    }
+
+
+def unknowns_of(group: Group, audit: Audit) -> list[str]:
+    """Write what the relations of a group say, each alone, of the unknowns that they share."""
+    relations = [audit.finding(name).relation for name in group.relations]
+    names = dict.fromkeys(r.unknown.name for r in relations if r.unknown)
+    told = []
+    for fixed in (audit.unknowns[name] for name in names):
+        ours = {n: i for n, i in fixed.by_relation.items() if n in group.relations}
+        told.append(common(dataclasses.replace(fixed, by_relation=ours, members=())))
+    return told
+
+
+def too_many(group: Group) -> str:
+    """Say so where so many slips would lift a contradiction that none of them is told apart."""
+    whole = [c for c in group.corrections if c.restores_everything]
+    least = [c for c in whole if c.cost == whole[0].cost]
+    if len(least) <= MANY:
+        return ""
+    return (
+        f"{len(least)} different slips of the smallest size would lift this, "
+        "so it does not tell which number is wrong"
+    )
+
+
+def as_json(audit: Audit) -> dict[str, Any]:
+    """Return a whole audit as plain data.
+
+    Parameters
+    ----------
+    audit : Audit
+        The audit.
+
+    Returns
+    -------
+    dict
+        Ready for ``json.dumps``.
+    """
+    return {
+        "name": audit.name,
+        "outcomes": audit.tally(),
+        "cells": len(audit.cells),
+        "cells_examined": len(audit.examined),
+        "rounding_votes": audit.votes,
+        "relations": [_relation(finding, audit) for finding in audit.findings],
+        "conflicts": [
+            {"cells": list(c.cells), "relations": list(c.relations)} for c in audit.conflicts
+        ],
+        "contradictions": [
+            {
+                "relations": list(group.relations),
+                "corrections": [correction(c, audit.name) for c in group.corrections],
+            }
+            for group in audit.groups
+        ],
+        "unknowns": [common(fixed) for fixed in audit.unknowns.values()],
+        "equations": [_equation(shown) for shown in audit.equations],
+    }
+
+
+def _equation(shown: Demonstration) -> dict[str, Any]:
+    names = ("name", "place", "asked", "printed", "right", "wanted", "meaning", "holds")
+    return {name: getattr(shown, name) for name in names}
+
+
+def _relation(finding: Finding, audit: Audit) -> dict[str, Any]:
+    relation = finding.relation
+    return {
+        "name": relation.name,
+        "formula": relation.formula.text,
+        "cells": {n: list(b) if isinstance(b, tuple) else b for n, b in relation.binding.items()},
+        "source": relation.source,
+        "kind": relation.kind,
+        "tolerance": relation.tolerance
+        and f"{relation.tolerance.text}: {relation.tolerance.reason}",
+        "claim": relation.claim,
+        "outcome": finding.outcome,
+        "sides": sides(finding, audit.cells),
+        "rounding_rules": sorted(finding.rules),
+        "rescued_by": finding.rescued_by,
+    }

@@ -1,0 +1,112 @@
+"""What the book shows of the simulated images of niu2024: tables and sentences."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from reproduce.papers.niu2024 import fusion, images
+from reproduce.store import studies
+from reproduce.views.pages import Html
+from reproduce.views.studies import FUSION
+from reproduce.views.study_pages import plain_table
+
+PLACES = ("centre", "half way", "corner")
+
+
+@functools.cache
+def _study() -> studies.Study:
+    return studies.read(FUSION)
+
+
+def centroids() -> Html:
+    """Show centroid error and signal-to-noise by place, magnitude and image.
+
+    Returns
+    -------
+    Html
+        A row for each place, magnitude and image.
+    """
+    arrays, rows = _study().arrays, []
+    for i, place in enumerate(PLACES):
+        for j, magnitude in enumerate(fusion.MAGNITUDES):
+            for k, made in enumerate(fusion.MADE):
+                error, bias = arrays["error"][i, j, k], arrays["bias"][i, j, k]
+                numbers = [f"{value:.3f}" for value in (error[0], error[1], bias[1])]
+                signal = f"{arrays['signal_to_noise'][i, j, k]:.0f}"
+                rows.append([f"{place}, V = {magnitude:g}", made, *numbers, signal])
+    heads = ["Star", "Image", *(f"Error, {m} (px)" for m in fusion.METHODS)]
+    heads += ["Bias, maximum likelihood (px)", "Signal over noise"]
+    caption = "Centroids against green's true position, with and without registration."
+    return plain_table(caption, heads, rows)
+
+
+def colours() -> Html:
+    """Show the channel ratios of a star and their errors.
+
+    Returns
+    -------
+    Html
+        A row for each magnitude; the middle of the field.
+    """
+    arrays, rows = _study().arrays, []
+    for j, magnitude in enumerate(fusion.MAGNITUDES):
+        row = [f"{magnitude:g}"]
+        for truth, scatter, predicted in arrays["colour"][0, j]:
+            row += [f"{truth:.3f}", f"{scatter:.3f}", f"{predicted:.3f}"]
+        rows.append(row)
+    heads = ["V"]
+    for name in ("red / green", "blue / green"):
+        heads += [name, "error", "error predicted"]
+    return plain_table("Colour of a star from the ratio of two channels.", heads, rows)
+
+
+def stand_ins() -> Html:
+    """Show what the paper does not print and we had to choose.
+
+    Returns
+    -------
+    Html
+        A row for each stand-in.
+    """
+    sensor = images.SENSOR
+    rows = [
+        ["aperture", f"{images.APERTURE * 1e3:g} mm"],
+        ["transmission of the optics", f"{images.TRANSMISSION:g}"],
+        ["radius of a spot (one standard deviation)", f"{images.RADIUS:g} px"],
+        ["quantum efficiency", f"{sensor.quantum_efficiency:g}"],
+        ["read noise", f"{sensor.read_noise:g} electrons"],
+        ["dark signal in one exposure", f"{sensor.dark_signal:g} electron"],
+        ["full well", f"{sensor.full_well:,.0f} electrons"],
+        ["digital output", f"{sensor.bits} bits"],
+        ["temperature of the star in the study", f"{fusion.TEMPERATURE:,.0f} K"],
+    ]
+    return plain_table("Stand-ins for what the paper does not print.", ["What", "Ours"], rows)
+
+
+def sayings() -> dict[str, str]:
+    """Return what sentences may say of the images; labels begin with ``niu2024-fusion-``."""
+    arrays = _study().arrays
+    likely = fusion.METHODS.index("maximum likelihood")
+    fourth = fusion.MAGNITUDES.index(4.0)
+    green, plain, registered = arrays["error"][-1, fourth, :, likely]
+    gain = arrays["signal_to_noise"][..., 2] / arrays["signal_to_noise"][..., 0]
+    loss = arrays["signal_to_noise"][..., 1] / arrays["signal_to_noise"][..., 2]
+    said = {
+        "green": f"{green:.3f}\u202fpx",
+        "plain": f"{plain:.2f}\u202fpx",
+        "registered": f"{registered:.3f}\u202fpx",
+        "gain": f"{np.median(gain):.2f}",
+        "loss": f"{1 - np.median(loss):.0%}".replace("%", "\u202f%"),
+        "trials": f"{int(_study().note['replicates']):,}",
+    }
+    return {f"niu2024-fusion-{label}": text for label, text in said.items()}
+
+
+def glue_fusion() -> None:
+    """Make the numbers of the images available to the sentences of a page; see `sayings`."""
+    from myst_nb import glue as glue_one
+
+    for label, text in sayings().items():
+        glue_one(label, text, display=False)

@@ -1,0 +1,136 @@
+"""Running a posterior and writing it down: for the terminal, for programs, for the book."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from reproduce.inference.model import Model
+from reproduce.inference.posterior import Posterior, Row, digits
+from reproduce.inference.sampling import Plan, sample
+from reproduce.papers.declare import ROOT_SEED
+from reproduce.papers.posteriors import posteriors
+
+# Kept steps, enough for the gates of every model with room; the funnels of some need more.
+STEPS = 700
+MORE_STEPS = {"geometry": 2500, "misalignment-drift": 1100, "registration-student": 1000}
+
+
+def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
+    """Return how a model of the book is sampled.
+
+    Parameters
+    ----------
+    name : str
+        The model.
+    steps : int, optional
+        Kept steps in place of the usual number.
+    ensembles : int
+        Independent ensembles.
+
+    Returns
+    -------
+    Plan
+        With the project's seed.
+    """
+    steps = steps or MORE_STEPS.get(name, STEPS)
+    return Plan(ROOT_SEED, ensembles=ensembles, steps=steps, warmup=max(200, steps // 4))
+
+
+def run(
+    model: Model,
+    plan: Plan,
+    *,
+    workers: int = 1,
+    folder: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Posterior:
+    """Sample a model here or on several processors.
+
+    Parameters
+    ----------
+    model : Model
+        With its data.
+    plan : Plan
+        How.
+    workers : int
+        Processes; the draws do not depend on it.
+    folder : pathlib.Path, optional
+        Where chains are stored and continued.
+    progress : callable, optional
+        Called with the steps done and all steps.
+
+    Returns
+    -------
+    Posterior
+        Draws that passed the gates.
+    """
+    if workers == 1:
+        return sample(model, plan, folder=folder, progress=progress)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        return sample(model, plan, executor=pool, folder=folder, progress=progress)
+
+
+@cache
+def book_posterior(name: str) -> Posterior:
+    """Return the posterior of a model of the book, sampled once in a process."""
+    return run(posteriors()[name].model(), plan_for(name))
+
+
+@cache
+def rival_posteriors(name: str) -> tuple[Posterior, ...]:
+    """Return the posteriors of a model's rivals."""
+    models = posteriors()[name].rival_models()
+    return tuple(run(model, plan_for(name)) for model in models)
+
+
+def all_rows(posterior: Posterior) -> list[Row]:
+    """Return the summaries of parameters, then of consequences."""
+    return [*posterior.rows(), *(row for row, _ in posterior.consequences())]
+
+
+def summary_table(posterior: Posterior) -> Table:
+    """Return the summary for a terminal, every number with the digits its error allows."""
+    # Without a box, and with the unit beside the name, it fits 80 columns.
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("parameter", overflow="fold", min_width=12)
+    for head in ("mean", "sd", "2.5 %", "97.5 %", "MCSE", "R-hat", "bulk", "tail"):
+        table.add_column(head, justify="right", no_wrap=True)
+    for row in all_rows(posterior):
+        table.add_row(f"{row.name} ({row.unit})", *numbers(row))
+    return table
+
+
+def numbers(row: Row) -> list[str]:
+    """Write the numbers of a summary: mean, sd, ends, MCSE, R-hat, bulk and tail ESS."""
+    return [
+        digits(row.mean, row.mcse),
+        f"{row.deviation:.2g}",
+        digits(row.low, row.mcse_end),
+        digits(row.high, row.mcse_end),
+        f"{row.mcse:.1g}",
+        f"{row.rhat:.3f}",
+        f"{row.bulk:.0f}",
+        f"{row.tail:.0f}",
+    ]
+
+
+def record(posterior: Posterior) -> dict[str, Any]:
+    """Return everything of a summary for other programs."""
+    return {
+        "model": posterior.model.name,
+        "seed": posterior.seed,
+        "ensembles": posterior.chain.shape[0],
+        "steps": posterior.chain.shape[1],
+        "walkers": posterior.chain.shape[2],
+        "acceptance": list(posterior.acceptance),
+        "parameters": [asdict(row) for row in posterior.rows()],
+        "consequences": [asdict(row) for row, _ in posterior.consequences()],
+    }

@@ -1,0 +1,147 @@
+"""Figures of the posteriors: traces, corner plots, ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from reproduce.inference.calibration import Calibration, band
+from reproduce.inference.posterior import Posterior
+from reproduce.views.figures import STYLE
+from reproduce.views.inline_svg import inline
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# More draws than this do not change the contours.
+POINTS = 10_000
+TRACE_POINTS = 150
+
+
+def _drawn(
+    size: tuple[float, float],
+    draw: Callable[[Figure], None],
+    layout: Literal["constrained"] | None = "constrained",
+) -> Figure:
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    with style.context(STYLE):
+        figure = Figure(figsize=size, layout=layout)
+        draw(figure)
+    return figure
+
+
+def traces(posterior: Posterior, alternative: str) -> str:
+    """Draw the median and the central half of every ensemble against its steps.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        What to draw.
+    alternative : str
+        For readers who cannot see it.
+
+    Returns
+    -------
+    str
+        Inline SVG.
+    """
+    model = posterior.model
+    stride = max(1, posterior.chain.shape[1] // TRACE_POINTS)
+    chain = posterior.chain[:, ::stride]
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(-(-model.dimension // 2), 2, sharex=True, squeeze=False).ravel()
+        for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=False)):
+            values = (chain[..., i] - parameter.offset) * parameter.shown
+            steps = np.arange(values.shape[1]) * stride
+            for ensemble in values:
+                axes.plot(steps, np.median(ensemble, axis=1), linewidth=0.7)
+            axes.set_ylabel(f"${parameter.label}$ ({parameter.unit})", fontsize=8)
+        for axes in panels[model.dimension :]:
+            axes.set_axis_off()
+        for axes in panels[max(0, model.dimension - 2) : model.dimension]:
+            axes.set_xlabel("step (median of the walkers)")
+
+    height = 1.1 * -(-model.dimension // 2) + 0.6
+    figure = _drawn((7.0, height), draw)
+    return inline(figure, f"figure-posterior-{model.name}-traces", alternative)
+
+
+def corner(posterior: Posterior, alternative: str) -> str:
+    """Draw the corner plot, with the point estimate where there is one.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        What to draw.
+    alternative : str
+        For readers who cannot see it.
+
+    Returns
+    -------
+    str
+        Inline SVG.
+    """
+    import corner as package
+
+    model = posterior.model
+    rows = posterior.draws
+    rows = rows[np.linspace(0, len(rows) - 1, min(POINTS, len(rows))).astype(int)]
+    scale = np.array([p.shown for p in model.parameters])
+    offset = np.array([p.offset for p in model.parameters])
+    truths = [model.estimate.get(name, np.nan) for name in model.names]
+    marked = [None if np.isnan(t) else (t - o) * s
+              for t, o, s in zip(truths, offset, scale, strict=True)]  # fmt: skip
+
+    def draw(figure: Figure) -> None:
+        package.corner(
+            (rows - offset) * scale,
+            labels=[f"${p.label}$\n{p.unit}" for p in model.parameters],
+            truths=marked, truth_color="#D55E00", color="#0072B2", fig=figure, bins=24,
+            plot_datapoints=False, plot_density=False, no_fill_contours=True, max_n_ticks=3,
+            label_kwargs={"fontsize": 7}, quiet=True,
+        )  # fmt: skip
+        for axes in figure.axes:
+            axes.tick_params(labelsize=5)
+
+    side = 1.0 * model.dimension + 1.2
+    figure = _drawn((side, side), draw, layout=None)
+    return inline(figure, f"figure-posterior-{model.name}-corner", alternative)
+
+
+def ranks(stored: Calibration, name: str, alternative: str) -> str:
+    """Draw cumulated ranks, less what even ranks give, against the simultaneous band.
+
+    Parameters
+    ----------
+    stored : Calibration
+        The ranks.
+    name : str
+        The model on whose page it stands.
+    alternative : str
+        For readers who cannot see it.
+
+    Returns
+    -------
+    str
+        Inline SVG.
+    """
+    counts, total = stored.counts(), stored.replicates
+    low, high = band(total)
+    even = np.arange(1, counts.shape[1] + 1) / counts.shape[1]
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        axes.fill_between(even, low / total - even, high / total - even, alpha=0.2, color="#555555",
+                          label="95 % simultaneous band", step="mid")  # fmt: skip
+        for row, label in zip(counts, stored.names, strict=True):
+            axes.plot(even, row / total - even, linewidth=0.9, label=label)
+        axes.set(xlabel="rank / number of draws", ylabel="share of ranks, less even")
+        axes.legend(fontsize=6, ncols=2)
+
+    figure = _drawn((6.4, 3.4), draw)
+    return inline(figure, f"figure-posterior-{name}-ranks", alternative)

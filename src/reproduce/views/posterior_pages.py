@@ -1,0 +1,374 @@
+"""What the pages of the posteriors call: each call shows one artefact of one model.
+
+The artefacts are those of the six steps of the Bayesian analysis reporting guidelines (Kruschke,
+2021). `reporting` links them, and refuses a page that lacks one: the build then fails.
+"""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reproduce.inference.checks import predictive_checks, two_sided
+from reproduce.inference.evidence import log_evidence
+from reproduce.inference.posterior import Posterior, digits
+from reproduce.inference.radial import (
+    affine_model,
+    linear_log_evidence,
+    radial_model,
+    similarity_model,
+)
+from reproduce.inference.sensitivity import NOTABLE, sensitivities
+from reproduce.papers.posteriors import posteriors
+from reproduce.printed.cells import find
+from reproduce.views import posterior as running
+from reproduce.views import posterior_calibration as calibrations
+from reproduce.views import posterior_figures as figures
+from reproduce.views.pages import Html
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+STEPS = {
+    "model": "1. The model and its data are explained",
+    "computation": "2. The computation is reported and has converged",
+    "results": "3. The posterior is described",
+    "decision": "4. Models are compared and estimates placed",
+    "sensitivity": "5. The sensitivity to the priors is shown",
+    "reproducing": "6. Everything can be redone",
+}
+NOT_YET = (
+    "This model is not calibrated yet: no study of it is stored. Until it is, its posterior is "
+    "checked by the diagnostics and predictive checks above only."
+)
+_shown: set[tuple[str, str]] = set()
+
+
+def _artefact(step: str, name: str, body: str) -> Html:
+    _shown.add((step, name))
+    return Html(f'<div class="rp-table" id="posterior-{name}-{step}">{body}</div>')
+
+
+def html_table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str) -> str:
+    """Return a table; the first column names the row."""
+    top = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head)
+    body = "".join(
+        f'<tr><th scope="row">{escape(row[0])}</th>'
+        + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:])
+        + "</tr>"
+        for row in rows
+    )
+    return (
+        f'<table class="table"><caption>{escape(caption)}</caption><thead><tr>{top}</tr></thead>'
+        f"<tbody>{body}</tbody></table>"
+    )
+
+
+def model(name: str) -> Html:
+    """Show a model: parameters, units, priors with their reasons, and what reaches it.
+
+    Parameters
+    ----------
+    name : str
+        A model of the book.
+
+    Returns
+    -------
+    Html
+        A table.
+    """
+    declared = posteriors()[name]
+    built = running.book_posterior(name).model
+    rows = []
+    for one in built.parameters:
+        unit = "SI or px" if one.shown != 1 or one.offset else one.unit
+        rows.append((one.name, one.unit, f"{one.prior} ({unit})", one.prior.reason))
+    kind = "simulated from the printed settings" if declared.simulated else "as printed"
+    caption = f"{built.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."
+    table = html_table(("Parameter", "Unit", "Prior", "Why"), rows, caption)
+    return _artefact("model", name, table)
+
+
+def computation(name: str) -> Html:
+    """Show that the chains have converged: R-hat, autocorrelation times, sizes, traces.
+
+    Parameters
+    ----------
+    name : str
+        A model of the book.
+
+    Returns
+    -------
+    Html
+        A table and a trace per ensemble.
+    """
+    found = running.book_posterior(name)
+    rows = [
+        (d.name, f"{d.rhat:.4f}", f"{d.time:.1f}", f"{d.times:.0f}", f"{d.bulk:.0f}",
+         f"{d.tail:.0f}")
+        for d in found.diagnoses
+    ]  # fmt: skip
+    ensembles, steps, walkers = found.chain.shape[:3]
+    caption = (
+        f"{ensembles} independent ensembles of {walkers} walkers, {steps} steps each, acceptance "
+        f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}."
+    )
+    head = ("Parameter", "R-hat", "τ (steps)", "steps / τ", "bulk ESS", "tail ESS")
+    drawn = figures.traces(found, f"Trace of every parameter of {name}, one colour per ensemble")
+    return _artefact("computation", name, html_table(head, rows, caption) + drawn)
+
+
+def results(name: str) -> Html:
+    """Show the posterior: summaries, consequences, predictive checks and a corner plot.
+
+    Parameters
+    ----------
+    name : str
+        A model of the book.
+
+    Returns
+    -------
+    Html
+        Tables and a figure.
+    """
+    found = running.book_posterior(name)
+    head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk ESS", "tail ESS")
+    rows = [(f"{r.name} ({r.unit})", *running.numbers(r)) for r in running.all_rows(found)]
+    summary = html_table(head, rows, "Posterior, with no more digits than its error allows.")
+    checks = [
+        (c.name, f"{c.observed:.4g}", _range(c.prior), _range(c.posterior),
+         digits(c.tail, c.mcse))
+        for c in predictive_checks(found)
+    ]  # fmt: skip
+    compared = ("Number", "in the data", "prior predicts", "posterior predicts", "tail probability")
+    caption = "Predictive checks: central 95 % of simulated data, and where the data lie."
+    drawn = figures.corner(found, f"Corner plot of the posterior of {name}")
+    return _artefact("results", name, summary + html_table(compared, checks, caption) + drawn)
+
+
+def _range(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:.3g} to {ends[1]:.3g}"
+
+
+def decision(name: str) -> Html:
+    """Show the published estimate inside the posterior, and the evidence of rival models.
+
+    Parameters
+    ----------
+    name : str
+        A model of the book.
+
+    Returns
+    -------
+    Html
+        Tables.
+    """
+    found = running.book_posterior(name)
+    parts = [_placed(found)] if found.model.estimate else []
+    chain = [found, *running.rival_posteriors(name)]
+    rows = []
+    for one in chain:
+        evidence = log_evidence(one, one.seed)
+        exact = _exact(one)
+        rows.append(
+            (evidence.name, digits(evidence.value, evidence.error), f"{evidence.error:.1g}",
+             f"{evidence.shape:.2f}", exact)
+        )  # fmt: skip
+    head = ("Model", "log evidence", "MCSE", "Pareto k", "closed form")
+    caption = "Evidence (natural logarithm) under the priors above; differences decide."
+    parts.append(html_table(head, rows, caption))
+    return _artefact("decision", name, "".join(parts))
+
+
+def _exact(one: Posterior) -> str:
+    try:
+        return f"{linear_log_evidence(one.model):.3f}"
+    except TypeError:
+        return "none"
+
+
+def _placed(found: Posterior) -> str:
+    rows = []
+    for i, parameter in enumerate(found.model.parameters):
+        if parameter.name not in found.model.estimate:
+            continue
+        estimate = found.model.estimate[parameter.name]
+        draws = found.draws[:, i]
+        tail = two_sided(draws, estimate)
+        error = np.sqrt(max(tail * (1 - tail), 1 / len(draws)) / len(draws))
+        shown = (estimate - parameter.offset) * parameter.shown
+        rows.append((f"{parameter.name} ({parameter.unit})", f"{shown:.6g}",
+                     f"{(estimate - draws.mean()) / draws.std():+.2f}",
+                     digits(tail, error) if tail > error else f"< {2 * error:.1g}"))  # fmt: skip
+    head = ("Parameter", "estimate", "posterior sd from the mean", "tail probability")
+    caption = "The published or least-squares estimate, placed in the posterior."
+    return html_table(head, rows, caption)
+
+
+def similarity_choice(name: str) -> Html:
+    """Show the evidence of similarity, radial term and affine transform, in closed form too.
+
+    Parameters
+    ----------
+    name : str
+        A registration of the book.
+
+    Returns
+    -------
+    Html
+        A table.
+    """
+    base = posteriors()[name].model()
+    rows = []
+    for rival in (similarity_model(base), radial_model(base), affine_model(base)):
+        one = running.run(rival, running.plan_for(name))
+        sampled = log_evidence(one, one.seed)
+        rows.append((rival.name, digits(sampled.value, sampled.error),
+                         f"{sampled.error:.1g}", _exact(one)))  # fmt: skip
+    head = ("Transform", "log evidence", "MCSE", "closed form")
+    caption = "Similarity against its rivals, with equal priors on displacements at the edge."
+    return Html(html_table(head, rows, caption))
+
+
+def sensitivity(name: str) -> Html:
+    """Show how the posterior answers when prior or likelihood is scaled.
+
+    Parameters
+    ----------
+    name : str
+        A model of the book.
+
+    Returns
+    -------
+    Html
+        A table.
+    """
+    rows = []
+    for one in sensitivities(running.book_posterior(name)):
+        held = "as it should be"
+        if one.prior >= NOTABLE:
+            held = "prior and data" if one.likelihood >= NOTABLE else "the prior holds it"
+        rows.append((one.name, f"{one.prior:.3f}", f"{one.likelihood:.3f}", f"{one.shift:+.3f}",
+                     f"{one.shape:.2f}", held))  # fmt: skip
+    head = ("Parameter", "to prior", "to likelihood", "mean shift (sd)", "Pareto k", "reading")
+    caption = (
+        "Change of the posterior per doubling of the power of prior or likelihood (Jensen-Shannon "
+        f"distance; from {NOTABLE} on it is worth a word)."
+    )
+    return _artefact("sensitivity", name, html_table(head, rows, caption))
+
+
+def reproducing(name: str) -> Html:
+    """Show the calibration of the model and the commands that redo everything.
+
+    Parameters
+    ----------
+    name : str
+        A model of the book.
+
+    Returns
+    -------
+    Html
+        A table, a figure and commands.
+    """
+    study = calibrations.study_of(name)
+    commands = (
+        f"<pre>reproduce posterior {name}\nreproduce calibrate {study} "
+        f"--replicates {calibrations.REPLICATES}</pre>"
+    )
+    if study in calibrations.AWAITED:
+        return _artefact("reproducing", name, f"<p>{NOT_YET}</p>{commands}")
+    stored = calibrations.load(study)
+    head = ("Quantity", "evenness of ranks, p", "50 % covers", "95 % covers",
+            "least squares, 95 % covers")  # fmt: skip
+    caption = (
+        f"Simulation-based calibration, {stored.replicates} replicates, "
+        f"{int(stored.failed.sum())} of which missed the gate on autocorrelation times."
+    )
+    table = html_table(head, calibrations.coverage_rows(stored), caption)
+    drawn = figures.ranks(stored, name, f"Ranks of {name} against their simultaneous band")
+    return _artefact("reproducing", name, table + drawn + commands)
+
+
+def reporting(name: str) -> Html:
+    """Link the six steps of the reporting guidelines to their artefacts on this page.
+
+    Parameters
+    ----------
+    name : str
+        A model of the book.
+
+    Returns
+    -------
+    Html
+        A list of links.
+
+    Raises
+    ------
+    LookupError
+        If the page has not shown one of them.
+    """
+    missing = [step for step in STEPS if (step, name) not in _shown]
+    if missing:
+        raise LookupError(
+            f"{name}: the page does not show {', '.join(missing)}; call each of these before "
+            "posterior_pages.reporting"
+        )
+    links = "".join(
+        f'<li><a href="#posterior-{name}-{step}">{text}</a></li>' for step, text in STEPS.items()
+    )
+    return Html(f"<ul>{links}</ul>")
+
+
+def glue(*names: str) -> None:
+    """Make the numbers of posteriors available to the sentences of a page.
+
+    Parameters
+    ----------
+    *names : str
+        Models. For every parameter and consequence a page may use ``MODEL-NAME-mean``, ``-sd``,
+        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens.
+    """
+    from myst_nb import glue as glue_one
+
+    for name in names:
+        for row in running.all_rows(running.book_posterior(name)):
+            label = f"{name}-{row.name}".replace(" ", "-").replace(",", "")
+            mean, deviation, low, high = running.numbers(row)[:4]
+            gap = "" if row.unit == "1" else f"\u202f{row.unit}"
+            for what, text in (("mean", mean), ("sd", deviation), ("low", low), ("high", high)):
+                glue_one(f"{label}-{what}", f"{text.replace('-', '−')}{gap}", display=False)
+        _glue_calibration(glue_one, name)
+
+
+def _glue_calibration(glue_one: object, name: str) -> None:
+    if calibrations.study_of(name) in calibrations.AWAITED:
+        for what in ("replicates", "failed", "least-p", "quantities"):
+            glue_one(f"{name}-sbc-{what}", "(not calibrated yet)", display=False)  # type: ignore[operator]
+        return
+    stored = calibrations.load(calibrations.study_of(name))
+    text = {
+        "replicates": f"{stored.replicates:,}",
+        "failed": str(int(stored.failed.sum())),
+        "least-p": f"{float(stored.probabilities().min()):.2g}",
+        "quantities": str(len(stored.names)),
+    }
+    for what, value in text.items():
+        glue_one(f"{name}-sbc-{what}", value, display=False)  # type: ignore[operator]
+
+
+def glue_printed(*addresses: str) -> None:
+    """Make printed cells available to the sentences of a page, as ``ANCHOR-printed``.
+
+    Parameters
+    ----------
+    *addresses : str
+        Addresses of printed cells.
+    """
+    from myst_nb import glue as glue_one
+
+    for address in addresses:
+        for cell in find(address):
+            glue_one(f"{cell.anchor}-printed", cell.shown, display=False)

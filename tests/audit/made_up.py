@@ -1,0 +1,101 @@
+"""Made-up tables, right as they are, into which the tests plant slips of the pen.
+
+Three shapes, none of them that of a table in the papers: an invoice with sums along rows and down
+columns, distances and times of cars that share one speed, and readings with their mean and spread.
+"""
+
+from decimal import Decimal
+
+from reproduce.audit.declared import declared
+from reproduce.audit.quantity import quantity
+
+
+def invoice():
+    """Net plus tax is gross in each row; the last row is the sum of the others."""
+    net = ["120.50", "87.25", "310.75", "46.10"]
+    tax = ["22.90", "16.58", "59.04", "8.76"]
+    rows = [[*pair] for pair in zip(net, tax, strict=True)]
+    rows.append([str(sum(map(Decimal, column))) for column in (net, tax)])
+    cells = {}
+    for name, row in zip([*"1234", "sum"], rows, strict=True):
+        columns = {"net": row[0], "tax": row[1], "gross": str(sum(map(Decimal, row)))}
+        for column, text in columns.items():
+            address = f"bill#{name}.{column}"
+            cells[address] = quantity(address, text, "m")
+    text = """
+    [[relations.all]]
+    name = "row"
+    formula = "gross = net + tax"
+    cells = "gross=bill#{r}.gross net=bill#{r}.net tax=bill#{r}.tax"
+    each = { r = ["1", "2", "3", "4", "sum"] }
+    kind = "arithmetic"
+    source = "by name"
+    [[relations.all]]
+    name = "column"
+    formula = "total = sum(part)"
+    cells = "total=bill#sum.{c} part=bill#[1-4].{c}"
+    each = { c = ["net", "tax", "gross"] }
+    kind = "arithmetic"
+    source = "by name"
+    """
+    return cells, declared(text, cells)
+
+
+def race():
+    """Six cars: distance is speed by time, with one unknown speed for all."""
+    cells = {}
+    for car, (time, distance) in enumerate(
+        [("12.41", "351.20"), ("17.93", "507.42"), ("23.08", "653.16"), ("29.65", "839.10"),
+         ("34.02", "962.77"), ("41.77", "1182.09")],
+        start=1,
+    ):  # fmt: skip
+        cells[f"race#{car}.time"] = quantity(f"race#{car}.time", time, "s")
+        cells[f"race#{car}.distance"] = quantity(f"race#{car}.distance", distance, "m")
+    text = """
+    [unknown]
+    pace = { unit = "1", low = 1, high = 1000, label = "speed" }
+    [[relations.all]]
+    name = "car"
+    formula = "distance / u.m = pace * time / u.s"
+    cells = "distance=race#{i}.distance time=race#{i}.time"
+    each = { i = "123456" }
+    unknown = "pace"
+    kind = "equation"
+    source = "one speed"
+    """
+    return cells, declared(text, cells)
+
+
+def readings():
+    """Five readings on each of two days, with mean and range."""
+    days = {"mon": ["4.31", "4.86", "5.12", "4.07", "4.59"]}
+    days["tue"] = ["7.03", "6.48", "6.91", "7.36", "6.72"]
+    cells = {}
+    for day, values in days.items():
+        numbers = [Decimal(v) for v in values]
+        entries = {str(i): v for i, v in enumerate(values, start=1)}
+        entries["mean"] = str(sum(numbers) / 5)
+        entries["range"] = str(max(numbers) - min(numbers))
+        for row, text in entries.items():
+            address = f"log#{row}.{day}"
+            cells[address] = quantity(address, text, "mm")
+    text = """
+    [[relations.all]]
+    name = "mean"
+    formula = "mean = mean(x)"
+    cells = "mean=log#mean.{d} x=log#[1-5].{d}"
+    each = { d = ["mon", "tue"] }
+    kind = "arithmetic"
+    source = "by name"
+    [[relations.all]]
+    name = "range"
+    formula = "range = max(x) - min(x)"
+    cells = "range=log#range.{d} x=log#[1-5].{d}"
+    each = { d = ["mon", "tue"] }
+    kind = "arithmetic"
+    source = "by name"
+    """
+    return cells, declared(text, cells)
+
+
+TABLES = {"invoice": invoice, "race": race, "readings": readings}

@@ -1,0 +1,142 @@
+"""The three outcomes, the smallest sets, the order of slips, and numbers checked by hand."""
+
+import itertools
+import math
+
+import pytest
+
+from reproduce.audit.declared import declared
+from reproduce.audit.equations import STEPS
+from reproduce.audit.quantity import quantity
+from reproduce.audit.report import audit_paper, audit_table
+from reproduce.audit.slips import COSTS, of_lines
+
+TEXT = """
+[[relations.all]]
+name = "only"
+formula = "{formula}"
+cells = "{cells}"
+kind = "equation"
+source = "s"
+"""
+
+
+def audited(formula, **texts):
+    cells = {f"t#{name}": quantity(f"t#{name}", text) for name, text in texts.items()}
+    bound = " ".join(f"{name}=t#{name}" for name in texts)
+    return audit_table("made up", cells, TEXT.format(formula=formula, cells=bound))
+
+
+@pytest.mark.parametrize(
+    ("formula", "texts", "outcome"),
+    [
+        ("a = b / c", {"a": "0.33", "b": "1.0", "c": "3.0"}, "agrees"),
+        ("a = b / c", {"a": "0.15", "b": "1", "c": "8"}, "agrees only through rounding"),
+        ("a = b * c", {"a": "2.2", "b": "1.5", "c": "1.5"}, "agrees"),  # a tie, half to even
+        ("a = b * c", {"a": "2.6", "b": "1.7", "c": "1.6"}, "agrees only through rounding"),
+        # Cutting 2.79 off prints 2.7, rounding does not.
+        ("a = b * c", {"a": "2.7", "b": "1.55", "c": "1.8"}, "agrees only through rounding"),
+        ("a = b + c", {"a": "4.0", "b": "1.0", "c": "2.0"}, "contradicts"),
+        ("a <= b", {"a": "1.0", "b": "1.1"}, "agrees"),
+        ("a <= b", {"a": "1.1", "b": "1.05"}, "agrees only through rounding"),
+        ("a <= b", {"a": "1.3", "b": "1.1"}, "contradicts"),
+        ("a >= b", {"a": "1.1", "b": "1.0"}, "agrees"),
+        ("a >= b", {"a": "1.0", "b": "1.1"}, "agrees only through rounding"),
+        ("a >= b", {"a": "1.1", "b": "1.3"}, "contradicts"),
+        ("a + b = c", {"a": "1.0", "b": "2.0", "c": "3.0"}, "agrees"),
+        ("a + b = c", {"a": "1.0", "b": "2.0", "c": "3.1"}, "agrees only through rounding"),
+    ],
+)
+def test_outcomes(formula, texts, outcome):
+    (finding,) = audited(formula, **texts).findings
+    assert finding.outcome == outcome
+
+
+def test_a_rounding_rule_that_lifts_a_contradiction_is_named():
+    (finding,) = audited("a = 2 * b", a="3.5", b="1.70").findings
+    assert (finding.outcome, finding.rescued_by) == ("contradicts", "ceiling")
+    (finding,) = audited("a = b + c + d", a="9.0", b="1.1", c="1.1", d="1.1").findings
+    assert finding.rescued_by == ""
+
+
+def test_a_cell_that_does_not_matter_is_not_blamed():
+    (conflict,) = audited("c = max(a, b)", a="5.0", b="1.0", c="3.0").conflicts
+    assert set(conflict.cells) == {"t#a", "t#c"}
+
+
+def test_the_size_of_slips_rises_from_a_digit_to_a_column():
+    order = ["digit", "swap", "sign", "drop", "extra", "unit", "cells", "rows", "columns"]
+    sizes = [COSTS[kind] for kind in order]
+    assert sizes == sorted(sizes)
+    assert COSTS["digit"] < COSTS["cells"] < COSTS["columns"]
+
+
+def test_only_numbers_of_one_unit_are_interchanged():
+    cells = {
+        f"t#{row}.{column}": quantity(f"t#{row}.{column}", f"{row}{i}.5", unit)
+        for row in "12"
+        for i, (column, unit) in enumerate([("a", "mm"), ("b", "mm"), ("c", "s")])
+    }
+    slips = list(of_lines(cells, cells))
+    assert {slip.kind for slip in slips} == {"cells", "columns", "rows"}
+    assert [s.told for s in slips if s.kind == "columns"] == ["t: columns a ↔ b"]
+    for slip in slips:
+        for address, printed in slip.changes:
+            assert printed.unit == cells[address].unit
+    assert not any("1.a ↔ t#1.c" in slip.told for slip in slips)
+
+
+@pytest.mark.parametrize(
+    ("paper", "relation", "right", "unit"),
+    [
+        ("niu2024", "scale-red", 25.0237 / 25.0304, 1),
+        ("niu2024", "scale-blue", 25.0237 / 25.0134, 1),
+        ("niu2024", "true-translation-x-red", 1033.9 - 1032, 1),
+        ("niu2024", "true-translation-y-blue", 770.4 - 772, 1),
+        ("niu2024", "band-red", (580 + 680) / 2, 1e-9),
+        ("niu2024", "after-noise-blue", 2 * 0.05, 1),
+        ("niu2024", "field-x", math.degrees(2 * math.atan(2064 * 3.45e-3 / 50)), math.pi / 180),
+        ("chen2023", "motion-4-y", 70.31 - 9.95, 1e-6),
+        ("chen2023", "difference-2-x", -2.125 + 2.034, math.pi / 648000),
+        ("chen2023", "scatter-mean", 0.051125, 1),
+        ("chen2023", "pixel-angle", 648000 / math.pi * math.atan(0.013 / 60), math.pi / 648000),
+        ("chen2023", "time-ground", 100 * 0.225, 1),
+    ],
+)
+def test_right_sides_are_those_computed_by_hand(paper, relation, right, unit):
+    found = audit_paper(paper).finding(relation).right / unit
+    assert found == pytest.approx(right, rel=0.002 if relation == "time-ground" else 1e-9)
+
+
+def test_left_sides_of_inequalities_by_hand():
+    audit = audit_paper("niu2024")
+    radius = math.sqrt((math.tan(math.radians(8)) ** 2 + math.tan(math.radians(6)) ** 2) / 3)
+    assert audit.finding("before-scale-red").left == pytest.approx(0.0601 / 3.45e-3 * radius)
+    assert audit.finding("before-shift-red").left == pytest.approx(math.hypot(1.9, 2.3))
+    assert audit.finding("left-over-red").left == pytest.approx(3e-4 * 25 / 3.45e-3 * radius)
+
+
+def test_printed_equations_give_the_numbers_of_pencil_and_paper():
+    shown = {d.name: d for p in ("niu2024", "chen2023") for d in audit_paper(p).equations}
+    assert shown["rotary-matrix"].printed == pytest.approx(math.cos(math.radians(16)))
+    assert shown["unit-circle"].printed == pytest.approx(math.cos(math.radians(0.14)))
+    ratio = shown["distortion-ratio"]
+    assert ratio.printed / ratio.right == pytest.approx(1 / 0.9976)
+    assert ratio.right == pytest.approx(0.9976**3 * 4.9 / 5.7)
+    # The shift is off by its own length at first, and by twice as much after every step.
+    assert shown["iteration"].printed == pytest.approx(2**STEPS * math.hypot(0.3, 0.5), rel=1e-3)
+    assert shown["stage-angle"].right == pytest.approx(-10.3132, abs=1e-4)
+    assert shown["stage-signs"].printed == -shown["stage-signs"].wanted
+
+
+def test_no_two_relations_say_the_same():
+    for paper in ("niu2024", "chen2023"):
+        found = [f.relation for f in audit_paper(paper).findings]
+        for one, two in itertools.combinations(found, 2):
+            assert (one.formula.text, one.binding) != (two.formula.text, two.binding), one.name
+
+
+def test_a_number_bound_twice_counts_once():
+    cells = {"t#a": quantity("t#a", "1.0")}
+    (relation,) = declared(TEXT.format(formula="x = y", cells="x=t#a y=t#a"), cells)
+    assert relation.addresses == ("t#a",)

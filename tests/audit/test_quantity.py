@@ -1,0 +1,57 @@
+"""What a print can mean: rounding rules, about, bounds, counts."""
+
+import math
+from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reproduce.audit.quantity import allowed, quantity, rules_that_print
+from reproduce.printed.number import PrintedNumber
+
+
+@pytest.mark.parametrize(
+    ("text", "qualifier", "rule", "wanted"),
+    [
+        ("2.0", None, "nearest", (1.95, 2.05)),
+        ("2.0", None, "truncation", (2.0, 2.1)),
+        ("-2.0", None, "truncation", (-2.1, -2.0)),
+        ("0.0", None, "truncation", (-0.1, 0.1)),
+        ("2.0", None, "ceiling", (1.9, 2.0)),
+        ("-2.0", None, "ceiling", (-2.1, -2.0)),
+        ("2.0", "about", "nearest", (1.9, 2.1)),
+        ("2.0", "within", "nearest", (2.0, 2.0)),
+        ("2.0", "less", "truncation", (2.0, 2.0)),
+        ("2.0", "nominal", "nearest", (2.0, 2.0)),
+    ],
+)
+def test_intervals_of_print(text, qualifier, rule, wanted):
+    assert allowed(quantity("t#a", text, "1", qualifier), rule) == pytest.approx(wanted)
+
+
+def test_counts_are_exact_and_units_are_si():
+    assert allowed(quantity("t#n", "4", "count")) == (4.0, 4.0)
+    assert allowed(quantity("t#a", "20", "um")) == pytest.approx((19.5e-6, 20.5e-6))
+
+
+@given(st.decimals(min_value=-99, max_value=99, places=4), st.sampled_from(["0.01", "0.1", "1"]))
+def test_rules_are_those_of_decimal_arithmetic(value, step):
+    """Every rule prints what the decimal module prints, and its interval holds the value."""
+    ways = {
+        "half-up": ROUND_HALF_UP,
+        "half-even": ROUND_HALF_EVEN,
+        "truncation": ROUND_DOWN,
+        "ceiling": ROUND_CEILING,
+    }
+    for name, way in ways.items():
+        text = str(value.quantize(Decimal(step), rounding=way))
+        assert name in rules_that_print(float(value), PrintedNumber(text))
+        rule = "nearest" if name.startswith("half") else name
+        low, high = allowed(quantity("t#a", text), rule)
+        assert low - 1e-9 <= float(value) <= high + 1e-9
+
+
+def test_what_is_no_number_is_printed_by_no_rule():
+    assert rules_that_print(math.nan, PrintedNumber("1.0")) == frozenset()
+    assert rules_that_print(3.0000001, PrintedNumber("3", exact=True)) == frozenset()

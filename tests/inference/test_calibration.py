@@ -1,0 +1,122 @@
+"""Simulation-based calibration: a small run, the band, a broken model, the stored studies."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from reproduce.inference.calibration import (
+    DRAWS,
+    Calibration,
+    band,
+    calibrate,
+    replicate,
+)
+from reproduce.inference.registration import GaussianRegistration
+from reproduce.papers.posteriors import posteriors
+from reproduce.store import studies
+from reproduce.views import posterior_calibration as stored
+
+SMALL = 40
+STUDIES = sorted({stored.study_of(name) for name in posteriors()})
+
+
+@pytest.fixture(scope="module")
+def small():
+    return calibrate(posteriors()["registration"].model(), stored.SEED, SMALL)
+
+
+def even(count, seed=1, names=3):
+    ranks = np.random.default_rng(seed).integers(0, DRAWS + 1, (count, names))
+    return Calibration(("a", "b", "c"), ranks, np.zeros(count, bool), np.zeros((count, 3, 2), bool))
+
+
+def test_small_calibration_is_even(small):
+    assert small.ranks.shape == (SMALL, 6)
+    assert small.probabilities().min() > 0.001
+    assert not small.failed.any()
+
+
+def test_stored_study_begins_with_the_same_replicates(small):
+    """Redone here; the chains may differ in the last bits on another machine, the ranks hardly."""
+    ranks = stored.load("registration").ranks[:SMALL]
+    assert (np.abs(small.ranks - ranks) <= 2).mean() > 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class TooSure(GaussianRegistration):
+    """Claims two thirds of the noise it has."""
+
+    def simulate(self, parameters, generator):
+        louder = parameters.copy()
+        louder[4] *= 1.5
+        return super().simulate(louder, generator)
+
+
+def test_broken_model_is_found_out():
+    model = posteriors()["registration"].model()
+    plain = model.likelihood
+    broken = replace(model, likelihood=TooSure(plain.source, plain.target, plain.pivot))
+    assert calibrate(broken, 1, 15).probabilities().min() < 0.001
+
+
+def test_replicate_does_not_depend_on_the_others():
+    model = posteriors()["registration"].model()
+    one, _, _ = replicate(model, 5, 2)
+    np.testing.assert_array_equal(calibrate(model, 5, 3).ranks[2], one)
+
+
+def test_band_holds_the_whole_curve_as_often_as_it_says():
+    low, high = band(200)
+    inside = [
+        ((row >= low) & (row <= high)).all()
+        for seed in range(200)
+        for row in even(200, seed + 10).counts()
+    ]
+    share = np.mean(inside)
+    assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / len(inside)) + 0.01
+
+
+def test_probabilities_of_even_ranks_are_even():
+    found = np.concatenate([even(150, seed).probabilities() for seed in range(40)])
+    assert abs((found < 0.2).mean() - 0.2) < 4 * np.sqrt(0.16 / len(found))
+
+
+def test_narrow_and_shifted_ranks_are_seen():
+    generator = np.random.default_rng(1)
+    narrow = np.clip(generator.normal(50, 20, (400, 3)).round(), 0, DRAWS).astype(int)
+    assert (replace(even(400), ranks=narrow).probabilities() < 0.01).all()
+
+
+def test_coverage_is_counted():
+    found = even(4000).coverage(0.9)
+    np.testing.assert_allclose(found, 0.9, atol=4 * np.sqrt(0.09 / 4000))
+
+
+def test_models_without_a_study_are_named():
+    missing = {n for n in STUDIES if not (studies.folder() / f"sbc-{n}.toml").exists()}
+    assert missing == stored.AWAITED
+
+
+@pytest.mark.parametrize("name", [n for n in STUDIES if n not in stored.AWAITED])
+def test_stored_calibrations(name):
+    """Enough replicates, whole files, few failures, and ranks inside their bands."""
+    found = stored.load(name)
+    model = posteriors()[name].model()
+    assert found.replicates >= 1000
+    assert found.names[:-1] == model.names
+    assert found.ranks.min() >= 0
+    assert found.ranks.max() <= DRAWS
+    # One band per quantity: the smallest of so many probabilities, one false alarm in a thousand.
+    assert found.probabilities().min() > 0.001 / len(found.names)
+    assert found.failed.mean() < 0.02
+    note = studies.read(stored.study_name(name)).note
+    assert f"reproduce calibrate {name} " in str(note["command"])
+
+
+def test_round_trip(tmp_path, small):
+    stored.store("registration", small, 7, tmp_path)
+    again = stored.load("registration", tmp_path)
+    np.testing.assert_array_equal(again.ranks, small.ranks)
+    np.testing.assert_array_equal(again.covered, small.covered)
+    assert again.names == small.names

@@ -1,0 +1,124 @@
+"""Diagnostics against ArviZ and emcee, and against chains whose truth is known."""
+
+import emcee
+import numpy as np
+import pytest
+
+from reproduce.inference import diagnostics, pareto
+from reproduce.inference.convergence import ConvergenceError, Gates, diagnose, require, thinned
+from reproduce.inference.moves import mixture
+from reproduce.inference.posterior import digits, load_arviz
+
+
+def autoregressive(correlation, shape, seed=1):
+    """Chains of unit variance, shape (ensembles, steps, walkers), time (1 + r) / (1 - r)."""
+    generator = np.random.default_rng(seed)
+    noise = generator.normal(size=shape) * np.sqrt(1 - correlation**2)
+    chains = np.empty(shape)
+    chains[:, 0] = generator.normal(size=(shape[0], shape[2]))
+    for step in range(1, shape[1]):
+        chains[:, step] = correlation * chains[:, step - 1] + noise[:, step]
+    return chains
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+def test_split_rhat_is_arvizs(shift):
+    draws = np.random.default_rng(1).standard_t(3, size=(4, 500)) + shift * np.arange(4)[:, None]
+    arviz = load_arviz()
+    np.testing.assert_allclose(diagnostics.split_rhat(draws), float(arviz.rhat(draws)), rtol=1e-9)
+
+
+def test_autocorrelation_time_is_emcees():
+    chains = autoregressive(0.8, (1, 4000, 8))[0]
+    ours = diagnostics.integrated_time(diagnostics.autocorrelation(chains))
+    np.testing.assert_allclose(
+        ours, emcee.autocorr.integrated_time(chains, quiet=True)[0], rtol=0.02
+    )
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_autocorrelation_time_is_the_known_one(correlation):
+    chains = autoregressive(correlation, (4, 4000, 16))
+    known = (1 + correlation) / (1 - correlation)
+    np.testing.assert_allclose(diagnostics.autocorrelation_time(chains), known, rtol=0.15)
+
+
+def test_walkers_that_move_together_are_one_walker():
+    """What the mean of emcee's own estimate over walkers cannot see."""
+    alone = autoregressive(0.5, (4, 2000, 1))
+    chains = np.repeat(alone, 16, axis=2)
+    assert diagnostics.effective_size(chains) < 1.3 * diagnostics.effective_size(alone)
+
+
+def test_standard_errors_are_honest():
+    """Errors of the mean over their standard error scatter by one: 60 repeats, four sigma."""
+    found = []
+    for seed in range(60):
+        chains = autoregressive(0.7, (4, 500, 8), seed)
+        found.append(chains.mean() / diagnostics.mcse_mean(chains))
+    assert abs(np.std(found) - 1) < 4 / np.sqrt(2 * 60)
+
+
+def test_pareto_shape_is_arvizs():
+    for seed, freedom in ((1, 3), (2, 10)):
+        logs = np.random.default_rng(seed).standard_t(freedom, size=3000)
+        arviz_weights, arviz_shape = load_arviz().psislw(logs.copy())
+        weights, shape = pareto.smoothed(logs)
+        np.testing.assert_allclose(shape, float(arviz_shape), rtol=0.02)
+        np.testing.assert_allclose(np.exp(weights), np.exp(arviz_weights), atol=2e-3)
+
+
+@pytest.mark.parametrize("fault", ["apart", "slow", "stuck"])
+def test_bad_chains_are_refused_with_their_numbers(fault):
+    chain = autoregressive(0.3, (4, 1000, 16))[..., None]
+    acceptance = (0.4,) * 4
+    if fault == "apart":
+        chain = chain + np.arange(4)[:, None, None, None]
+    elif fault == "slow":
+        chain = autoregressive(0.98, (4, 1000, 16))[..., None]
+    else:
+        acceptance = (0.4, 0.4, 0.4, 0.01)
+    with pytest.raises(ConvergenceError, match="refused") as caught:
+        require(diagnose(("a",), chain), acceptance, Gates())
+    assert caught.value.missed
+    assert caught.value.diagnoses[0].name == "a"
+    assert caught.value.acceptance == acceptance
+
+
+def test_good_chains_pass():
+    chain = autoregressive(0.3, (4, 1000, 16))[..., None]
+    require(diagnose(("a",), chain), (0.4,) * 4, Gates())
+
+
+def test_thinning_keeps_time_order():
+    chains = np.arange(2 * 6 * 3).reshape(2, 6, 3)
+    np.testing.assert_array_equal(thinned(chains, 1.5)[0], [0, 1, 2, 6, 7, 8, 12, 13, 14])
+
+
+def banana(points):
+    """A curved density with known moments: x normal, y normal about x^2."""
+    x, y = points.T
+    return -0.5 * x**2 - 0.5 * (y - x**2) ** 2
+
+
+def test_moves_leave_a_curved_density_unchanged():
+    """The Gaussian proposal fits it badly; the draws must be right all the same."""
+    chains = []
+    for seed in range(4):
+        sampler = emcee.EnsembleSampler(64, 2, banana, vectorize=True, moves=mixture())
+        state = emcee.State(
+            np.random.default_rng(seed).normal(size=(64, 2)),
+            random_state=np.random.RandomState(seed).get_state(),
+        )
+        sampler.run_mcmc(state, 3000)
+        chains.append(sampler.get_chain(discard=500))
+    chain = np.stack(chains)
+    x, y = chain[..., 0], chain[..., 1]
+    for values, truth in ((x, 0.0), (x**2, 1.0), (y, 1.0), ((y - 1) ** 2, 3.0), (x * y, 0.0)):
+        assert abs(values.mean() - truth) < 4 * diagnostics.mcse_mean(values)
+
+
+def test_digits_follow_the_error():
+    assert digits(-2433.66, 0.05) == "-2433.7"
+    assert digits(0.0722629, 0.00002) == "0.0723"
+    assert digits(1.0, 30.0) == "0"

@@ -1,0 +1,126 @@
+"""The command line and the pages of the posteriors."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from reproduce.papers.posteriors import posteriors
+from reproduce.views import posterior_pages
+from reproduce.views.cli import main
+
+PAGES = Path(__file__).parents[2] / "book" / "posteriors"
+TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(PAGES.glob("*.md")))
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, arguments)
+
+
+def stars_file(tmp_path, shift=3.0):
+    generator = np.random.default_rng(1)
+    source = generator.uniform(0, 1000, (60, 2))
+    target = source - [shift, 0] + 0.1 * generator.normal(size=source.shape)
+    path = tmp_path / "stars.csv"
+    rows = np.column_stack([source, target])
+    np.savetxt(path, rows, delimiter=",", header="x,y,x_reference,y_reference", comments="")
+    return path
+
+
+def spots_file(tmp_path):
+    generator = np.random.default_rng(1)
+    corners = np.array([[544.8, 435.8], [520.7, 459.8], [569.0, 459.9], [544.6, 483.9]])
+    lines = ["group,laser,x,y"]
+    for group, moved in ((0, 0.0), (1, 0.5)):
+        for spots in corners + [0, moved] + 0.02 * generator.normal(size=(50, 4, 2)):
+            lines += [f"{group},{i + 1},{x},{y}" for i, (x, y) in enumerate(spots)]
+    path = tmp_path / "spots.csv"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_models_are_listed():
+    listed = run("posterior", "--list").output
+    assert {"registration", "misalignment", "frame-averaging", "table-5", "geometry"} <= set(
+        re.findall(r"^(\S+)", listed, re.MULTILINE)
+    )
+    assert list(json.loads(run("posterior", "--list", "--json").output)) == list(posteriors())
+
+
+def test_summary_fits_a_narrow_terminal():
+    result = run("posterior", "registration", "--steps", "600")
+    assert result.exit_code == 0, result.output
+    for word in ("shift-x", "MCSE", "R-hat", "bulk"):
+        assert word in result.output
+    assert max(len(line) for line in result.output.splitlines()) <= 80
+
+
+def test_users_stars_take_the_place_of_ours(tmp_path):
+    path = stars_file(tmp_path)
+    result = run("posterior", "registration", "--data", str(path), "--steps", "600", "--json")
+    assert result.exit_code == 0, result.output
+    rows = {row["name"]: row for row in json.loads(result.output)["parameters"]}
+    assert abs(rows["shift-x"]["mean"] - 3.0) < 0.1
+    assert 0.07 < rows["noise"]["mean"] < 0.13
+
+
+def test_users_spots_take_the_place_of_ours(tmp_path):
+    path = spots_file(tmp_path)
+    result = run("posterior", "misalignment", "--data", str(path), "--steps", "700", "--json")
+    assert result.exit_code == 0, result.output
+    rows = {row["name"]: row for row in json.loads(result.output)["parameters"]}
+    # Half a pixel is half of 44.7 arcsec, and the image moves against the camera's X turn.
+    assert abs(abs(rows["angle-x"]["mean"]) - 22.3) < 0.5
+    assert abs(rows["angle-y"]["mean"]) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["posterior"], "name a model"),
+        (["posterior", "tabel-5"], "did you mean table-5"),
+        (["posterior", "geometry", "--data", __file__], "geometry takes no file"),
+        (["posterior", "registration", "--data", __file__], "line 1, column 1: unknown column"),
+        (["posterior", "registration", "--resume"], "--resume needs --out"),
+        (["calibrate", "nothing"], "unknown model"),
+    ],
+)
+def test_bad_calls(arguments, message):
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert message in result.output.replace("\n", " ")
+
+
+def test_refused_chains_exit_with_one_and_their_numbers():
+    result = run("posterior", "registration", "--steps", "60")
+    assert result.exit_code == 1
+    assert "autocorrelation times" in result.output
+
+
+def test_stored_run_is_continued_only_on_request(tmp_path):
+    out = str(tmp_path / "run")
+    first = run("posterior", "registration", "--steps", "600", "--out", out, "--json")
+    assert first.exit_code == 0, first.output
+    assert run("posterior", "registration", "--steps", "600", "--out", out).exit_code == 2
+    again = run("posterior", "registration", "--steps", "600", "--out", out, "--resume", "--json")
+    assert again.output == first.output
+
+
+def test_calibrate_redoes_replicates():
+    result = run("calibrate", "registration", "--replicates", "3", "--workers", "1")
+    assert result.exit_code == 0, result.output
+    assert "3 replicates, 0 of them failed." in result.output
+
+
+@pytest.mark.parametrize("name", list(posteriors()))
+@pytest.mark.parametrize("step", [*posterior_pages.STEPS, "reporting"])
+def test_every_model_has_every_step_on_a_page(name, step):
+    assert TEXT.count(f'posterior_pages.{step}("{name}")') == 1
+
+
+def test_page_without_a_step_does_not_build():
+    with pytest.raises(LookupError, match="does not show model"):
+        posterior_pages.reporting("nothing")

@@ -1,0 +1,170 @@
+"""The registration models: sufficient statistics, closed form, shared noise."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.integrate import quad
+
+from reproduce.inference import closed_form
+from reproduce.inference.diagnostics import mcse_deviation, mcse_quantile
+from reproduce.inference.evidence import log_evidence
+from reproduce.inference.joint import joint_model
+from reproduce.inference.radial import linear_log_evidence, linear_model
+from reproduce.inference.registration import principal_point_model, registration_model
+from reproduce.inference.sampling import Plan, sample
+from reproduce.inference.variants import distortion_model, field_noise_model, student_model
+from reproduce.physics.registration import fit_similarity
+
+PIVOT = np.array([1030.0, 770.0])
+
+
+@pytest.fixture(scope="module")
+def posterior(registration):
+    return sample(registration, Plan(11, steps=1000, warmup=300))
+
+
+@pytest.fixture(scope="module")
+def exact(registration):
+    data = registration.likelihood
+    return closed_form.registration_posterior(data.source, data.target, data.pivot)
+
+
+@pytest.fixture(scope="module")
+def joint(registration):
+    data = registration.likelihood
+    generator = np.random.default_rng(4)
+    blue = data.source + 0.07 * generator.normal(size=data.source.shape)
+    return joint_model((data.source, blue), data.target, (PIVOT, PIVOT + 3.0))
+
+
+def start_of(model, count=64):
+    return model.start(np.random.default_rng(2), count)
+
+
+def test_sufficient_statistics_agree_with_all_points(registration, joint):
+    """To far better than the log likelihood varies over the start."""
+    for model in (registration, joint, principal_point_model(registration, 1.0)):
+        points = start_of(model)
+        whole = model.likelihood.full(points)
+        np.testing.assert_allclose(model.likelihood(points), whole, rtol=1e-10, atol=1e-7)
+        assert np.ptp(whole) > 10
+
+
+def test_cost_does_not_grow_with_the_points(registration):
+    assert registration.likelihood.root.shape == (3, 3)
+
+
+def test_sampler_agrees_with_the_closed_form(posterior, exact):
+    """Mean, standard deviation, correlation and quantiles, within Monte Carlo errors."""
+    draws = exact.draw(np.random.default_rng(3), 400_000)
+    for i, one in enumerate(posterior.diagnoses):
+        chain, direct = posterior.chain[..., i], draws[:, i]
+        error = np.hypot(one.mcse, direct.std() / np.sqrt(len(direct)))
+        assert abs(chain.mean() - direct.mean()) < 4 * error
+        assert abs(chain.std() - direct.std()) < 5 * mcse_deviation(chain)
+        for probability in (0.025, 0.5, 0.975):
+            off = np.quantile(chain, probability) - np.quantile(direct, probability)
+            assert abs(off) < 5 * mcse_quantile(chain, probability)
+    ours = np.corrcoef(posterior.draws.T)
+    assert np.abs(ours - np.corrcoef(draws.T)).max() < 5 / np.sqrt(len(posterior.draws))
+
+
+def test_posterior_width_is_the_cramer_rao_bound_for_known_noise():
+    source = np.random.default_rng(1).uniform(0, 1000, (50, 2))
+    exact = closed_form.registration_posterior(source, source, (0, 0), noise=0.1)
+    design = np.zeros((100, 4))
+    design[::2, 0], design[1::2, 0] = source.T
+    design[::2, 1], design[1::2, 1] = -source[:, 1], source[:, 0]
+    design[::2, 2] = design[1::2, 3] = -1
+    bound = 0.01 * np.linalg.inv(design.T @ design)
+    np.testing.assert_allclose(exact.covariance, bound, rtol=1e-9, atol=1e-15)
+
+
+def test_flat_prior_in_polar_form_divides_by_the_scale(exact):
+    draws = exact.draw(np.random.default_rng(1), 50)[:, :4]
+    affine = exact.log_density(draws)
+    polar = exact.log_density(draws, flat="polar")
+    ratio = np.log(draws[:, 0]) - np.log(np.hypot(*exact.mean[:2]))
+    np.testing.assert_allclose(affine - polar, ratio, atol=1e-12)
+    assert np.ptp(ratio) > 1e-6
+
+
+def test_exact_evidence_against_quadrature():
+    """Two points fix a similarity: with three, the noise integral alone remains."""
+    source = np.array([[0.0, 0], [1, 0], [0, 1]])
+    target = source + np.array([[0.01, 0], [0, 0.02], [0, 0]])
+    exact = closed_form.registration_posterior(source, target, (0, 0))
+    fit = fit_similarity(source, target, (0, 0))
+    _, logdet = np.linalg.slogdet(exact.scale * exact.freedom / exact.squares)
+
+    def over_noise(log_noise):
+        noise = np.exp(log_noise)
+        peak = -3 * np.log(2 * np.pi * noise**2) - fit.chi_square / (2 * noise**2)
+        return np.exp(peak + 2 * np.log(2 * np.pi) + 0.5 * logdet + 4 * np.log(noise))
+
+    integral, _ = quad(over_noise, np.log(1e-4), np.log(1e3), limit=400)
+    expected = np.log(integral) - np.log(np.hypot(*exact.mean[:2]))
+    np.testing.assert_allclose(exact.log_evidence(0.0, 0.0), expected, rtol=1e-5)
+
+
+def test_sampled_evidence_is_the_analytic_one(registration, posterior, exact):
+    sampled = log_evidence(posterior, 1)
+    volume = sum(np.log(p.prior.high - p.prior.low) for p in registration.parameters[:4])
+    noise = registration.parameters[4].prior
+    analytic = exact.log_evidence(volume, np.log(np.log(noise.high / noise.low)))
+    assert sampled.reliable
+    assert abs(sampled.value - analytic) < 4 * sampled.error
+
+
+@pytest.mark.parametrize("shape", ["radial", "affine"])
+def test_evidence_of_linear_rivals(registration, shape):
+    rival = linear_model(registration, shape)
+    sampled = log_evidence(sample(rival, Plan(5, steps=600, warmup=200)), 1)
+    assert abs(sampled.value - linear_log_evidence(rival)) < 4 * sampled.error
+
+
+def test_residuals_of_both_channels_have_the_stated_covariance(joint):
+    """The green noise is shared: simulate, and compare second moments."""
+    truth = np.array([0.9, 0.002, 0.3, 0.5, 1.1, -0.001, -0.4, -0.6, 0.05])
+    pairs = []
+    for seed in range(60):
+        data = joint.likelihood.given(joint.simulate(truth, np.random.default_rng(seed)))
+        left, right = (w @ data.columns.T for w in data.weights(truth[None]))
+        pairs.append(np.stack([left[0].real, right[0].real], axis=-1))
+    found = np.cov(np.concatenate(pairs), rowvar=False)
+    stated = 0.05**2 * np.array([[1 + 0.81, 1], [1, 1 + 1.21]])
+    # About 8,000 pairs: a variance is known to 1.6 per cent.
+    np.testing.assert_allclose(found, stated, rtol=0.08)
+
+
+def test_variants_reduce_to_the_plain_registration(registration):
+    plain = start_of(registration, 16)
+    expected = registration.likelihood(plain)
+    uneven = field_noise_model(registration).likelihood(np.column_stack([plain, np.zeros(16)]))
+    np.testing.assert_allclose(uneven, expected, rtol=1e-9)
+    straight = distortion_model(registration).likelihood(
+        np.column_stack([plain, np.zeros((16, 2))])
+    )
+    np.testing.assert_allclose(straight, expected, rtol=1e-9)
+    heavy = student_model(registration).likelihood(np.column_stack([plain, np.full(16, 9.0)]))
+    np.testing.assert_allclose(heavy, expected, rtol=1e-5)
+
+
+def test_student_likelihood_is_scipys(registration):
+    model = student_model(registration)
+    point = start_of(model, 1)
+    left = model.likelihood.residuals(point)[0]
+    scaled = stats.t(10.0 ** point[0, 5], scale=point[0, 4])
+    expected = scaled.logpdf(left.real).sum() + scaled.logpdf(left.imag).sum()
+    np.testing.assert_allclose(model.likelihood(point)[0], expected, rtol=1e-10)
+
+
+def test_too_few_points_are_refused():
+    with pytest.raises(ValueError, match="at least four points"):
+        registration_model([[0, 0], [1, 0], [0, 1]], [[0, 0], [1, 0], [0, 1]], (0, 0))
+
+
+def test_unknown_prior_is_refused(registration):
+    data = registration.likelihood
+    with pytest.raises(ValueError, match="names among scale"):
+        registration_model(data.source, data.target, data.pivot, priors={"sale": None})

@@ -1,0 +1,121 @@
+"""The study of the angular resolution: Monte Carlo against closed form, and what was fitted."""
+
+import numpy as np
+import pytest
+
+from reproduce.papers.chen2023 import figures_resolution, resolution, resolution_study
+from reproduce.physics.centroids import centre_of_gravity
+from reproduce.physics.detector import Detector, expose
+from reproduce.physics.phase_study import (
+    Light,
+    even_phases,
+    observed_scatter,
+    predicted_errors,
+    predicted_scatter,
+    simulated_errors,
+)
+from reproduce.physics.spots import spot_windows
+from reproduce.printed.given import given
+
+DOOR = given(resolution.READS)
+ARCSEC = np.pi / 180 / 3600
+
+
+@pytest.fixture(scope="module")
+def content():
+    return figures_resolution.compute()
+
+
+def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
+    """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
+    law = predicted_errors(
+        even_phases(50),
+        resolution.light_for_table(DOOR),
+        resolution.radii(DOOR, content["angles"]),
+        5,
+    )
+    square = law.mean_square.mean(axis=-1)
+    spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
+    error = np.sqrt(spread.mean(axis=-1) / (50 * 500))
+    surprise = (content["simulated"] ** 2 - square) / error
+    assert np.abs(surprise).max() < 4
+    assert 0.6 < (surprise**2).mean() < 1.5
+
+
+def test_the_closed_form_without_its_bias_would_fail(content):
+    ratio = content["simulated"] / content["within"]
+    assert ratio[0] > 3
+    assert ratio[-1] > 2
+
+
+def test_columns_drawn_at_once_follow_the_law_of_whole_windows():
+    """The short cut of the study against pixels drawn one by one."""
+    phases, light, trials = even_phases(10), Light(800.0, 6.0), 6000
+    short = observed_scatter(
+        simulated_errors(phases, light, 0.5, 5, trials, np.random.default_rng(1))
+    )
+    points = np.stack([phases, np.zeros_like(phases)], axis=-1)
+    mean = spot_windows(points, light.signal, 0.5, [-2, -2], 5)
+    sensor = Detector(read_noise=light.read_noise)
+    seen = expose(np.broadcast_to(mean, (trials, 10, 5, 5)), sensor, np.random.default_rng(2))
+    whole = observed_scatter(centre_of_gravity(seen, [-2, -2])[..., 0] - phases)
+    assert float(short.within) == pytest.approx(float(whole.within), rel=4 / np.sqrt(10 * trials))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_the_light_gives_back_the_variance_of_table_3(share):
+    """By simulation at the printed spots: whole windows, no closed form."""
+    light = resolution.light_for_table(DOOR, share)
+    spots = DOOR.array("chen2023/text-extraction#spot-*").reshape(-1, 2)
+    corners = np.round(spots).astype(int) - 2
+    mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
+    sensor = Detector(read_noise=light.read_noise)
+    seen = expose(np.broadcast_to(mean, (20_000, 4, 5, 5)), sensor, np.random.default_rng(4))
+    found = centre_of_gravity(seen, corners).var(axis=0).mean()
+    printed = np.mean((DOOR.array("chen2023/table-3") / 3) ** 2)
+    assert found == pytest.approx(printed, rel=0.02)
+    assert (light.read_noise > 0) == (share > 0)
+
+
+def test_saturation_is_the_coarsest_resolution_that_none_finer_beats():
+    assert resolution.saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.01) == 2
+    assert resolution.saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.01) == 2
+    assert resolution.saturation(np.array([3.0, 2.0, 1.0]), 0.01) == 2
+
+
+def test_the_optimum_stands_between_window_and_pixel(content):
+    """Left of it the window cuts, right of it the pixel rounds: the bias falls, then rises."""
+    best = int(content["predicted"].argmin())
+    bias = content["bias"]
+    assert bias[0] > 5 * bias[best] < bias[-1]
+    assert (np.diff(content["within"]) < 0).all(), "scatter alone has no optimum inside"
+
+
+def test_replicated_studies_scatter_as_their_size_says():
+    found = resolution.replicated_scatter(DOOR, np.random.SeedSequence(3), 400)
+    relative = found.std(axis=0) / found.mean(axis=0)
+    middle = resolution.resolutions(DOOR) / ARCSEC
+    unbiased = (middle > 40) & (middle < 50)
+    assert relative[unbiased].mean() == pytest.approx(resolution.relative_error(DOOR), rel=0.1)
+
+
+def test_no_reading_moves_the_optimum_to_the_printed_one():
+    """What the reason for the verdict says; the reading without bias has none inside."""
+    rows = resolution_study.readings().rows
+    assert all(int(row[1]) > 44 for row in rows)
+    assert next(row for row in rows if row[0] == "scatter without bias")[1] == "80"
+
+
+def test_even_a_readout_that_makes_all_noise_stops_short():
+    light = resolution.light_for_table(DOOR, 0.999)
+    angles = resolution.resolutions(DOOR)
+    law = predicted_errors(even_phases(50), light, resolution.radii(DOOR, angles), 5)
+    best = angles[predicted_scatter(law).total.argmin()] / ARCSEC
+    assert 44 < best < 48
+
+
+def test_maximum_likelihood_keeps_to_the_bound_and_the_centre_of_gravity_does_not():
+    rows = {row[0]: np.array(row[1:], float) for row in resolution_study.estimators().rows}
+    ratio = rows["maximum likelihood"] / rows["unbiased bound"]
+    assert (np.abs(ratio - 1) < 0.08).all()
+    assert (rows["centre of gravity"] / rows["unbiased bound"] > 1.15).all()

@@ -1,0 +1,48 @@
+"""Costs of the approximations with the printed parameters, and the drawings of the studies."""
+
+import numpy as np
+import pytest
+
+from reproduce.papers.niu2024 import costs, figures_study
+from reproduce.printed.given import given
+
+DOOR = given(costs.READS)
+COSTS = {(c.table, c.channel, c.effect): c for c in costs.costs(DOOR, 80)}
+
+
+@pytest.mark.parametrize("cost", COSTS.values(), ids=lambda c: f"{c.table}-{c.channel}-{c.effect}")
+def test_analytic_and_simulated_bias_agree(cost):
+    size = np.array([1e-3, 1e-3, 1.0, 1.0])
+    largest = np.abs(cost.analytic / size).max()
+    assert (np.abs(cost.simulated - cost.analytic) < 0.02 * largest * size).all()
+
+
+def test_the_corner_of_the_unequal_coefficients_by_hand():
+    """Table 1, blue: half a diagonal of 1288.8 px at 3.45 um, k = 25/24.95."""
+    # The middle of the outermost of 80 cells is an eightieth short of the corner.
+    corner = np.hypot(1032, 772) * 3.45e-6 * (1 - 1 / 80)
+    expected = (25 / 24.95) ** 3 * (49 - 36) * corner**3 / 3.45e-6
+    assert COSTS["Table 1", "blue", "coefficients"].peak == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_fit_takes_up_the_pivot_whole_and_the_radial_terms_in_part():
+    for (_, _, effect), cost in COSTS.items():
+        assert cost.left <= cost.rms
+        if effect == "pivot":
+            assert cost.left < 1e-9
+        else:
+            assert cost.left > 0.2 * cost.rms
+
+
+def test_unknown_tables_are_refused():
+    with pytest.raises(ValueError, match="Table 4"):
+        costs.channels(DOOR, "Table 2", "red")
+
+
+def test_all_starts_end_at_one_point():
+    own, restarted = figures_study.convergence()
+    ends = np.broadcast_to(own.parameters, restarted.parameters.shape)
+    np.testing.assert_allclose(restarted.parameters, ends, atol=1e-9)
+    distance = figures_study.distance_to_end(restarted)
+    assert (distance[0] > 10).all()
+    assert (distance[-2] < 1e-6).all()

@@ -1,0 +1,103 @@
+"""The twin of the laboratory against answers that do not come from it."""
+
+import numpy as np
+import pytest
+
+from reproduce.papers.declare import Blocked
+from reproduce.papers.niu2024 import alone, angles, laboratory
+from reproduce.physics.simulate import channel_centroids
+from reproduce.printed.given import given
+
+DOOR = given([*laboratory.rmse_before.given, "niu2024/table-4#scale.*"])
+PRINTED = {"red": (1.4027, 1.3986), "blue": (1.3584, 1.3416)}
+RESIDUAL = {"red": (0.2135, 0.2089), "blue": (0.2146, 0.2097)}
+
+
+@pytest.fixture(scope="module")
+def before():
+    return laboratory.rmse_before(DOOR, 3000)
+
+
+def by_hand(scale, rotation, shift, half=(8.0, 6.0)):
+    """Mean squared difference over a uniform field: shift, scale and rotation, and no distortion.
+
+    A table angle of a about one axis is a slope of tan(a); the mean square of tan over (-h, h)
+    is tan(h)/h - 1. The slope along y is the tangent divided by a cosine that averages to 1.
+    """
+    half = np.radians(half)
+    spread = (np.tan(half) / half - 1) * (25.0237e-3 / 3.45e-6) ** 2
+    x = shift[0] ** 2 + (1 / scale - 1) ** 2 * spread[0] + rotation**2 * spread[1]
+    y = shift[1] ** 2 + (1 / scale - 1) ** 2 * spread[1] + rotation**2 * spread[0]
+    return np.array([x, y])
+
+
+@pytest.mark.parametrize(
+    ("channel", "focal", "rotation", "shift"),
+    [("red", 25.0304, 0.0219, (-0.9178, 0.9364)), ("blue", 25.0134, -0.0351, (-0.9256, 1.0961))],
+)
+def test_the_prediction_is_that_of_pencil_and_paper(before, channel, focal, rotation, shift):
+    squares = by_hand(25.0237 / focal, np.radians(rotation), shift)
+    for axis, square, residual in zip("xy", squares, RESIDUAL[channel], strict=True):
+        draws = before[f"rmse-before-{channel}-{axis}"].draws
+        # The distortion adds its part to the mean square: a few hundredths of a pixel.
+        assert (draws**2).mean() == pytest.approx(square + residual**2, rel=0.03)
+
+
+def test_the_errors_add_up_to_the_printed_residuals():
+    errors = np.square(laboratory.centroid_errors(DOOR)[:, 0])
+    for position, channel in enumerate(("red", "blue"), start=1):
+        total = np.sqrt(errors[0] + errors[position])
+        np.testing.assert_allclose(total, RESIDUAL[channel], rtol=1e-12)
+
+
+def test_green_has_half_of_the_mean_squared_residual():
+    errors = laboratory.centroid_errors(DOOR)[0, 0]
+    expected = [(0.2135**2 + 0.2146**2) / 4, (0.2089**2 + 0.2097**2) / 4]
+    np.testing.assert_allclose(errors**2, expected, rtol=1e-12)
+
+
+def test_the_other_reading_is_laid_over_green_by_the_printed_similarity():
+    """Scale about the red principal point, which lies at the shift, and subtract the shift."""
+    green = np.array([[800.0, 300.0], [-500.0, 10.0]])
+    red = laboratory.by_similarity(DOOR, green)[1]
+    shift, turn = -0.9178 + 0.9364j, np.exp(1j * np.radians(0.0219))
+    laid = 0.9996 * turn * (red @ [1, 1j] - shift) + shift - shift
+    np.testing.assert_allclose(laid, green @ [1, 1j], atol=1e-9)
+
+
+def test_no_test_positions_bring_red_to_the_printed_value():
+    """What the reason of the verdict says: even where the channels lie farthest apart."""
+    x, y = np.meshgrid(*(np.linspace(-h, h, 41) for h in laboratory.half_field(DOOR)))
+    angles = np.stack([x, y], axis=-1).reshape(-1, 2)
+    true = channel_centroids(laboratory.cameras(DOOR), laboratory.rotations(DOOR), angles)
+    farthest = np.square(true[1] - true[0]).sum(axis=-1).max()
+    needed = np.square(PRINTED["red"]).sum() - np.square(RESIDUAL["red"]).sum()
+    assert farthest < needed
+
+
+def test_the_printed_scale_would_mend_blue_and_not_red():
+    other = laboratory.before_by_similarity(DOOR, np.random.SeedSequence(5), 3000)
+    for channel, mended in (("red", False), ("blue", True)):
+        for axis, value in zip("xy", PRINTED[channel], strict=True):
+            low, high = np.quantile(other[f"rmse-before-{channel}-{axis}"].draws, [0.005, 0.995])
+            assert (low < value < high) == mended
+
+
+def test_the_stand_in_is_the_noise_of_two_channels():
+    found = laboratory.rmse_after(given(laboratory.rmse_after.given))
+    for result in found.values():
+        assert isinstance(result, Blocked)
+        # Equal distortions leave less than a thousandth of a pixel beside the noise.
+        assert result.stand_in == pytest.approx(np.sqrt(2) * 0.05, rel=1e-3)
+
+
+def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
+    """Even with ten repeats averaged of the noise that the simulation has."""
+    door = given([*laboratory.INSTRUMENT, *angles.READS])
+    seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
+    fits = alone.calibrated_alone(door, seed, 2000, error)
+    for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
+        draws = fits[channel].camera.radial_distortion
+        assert draws.mean() == pytest.approx(coefficient, abs=4 * draws.std() / np.sqrt(2000))
+    apart = alone.distortion_range(door, seed, 2000, error)
+    assert (apart < 34.166 - 34.147).mean() < 0.01

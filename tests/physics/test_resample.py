@@ -1,0 +1,60 @@
+"""Resampled images: light and centroids arrive where the transform says."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.centroids import centre_of_gravity
+from reproduce.physics.resample import fused_image, registered_image
+from reproduce.physics.similarity import Similarity
+from reproduce.physics.spots import render_frame
+
+TRANSFORM = Similarity(1.01, 0.02, (1.3, -0.7), (30.0, 20.0))
+SPOT = np.array([[33.3, 27.8]])
+
+
+@pytest.mark.parametrize("order", [1, 3])
+def test_a_spot_arrives_with_its_light_where_the_transform_says(order):
+    image = render_frame(SPOT, 1e5, 1.2, (64, 48))
+    found = registered_image(image, TRANSFORM, order=order)
+    assert found.sum() == pytest.approx(1e5, rel=2e-3)
+    expected = TRANSFORM.transform(SPOT)[0]
+    np.testing.assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.01)
+
+
+def test_a_window_is_a_part_of_the_whole():
+    image = render_frame(SPOT, 1e5, 1.0, (64, 48))
+    whole = registered_image(image, TRANSFORM, order=1)
+    part = registered_image(image[15:40, 20:50], TRANSFORM, order=1, corner=(20, 15))
+    np.testing.assert_allclose(part[5:-5, 5:-5], whole[20:35, 25:45], rtol=1e-9, atol=1e-9)
+
+
+def test_nothing_happens_without_a_transform():
+    image = np.random.default_rng(1).normal(size=(9, 7))
+    found = registered_image(image, Similarity(1, 0, (0, 0), (3, 3)))
+    np.testing.assert_allclose(found, image, atol=1e-12)
+
+
+def test_images_add_up():
+    layers = [np.full((2, 3), value) for value in (1.0, 10.0, 100.0)]
+    np.testing.assert_array_equal(fused_image(layers), np.full((2, 3), 111.0))
+    np.testing.assert_array_equal(fused_image(layers, [1, 0.5, 0]), np.full((2, 3), 6.0))
+    assert layers[0][0, 0] == 1.0, "the images given stay as they are"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fused_image([]), "one or more"),
+        (lambda: fused_image([np.ones((2, 2)), np.ones((2, 3))]), "same shape"),
+        (lambda: fused_image([np.ones((2, 2))], [1, 2]), "one each"),
+        (lambda: registered_image(np.ones((2, 3, 3)), TRANSFORM), "singly"),
+        (lambda: registered_image(np.ones((3, 3)), TRANSFORM, order=2), "order"),
+        (
+            lambda: registered_image(np.ones((3, 3)), Similarity([1, 1], 0, (0, 0), (0, 0))),
+            "batch",
+        ),
+    ],
+)
+def test_bad_input_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

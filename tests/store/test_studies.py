@@ -1,0 +1,50 @@
+"""Stored studies: what is written is read, and what was changed is refused."""
+
+import numpy as np
+import pytest
+
+from reproduce.store import studies
+from reproduce.views.studies import STUDIES
+
+NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
+ARRAYS = {"one": np.arange(6.0).reshape(2, 3), "two": np.array([1, 2])}
+
+
+def test_what_is_written_is_read(tmp_path):
+    studies.write("small", ARRAYS, NOTE, tmp_path)
+    found = studies.read("small", tmp_path)
+    for key, array in ARRAYS.items():
+        np.testing.assert_array_equal(found.arrays[key], array)
+    assert {key: found.note[key] for key in NOTE} == NOTE
+
+
+def test_the_same_arrays_make_the_same_file(tmp_path):
+    for name in ("a", "b"):
+        studies.write(name, ARRAYS, NOTE, tmp_path)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_changed_arrays_are_refused(tmp_path):
+    studies.write("small", ARRAYS, NOTE, tmp_path)
+    studies.write("other", {"one": np.zeros(3)}, NOTE, tmp_path)
+    (tmp_path / "other.npz").replace(tmp_path / "small.npz")
+    with pytest.raises(studies.StudyError, match="SHA-256"):
+        studies.read("small", tmp_path)
+
+
+def test_a_missing_study_is_named(tmp_path):
+    with pytest.raises(studies.StudyError, match="no such study"):
+        studies.read("nothing", tmp_path)
+
+
+def test_a_note_without_its_command_is_refused(tmp_path):
+    with pytest.raises(studies.StudyError, match="command"):
+        studies.write("small", ARRAYS, {"seed": 1, "versions": "none"}, tmp_path)
+
+
+def test_every_study_of_the_project_is_whole():
+    assert STUDIES
+    for name in STUDIES:
+        found = studies.read(name)
+        assert found.arrays
+        assert found.note["command"] == f"python -m reproduce.views.studies {name}"

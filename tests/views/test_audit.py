@@ -1,0 +1,143 @@
+"""The audit as a reader meets it: in the terminal, as JSON, and on the book's pages."""
+
+import json
+import re
+
+import pytest
+from click.testing import CliRunner
+
+from reproduce.audit.report import audit_paper
+from reproduce.judge.expected import erratum, frozen
+from reproduce.views import audit_ourselves, audit_pages, audit_picture, pages
+from reproduce.views.cli import main
+
+TABLE = """
+title = "A bill"
+place = "Table 1"
+section = "1"
+
+[[column]]
+id = "net"
+label = "Net"
+
+[[column]]
+id = "gross"
+label = "Gross"
+
+[[row]]
+id = "1"
+label = "First"
+unit = "m"
+role = "derived"
+cells = ["8.25", "9.09"]
+"""
+RELATIONS = """
+[[relations.all]]
+name = "tax"
+formula = "gross = 1.2 * net"
+cells = "gross=bill#1.gross net=bill#1.net"
+kind = "arithmetic"
+source = "by law"
+"""
+
+
+def run(*arguments, columns=80):
+    return CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(main, arguments)
+
+
+def test_the_audit_of_a_paper_fits_the_terminal():
+    result = run("audit", "chen2023")
+    assert result.exit_code == 0, result.output
+    assert max(map(len, result.stdout.splitlines())) <= 80
+    found = " ".join(result.stdout.split())
+    assert "contradicts: motion-4-y" in found
+    assert "columns position-x ↔ position-y; table-5#4.motion-x: 60.66 → 60.36" in found
+    assert "equation (10): fails as printed" in found
+    assert "niu2024" not in found
+
+
+def test_the_audit_as_json():
+    result = run("audit", "--json")
+    audits = json.loads(result.stdout)
+    assert [a["name"] for a in audits] == ["niu2024", "chen2023"]
+    for told in audits:
+        audit = audit_paper(told["name"])
+        assert told["outcomes"] == audit.tally()
+        assert len(told["relations"]) == len(audit.findings)
+        assert told["cells_examined"] == len(audit.examined) <= told["cells"]
+        assert {r["outcome"] for r in told["relations"]} <= set(told["outcomes"])
+    best = next(
+        g["corrections"][0] for g in audits[1]["contradictions"] if "motion-4-y" in g["relations"]
+    )
+    assert best["conclusion"] == "stands"
+    assert best["breaks"] == []
+
+
+def test_a_table_of_ones_own(tmp_path):
+    table, relations = tmp_path / "bill.toml", tmp_path / "relations.toml"
+    table.write_text(TABLE)
+    relations.write_text(RELATIONS)
+    result = run("audit", "--table", str(table), "--relations", str(relations))
+    assert result.exit_code == 0, result.output
+    assert "9.09 → 9.90" in result.stdout
+    relations.write_text(RELATIONS.replace("1.2 * net", "tax * net"))
+    result = run("audit", "--table", str(table), "--relations", str(relations))
+    assert result.exit_code == 2
+    assert "only once" in result.stderr
+    assert run("audit", "--table", str(table)).exit_code == 2
+    assert run("audit", "nobody2000").exit_code == 2
+
+
+def test_the_score_counts_what_the_audit_found():
+    text = audit_pages.score().text
+    for paper in ("niu2024", "chen2023"):
+        audit = audit_paper(paper)
+        numbers = (len(audit.cells), len(audit.examined), len(audit.findings))
+        row = re.search(rf"<code>{paper}</code></th>(.*?)</tr>", text).group(1)
+        assert [int(n) for n in re.findall(r"<td>(\d+)</td>", row)[:3]] == list(numbers)
+
+
+@pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
+def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
+    anchors = re.findall(r'<tr id="([^"]+)"', audit_pages.relations(paper).text)
+    assert len(anchors) == len(set(anchors)) == len(audit_paper(paper).findings)
+    links = re.findall(r'href="relations.html#([^"]+)"', audit_pages.errata().text)
+    assert {link for link in links if f"-{paper}-" in link} <= set(anchors)
+    assert any(f"-{paper}-" in link for link in links)
+
+
+def test_every_erratum_has_its_anchor():
+    anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', audit_pages.errata().text)
+    assert anchors == [entry.id for entry in audit_pages.errata_register()]
+    assert len(anchors) == len(set(anchors))
+
+
+def test_a_differs_links_to_its_erratum():
+    known = {entry.id for entry in audit_pages.errata_register()}
+    linked = {a: e.erratum for a, e in frozen().items() if e.erratum}
+    assert set(linked.values()) <= known
+    text = pages.table("niu2024/table-2").text
+    assert text.count('href="../audit/errata.html#niu2024-table-2-translation"') == 4
+    assert erratum("niu2024/table-1#focal-length.red") == ""
+    shown = " ".join(run("show", "niu2024/table-2").stdout.split())
+    assert "Erratum niu2024-table-2-translation." in shown
+
+
+@pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
+def test_pages_show_corrections_equations_and_pictures(paper):
+    assert "→" in audit_pages.corrections(paper).text
+    assert audit_pages.equations(paper).text.count("<tr>") == 1 + len(audit_paper(paper).equations)
+    sets = audit_pages.smallest_sets(paper).text
+    assert sets.count("<tr>") == 1 + len(audit_paper(paper).conflicts)
+    svg = audit_picture.picture(paper, "what it shows").text
+    assert 'aria-label="what it shows"' in svg
+    blamed = audit_paper(paper).blamed()
+    worst = max(blamed, key=blamed.get)
+    assert worst.partition("/")[2] in svg
+
+
+def test_our_own_audit_is_shown():
+    assert "one digit changed" in audit_ourselves.power_by_kind().text
+    assert "niu2024/table-3" in audit_ourselves.power_by_table().text
+    assert "in no relation" in audit_ourselves.unseen().text
+    assert "units of the last digit" in audit_ourselves.rounding("residuals").text
