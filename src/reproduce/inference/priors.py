@@ -232,6 +232,39 @@ class HalfNormal:
         return f"half-normal of scale {self.sigma:.6g}"
 
 
+def in_unit(prior: Prior, scale: float, offset: float) -> Prior:
+    """Return a prior of the same parameter in another unit, to be read, not sampled.
+
+    Parameters
+    ----------
+    prior : Prior
+        In SI units or px.
+    scale, offset : float
+        The number read is (value - offset) times scale.
+
+    Returns
+    -------
+    Prior
+        Of the number read; a prior that knows no shift keeps its place.
+
+    Examples
+    --------
+    >>> str(in_unit(Uniform(0.5, 2.0, "a doctest"), 10.0, 1.0))
+    'uniform from -5 to 10'
+    """
+    if isinstance(prior, Uniform):
+        return Uniform((prior.low - offset) * scale, (prior.high - offset) * scale, prior.reason)
+    if isinstance(prior, Normal):
+        return Normal((prior.mean - offset) * scale, prior.sigma * scale, prior.reason)
+    if isinstance(prior, LogUniform):
+        return LogUniform(prior.low * scale, prior.high * scale, prior.reason)
+    if isinstance(prior, LogNormal):
+        return LogNormal(prior.median * scale, prior.sigma, prior.reason)
+    if isinstance(prior, HalfNormal):
+        return HalfNormal(prior.sigma * scale, prior.reason)
+    return prior
+
+
 def _ordered(low: float, high: float) -> None:
     finite_array("ends", (low, high))
     if not low < high:

@@ -3,8 +3,8 @@
 The table has two blocks: the stage moves along X (angles about Y), and along Y (angles about X).
 Two hypotheses about its angle columns, equally probable beforehand: they stand in the blocks they
 belong to, or the two blocks' angle columns are interchanged. The indicator is summed out.
-Positions are rounded too: those of the moved states are integrated out in closed form, that of the zero
-state, which all differences of a block share, by Gauss-Legendre quadrature. Lengths in metres,
+Positions are rounded too: those of the moved states are integrated out in closed form, that of the
+zero state, which all differences of a block share, by Gauss-Legendre quadrature. Lengths in metres,
 angles in radians; arrays of the moved states have shape (states, blocks).
 """
 

@@ -14,9 +14,10 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     """Propagate the rounding of the printed inputs through a deterministic computation.
 
     Each input is moved to both ends of its rounding interval on its own to see which way every
-    result goes (both, because a smallest or largest value may answer to one side alone); then all inputs are moved together to the corner that makes the result smallest
-    and to the one that makes it largest. For results monotone in each input, as all
-    deterministic ones here are, these corners are the exact ends.
+    result goes (both, because a smallest or largest value may answer to one side alone); then all
+    inputs are moved together to the corner that makes the result smallest and to the one that
+    makes it largest. For results monotone in each input, as all deterministic ones here are,
+    these corners are the exact ends.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ Image points have shape (..., n, 2), in px, x before y, with the centre of the f
 * shift: q + pivot - shift;
 * rigid: R(theta) q + pivot - shift;
 * similarity: k R(theta) q + pivot - shift;
-* similarity+radial: k R(theta) q (1 + c |q|^2) + pivot - shift;
+* similarity+radial: k R(theta) q (1 + c r^2) + pivot - shift, with r the length of q;
 * affine: A q + pivot - shift.
 
 R(theta) turns x towards y for a positive angle; the shift is subtracted, as in `similarity`.

@@ -53,4 +53,5 @@ def inline(figure: Figure, name: str, alternative: str) -> str:
 
 def _uncoloured_text(svg: str) -> str:
     """Give text without a colour of its own the page's colour: SVG's default is black."""
-    return svg.replace("<text ", '<text fill="currentColor" ')
+    # Formulas, such as powers of ten on an axis, are written as <text> without any attribute.
+    return re.sub(r"<text(?=[ >])", '<text fill="currentColor"', svg)

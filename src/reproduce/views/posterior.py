@@ -18,9 +18,15 @@ from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import posteriors
 
-# Kept steps, enough for the gates of every model with room; the funnels of some need more.
+# Kept steps: fifty autocorrelation times with room. Funnels need more, two dimensions less.
 STEPS = 700
-MORE_STEPS = {"geometry": 2500, "misalignment-drift": 1100, "registration-student": 1000}
+OTHER_STEPS = {
+    "geometry": 2500,
+    "misalignment-drift": 1100,
+    "registration-student": 1000,
+    "frame-averaging": 400,
+    "centroid-noise": 400,
+}
 
 
 def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
@@ -40,8 +46,8 @@ def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
     Plan
         With the project's seed.
     """
-    steps = steps or MORE_STEPS.get(name, STEPS)
-    return Plan(ROOT_SEED, ensembles=ensembles, steps=steps, warmup=max(200, steps // 4))
+    steps = steps or next((n for key, n in OTHER_STEPS.items() if name.startswith(key)), STEPS)
+    return Plan(ROOT_SEED, ensembles=ensembles, steps=steps, warmup=max(150, steps // 4))
 
 
 def run(

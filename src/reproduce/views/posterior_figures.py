@@ -108,8 +108,19 @@ def corner(posterior: Posterior, alternative: str) -> str:
         for axes in figure.axes:
             axes.tick_params(labelsize=5)
 
+    def draw_one(figure: Figure) -> None:
+        axes = figure.subplots()
+        axes.hist((rows[:, 0] - offset[0]) * scale[0], bins=40, density=True, histtype="step")
+        if marked[0] is not None:
+            axes.axvline(marked[0], color="#D55E00", linestyle="--")
+        only = model.parameters[0]
+        axes.set(xlabel=f"${only.label}$ ({only.unit})", ylabel="posterior density")
+
     side = 1.0 * model.dimension + 1.2
-    figure = _drawn((side, side), draw, layout=None)
+    if model.dimension == 1:
+        figure = _drawn((4.0, 2.6), draw_one)
+    else:
+        figure = _drawn((side, side), draw, layout=None)
     return inline(figure, f"figure-posterior-{model.name}-corner", alternative)
 
 

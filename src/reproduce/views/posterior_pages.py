@@ -14,6 +14,7 @@ import numpy as np
 from reproduce.inference.checks import predictive_checks, two_sided
 from reproduce.inference.evidence import log_evidence
 from reproduce.inference.posterior import Posterior, digits
+from reproduce.inference.priors import in_unit
 from reproduce.inference.radial import (
     affine_model,
     linear_log_evidence,
@@ -83,8 +84,8 @@ def model(name: str) -> Html:
     built = running.book_posterior(name).model
     rows = []
     for one in built.parameters:
-        unit = "SI or px" if one.shown != 1 or one.offset else one.unit
-        rows.append((one.name, one.unit, f"{one.prior} ({unit})", one.prior.reason))
+        prior = in_unit(one.prior, one.shown, one.offset)
+        rows.append((one.name, one.unit, str(prior), one.prior.reason))
     kind = "simulated from the printed settings" if declared.simulated else "as printed"
     caption = f"{built.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."
     table = html_table(("Parameter", "Unit", "Prior", "Why"), rows, caption)

@@ -14,7 +14,6 @@ from numpy.random import SeedSequence
 from reproduce.inference.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
 from reproduce.inference.joint import joint_model
 from reproduce.inference.model import Model, Quantity
-from reproduce.inference.radial import affine_model, radial_model
 from reproduce.inference.registration import (
     as_similarity,
     principal_point_model,
@@ -132,16 +131,6 @@ def distortion(given: Given) -> Model:
 def principal_point(given: Given) -> Model:
     """The red channel with an uncertain principal point."""
     return principal_point_model(registration(given), 2.0)
-
-
-def radial(given: Given) -> Model:
-    """The red channel with a radial term beside the similarity."""
-    return radial_model(registration(given))
-
-
-def affine(given: Given) -> Model:
-    """The red channel with an affine transform."""
-    return affine_model(registration(given))
 
 
 def centroid_noise(given: Given) -> Model:
