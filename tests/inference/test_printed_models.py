@@ -49,6 +49,20 @@ def test_moments_of_running_averages_against_simulation():
     assert np.abs((found - covariance) / np.outer(scale, scale)).max() < 0.12
 
 
+def test_likelihood_of_a_table_against_counting():
+    """Short series, coarse print, a strong floor: how often does each table come out?"""
+    likelihood = averaging.AveragingLikelihood((1, 4), np.zeros(2), 0.05, 60)
+    truth = np.array([1.0, 0.8])
+    generator = np.random.default_rng(1)
+    tables = np.array([likelihood.simulate(truth, generator) for _ in range(12_000)]).round(6)
+    common, counts = np.unique(tables, axis=0, return_counts=True)
+    best = np.argsort(counts)[-8:]
+    found = [np.exp(likelihood.given(common[i])(truth[None])[0]) for i in best]
+    expected = counts[best] / len(tables)
+    error = np.sqrt(expected / len(tables))
+    assert (np.abs(found - expected) < 4 * error + 0.04 * expected).all()
+
+
 def test_floor_is_found_and_its_absence_too():
     model = posteriors()["frame-averaging"].model()
     radian = model.parameters[0].shown
@@ -76,11 +90,12 @@ def test_interchange_is_certain_in_print_and_found_in_simulation():
     model = posteriors()["table-5"].model()
     centre = model.likelihood.start()[0][None]
     assert model.likelihood.interchanged(centre)[0] > 0.999
-    told = []
-    for seed in range(12):
-        generator = np.random.default_rng(seed)
-        told.append(model.simulate(centre[0], generator))
-    found = np.array([model.likelihood.given(data).interchanged(centre)[0] for data in told])
+    quiet = centre.copy()
+    quiet[0, 1:4] = [1e-3 / stage_table.ARCSEC, 0, 0]
+    told = [model.simulate(quiet[0], np.random.default_rng(seed)) for seed in range(12)]
+    found = np.array([model.likelihood.given(data).interchanged(quiet)[0] for data in told])
+    # Monitored angles stand beside their references in either order: a few thousandths apart.
+    assert max(np.abs(left - right).max() for left, right in told) < 0.006 / stage_table.ARCSEC
     # The simulation draws either order with equal probability, and the data tell which.
     assert ((found < 0.01) | (found > 0.99)).all()
     assert 0 < (found > 0.5).sum() < 12

@@ -137,6 +137,27 @@ def test_residuals_of_both_channels_have_the_stated_covariance(joint):
     np.testing.assert_allclose(found, stated, rtol=0.08)
 
 
+def test_joint_likelihood_is_the_normal_density_star_by_star(joint):
+    """Independent: SciPy's bivariate normal per axis, and the Jacobian of blue."""
+    point = start_of(joint, 1)
+    left, right = (w @ joint.likelihood.columns.T for w in joint.likelihood.weights(point))
+    k_red, k_blue, noise = point[0, [0, 4, 8]]
+    law = stats.multivariate_normal(
+        [0, 0], noise**2 * np.array([[1 + k_red**2, 1], [1, 1 + k_blue**2]])
+    )
+    pairs = np.stack([left[0], right[0]], axis=-1)
+    expected = law.logpdf(pairs.real).sum() + law.logpdf(pairs.imag).sum()
+    expected += 2 * len(pairs) * np.log(k_blue)
+    np.testing.assert_allclose(joint.likelihood(point)[0], expected, rtol=1e-9)
+
+
+def test_equal_distortions_cancel_under_the_identity(registration):
+    """Undistorted and distorted again, every star comes back to its place."""
+    model = distortion_model(registration)
+    back = model.likelihood.predicted(np.array([[1.0, 0, 0, 0, 0.1, 3.0, 3.0]]))[0]
+    np.testing.assert_allclose(back, model.likelihood.offsets, atol=1e-9)
+
+
 def test_variants_reduce_to_the_plain_registration(registration):
     plain = start_of(registration, 16)
     expected = registration.likelihood(plain)

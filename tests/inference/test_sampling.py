@@ -155,7 +155,7 @@ def test_dask_cluster_with_a_worker_killed_midway(registration, alone):
         np.testing.assert_array_equal(plain.chain, alone.chain)
         pids = client.run(os.getpid)
         assert len(pids) == 2
-        plan = replace(PLAN, ensembles=8, steps=1500)
+        plan = replace(PLAN, ensembles=4, steps=2000)
         with ThreadPoolExecutor(1) as waiting:
             result = waiting.submit(
                 sample, registration, plan, executor=client.get_executor(pure=False)

@@ -119,7 +119,7 @@ def rank_normalised(values: FloatArray) -> FloatArray:
     Examples
     --------
     >>> rank_normalised(np.array([3.0, 1.0, 2.0])).round(2)
-    array([ 0.82, -0.82,  0.  ])
+    array([ 0.87, -0.87,  0.  ])
     """
     ranks = rankdata(values, method="average").reshape(values.shape)
     return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))

@@ -83,8 +83,8 @@ class LogUniform:
 
     Examples
     --------
-    >>> float(LogUniform(1.0, np.e, "a doctest").log_density(np.array(1.0)))
-    0.0
+    >>> float(LogUniform(1.0, np.e, "a doctest").log_density(np.array(0.5)))
+    -inf
     """
 
     low: float

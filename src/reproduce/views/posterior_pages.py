@@ -279,7 +279,7 @@ def reproducing(name: str) -> Html:
         f"<pre>reproduce posterior {name}\nreproduce calibrate {study} "
         f"--replicates {calibrations.REPLICATES}</pre>"
     )
-    if study in calibrations.AWAITED:
+    if not calibrations.is_stored(study):
         return _artefact("reproducing", name, f"<p>{NOT_YET}</p>{commands}")
     stored = calibrations.load(study)
     head = ("Quantity", "evenness of ranks, p", "50 % covers", "95 % covers",
@@ -345,7 +345,7 @@ def glue(*names: str) -> None:
 
 
 def _glue_calibration(glue_one: object, name: str) -> None:
-    if calibrations.study_of(name) in calibrations.AWAITED:
+    if not calibrations.is_stored(calibrations.study_of(name)):
         for what in ("replicates", "failed", "least-p", "quantities"):
             glue_one(f"{name}-sbc-{what}", "(not calibrated yet)", display=False)  # type: ignore[operator]
         return
