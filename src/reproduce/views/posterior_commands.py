@@ -21,7 +21,7 @@ import click
     help="Your own CSV in place of ours (registration, misalignment).",
 )
 @click.option("--pivot", type=float, nargs=2, help="Principal point of your data, in px.")
-@click.option("--ensembles", type=click.IntRange(min=2), default=4, show_default=True)
+@click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
 @click.option("--resume", is_flag=True, help="Continue what a killed run left in --out.")
