@@ -28,6 +28,9 @@ OTHER_STEPS = {
     "centroid-noise": 400,
 }
 
+# Walkers of models whose likelihood costs next to nothing: many at once are nearly free.
+WALKERS = {"registration": 256, "registration-blue": 256, "registration-joint": 256}
+
 
 def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
     """Return how a model of the book is sampled.
@@ -47,7 +50,8 @@ def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
         With the project's seed.
     """
     steps = steps or next((n for key, n in OTHER_STEPS.items() if name.startswith(key)), STEPS)
-    return Plan(ROOT_SEED, ensembles=ensembles, steps=steps, warmup=max(150, steps // 4))
+    walkers, warmup = WALKERS.get(name, 0), max(150, steps // 4)
+    return Plan(ROOT_SEED, ensembles=ensembles, walkers=walkers, steps=steps, warmup=warmup)
 
 
 def run(
