@@ -30,7 +30,7 @@ Points = NDArray[np.float64]
 PIVOT = np.array([1030.0, 770.0])
 TRUTH = Similarity(1.002, -0.001, (-1.0, -2.0), PIVOT)
 MANY, PROMISED, PROMISED_MANY, SPREAD = 100_000, 15, 1000, 0.2
-WALKERS = 256  # as `reproduce posterior registration` takes
+WALKERS = 160  # as `reproduce posterior registration` takes
 GIBIBYTE = 1024**2  # in the kibibytes of getrusage
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import logsumexp
 
 from reproduce.physics.validate import FloatArray
 
@@ -68,8 +69,8 @@ def fitted_pareto(values: FloatArray) -> tuple[float, float]:
     slopes = steps / (3 * max(quarter, np.finfo(float).tiny)) + 1 / values[-1]
     shapes = np.log1p(-slopes[:, None] * values).mean(axis=1)
     likelihoods = count * (np.log(-slopes / shapes) - shapes - 1)
-    weights = 1 / np.exp(likelihoods - likelihoods[:, None]).sum(axis=1)
-    slope = float((slopes * weights).sum() / weights.sum())
+    weights = np.exp(likelihoods - logsumexp(likelihoods))
+    slope = float((slopes * weights).sum())
     shape = float(np.log1p(-slope * values).mean())
     scale = -shape / slope
     return (shape * count + 5.0) / (count + 10), scale

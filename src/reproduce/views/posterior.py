@@ -29,7 +29,7 @@ OTHER_STEPS = {
 }
 
 # Walkers of models whose likelihood costs next to nothing: many at once are nearly free.
-WALKERS = {"registration": 256, "registration-blue": 256, "registration-joint": 256}
+WALKERS = {"registration": 160, "registration-blue": 160, "registration-joint": 160}
 
 
 def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
