@@ -23,8 +23,6 @@ REPLICATES = 1000
 AWAITED: frozenset[str] = frozenset(
     {
         "registration-blue",
-        "registration-joint",
-        "registration-student",
         "registration-field-noise",
         "registration-distortion",
         "registration-principal-point",
