@@ -83,6 +83,13 @@ def test_every_drawing_is_shown_exactly_once():
     assert sorted(calls("figure")) == sorted(drawable())
 
 
+def test_no_number_is_typed_into_an_alternative_text():
+    call = re.compile(r"pages\.figure\(\s*\"[^\"]+\",(.*?)\n?\)\n", re.DOTALL)
+    for path in PAGES:
+        for text in call.findall(path.read_text(encoding="utf-8")):
+            assert not re.search(r"\d", text), f"{path.name}: {text}"
+
+
 def test_every_physics_module_is_documented():
     documented = {
         name
