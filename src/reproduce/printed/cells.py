@@ -256,6 +256,7 @@ def _cell(
         label=label,
         content=content,
         unit=str(traits["unit"] or "") if entry.text is None else "",
+        # The schema has checked the role; looking it up by name loses its type.
         role=traits["role"] or "specification",  # type: ignore[arg-type]
         place=f"{getattr(file, 'place', '')}, {_where(where)}",
         sigma=traits["sigma"] if isinstance(traits["sigma"], int) else None,

@@ -30,7 +30,7 @@ from reproduce.views import posterior_figures as figures
 from reproduce.views.pages import Html
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
 STEPS = {
     "model": "1. The model and its data are explained",
@@ -344,10 +344,10 @@ def glue(*names: str) -> None:
         _glue_calibration(glue_one, name)
 
 
-def _glue_calibration(glue_one: object, name: str) -> None:
+def _glue_calibration(glue_one: Callable[..., None], name: str) -> None:
     if not calibrations.is_stored(calibrations.study_of(name)):
         for what in ("replicates", "failed", "least-p", "quantities"):
-            glue_one(f"{name}-sbc-{what}", "(not calibrated yet)", display=False)  # type: ignore[operator]
+            glue_one(f"{name}-sbc-{what}", "(not calibrated yet)", display=False)
         return
     stored = calibrations.load(calibrations.study_of(name))
     text = {
@@ -357,7 +357,7 @@ def _glue_calibration(glue_one: object, name: str) -> None:
         "quantities": str(len(stored.names)),
     }
     for what, value in text.items():
-        glue_one(f"{name}-sbc-{what}", value, display=False)  # type: ignore[operator]
+        glue_one(f"{name}-sbc-{what}", value, display=False)
 
 
 def glue_printed(*addresses: str) -> None:
