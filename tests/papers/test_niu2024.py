@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from reproduce.papers.niu2024 import angles, simulation
 from reproduce.physics.registration import fit_similarity
@@ -29,6 +30,23 @@ def test_the_arrangement_has_the_printed_count_and_the_zero_position():
     assert np.isclose(found, 0).all(axis=1).sum() == 1
     steps = np.degrees(np.diff(np.unique(found[:, 0].round(12))))
     np.testing.assert_allclose(steps, 0.9, atol=1e-9)
+
+
+def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
+    """The points drawn are those whose centroids are calibrated, to the last bit."""
+    used = []
+
+    def seen(cameras, rotations, table):
+        used.append(np.array(table))
+        return channel_centroids(cameras, rotations, table)
+
+    monkeypatch.setattr(simulation, "channel_centroids", seen)
+    simulation.calibrations(DOOR, SEED, 1)
+    figure = Figure()
+    angles.draw(figure, {})
+    points = figure.axes[0].lines[0]
+    drawn = np.column_stack([points.get_xdata(), points.get_ydata()])
+    np.testing.assert_array_equal(drawn, np.degrees(used[0]))
 
 
 def test_the_arrangements_with_137_angles():

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from reproduce.papers.niu2024 import costs, figures_study
+from reproduce.papers.niu2024 import costs, figures_costs, figures_study
 from reproduce.printed.given import given
 
 DOOR = given(costs.READS)
@@ -23,6 +24,32 @@ def test_the_corner_of_the_unequal_coefficients_by_hand():
     corner = np.hypot(1032, 772) * 3.45e-6 * (1 - 1 / 80)
     expected = (25 / 24.95) ** 3 * (49 - 36) * corner**3 / 3.45e-6
     assert COSTS["Table 1", "blue", "coefficients"].peak == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_pivot_errs_by_the_printed_difference_of_principal_points_by_hand():
+    """Table 1, red: 1.9 and 2.3 px apart; k = 25/25.0601, theta = 0.07 degrees."""
+    factor = 25 / 25.0601 * np.exp(1j * np.radians(0.07)) - 1
+    expected = abs(factor * (1.9 + 2.3j))
+    assert COSTS["Table 1", "red", "pivot"].peak == pytest.approx(expected, rel=1e-6)
+    # Table 4, blue: the printed translations; k = 25.0237/25.0134, theta = -0.0351 degrees.
+    factor = 25.0237 / 25.0134 * np.exp(1j * np.radians(-0.0351)) - 1
+    expected = abs(factor * (-0.9256 + 1.0961j))
+    assert COSTS["Table 4", "blue", "pivot"].peak == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "draw", [figures_costs.draw_table_1, figures_costs.draw_table_4], ids=["1", "4"]
+)
+def test_there_is_a_map_of_every_approximation_for_both_channels(draw):
+    figure = Figure()
+    draw(figure)
+    titles = [axes.get_title() for axes in figure.axes]
+    expected = [(t, c) for t in figures_costs.TITLES.values() for c in ("red", "blue")]
+    assert len(titles) == len(expected) == 10
+    for title, (what, channel) in zip(titles, expected, strict=True):
+        assert title.startswith(f"{what}, {channel}")
+    lined = [bool(axes.collections) for axes in figure.axes]
+    assert lined == [what != figures_costs.TITLES["pivot"] for what, _ in expected]
 
 
 def test_a_fit_takes_up_the_pivot_whole_and_the_radial_terms_in_part():

@@ -5,6 +5,8 @@ import pytest
 
 from reproduce.papers.declare import Blocked
 from reproduce.papers.niu2024 import alone, angles, laboratory
+from reproduce.physics.bounds import registration_bound
+from reproduce.physics.similarity import similarity_between
 from reproduce.physics.simulate import channel_centroids
 from reproduce.printed.given import given
 
@@ -101,3 +103,20 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
         assert draws.mean() == pytest.approx(coefficient, abs=4 * draws.std() / np.sqrt(2000))
     apart = alone.distortion_range(door, seed, 2000, error)
     assert (apart < 34.166 - 34.147).mean() < 0.01
+
+
+def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
+    """As precisely as the bound says; so the printed scales contradict the focal lengths."""
+    door = given([*laboratory.INSTRUMENT, *angles.READS, "niu2024/table-4#scale.*"])
+    error, replicates = 0.05 / np.sqrt(10), 400
+    fits = alone.registered(door, np.random.SeedSequence(3), replicates, error)
+    used, turns = laboratory.cameras(door), laboratory.rotations(door)
+    true = channel_centroids(used, turns, angles.literal(door).angles)
+    for place, channel in enumerate(laboratory.REGISTERED, start=1):
+        implied = similarity_between(used[place], turns[place], used[0])
+        found = fits[channel].parameters
+        bound = np.sqrt(registration_bound(true[place], implied, error, error).diagonal())
+        np.testing.assert_allclose(found.std(axis=0), bound, rtol=5 / np.sqrt(2 * replicates))
+        off = (found.mean(axis=0) - implied.parameters) / bound
+        assert np.abs(off).max() < 0.5  # distortion, and the luck of 400
+        assert abs(door[f"niu2024/table-4#scale.{channel}"] - implied.scale) > 10 * bound[0]

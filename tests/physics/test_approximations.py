@@ -35,6 +35,16 @@ def test_analytic_and_simulated_bias_agree(effect):
     assert np.abs(analytic).max() > 0
 
 
+@pytest.mark.parametrize("effect", ["coefficients", "cube"])
+def test_the_bias_of_the_scale_holds_far_from_a_scale_of_one(effect):
+    """Near one, a power of the scale more or less would pass unseen."""
+    far = Channels(Camera(25e-3, (0, 0), 57.0, PITCH), Camera(15e-3, (0, 0), 49.0, PITCH))
+    simulated = simulated_bias(far.only(effect), EVEN)[0]
+    if effect == "coefficients":
+        simulated -= simulated_bias(far.only("cube"), EVEN)[0]
+    assert simulated == pytest.approx(analytic_bias(far, effect, HALF)[0], rel=0.005)
+
+
 def test_the_error_of_the_cube_by_hand():
     """A spot 4 mm out in x, of focal lengths 25.0601 and 25 mm."""
     k = 25.0 / 25.0601

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from skimage.transform import EuclideanTransform, SimilarityTransform
 
 from reproduce.physics.fit import fit_registration
-from reproduce.physics.fit_steps import prepare
+from reproduce.physics.fit_problem import prepare
 from reproduce.physics.registration import fit_similarity
 from reproduce.physics.robust import repeated_median
 from reproduce.physics.transforms import MODELS, Registration
@@ -111,19 +111,102 @@ def test_known_covariances_of_both_images_give_honest_errors(model):
     assert beyond == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / trials))
 
 
-def test_equal_round_errors_change_the_covariance_and_not_the_estimate():
-    target = noisy("similarity")
-    plain = fit_similarity(POINTS, target, PIVOT)
+def small_field(model, generator):
+    """A field so small, and errors so large and unequal, that errors of the source matter."""
+    n = 15
+    points, truth = generator.uniform(-40, 40, (n, 2)), np.array(TRUE[model])
+    if model == "similarity+radial":
+        truth[-1] = 2e-5
+    half = generator.uniform(-1, 1, (2, n, 2, 2)) + 2 * np.eye(2)
+    covariances = half @ np.swapaxes(half, -1, -2)
+    errors = (half @ generator.standard_normal((2, n, 2, 1)))[..., 0]
+    target = Registration(model, truth, np.zeros(2)).apply(points) + errors[1]
+    return points + errors[0], target, covariances
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("known", ["both", "source", "target"])
+def test_the_maximum_of_the_whole_likelihood_is_that_of_an_iterating_solver(model, known):
+    """The solver moves the true points too, one by one, and knows no elimination."""
+    source, target, (in_source, in_target) = small_field(model, np.random.default_rng(5))
+    weights = np.random.default_rng(6).uniform(0.5, 2, len(source))
+    given = {
+        "source_covariance": None if known == "target" else in_source,
+        "target_covariance": None if known == "source" else in_target,
+    }
+    fit = fit_registration(source, target, np.zeros(2), weights, model, **given)
+    # An image without a covariance is taken as free of errors: here, as nearly so.
+    tiny = np.broadcast_to(1e-8 * np.eye(2), in_source.shape)
+    used = [tiny if c is None else c for c in given.values()]
+    whitening = [np.linalg.inv(np.linalg.cholesky(c)) for c in used]
+    size = np.where(np.array(MODELS[model]) == "radial", 1e-5, 1.0)
+    root, count = np.sqrt(weights)[:, None], len(size)
+
+    def left(unknowns):
+        points = unknowns[count:].reshape(-1, 2)
+        transform = Registration(model, unknowns[:count] * size, np.zeros(2))
+        parts = (source - points, target - transform.apply(points))
+        white = [root * (w @ d[..., None])[..., 0] for w, d in zip(whitening, parts, strict=True)]
+        return np.concatenate(white).ravel()
+
+    begin = np.concatenate([np.array(TRUE[model]) / size, source.ravel()])
+    found = least_squares(left, begin, "3-point", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    sd = np.sqrt(np.diag(fit.covariance))
+    np.testing.assert_allclose((fit.parameters - found.x[:count] * size) / sd, 0, atol=2e-5)
+    assert float(fit.chi_square) == pytest.approx(2 * found.cost, rel=1e-6)
+    whole = np.linalg.inv(found.jac.T @ found.jac)[:count, :count] * np.outer(size, size)
+    np.testing.assert_allclose(
+        fit.covariance / np.outer(sd, sd), whole / np.outer(sd, sd), atol=1e-4
+    )
+
+
+def test_errors_of_the_source_do_not_draw_the_scale_towards_zero():
+    """In a thousand fits of a small field, beside fits that take the source as free of errors."""
+    generator = np.random.default_rng(3)
+    points = generator.uniform(-40, 40, (1000, 60, 2))
+    source, target = (points + 4 * generator.standard_normal(points.shape) for _ in range(2))
+    error = 16 * np.eye(2)
+    naive = fit_registration(source, target, np.zeros(2), target_covariance=error)
     known = fit_registration(
-        POINTS,
+        source, target, np.zeros(2), source_covariance=error, target_covariance=error
+    )
+    # k cos(theta), because the length k itself is drawn away from zero by its own scatter.
+    naive, known = (fit.parameters[:, 0] * np.cos(fit.parameters[:, 1]) for fit in (naive, known))
+    # By hand: the scale shrinks by the share of the noise in the spread of the measured points.
+    shrunk = 16 / (80**2 / 12 + 16)
+    luck = known.std() / np.sqrt(1000)
+    assert naive.mean() == pytest.approx(1 - shrunk, abs=4 * luck)
+    assert known.mean() == pytest.approx(1, abs=4 * luck)
+    assert luck < shrunk / 20
+
+
+def test_equal_round_errors_by_hand():
+    """The rotation stays that of least squares; the scale is the root of Deming's equation."""
+    target = noisy("similarity", 3.0)
+    source = POINTS + 2 * GENERATOR.standard_normal(POINTS.shape)
+    in_source, in_target = 4.0, 9.0
+    known = fit_registration(
+        source,
         target,
         PIVOT,
-        source_covariance=0.04 * np.eye(2),
-        target_covariance=0.09 * np.eye(2),
+        source_covariance=in_source * np.eye(2),
+        target_covariance=in_target * np.eye(2),
     )
-    np.testing.assert_allclose(known.parameters, plain.parameters, rtol=0, atol=1e-10)
-    variance = 0.09 + plain.similarity.scale**2 * 0.04
-    np.testing.assert_allclose(known.covariance, variance * plain.cofactor, rtol=1e-6, atol=1e-18)
+    plain = fit_similarity(source, target, PIVOT)
+    offsets, targets = (p - p.mean(axis=0) for p in (source, target))
+    spread, target_spread = np.square(offsets).sum(), np.square(targets).sum()
+    common = plain.similarity.scale * spread
+    middle = in_target * spread - in_source * target_spread
+    roots = np.roots([in_source * common, middle, -in_target * common])
+    assert known.parameters[0] == pytest.approx(roots[roots > 0].item(), rel=1e-10)
+    assert known.parameters[0] - plain.parameters[0] > 1e-6
+    assert known.parameters[1] == pytest.approx(plain.parameters[1], abs=1e-12)
+    middles = known.transform.apply(source.mean(axis=0)[None])[0]
+    np.testing.assert_allclose(middles, target.mean(axis=0), atol=1e-9)
+    variance = in_target + plain.similarity.scale**2 * in_source
+    expected = variance * plain.cofactor
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(known.covariance / scale, expected / scale, atol=1e-4)
 
 
 @pytest.mark.parametrize("order", ["C", "F"])

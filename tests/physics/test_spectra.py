@@ -11,6 +11,7 @@ from reproduce.physics.spectra import (
     blackbody_photons,
     channel_ratio,
     tabulated_band,
+    tabulated_star,
 )
 
 
@@ -82,3 +83,21 @@ def test_the_ratios_error_is_that_of_many_draws():
     top, bottom = generator.normal(4000, 60, 20_000), generator.normal(5000, 70, 20_000)
     _, sigma = channel_ratio(4000, 5000, 60**2, 70**2)
     assert (top / bottom).std() == pytest.approx(float(sigma), rel=0.03)
+
+
+def test_a_tabulated_blackbody_is_the_blackbody():
+    """Whatever the unit of its table; but for the curvature of the spectrum over 10 nm."""
+    wavelength = np.linspace(390e-9, 690e-9, 3001)
+    for temperature in (3500.0, 15000.0):
+        table = 7e11 * planck(wavelength, temperature)
+        for edges in ((400e-9, 500e-9), (580e-9, 680e-9)):
+            found = tabulated_star([3.0, 5.0], wavelength, table, *edges)
+            expected = blackbody_band([3.0, 5.0], temperature, *edges)
+            np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+def test_a_table_without_light_at_550_nm_is_refused():
+    with pytest.raises(ValueError, match="photons"):
+        tabulated_star(0.0, [400e-9, 700e-9], [0.0, 0.0], 400e-9, 500e-9)
+    with pytest.raises(ValueError, match="extend it"):
+        tabulated_star(0.0, [600e-9, 700e-9], [1.0, 1.0], 600e-9, 700e-9)

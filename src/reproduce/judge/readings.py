@@ -1,7 +1,10 @@
 """The printed simulation of niu2024 held against every reading of its text.
 
-Rows are the readings of `reproduce.papers.niu2024.study`, each with both ways of counting the
-axes of (26), the ledger's first; columns are the printed cells of `ADDRESSES`.
+Rows are the readings of `reproduce.papers.niu2024.study`, each with every way of counting the axes
+of (26), the ledger's first; columns are the printed cells of `ADDRESSES`.
+
+Draws can tell a probability down to about one over their number. Below that, the law that they
+follow is used, see `reproduce.judge.laws`.
 """
 
 from __future__ import annotations
@@ -11,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.judge.verdicts import joint_probability, judge_prediction
-from reproduce.papers.niu2024 import simulation, study
+from reproduce.judge import laws
+from reproduce.judge.verdicts import judge_prediction
+from reproduce.papers.niu2024 import counting, simulation
 from reproduce.printed.cells import Cell, find
 from reproduce.printed.units import si_factor
 
@@ -22,10 +26,19 @@ ADDRESSES = tuple(
     if cell.startswith("rmse")
     else f"niu2024/table-3#{cell}.{channel}"
     for channel in simulation.REGISTERED
-    for cell in study.CELLS
+    for cell in counting.CELLS
 )
-# Groups of cells that get a joint probability.
-GROUPS = ("table 3", "residuals", "all")
+RESIDUAL = np.array(["rmse" in address for address in ADDRESSES])
+SCALE = np.array(["#scale" in address for address in ADDRESSES])
+# Groups of cells that get a joint probability, and which cells are in each.
+GROUPS = {
+    "Table 3": ~RESIDUAL,
+    "residuals": RESIDUAL,
+    "all but the scales": ~SCALE,
+    "all": np.ones(len(ADDRESSES), dtype=bool),
+}
+# Draws that must lie beyond the print before their count says how likely it is.
+LEAST = 20
 
 
 @dataclass(frozen=True)
@@ -34,14 +47,23 @@ class Comparison:
 
     Attributes
     ----------
-    tails : ndarray, shape (readings, 2, 12)
-        Two-sided mid-p of each cell; the second axis is how (26) counts the axes.
-    joint : ndarray, shape (readings, 2, 3)
-        Joint probability of each group, as `verdicts.joint_probability` has it.
+    tails : ndarray, shape (readings, 4, 12)
+        Two-sided mid-p of each cell by counting draws; the second axis is how (26) counts the axes.
+    law_tails : ndarray, shape (readings, 4, 12)
+        Decimal logarithm of the same by the law of the draws.
+    joint : ndarray, shape (readings, 4, 4)
+        Joint probability of each group, by counting draws.
+    law_joint : ndarray, shape (readings, 4, 4)
+        Decimal logarithm of the same by the law of the draws.
+    distance : ndarray, shape (readings, 4, 4)
+        Mahalanobis distance of each group of printed numbers, in standard deviations.
     """
 
     tails: Array
+    law_tails: Array
     joint: Array
+    law_joint: Array
+    distance: Array
 
 
 def compare(draws: Array) -> Comparison:
@@ -49,7 +71,7 @@ def compare(draws: Array) -> Comparison:
 
     Parameters
     ----------
-    draws : ndarray, shape (readings, replicates, 2, 6)
+    draws : ndarray, shape (readings, replicates, 2, 8)
         From `study.simulate`, in SI.
 
     Returns
@@ -57,39 +79,54 @@ def compare(draws: Array) -> Comparison:
     Comparison
         Probabilities by reading.
     """
+    found = [compare_one(one) for one in draws]
+    return Comparison(*(np.stack(part) for part in zip(*found, strict=True)))
+
+
+def compare_one(one: Array) -> tuple[Array, ...]:
+    """Compare the print with the prediction of one reading, for every way of counting the axes.
+
+    Parameters
+    ----------
+    one : ndarray, shape (replicates, 2, 8)
+        In SI.
+
+    Returns
+    -------
+    tuple of ndarray
+        A row of each array of `Comparison`, in order.
+    """
     cells = [find(address)[0] for address in ADDRESSES]
-    tails = np.empty((len(draws), len(study.COUNTED), len(cells)))
-    joint = np.empty((len(draws), len(study.COUNTED), len(GROUPS)))
-    for row, one in enumerate(draws):
-        for way in range(len(study.COUNTED)):
-            columns = columns_in_print(one, cells, one_axis=bool(way))
-            judged = [judge_prediction(c.number, d) for c, d in zip(cells, columns, strict=True)]
-            tails[row, way] = [judgement.probability for judgement in judged]
-            joint[row, way] = _joint(cells, columns)
-    return Comparison(tails, joint)
+    intervals = np.array([cell.number.interval() for cell in cells])
+    rows: list[tuple[Array, ...]] = []
+    for way in counting.COUNTED:
+        columns = columns_in_print(one, cells, way)
+        law = laws.fitted(columns, RESIDUAL)
+        judged = [judge_prediction(c.number, d) for c, d in zip(cells, columns, strict=True)]
+        joint = [laws.joint(law, columns, intervals, wanted) for wanted in GROUPS.values()]
+        tails = np.array([judgement.probability for judgement in judged])
+        rows.append((tails, laws.log_tails(law, intervals), *np.array(joint).T))
+    return tuple(np.stack(part) for part in zip(*rows, strict=True))
 
 
-def columns_in_print(one: Array, cells: list[Cell], *, one_axis: bool) -> list[Array]:
+def columns_in_print(one: Array, cells: list[Cell], way: str) -> list[Array]:
     """Return the draws of one reading cell by cell, in the unit of print.
 
     Parameters
     ----------
-    one : ndarray, shape (replicates, 2, 6)
+    one : ndarray, shape (replicates, 2, 8)
         In SI.
     cells : list of Cell
         Those of `ADDRESSES`.
-    one_axis : bool
-        Whether the RMSE is that of one axis on average.
+    way : str
+        How the axes are counted, one of `counting.COUNTED`.
 
     Returns
     -------
     list of ndarray, each of shape (replicates,)
         In the order of `cells`.
     """
-    counted = np.ones(len(study.CELLS))
-    if one_axis:
-        counted[[cell.startswith("rmse") for cell in study.CELLS]] = np.sqrt(0.5)
-    flat = (one * counted).reshape(len(one), -1)
+    flat = counting.counted(one, way).reshape(len(one), -1)
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
 
 
@@ -116,13 +153,26 @@ def corrected(joint: Array, readings: int) -> Array:
     return np.minimum(1.0, joint * readings)
 
 
-def _joint(cells: list[Cell], columns: list[Array]) -> list[float]:
-    residual = ["rmse" in cell.name for cell in cells]
-    groups = ([not r for r in residual], residual, [True] * len(cells))
-    return [
-        joint_probability(
-            [c.number for c, take in zip(cells, wanted, strict=True) if take],
-            [d for d, take in zip(columns, wanted, strict=True) if take],
-        )[0]
-        for wanted in groups
-    ]
+def resolved(counted: Array, law: Array, replicates: int) -> Array:
+    """Return probabilities by count where the draws can tell, else by their law.
+
+    Parameters
+    ----------
+    counted : ndarray
+        Probabilities by counting draws.
+    law : ndarray
+        Decimal logarithms of the same by the law.
+    replicates : int
+        How many draws there are.
+
+    Returns
+    -------
+    ndarray
+        Probabilities.
+
+    Examples
+    --------
+    >>> resolved(np.array([0.3, 0.0]), np.array([-0.5, -9.0]), 10_000)
+    array([3.e-01, 1.e-09])
+    """
+    return np.asarray(np.where(counted * replicates >= LEAST, counted, 10.0**law))

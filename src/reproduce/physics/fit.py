@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics.fit_problem import Problem, Solution, prepare
 from reproduce.physics.fit_single import single_similarity
-from reproduce.physics.fit_steps import Problem, Solution, prepare, solve
+from reproduce.physics.fit_steps import solve
 from reproduce.physics.registration import SimilarityFit, fit_similarity
 from reproduce.physics.robust import outlier_weights
 from reproduce.physics.transforms import Registration, parameter_names
@@ -59,7 +60,7 @@ class RegistrationFit:
 
     @property
     def chi_square(self) -> FloatArray:
-        """Weighted sum of squared residuals, each over its variance where it is known."""
+        """Weighted sum of squared deviations, of both images where covariances are known."""
         return self._solution.chi_square
 
     @property
@@ -109,12 +110,12 @@ def fit_registration(
     target_covariance: ArrayLike | None = None,
     robust: bool = False,
 ) -> RegistrationFit:
-    """Fit the transform that lays source points over target points, by weighted least squares.
+    """Fit the transform that lays source points over target points.
 
-    With covariances, a point counts by the inverse of what both images leave uncertain of target
-    minus transformed source: the target's covariance plus the source's carried through the
-    transform, which is brought up to date at every step. (The derivative of these weights is left
-    out: an error of the order of the source's variance over the squared size of the field.)
+    By weighted least squares; with covariances, by maximum likelihood. Where the source has errors
+    its true points are then unknowns too, and chi-square counts how far they lie from the measured
+    ones as well (`fit_steps.solve`). So a scale or an affine matrix is not drawn towards zero, as
+    it is where errors of the source are ignored.
 
     A robust fit starts from medians, which bear almost half of the points being wrong, and then
     gives far residuals less and at last no weight; nothing in it is random.

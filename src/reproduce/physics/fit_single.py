@@ -12,7 +12,7 @@ import cmath
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.fit_steps import Solution
+from reproduce.physics.fit_problem import Solution
 from reproduce.physics.registration import ROUNDING
 from reproduce.physics.validate import FloatArray
 
@@ -29,7 +29,7 @@ def single_similarity(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -
 
     Returns
     -------
-    fit_steps.Solution or None
+    fit_problem.Solution or None
         Parameters (k, theta, shift x, shift y), residuals, chi-square, cofactor.
 
     Examples
@@ -49,8 +49,9 @@ def single_similarity(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -
     if not spread > count * ROUNDING**2 * abs(centre) ** 2:
         return None
     factor = complex(np.vdot(offsets, targets)) / spread
-    size = abs(factor) ** 2 * spread
-    if not count * ROUNDING**2 * abs(target_centre) ** 2 < size < np.inf:
+    # Products overflow to infinity, where the power of a float would raise an error.
+    size = abs(factor) * abs(factor) * spread
+    if not count * ROUNDING**2 * abs(target_centre) * abs(target_centre) < size < np.inf:
         return None
     origin = complex(pivot[0], pivot[1])
     shift = factor * (centre - origin) + (origin - target_centre)

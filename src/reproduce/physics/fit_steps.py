@@ -1,155 +1,36 @@
 """The steps of a registration fit: its Jacobian, its weights, Gauss-Newton to the minimum.
 
-Shapes, units and models are those of `fit` and `transforms`.
+Shapes, units and models are those of `fit` and `transforms`. Source points are x, target points y,
+the transform f, its parameters u.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
-from numpy.typing import ArrayLike
 
-from reproduce.physics.registration import fit_similarity, paired_points
+from reproduce.physics.fit_problem import Problem, Solution
+from reproduce.physics.registration import fit_similarity
 from reproduce.physics.transforms import MODELS, Registration, linear_part
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    common_batch,
-    finite_array,
-    weights_for,
-)
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
 STEPS = 60
 MOVEMENT = 1e-11  # px, root mean square: far below what a centroid can mean
 DEPENDENT = 1e-13
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """What is fitted to what, checked; all arrays carry the full batch shape.
-
-    Attributes
-    ----------
-    source, target : ndarray, shape (..., n, 2)
-        In px.
-    pivot : ndarray, shape (..., 2)
-        In px.
-    model : str
-        A key of `MODELS`.
-    weights : ndarray, shape (..., n), or None
-        None where every point counts alike.
-    source_covariance, target_covariance : ndarray, shape (..., n, 2, 2), or None
-        In px^2.
-    """
-
-    source: FloatArray
-    target: FloatArray
-    pivot: FloatArray
-    model: str
-    weights: FloatArray | None = None
-    source_covariance: FloatArray | None = None
-    target_covariance: FloatArray | None = None
-
-    @property
-    def errors_known(self) -> bool:
-        """Whether the covariance of either image is known."""
-        return self.source_covariance is not None or self.target_covariance is not None
-
-    def with_weights(self, weights: FloatArray) -> Problem:
-        """Return the same problem with these weights times its own."""
-        own = 1.0 if self.weights is None else self.weights
-        return replace(self, weights=own * weights)
-
-    def with_covariances(self, source: ArrayLike | None, target: ArrayLike | None) -> Problem:
-        """Return the same problem with checked covariances, shape (..., n, 2, 2) in px^2."""
-        n, batch = self.source.shape[-2], self.source.shape[:-2]
-        checked: list[FloatArray | None] = []
-        for name, value in (("source_covariance", source), ("target_covariance", target)):
-            if value is None:
-                checked.append(None)
-                continue
-            matrices = finite_array(name, value, shape=(2, 2))
-            try:
-                matrices = np.broadcast_to(matrices, (*batch, n, 2, 2))
-            except ValueError as error:
-                raise ValueError(
-                    f"{name}: expected one matrix or one for each of {n} points, got shape "
-                    f"{matrices.shape}; give shape (2, 2) or (n, 2, 2)"
-                ) from error
-            _refuse_no_covariance(name, matrices)
-            checked.append(matrices)
-        return replace(self, source_covariance=checked[0], target_covariance=checked[1])
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Where the iteration ended.
-
-    Attributes
-    ----------
-    parameters : ndarray, shape (..., p)
-        In the order of `MODELS`.
-    residuals : ndarray, shape (..., n, 2)
-        Target minus transformed source, in px.
-    chi_square : ndarray, shape (...)
-        Sum of r^T W r.
-    cofactor : ndarray, shape (..., p, p)
-        Inverse of the sum of J^T W J.
-    """
-
-    parameters: FloatArray
-    residuals: FloatArray
-    chi_square: FloatArray
-    cofactor: FloatArray
-
-
-def prepare(
-    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None, model: str
-) -> Problem:
-    """Check the points and bring them to one batch shape.
-
-    Parameters
-    ----------
-    source, target, pivot, weights, model
-        As for `fit.fit_registration`.
-
-    Returns
-    -------
-    Problem
-        Without covariances.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape, or a weight is negative.
-    """
-    source, target = paired_points(source, target)
-    pivot = finite_array("pivot", pivot, shape=(2,))
-    n = source.shape[-2]
-    checked = None if weights is None else weights_for(weights, n)
-    batch = common_batch(
-        source=source.shape[:-2],
-        target=target.shape[:-2],
-        pivot=pivot.shape[:-1],
-        weights=() if checked is None else checked.shape[:-1],
-    )
-    return Problem(
-        np.broadcast_to(source, (*batch, n, 2)),
-        np.broadcast_to(target, (*batch, n, 2)),
-        np.broadcast_to(pivot, (*batch, 2)),
-        model,
-        None if checked is None else np.broadcast_to(checked, (*batch, n)),
-    )
-
-
 def solve(problem: Problem, start: FloatArray | None = None) -> Solution:
-    """Find the weighted least-squares parameters by Gauss-Newton steps.
+    """Find the parameters that make chi-square least, by Gauss-Newton steps.
+
+    Where the source has errors, its true points s are unknowns beside the parameters u. Chi-square
+    is then the sum of (x - s)^T Cx^-1 (x - s) + (y - f(s; u))^T Cy^-1 (y - f(s; u)), and its least
+    value is the maximum of the likelihood. In each step the points are eliminated one by one: with
+    A = df/ds, e = y - f(s; u) - A (x - s) has the covariance Cy + A Cx A^T, the parameters follow
+    from e by weighted least squares, and s = x + Cx A^T (Cy + A Cx A^T)^-1 e from what is left.
 
     Parameters
     ----------
     problem : Problem
-        From `prepare`.
+        From `fit_problem.prepare`.
     start : ndarray, shape (..., p), optional
         Where to begin; the closed form of a simpler model by default.
 
@@ -164,23 +45,30 @@ def solve(problem: Problem, start: FloatArray | None = None) -> Solution:
         If the points do not fix every parameter, or the steps do not settle.
     """
     parameters = starting_point(problem) if start is None else start
+    points = problem.source
+    limit = MOVEMENT * (1 + np.abs(problem.target).max())
     for _ in range(STEPS):
-        residuals = target_residuals(problem, parameters)
-        rows = model_jacobian(problem, parameters)
-        step, cofactor = _step(rows, information(problem, parameters), residuals)
-        parameters = parameters + step
-        moved = np.square((rows @ step[..., None, :, None])[..., 0]).mean(axis=(-2, -1))
-        if (np.sqrt(moved) < MOVEMENT * (1 + np.abs(problem.target).max())).all():
+        carry = local_matrix(problem, parameters, points)
+        weight = information(problem, carry)
+        left = combined_residuals(problem, parameters, points, carry)
+        rows = model_jacobian(problem, parameters, points)
+        step, cofactor = _step(rows, _weighted(problem, weight), left)
+        moved = (rows @ step[..., None, :, None])[..., 0]
+        renewed = true_points(problem, carry, weight, left - moved)
+        largest = np.maximum(_length(moved), _length(renewed - points)).max()
+        parameters, points = parameters + step, renewed
+        if largest < limit:
             break
     else:
         raise DegenerateGeometryError(
             f"expected the fit to settle within {STEPS} steps, got a last step of "
-            f"{float(np.sqrt(moved).max()):g} px; check the matches, or fit a simpler model"
+            f"{float(largest):g} px; check the matches, or fit a simpler model"
         )
-    residuals = target_residuals(problem, parameters)
-    weighted = (information(problem, parameters) @ residuals[..., None])[..., 0]
-    chi_square = np.asarray((residuals * weighted).sum(axis=(-2, -1)))
-    return Solution(parameters, residuals, chi_square, cofactor)
+    carry = local_matrix(problem, parameters, points)
+    left = combined_residuals(problem, parameters, points, carry)
+    weight = _weighted(problem, information(problem, carry))
+    chi_square = np.asarray((left * (weight @ left[..., None])[..., 0]).sum(axis=(-2, -1)))
+    return Solution(parameters, target_residuals(problem, parameters), chi_square, cofactor)
 
 
 def starting_point(problem: Problem) -> FloatArray:
@@ -215,9 +103,34 @@ def target_residuals(problem: Problem, parameters: FloatArray) -> FloatArray:
     return problem.target - transform.apply(problem.source)
 
 
-def model_jacobian(problem: Problem, parameters: FloatArray) -> FloatArray:
-    """Return the derivatives of the transformed source by the parameters, (..., n, 2, p)."""
-    q = problem.source - problem.pivot[..., None, :]
+def combined_residuals(
+    problem: Problem, parameters: FloatArray, points: FloatArray, carry: FloatArray
+) -> FloatArray:
+    """Return y - f(s; u) - A (x - s), shape (..., n, 2), in px: what both images leave over.
+
+    Without errors in the source the points s are the source, and this is target minus transformed
+    source.
+    """
+    transform = Registration(problem.model, parameters, problem.pivot)
+    left = problem.target - transform.apply(points)
+    if problem.source_covariance is None:
+        return left
+    return np.asarray(left - (carry @ (problem.source - points)[..., None])[..., 0])
+
+
+def true_points(
+    problem: Problem, carry: FloatArray, weight: FloatArray, left: FloatArray
+) -> FloatArray:
+    """Return where the source points truly are, as far as `left` tells, (..., n, 2), in px."""
+    if problem.source_covariance is None:
+        return problem.source
+    pulled = np.swapaxes(carry, -1, -2) @ (weight @ left[..., None])
+    return np.asarray(problem.source + (problem.source_covariance @ pulled)[..., 0])
+
+
+def model_jacobian(problem: Problem, parameters: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the derivatives of transformed points by the parameters, (..., n, 2, p)."""
+    q = points - problem.pivot[..., None, :]
     names = MODELS[problem.model]
     rows = np.zeros((*q.shape, len(names)))
     start = names.index("shift x")
@@ -239,32 +152,42 @@ def model_jacobian(problem: Problem, parameters: FloatArray) -> FloatArray:
     return rows
 
 
-def information(problem: Problem, parameters: FloatArray) -> FloatArray:
-    """Return the weight matrix of each residual, shape (..., n, 2, 2), in px^-2 where known."""
-    if problem.errors_known:
-        total = np.zeros((*problem.source.shape, 2))
-        if problem.target_covariance is not None:
-            total = total + problem.target_covariance
-        if problem.source_covariance is not None:
-            carry = local_matrix(problem, parameters)
-            total = total + carry @ problem.source_covariance @ np.swapaxes(carry, -1, -2)
-        inverse = np.linalg.inv(total)
-    else:
-        inverse = np.broadcast_to(np.eye(2), (*problem.source.shape, 2))
-    return inverse if problem.weights is None else problem.weights[..., None, None] * inverse
+def information(problem: Problem, carry: FloatArray) -> FloatArray:
+    """Return the inverse covariance of each combined residual, shape (..., n, 2, 2).
+
+    In px^-2 where covariances are known, else the unit matrix; weights are left aside.
+    """
+    if not problem.errors_known:
+        return np.broadcast_to(np.eye(2), (*problem.source.shape, 2))
+    total = np.zeros((*problem.source.shape, 2))
+    if problem.target_covariance is not None:
+        total = total + problem.target_covariance
+    if problem.source_covariance is not None:
+        total = total + carry @ problem.source_covariance @ np.swapaxes(carry, -1, -2)
+    return np.linalg.inv(total)
 
 
-def local_matrix(problem: Problem, parameters: FloatArray) -> FloatArray:
-    """Return how the transformed source moves with the source, shape (..., n, 2, 2)."""
+def local_matrix(problem: Problem, parameters: FloatArray, points: FloatArray) -> FloatArray:
+    """Return A, how transformed points move with the points, shape (..., n, 2, 2)."""
     matrix = linear_part(problem.model, parameters)[..., None, :, :]
     if problem.model != "similarity+radial":
-        return np.broadcast_to(matrix, (*problem.source.shape, 2))
-    q = problem.source - problem.pivot[..., None, :]
+        return np.broadcast_to(matrix, (*points.shape, 2))
+    q = points - problem.pivot[..., None, :]
     c = parameters[..., -1][..., None, None, None]
     squared = np.square(q).sum(axis=-1)[..., None, None]
     return np.asarray(
         matrix @ ((1 + c * squared) * np.eye(2) + 2 * c * q[..., None] * q[..., None, :])
     )
+
+
+def _weighted(problem: Problem, information: FloatArray) -> FloatArray:
+    if problem.weights is None:
+        return information
+    return problem.weights[..., None, None] * information
+
+
+def _length(movement: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.square(movement).mean(axis=(-2, -1))))
 
 
 def _step(
@@ -290,13 +213,3 @@ def _refuse_free() -> None:
         "expected points that fix every parameter of the model, got too few, coincident or aligned "
         "ones; add spots across the field, or fit a simpler model"
     )
-
-
-def _refuse_no_covariance(name: str, matrices: FloatArray) -> None:
-    lopsided = np.abs(matrices - np.swapaxes(matrices, -1, -2)).max()
-    positive = (np.linalg.eigvalsh(matrices)[..., 0] > 0).all()
-    if lopsided > 1e-12 * np.abs(matrices).max() or not positive:
-        raise ValueError(
-            f"{name}: expected symmetric matrices with variances above zero, got one that is not; "
-            "leave it out for an image without errors"
-        )

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from reproduce.physics.fit_steps import Problem, from_similarity, solve, target_residuals
+from reproduce.physics.fit_problem import Problem
+from reproduce.physics.fit_steps import from_similarity, solve, target_residuals
 from reproduce.physics.similarity import as_complex, as_points
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
@@ -27,7 +28,7 @@ def outlier_weights(problem: Problem) -> FloatArray:
 
     Parameters
     ----------
-    problem : fit_steps.Problem
+    problem : fit_problem.Problem
         Points, model, weights and covariances.
 
     Returns
@@ -59,7 +60,7 @@ def repeated_median(problem: Problem) -> FloatArray:
 
     Parameters
     ----------
-    problem : fit_steps.Problem
+    problem : fit_problem.Problem
         Points and pivot; weights of zero leave points out.
 
     Returns
@@ -78,7 +79,7 @@ def repeated_median(problem: Problem) -> FloatArray:
     --------
     Six points moved by (3, 0), two of them wrongly matched.
 
-    >>> from reproduce.physics.fit_steps import prepare
+    >>> from reproduce.physics.fit_problem import prepare
     >>> source = [[0, 0], [9, 0], [0, 9], [9, 9], [4, 7], [6, 2]]
     >>> target = [[3, 0], [12, 0], [3, 9], [12, 9], [70, 7], [6, 99]]
     >>> repeated_median(prepare(source, target, (0, 0), None, "similarity")) + 0.0

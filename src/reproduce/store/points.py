@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,75 @@ class TableFileError(ValueError):
     """A file of measurements is wrong; the message names file, line and column."""
 
 
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Named columns of numbers, and where in the file each stands.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    columns : tuple of str
+        The columns, in the order asked for.
+    values : ndarray, shape (rows, columns)
+        The numbers.
+    lines : tuple of int
+        The line of each row, counted from one.
+    positions : tuple of int
+        The place of each column in the file, counted from one.
+    texts : tuple of tuple of str
+        The numbers as they are written.
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    values: NDArray[np.float64]
+    lines: tuple[int, ...]
+    positions: tuple[int, ...]
+    texts: tuple[tuple[str, ...], ...]
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return one column, shape (rows,)."""
+        return np.asarray(self.values[:, self.columns.index(name)])
+
+    def wrong(self, row: int, name: str, problem: str) -> TableFileError:
+        """Return the error that names file, line and column of one number."""
+        column = self.columns.index(name)
+        return TableFileError(
+            f"{self.path}, line {self.lines[row]}, column {self.positions[column]} ({name}): "
+            f"{problem}, got {self.texts[row][column]!r}"
+        )
+
+    def last_digit(self, names: Sequence[str], rows: Sequence[int] | None = None) -> float:
+        """Return one unit of the last digit that is written in some columns.
+
+        Parameters
+        ----------
+        names : sequence of str
+            The columns.
+        rows : sequence of int, optional
+            The rows that count; all by default.
+
+        Returns
+        -------
+        float
+            In the unit of the columns: 0.01 if no number has more than two decimals.
+        """
+        chosen = range(len(self.texts)) if rows is None else rows
+        decimals = [
+            len(self.texts[row][self.columns.index(name)].partition(".")[2])
+            for row in chosen
+            for name in names
+        ]
+        return float(10.0 ** -max(decimals))
+
+
 def read_columns(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
+    """Read named columns of numbers; as `read_table`, without the places."""
+    return read_table(path, columns).values
+
+
+def read_table(path: Path, columns: Sequence[str]) -> Table:
     """Read named columns of numbers.
 
     Parameters
@@ -32,7 +101,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
 
     Returns
     -------
-    ndarray, shape (rows, columns)
+    Table
         In the order of `columns`.
 
     Raises
@@ -58,7 +127,13 @@ def read_columns(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     rows = [_row(path, number, line, columns, order) for number, line in lines[1:]]
     if not rows:
         raise TableFileError(f"{path}: expected lines of numbers below the names, got none")
-    return np.array(rows)
+    texts = []
+    for _, line in lines[1:]:
+        entries = next(csv.reader([line]))
+        texts.append(tuple(entries[position].strip() for position in order))
+    places = tuple(position + 1 for position in order)
+    numbers = tuple(number for number, _ in lines[1:])
+    return Table(path, tuple(columns), np.array(rows), numbers, places, tuple(texts))
 
 
 def _order(path: Path, number: int, line: str, columns: Sequence[str]) -> list[int]:

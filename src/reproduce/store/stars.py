@@ -1,4 +1,4 @@
-"""The Bright Star Catalogue that comes with the project; its origin stands beside the file."""
+"""Stars that come with the project: a catalogue, two spectra; their origin stands beside them."""
 
 from __future__ import annotations
 
@@ -85,3 +85,34 @@ def bright_stars() -> Stars:
     return Stars(
         table["number"].astype(np.int64), directions, table["magnitude"].astype(np.float64) / 100
     )
+
+
+@cache
+def spectra() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return the tabulated spectra of Vega and the Sun, as seen from the Earth.
+
+    Returns
+    -------
+    dict
+        ``vega`` and ``sun``, each to wavelengths, in metres, and photons per second, square metre
+        and metre of wavelength; both of shape (n,).
+
+    Raises
+    ------
+    FileNotFoundError
+        If the file is missing.
+    ValueError
+        If it is not a table of numbers under a line of names.
+    """
+    path = data_folder() / "stars" / "spectra.csv"
+    names = path.read_text(encoding="utf-8").partition("\n")[0].split(",")[1:]
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    if table.ndim != 2 or table.shape[1] != len(names) + 1:
+        raise ValueError(
+            f"{path.name}: expected {len(names) + 1} columns, got shape {table.shape}; restore the "
+            "file"
+        )
+    wavelength = table[:, 0] * 1e-9
+    return {
+        name: (wavelength, column * 1e9) for name, column in zip(names, table[:, 1:].T, strict=True)
+    }

@@ -25,7 +25,7 @@ def errors() -> Html:
         A row for each approximation, table and channel.
     """
     rows = [
-        [_label(cost), *(f"{value:.2g}" for value in (cost.peak, cost.rms, cost.left))]
+        [_label(cost), *(_length(value) for value in (cost.peak, cost.rms, cost.left))]
         for cost in _all()
     ]
     heads = ["Left out", "Largest (px)", "RMS (px)", "RMS after a fit (px)"]
@@ -58,6 +58,11 @@ def _label(cost: costs.Cost) -> str:
     return f"{TITLES[cost.effect]}; {cost.table}, {cost.channel}"
 
 
+def _length(value: float) -> str:
+    """Write a length in px; below a billionth it is what rounding leaves of zero."""
+    return "0" if value < 1e-9 else f"{value:.2g}"
+
+
 def _number(value: float, least: float) -> str:
     """Write a bias; below `least` it is what rounding leaves of zero."""
     return "0" if abs(value) < least else f"{value:.2e}".replace("-", "−")
@@ -75,7 +80,7 @@ def sayings() -> dict[str, str]:
     for cost in _all():
         name = "-".join((cost.effect, cost.table, cost.channel)).lower().replace(" ", "-")
         for what, value in (("rms", cost.rms), ("left", cost.left), ("peak", cost.peak)):
-            said[f"niu2024-cost-{name}-{what}"] = f"{value:.2g}\u202fpx"
+            said[f"niu2024-cost-{name}-{what}"] = f"{_length(value)}\u202fpx"
     return said
 
 

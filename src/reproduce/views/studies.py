@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import sys
-import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import reproduce
 from reproduce.judge import readings
-from reproduce.papers.niu2024 import fusion, images, study
+from reproduce.papers.niu2024 import counting, fusion, images, study
 from reproduce.printed.given import given
 from reproduce.store import studies
 
@@ -45,15 +45,23 @@ def all_draws(replicates: int, processes: int) -> NDArray[np.float64]:
 
     Returns
     -------
-    ndarray, shape (readings, replicates, 2, 6)
+    ndarray, shape (readings, replicates, 2, 8)
         As `study.simulate` returns it.
     """
     size = -(-replicates // PARTS)
     spans = [(begin, min(size, replicates - begin)) for begin in range(0, replicates, size)]
-    if processes == 1:
-        return np.concatenate([_part(span) for span in spans], axis=1)
+    shape = (len(study.readings(given(study.READS))), replicates, 2, len(counting.MEASURED))
+    draws = np.empty(shape)  # filled part by part: two copies would not fit the promised memory
     with ProcessPoolExecutor(processes) as pool:
-        return np.concatenate(list(pool.map(_part, spans)), axis=1)
+        for (begin, count), part in zip(spans, pool.map(_part, spans), strict=True):
+            draws[:, begin : begin + count] = part
+    return draws
+
+
+def _compared(draws: NDArray[np.float64], processes: int) -> readings.Comparison:
+    with ProcessPoolExecutor(processes) as pool:
+        found = list(pool.map(readings.compare_one, draws))
+    return readings.Comparison(*(np.stack(part) for part in zip(*found, strict=True)))
 
 
 def niu2024_readings(replicates: int = study.REPLICATES, processes: int = 2) -> Arrays:
@@ -69,18 +77,24 @@ def niu2024_readings(replicates: int = study.REPLICATES, processes: int = 2) -> 
     Returns
     -------
     dict
-        ``mean``, ``sd`` (readings, 2, 6); ``quantiles`` (readings, 5, 2, 6); ``first``, the first
-        replicates (readings, 20, 2, 6); ``tails`` and ``joint`` as in `judge.readings`.
+        ``mean``, ``sd`` (readings, 2, 8); ``quantiles`` (readings, 5, 2, 10), of what
+        `counting.SUMMARISED` names; ``first``, the first replicates (readings, 20, 2, 8); the rest
+        as in `judge.readings.Comparison`.
     """
     draws = all_draws(replicates, processes)
-    found = readings.compare(draws)
+    found = _compared(draws, processes)
+    # One reading at a time: a second copy of the draws would not fit the promised memory.
+    levels = [np.quantile(counting.summarised(one), QUANTILES, axis=0) for one in draws]
     return {
         "mean": draws.mean(axis=1),
         "sd": draws.std(axis=1, ddof=1),
-        "quantiles": np.moveaxis(np.quantile(draws, QUANTILES, axis=1), 0, 1),
+        "quantiles": np.stack(levels),
         "first": draws[:, :KEPT],
         "tails": found.tails,
+        "law_tails": found.law_tails,
         "joint": found.joint,
+        "law_joint": found.law_joint,
+        "distance": found.distance,
     }
 
 
@@ -117,6 +131,12 @@ def versions() -> str:
     return f"Python {platform.python_version()}, NumPy {np.__version__}, {reproduce.__version__}"
 
 
+def processor_seconds() -> float:
+    """Return what this process and its finished children have worked, whatever else ran beside."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
 def run(name: str, where: Path | None = None) -> None:
     """Run a study again and store it.
 
@@ -135,14 +155,14 @@ def run(name: str, where: Path | None = None) -> None:
     if name not in STUDIES:
         raise KeyError(f"unknown study {name!r}; expected one of {', '.join(STUDIES)}")
     function, seed, replicates = STUDIES[name]
-    begin = time.perf_counter()
+    begin = processor_seconds()
     arrays = function()
     note: dict[str, str | int | float] = {
         "command": f"python -m reproduce.views.studies {name}",
         "seed": seed,
         "replicates": replicates,
         "versions": versions(),
-        "seconds": round(time.perf_counter() - begin, 1),
+        "processor_seconds": round(processor_seconds() - begin, 1),
     }
     studies.write(name, arrays, note, where)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reproduce.judge import readings as judged
 from reproduce.judge.verdicts import CENTRAL
-from reproduce.papers.niu2024 import angles, precision, simulation, study
+from reproduce.papers.niu2024 import angles, counting, precision, simulation, study
 from reproduce.printed.given import given
 from reproduce.store import studies
 from reproduce.views import words
@@ -21,7 +21,10 @@ from reproduce.views.studies import READINGS
 Array = NDArray[np.float64]
 SHORT = ("k", "θ", "Δx", "Δy", "before", "after")
 CHOICES = ("shifts", "draws", "noise in", "test points", "RMSE of")
-TOGETHER = ("Table 3", "residuals", "all", "all, corrected")
+TOGETHER = (*judged.GROUPS, "all, corrected")
+# Orders of magnitude below this are not told apart: the law is an extrapolation so far out.
+LEAST_ORDER = -12
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @functools.cache
@@ -60,7 +63,7 @@ def readings() -> Html:
             _row(number, way, one, one == used and way == 0)
             for number, one in enumerate(every)
             if one.arrangement == place
-            for way in range(len(study.COUNTED))
+            for way in range(len(counting.COUNTED))
         ]
         blocks.append({"name": found.name, "used": place == used.arrangement, "rows": rows})
     template = templates().get_template("readings.html")
@@ -69,27 +72,137 @@ def readings() -> Html:
 
 def _row(number: int, way: int, one: study.Reading, used: bool) -> dict[str, Any]:
     arrays, replicates = _study().arrays, int(_study().note["replicates"])
-    tails, joint = arrays["tails"][number, way], arrays["joint"][number, way]
-    tried = arrays["joint"].shape[0] * arrays["joint"].shape[1]
-    outside = tails < 1 - CENTRAL
-    together = [*joint, judged.corrected(joint[-1:], tried)[0]]
+    tails, together = _tails()[number, way], _joint()[number, way]
+    texts = [
+        chance(*pair, replicates)
+        for pair in zip(arrays["tails"][number, way], arrays["law_tails"][number, way], strict=True)
+    ]
+    joint = [
+        chance(*pair, replicates)
+        for pair in zip(arrays["joint"][number, way], arrays["law_joint"][number, way], strict=True)
+    ]
     return {
-        "choices": (one.shifts, one.repeats, one.noisy, one.tests, study.COUNTED[way]),
-        "tails": [(_tail(t, replicates), o) for t, o in zip(tails, outside, strict=True)],
-        "joint": [_joint(float(p), replicates) for p in together],
-        "outside": int(outside.sum()),
+        "choices": (one.shifts, one.repeats, one.noisy, one.tests, counting.COUNTED[way]),
+        "tails": list(zip(texts, tails < 1 - CENTRAL, strict=True)),
+        "joint": [*joint, corrected(float(together[-1]))],
+        "outside": int((tails < 1 - CENTRAL).sum()),
         "used": used,
     }
 
 
-def _tail(value: float, replicates: int) -> str:
-    return words.chance(
-        value, float(np.sqrt(max(value * (2 - value), 1 / replicates) / replicates))
-    )
+@functools.cache
+def _tails() -> Array:
+    """Return the probability of every cell, shape (readings, ways, cells)."""
+    arrays, replicates = _study().arrays, int(_study().note["replicates"])
+    return judged.resolved(arrays["tails"], arrays["law_tails"], replicates)
 
 
-def _joint(value: float, replicates: int) -> str:
-    return f"< {1.5 / replicates:.1g}" if value < 1.5 / replicates else f"{value:.1g}"
+@functools.cache
+def _joint() -> Array:
+    """Return the probability of every group, shape (readings, ways, groups)."""
+    arrays, replicates = _study().arrays, int(_study().note["replicates"])
+    return judged.resolved(arrays["joint"], arrays["law_joint"], replicates)
+
+
+def chance(counted: float, law: float, replicates: int) -> str:
+    """Write a probability: by count where the draws can tell, else its order by their law.
+
+    Parameters
+    ----------
+    counted : float
+        By counting draws.
+    law : float
+        Decimal logarithm by the law.
+    replicates : int
+        How many draws there are.
+
+    Returns
+    -------
+    str
+        Such as ``0.43`` or ``10⁻⁸``.
+
+    Examples
+    --------
+    >>> chance(0.4312, -0.4, 10_000), chance(0.0, -7.9, 10_000)
+    ('0.43', '10⁻⁸')
+    """
+    if counted * replicates < judged.LEAST:
+        return order(10.0**law)
+    return words.chance(counted, float(np.sqrt(counted * max(2 - counted, 0) / replicates)))
+
+
+def order(probability: float, least: int = LEAST_ORDER) -> str:
+    """Write a probability as a power of ten where it is small.
+
+    Parameters
+    ----------
+    probability : float
+        Zero to one.
+    least : int
+        The smallest power that is told.
+
+    Returns
+    -------
+    str
+        One digit down to a thousandth, then the nearest power of ten; a bound where the law is
+        stretched too far to tell.
+
+    Examples
+    --------
+    >>> order(0.3), order(2e-9), order(1e-99)
+    ('0.3', '10⁻⁹', '<\u202f10⁻¹²')
+    """
+    if probability >= 1e-3:
+        return f"{probability:.1g}"
+    power = round(float(np.log10(max(probability, 1e-300))))
+    text = f"10{str(max(power, least)).translate(SUPERSCRIPTS)}"
+    return text if power >= least else f"<\u202f{text}"
+
+
+def corrected(probability: float) -> str:
+    """Write a joint probability corrected for the number of readings tried."""
+    tried = _joint()[..., 0].size
+    larger = float(judged.corrected(np.array([probability]), tried)[0])
+    return order(larger, LEAST_ORDER + int(np.ceil(np.log10(tried))))
+
+
+def closest() -> Html:
+    """Show the ledger's reading beside those that come closest to the print.
+
+    Returns
+    -------
+    Html
+        A row for the ledger's reading, for the one that leaves the fewest cells outside, and for
+        the one of the largest joint probability of each group.
+    """
+    every = study.readings(given(study.READS))
+    picked = {"the ledger's": (every.index(study.literal(given(study.READS))), 0)}
+    picked["fewest cells outside"] = _fewest()[0]
+    for place, group in enumerate(judged.GROUPS):
+        log = _study().arrays["law_joint"][..., place]
+        best = int(log.argmax())
+        picked[f"best for: {group}"] = divmod(best, log.shape[1])
+    names = [found.name for found in angles.candidates(given(study.READS))]
+    rows = []
+    for label, (number, way) in picked.items():
+        row = _row(number, way, every[number], False)
+        far = _study().arrays["distance"][number, way]
+        choices = [names[every[number].arrangement], *(str(c) for c in row["choices"])]
+        rows.append([label, *choices, str(row["outside"])])
+        rows[-1] += [f"{p} ({d:.0f}\u202fσ)" for p, d in zip(row["joint"][:-1], far, strict=True)]
+        rows[-1].append(row["joint"][-1])
+    heads = ["Reading", "Angles", *(c.capitalize() for c in CHOICES), "Cells outside", *TOGETHER]
+    heads[-len(TOGETHER) :] = [f"p, {name}" for name in TOGETHER]
+    caption = "Readings that come closest to the print; in brackets the Mahalanobis distance."
+    return plain_table(caption, heads, rows)
+
+
+def _fewest() -> list[tuple[int, int]]:
+    """Return the readings that leave the fewest cells outside, the likeliest as a whole first."""
+    outside = (_tails() < 1 - CENTRAL).sum(axis=-1)
+    places = [(int(r), int(w)) for r, w in np.argwhere(outside == outside.min())]
+    law = _study().arrays["law_joint"][..., -1]
+    return sorted(places, key=lambda place: -float(law[place]))
 
 
 def precision_table() -> Html:
@@ -106,7 +219,7 @@ def precision_table() -> Html:
     lines = []
     for place, channel in enumerate(simulation.REGISTERED):
         theory = precision.of_channel(door, channel)
-        for cell, name in enumerate(study.CELLS[:4]):
+        for cell, name in enumerate(counting.CELLS[:4]):
             mean, sd = arrays["mean"][row, place, cell], arrays["sd"][row, place, cell]
             bound = theory.bound[cell]
             efficiency = (bound / sd) ** 2
@@ -139,27 +252,36 @@ def sayings() -> dict[str, str]:
     dict
         Label to text, each label beginning with ``niu2024-study-``.
     """
-    arrays, note = _study().arrays, _study().note
-    tails, joint = arrays["tails"], arrays["joint"]
+    note, tails, joint = _study().note, _tails(), _joint()
     outside = (tails < 1 - CENTRAL).sum(axis=-1)
-    scales = [i for i, address in enumerate(judged.ADDRESSES) if "#scale" in address]
     every = study.readings(given(study.READS))
-    least = [divmod(int(i), outside.shape[1]) for i in np.flatnonzero(outside == outside.min())]
+    least = _fewest()
+    green = [place for place, one in enumerate(every) if one.noisy == "green"]
+    groups = {name: place for place, name in enumerate(judged.GROUPS)}
+    far = _study().arrays["distance"]
+    but_scales = joint[..., groups["all but the scales"]]
     said = {
         "readings": str(outside.size),
         "cells": str(tails.shape[-1]),
         "replicates": f"{int(note['replicates']):,}",
-        "seconds": f"{float(note['seconds']):.0f}\u202fs",
+        "seconds": f"{float(note['processor_seconds']):.0f}\u202fs",
         "fewest-outside": str(outside.min()),
         "ledger-outside": str(outside[every.index(study.literal(given(study.READS))), 0]),
-        "most-outside": str(outside.max()),
         "closest": str(len(least)),
         "closest-shifts": _common(every[r].shifts for r, _ in least),
         "closest-noise": _common(every[r].noisy for r, _ in least),
         "closest-draws": _common(str(every[r].repeats) for r, _ in least),
-        "closest-axes": _common(study.COUNTED[w] for _, w in least),
-        "best-joint": f"{joint[..., 2].max():.1g}",
-        "best-scale": _tail(float(tails[..., scales].max()), int(note["replicates"])),
+        "closest-tests": _common(every[r].tests for r, _ in least),
+        "closest-axes": _common(counting.COUNTED[w] for _, w in least),
+        "closest-before-far": f"{min(far[r, w, groups['residuals']] for r, w in least):.0f}",
+        "closest-before": order(max(float(joint[r, w, groups["residuals"]]) for r, w in least)),
+        "best-joint": order(float(joint[..., groups["all"]].max())),
+        "best-corrected": corrected(float(joint[..., groups["all"]].max())),
+        "best-but-scales": order(float(but_scales.max())),
+        "best-but-scales-corrected": corrected(float(but_scales.max())),
+        "best-green": order(float(but_scales[green].max())),
+        "best-scale": order(float(tails[..., judged.SCALE].max())),
+        "least-counted": f"{judged.LEAST}",
     }
     return {f"niu2024-study-{label}": text for label, text in said.items()}
 

@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.niu2024 import costs
+from reproduce.papers.niu2024.simulation import REGISTERED
 from reproduce.physics.approximations import EFFECTS, even_positions
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TITLES = {
     "coefficients": "unequal coefficients",
     "cube": "k³ for k",
-    "pivot": "pivot off by 10 px",
+    "pivot": "green's pivot",
     "tilt": "tilt",
     "second term": "second radial term",
 }
@@ -24,37 +27,67 @@ ACROSS = 60
 
 
 def draw_table_1(figure: Figure) -> None:
-    """Error of each approximation over the red field, with the parameters of Table 1."""
+    """Error of each approximation over the red and the blue field, for Table 1."""
     _maps(figure, "Table 1")
 
 
 def draw_table_4(figure: Figure) -> None:
-    """Error of each approximation over the red field, with the parameters of Table 4."""
+    """Error of each approximation over the red and the blue field, for Table 4."""
     _maps(figure, "Table 4")
 
 
-def _maps(figure: Figure, table: str) -> None:
+def facts_table_1() -> dict[str, str]:
+    """Return the largest error of every map for Table 1; see `facts_table_4`."""
+    return _facts("Table 1")
+
+
+def facts_table_4() -> dict[str, str]:
+    """Return the largest error of every map for Table 4.
+
+    Returns
+    -------
+    dict
+        ``EFFECT-CHANNEL`` to a length in px.
+    """
+    return _facts("Table 4")
+
+
+def _facts(table: str) -> dict[str, str]:
+    return {
+        f"{effect}-{channel}".replace(" ", "-"): f"{_length(table, channel, effect).max():.1g} px"
+        for effect in EFFECTS
+        for channel in REGISTERED
+    }
+
+
+def _length(table: str, channel: str, effect: str) -> FloatArray:
+    """Return the length of an error over the field, shape (ACROSS, ACROSS), in px."""
     door = given(costs.READS)
-    sides = costs.half_size(door)
-    positions = even_positions(sides, ACROSS)
-    whole = costs.channels(door, table, "red")
-    x, y = (positions * 1e3).reshape(ACROSS, ACROSS, 2).transpose(2, 0, 1)
-    figure.set_size_inches(6.4, 5.6)
-    grid = figure.subplots(3, 2, sharex=True, sharey=True)
-    for axes, effect in zip(grid.flat, EFFECTS, strict=False):
-        length = np.hypot(*costs.isolated_error(whole, effect, positions).T)
-        axes.set(aspect="equal", title=TITLES[effect])
-        if np.ptp(length) < 1e-6 * length.max():  # nothing to draw lines through
-            axes.text(0, 0, f"{length[0]:.2g} px everywhere", ha="center", va="center")
-        else:
-            lines = axes.contour(
-                x, y, length.reshape(ACROSS, ACROSS), levels=4, colors="#000000", linewidths=0.9
-            )
-            axes.clabel(lines, fmt="%.2g", fontsize=7)
+    positions = even_positions(costs.half_size(door), ACROSS)
+    error = costs.isolated_error(costs.channels(door, table, channel), effect, positions)
+    return np.asarray(np.hypot(error[:, 0], error[:, 1]).reshape(ACROSS, ACROSS))
+
+
+def _maps(figure: Figure, table: str) -> None:
+    figure.set_size_inches(6.4, 9.8)
+    grid = figure.subplots(len(EFFECTS), len(REGISTERED), sharex=True, sharey=True)
+    for column, channel in zip(grid.T, REGISTERED, strict=True):
+        for axes, effect in zip(column, EFFECTS, strict=True):
+            _map(axes, table, channel, effect)
+        column[-1].set_xlabel("x (mm)")
     for axes in grid[:, 0]:
         axes.set_ylabel("y (mm)")
-    grid[2, 0].set_xlabel("x (mm)")
-    grid[1, 1].set_xlabel("x (mm)")
-    grid[1, 1].tick_params(labelbottom=True)
-    grid[2, 1].set_axis_off()
-    grid[2, 1].text(0.05, 0.5, "lines: error (px)", transform=grid[2, 1].transAxes)
+    figure.supxlabel("lines: error (px)", fontsize="medium")
+
+
+def _map(axes: Axes, table: str, channel: str, effect: str) -> None:
+    positions = even_positions(costs.half_size(given(costs.READS)), ACROSS) * 1e3
+    x, y = positions.reshape(ACROSS, ACROSS, 2).transpose(2, 0, 1)
+    length = _length(table, channel, effect)
+    axes.set(aspect="equal")
+    axes.set_title(f"{TITLES[effect]}, {channel}: up to {length.max():.1g} px", fontsize=8.5)
+    if np.ptp(length) < 1e-6 * length.max():  # nothing to draw lines through
+        axes.text(0, 0, "the same everywhere", ha="center", va="center")
+        return
+    lines = axes.contour(x, y, length, levels=3, colors="#000000", linewidths=0.9)
+    axes.clabel(lines, fmt="%.2g", fontsize=7)

@@ -1,31 +1,43 @@
-"""Drawings of the simulated images: one star in three channels, and errors over magnitude."""
+"""Drawings of the simulated images: a star in three channels, errors by star, colours."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.papers.niu2024 import fusion, images, laboratory
-from reproduce.papers.niu2024.sketch import LOOKS
+from reproduce.papers.niu2024 import colours, fusion, images, laboratory
+from reproduce.papers.niu2024.sketch import LOOKS, RED
 from reproduce.physics.simulate import channel_centroids
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAGNITUDE, SEED = 3.0, 9
-KINDS = (("#555555", ":", "^"), ("#D55E00", "--", "s"), ("#0072B2", "-", "o"))
+MIDDLE = 4.0  # the magnitude at which kinds of stars are compared
+BLACKBODIES = tuple(
+    star for star, spectrum in fusion.STARS.items() if not isinstance(spectrum, str)
+)
+METHOD = fusion.METHODS.index("maximum likelihood")
+KINDS = (("#777777", ":", "^"), ("#D55E00", "--", "s"), ("#0072B2", "-", "o"))
+
+
+def _spots() -> FloatArray:
+    """Return where the star stands in green, red and blue, in px, near the corner of the field."""
+    door = given(images.READS)
+    used, turns = images.cameras(door), laboratory.rotations(door)
+    angles = 0.95 * np.array(laboratory.half_field(door))
+    return channel_centroids(used, turns, angles[None])[:, 0]
 
 
 def draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
-    door = given(images.READS)
-    used, turns = images.cameras(door), laboratory.rotations(door)
-    angles = 0.95 * np.array(laboratory.half_field(door))
-    spots = channel_centroids(used, turns, angles[None])[:, 0]
+    door, spots = given(images.READS), _spots()
     photons = images.star_photons(door, [MAGNITUDE], [fusion.TEMPERATURE])[:, 0]
     generator = np.random.default_rng(SEED)
     windows, corner = fusion.exposures(spots, photons, 1, generator)
@@ -53,7 +65,16 @@ def draw_star(figure: Figure) -> None:
             x, y = spots[order.index(look.name)] - first + 0.5
             if name == "fused after registration":
                 x, y = spots[0] - first + 0.5
-            axes.plot(x, y, look.marker, color=look.colour, markerfacecolor="none", markersize=9)
+            for width, colour in ((3.5, "white"), (1.3, look.colour)):  # a halo, for dark pixels
+                axes.plot(
+                    x,
+                    y,
+                    look.marker,
+                    color=colour,
+                    fillstyle="none",
+                    markersize=9,
+                    markeredgewidth=width,
+                )
         axes.set(aspect="equal", title=name, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
     for axes in grid[1]:
@@ -63,8 +84,49 @@ def draw_star(figure: Figure) -> None:
     grid[1, 2].set_axis_off()
 
 
+def star_facts() -> dict[str, str]:
+    """Return what the drawing of one star shows, in numbers.
+
+    Returns
+    -------
+    dict
+        How far the spots of the three channels stand apart at the most.
+    """
+    spots = _spots()
+    apart = max(np.hypot(*(one - other)) for one in spots for other in spots)
+    return {"apart": f"{apart:.1f}\u202fpx"}
+
+
+def error_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+    """Return what the drawing of the errors shows, in numbers: the middle star, in the corner.
+
+    Parameters
+    ----------
+    arrays : mapping
+        As for `draw_errors`.
+
+    Returns
+    -------
+    dict
+        Centroid errors of the brightest and the faintest star.
+    """
+    likely = METHOD
+    row = list(fusion.STARS).index(BLACKBODIES[len(BLACKBODIES) // 2])
+    error = arrays["error"][row, -1, :, :, likely]
+    green, raw, fused = (error[:, fusion.MADE.index(name)] for name in fusion.MADE)
+    values = {
+        "green-bright": green[0],
+        "green-faint": green[-1],
+        "fused-bright": fused[0],
+        "fused-faint": fused[-1],
+        "raw-least": raw.min(),
+        "raw-most": raw.max(),
+    }
+    return {name: f"{value:.2g}\u202fpx" for name, value in values.items()}
+
+
 def draw_errors(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Centroid error and signal-to-noise ratio over magnitude, with and without registration.
+    """Centroid error and signal-to-noise ratio over magnitude, for a cool, a solar and a hot star.
 
     Parameters
     ----------
@@ -73,18 +135,153 @@ def draw_errors(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
     arrays : mapping
         Those of the stored study, as `fusion.Outcome` names them.
     """
-    figure.set_size_inches(6.4, 3.6)
-    left, right = figure.subplots(1, 2)
-    corner, likely = len(fusion.PLACES) - 1, fusion.METHODS.index("maximum likelihood")
+    figure.set_size_inches(6.4, 5.6)
+    grid = figure.subplots(2, len(BLACKBODIES), sharex=True, sharey="row")
+    for column, star in zip(grid.T, BLACKBODIES, strict=True):
+        _over_magnitude(column, star, arrays)
+        column[0].set_title(f"{star}: {fusion.STARS[star]:,.0f} K")
+        column[1].set_xlabel("V (mag)")
+    grid[0, 0].set_ylabel("centroid error, RMS (px)")
+    grid[1, 0].set_ylabel("signal over noise (1)")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+
+
+def _over_magnitude(column: Any, star: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+    row, likely = list(fusion.STARS).index(star), METHOD
     for kind, (name, (colour, line, marker)) in enumerate(zip(fusion.MADE, KINDS, strict=True)):
         look: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
-        for place, alpha in ((0, 0.45), (corner, 1.0)):
-            where = "centre" if place == 0 else "corner"
-            error = arrays["error"][place, :, kind, likely]
-            left.plot(fusion.MAGNITUDES, error, alpha=alpha, label=f"{name}, {where}", **look)
-            ratio = arrays["signal_to_noise"][place, :, kind]
-            right.plot(fusion.MAGNITUDES, ratio, alpha=alpha, **look)
-    left.set(yscale="log", xlabel="V (mag)", ylabel="centroid error, RMS (px)")
-    right.set(yscale="log", xlabel="V (mag)", ylabel="signal over noise (1)")
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+        for place, where, fill in ((0, "centre", "none"), (-1, "corner", colour)):
+            look["markerfacecolor"] = fill
+            error = arrays["error"][row, place, :, kind, likely]
+            column[0].plot(fusion.MAGNITUDES, error, label=f"{name}, {where}", **look)
+            ratio = arrays["signal_to_noise"][row, place, :, kind]
+            column[1].plot(fusion.MAGNITUDES, ratio, **look)
+    for axes in column:
+        axes.set_yscale("log")
+
+
+def draw_stars(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure.
+    arrays : mapping
+        Those of the stored study, as `fusion.Outcome` names them.
+    """
+    figure.set_size_inches(6.4, 3.8)
+    left, right = figure.subplots(1, 2, sharey=True)
+    at, likely = fusion.MAGNITUDES.index(MIDDLE), METHOD
+    rows = np.arange(len(fusion.STARS))
+    signal = arrays["signal_to_noise"][:, -1, at]
+    luck = 1 / np.sqrt(2 * fusion.PHASES * fusion.TRIALS)
+    for kind, (name, (colour, _, marker)) in enumerate(zip(fusion.MADE, KINDS, strict=True)):
+        look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": "none"}
+        beside = rows + (kind - 1) * 0.18
+        error = arrays["error"][:, -1, at, kind, likely]
+        left.errorbar(error, beside, xerr=2 * luck * error, label=name, **look)
+        if kind:
+            gain = signal[:, kind] / signal[:, 0]
+            right.errorbar(gain, beside, xerr=2 * luck * np.sqrt(2) * gain, **look)
+    expected = [np.sqrt(light.sum() / light[0]) for light in _lights()]
+    right.plot(expected, rows, "|", color="#000000", markersize=14, label="root of the light")
+    left.set(xscale="log", xlabel="centroid error, RMS (px)")
+    right.set(xlabel="signal over noise, to that of green (1)")
+    left.set_yticks(rows, [_named(star) for star in fusion.STARS])
+    left.set_ylim(len(rows) - 0.5, -0.5)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+
+
+def star_kind_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+    """Return what the drawing of the kinds of stars shows, in numbers.
+
+    Parameters
+    ----------
+    arrays : mapping
+        As for `draw_stars`.
+
+    Returns
+    -------
+    dict
+        Least and largest centroid errors of each kind of image, least and largest gain.
+    """
+    at = fusion.MAGNITUDES.index(MIDDLE)
+    error, signal = arrays["error"][:, -1, at, :, METHOD], arrays["signal_to_noise"][:, -1, at]
+    said = {}
+    for kind, name in enumerate(("green", "raw", "fused")):
+        said[f"{name}-least"] = f"{error[:, kind].min():.2g}\u202fpx"
+        said[f"{name}-most"] = f"{error[:, kind].max():.2g}\u202fpx"
+    gain = signal[:, 2] / signal[:, 0]
+    return said | {"gain-least": f"{gain.min():.2f}", "gain-most": f"{gain.max():.2f}"}
+
+
+def _lights() -> list[NDArray[np.float64]]:
+    door = given(images.READS)
+    return [fusion.light_of(door, star, MIDDLE) for star in fusion.STARS]
+
+
+def _named(star: str) -> str:
+    spectrum = fusion.STARS[star]
+    return f"{star}, table" if isinstance(spectrum, str) else f"{star}, {spectrum:,.0f} K"
+
+
+@functools.cache
+def _frame() -> colours.Colours:
+    return colours.of_a_frame(given(images.READS))
+
+
+def colour_facts() -> dict[str, str]:
+    """Return what the drawing of the colours shows, in numbers.
+
+    Returns
+    -------
+    dict
+        How many stars there are, and the ends of the curve of blackbodies.
+    """
+    door = given(images.READS)
+    light = images.star_photons(door, np.zeros(2), np.array(colours.TEMPERATURES))
+    cool, hot = (light[1:] / light[0]).T
+    return {
+        "stars": str(_frame().measured.shape[1]),
+        "cool-red": f"{cool[0]:.1f}",
+        "cool-blue": f"{cool[1]:.1f}",
+        "hot-red": f"{hot[0]:.1f}",
+        "hot-blue": f"{hot[1]:.1f}",
+    }
+
+
+def draw_colours(figure: Figure) -> None:
+    """Colours of the stars of a frame with their errors, and those of known spectra."""
+    door = given(images.READS)
+    found = _frame()
+    heat = np.geomspace(*colours.TEMPERATURES, 60)
+    light = images.star_photons(door, np.zeros(60), heat)
+    figure.set_size_inches(6.4, 4.6)
+    axes = figure.add_subplot()
+    axes.errorbar(
+        found.measured[0],
+        found.measured[1],
+        xerr=found.sigma[0],
+        yerr=found.sigma[1],
+        fmt=".",
+        color="#777777",
+        elinewidth=0.6,
+        markersize=4,
+        label="stars of the frame, with predicted errors",
+    )
+    curve = light[1:] / light[0]
+    axes.plot(curve[0], curve[1], color="#000000", label="blackbodies")
+    for star, marker in (("Sun", "*"), ("Vega", "D")):
+        own = fusion.light_of(door, star, MIDDLE)
+        look: dict[str, Any] = {
+            "marker": marker,
+            "color": RED.colour,
+            "markersize": 9,
+            "linestyle": "none",
+            "zorder": 5,
+        }
+        axes.plot(own[1] / own[0], own[2] / own[0], label=f"{star}, table", **look)
+    axes.set(xlabel="red over green (1)", ylabel="blue over green (1)")
+    axes.legend(loc="upper right", fontsize=8)

@@ -50,6 +50,31 @@ def convergence(seed: int = study.SEED) -> tuple[Calibration, Calibration]:
     return calibrate(red, green, pivot, start), calibrate(red, green, pivot, starts)
 
 
+def facts() -> dict[str, str]:
+    """Return what the drawing of the convergence shows, in numbers.
+
+    Returns
+    -------
+    dict
+        Distances from the end along the way, and where the stages end.
+    """
+    own, restarted = convergence()
+    mine, theirs = distance_to_end(own), distance_to_end(restarted)
+    distances = {
+        "own-start": mine[0],
+        "own-first": mine[own.first_stage],
+        "own-next": mine[own.first_stage + 1],
+        "restart-least": theirs[0].min(),
+        "restart-most": theirs[0].max(),
+    }
+    said = {name: f"{d:.1g}\u202fpx" for name, d in distances.items()}
+    return said | {
+        "own-stage": f"{own.first_stage}",
+        "restart-stage": f"{restarted.first_stage}",
+        "restarts": f"{RESTARTS}",
+    }
+
+
 def draw_convergence(figure: Figure) -> None:
     """How far each step of the calibration is from its end.
 
@@ -75,7 +100,7 @@ def draw_convergence(figure: Figure) -> None:
         axes.axvline(begin, color="#000000", linestyle=":", linewidth=1)
         axes.text(begin - 0.08, 1e-6, "all four from here on", rotation=90, ha="right", va="center")
     axes.set(yscale="log", ylim=(1e-12, 1e3), xlabel="step", ylabel="distance from the end (px)")
-    axes.legend(loc="upper right")
+    figure.legend(loc="outside lower center", ncols=2)
 
 
 def distance_to_end(calibration: Calibration) -> FloatArray:

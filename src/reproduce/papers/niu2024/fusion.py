@@ -1,7 +1,7 @@
 """What fusion does to a star's centroid and its signal, with and without registration.
 
-Windows around one star, exposed many times, over magnitude and place in the field; the camera, the
-stand-ins and the units are those of `images`. The star is a blackbody of `TEMPERATURE`.
+Windows around one star, exposed many times, over kind of star, magnitude and place in the field;
+the camera, the stand-ins and the units are those of `images`.
 
 Three images are compared: green alone, the sum of three as they are, and the sum of three after
 registration. In each the centre is estimated by the centre of gravity and by maximum likelihood.
@@ -31,6 +31,14 @@ MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 PLACES = (0.0, 0.5, 0.95)
 PHASES, TRIALS = 8, 60
 TEMPERATURE = 5800.0
+# Blackbodies by their temperature in kelvin, tabulated spectra by their name.
+STARS: dict[str, float | str] = {
+    "cool": 3500.0,
+    "solar": TEMPERATURE,
+    "hot": 15000.0,
+    "Sun": "sun",
+    "Vega": "vega",
+}
 MADE = ("green alone", "fused as they are", "fused after registration")
 METHODS = ("centre of gravity", "maximum likelihood")
 MARGIN = 12  # px around the star, so that resampling has something to read
@@ -42,17 +50,17 @@ APERTURE = 3
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Results by place, magnitude and kind of image.
+    """Results by star, place, magnitude and kind of image.
 
     Attributes
     ----------
-    error : ndarray, shape (places, magnitudes, 3, 2)
+    error : ndarray, shape (stars, places, magnitudes, 3, 2)
         Root mean square distance of the centre from green's true one, in px, by image and method.
-    bias : ndarray, shape (places, magnitudes, 3, 2)
+    bias : ndarray, shape (stars, places, magnitudes, 3, 2)
         Length of the mean error, in px.
-    signal_to_noise : ndarray, shape (places, magnitudes, 3)
+    signal_to_noise : ndarray, shape (stars, places, magnitudes, 3)
         Mean over scatter of the light in an aperture about the brightest pixel.
-    colour : ndarray, shape (places, magnitudes, 2, 3)
+    colour : ndarray, shape (stars, places, magnitudes, 2, 3)
         Ratios red / green and blue / green: true value, scatter about it, predicted scatter.
     """
 
@@ -77,23 +85,70 @@ def simulate(door: Given, trials: int = TRIALS, seed: int = SEED) -> Outcome:
     Returns
     -------
     Outcome
-        By place and magnitude.
+        By star, place and magnitude.
     """
     cells = [
-        [
-            _cell(door, place, magnitude, trials, SeedSequence(seed, spawn_key=(i, j)))
-            for j, magnitude in enumerate(MAGNITUDES)
-        ]
-        for i, place in enumerate(PLACES)
+        cell(door, place, light_of(door, star, magnitude), trials, SeedSequence(seed, spawn_key=at))
+        for at, star, place, magnitude in (
+            ((i, j, k), star, place, magnitude)
+            for i, star in enumerate(STARS)
+            for j, place in enumerate(PLACES)
+            for k, magnitude in enumerate(MAGNITUDES)
+        )
     ]
+    shape = (len(STARS), len(PLACES), len(MAGNITUDES))
     names = ("error", "bias", "signal_to_noise", "colour")
-    stacked = [np.array([[getattr(c, name) for c in row] for row in cells]) for name in names]
-    return Outcome(*stacked)
+    stacked = [np.array([getattr(one, name) for one in cells]) for name in names]
+    return Outcome(*(part.reshape(*shape, *part.shape[1:]) for part in stacked))
 
 
-def _cell(door: Given, place: float, magnitude: float, trials: int, seed: SeedSequence) -> Outcome:
+def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
+    """Return the photons that a star sends to each detector in one exposure.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `images.READS`.
+    star : str
+        A key of `STARS`.
+    magnitude : float
+        V magnitude.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Green, red, blue.
+    """
+    spectrum = STARS[star]
+    if isinstance(spectrum, str):
+        return images.tabulated_photons(door, [magnitude], spectrum)[:, 0]
+    return images.star_photons(door, [magnitude], [spectrum])[:, 0]
+
+
+def cell(
+    door: Given, place: float, photons: FloatArray, trials: int, seed: SeedSequence
+) -> Outcome:
+    """Compare the three images of one star in one place.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `images.READS`.
+    place : float
+        One of `PLACES`.
+    photons : ndarray, shape (3,)
+        Light of the star, from `light_of`.
+    trials : int
+        Exposures for each of `PHASES` positions within a pixel.
+    seed : numpy.random.SeedSequence
+        Of the positions and the noise.
+
+    Returns
+    -------
+    Outcome
+        Without the axes of stars, places and magnitudes.
+    """
     generator = np.random.default_rng(seed)
-    photons = images.star_photons(door, [magnitude], [TEMPERATURE])[:, 0]
     used = images.cameras(door)
     pitch = float(used[0].pixel_pitch / used[0].focal_length)
     errors, ratios, colours = [], [], []

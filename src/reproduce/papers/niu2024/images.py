@@ -26,11 +26,12 @@ from reproduce.physics.detector import Detector, electrons, expose
 from reproduce.physics.resample import fused_image, registered_image
 from reproduce.physics.similarity import Similarity, similarity_between
 from reproduce.physics.simulate import channel_centroids
-from reproduce.physics.spectra import blackbody_band
+from reproduce.physics.spectra import blackbody_band, tabulated_star
 from reproduce.physics.spot_fit import fitted_centre
 from reproduce.physics.spots import render_frame, window_corners
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+from reproduce.store.stars import spectra
 
 OPTICS, OUTCOME = laboratory.OPTICS, laboratory.OUTCOME
 READS = (
@@ -114,17 +115,41 @@ def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> F
     ndarray, shape (3, n)
         Green, red, blue.
     """
-    collected = np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{OUTCOME}#exposure"]
-    bands = [
-        blackbody_band(
-            magnitude,
-            temperature,
-            door[f"{OPTICS}#band-{channel}-low"],
-            door[f"{OPTICS}#band-{channel}-high"],
-        )
-        for channel in laboratory.CHANNELS
-    ]
-    return collected * np.stack(bands)
+    bands = [blackbody_band(magnitude, temperature, *edges) for edges in _bands(door)]
+    return _collected(door) * np.stack(bands)
+
+
+def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArray:
+    """Return the photons that stars with a tabulated spectrum send to each detector.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+    magnitude : array_like, shape (n,)
+        V magnitude.
+    name : str
+        One of `store.stars.spectra`.
+
+    Returns
+    -------
+    ndarray, shape (3, n)
+        Green, red, blue, in one exposure.
+    """
+    table = spectra()[name]
+    bands = [tabulated_star(magnitude, *table, *edges) for edges in _bands(door)]
+    return _collected(door) * np.stack(bands)
+
+
+def _bands(door: Given) -> list[tuple[float, float]]:
+    """Return the edges of the bands of green, red and blue, in metres."""
+    edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in laboratory.CHANNELS]
+    return [(door[low], door[high]) for low, high in edges]
+
+
+def _collected(door: Given) -> float:
+    """Return the square metres and seconds that an exposure collects."""
+    return float(np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{OUTCOME}#exposure"])
 
 
 @dataclass(frozen=True, eq=False)

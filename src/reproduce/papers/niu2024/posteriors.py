@@ -6,35 +6,50 @@ the same instrument, with the printed settings and a seed of our own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
-from numpy.random import SeedSequence
+from numpy.random import Generator, SeedSequence
 
 from reproduce.inference.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
-from reproduce.inference.joint import joint_model
-from reproduce.inference.model import Model, Quantity
+from reproduce.inference.joint import JointRegistration, joint_model
+from reproduce.inference.model import Model
+from reproduce.inference.new_stars import Together
 from reproduce.inference.registration import (
-    as_similarity,
+    GaussianRegistration,
     principal_point_model,
     registration_model,
 )
-from reproduce.inference.variants import distortion_model, field_noise_model, student_model
+from reproduce.inference.repeats import Published
+from reproduce.inference.variants import (
+    PointwiseRegistration,
+    distortion_model,
+    field_noise_model,
+    student_model,
+)
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.niu2024 import angles, simulation
-from reproduce.papers.posteriors import Declared
+from reproduce.papers.niu2024.new_stars import (
+    COMPARED,
+    JOINT_COLUMNS,
+    RESULTS,
+    ROWS,
+    TEST_POINTS,
+    both_channels,
+    new_stars,
+    one_channel,
+)
+from reproduce.papers.posteriors import Declared, published_cells, simulated
 from reproduce.physics.chromatic import scale_factor
-from reproduce.physics.pixel_angles import angle_from_pixels
 from reproduce.physics.registration import fit_similarity
 from reproduce.physics.simulate import channel_centroids, noisy_centroids
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-ARCSEC = 206264.80624709636
 DATA_SEED = SeedSequence(ROOT_SEED, spawn_key=(1,))
-RESULTS = "niu2024/table-3"
-READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*")
-ROWS = ("scale", "rotation", "translation-x", "translation-y")
+READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", TEST_POINTS)
 
 
 def centroids(given: Given) -> FloatArray:
@@ -49,88 +64,66 @@ def true_centroids(given: Given) -> FloatArray:
     return channel_centroids(simulation.cameras(given), simulation.rotations(given), table)
 
 
-@dataclass(frozen=True)
-class Residuals:
-    """What registration leaves at a new star: root mean square, as (26), and as an angle.
-
-    Parameters
-    ----------
-    pixel_pitch, focal_length : float
-        Of the reference channel, in metres.
-    corner : tuple of float
-        Offset of a corner star from the pivot, in px.
-    """
-
-    pixel_pitch: float
-    focal_length: float
-    corner: tuple[float, float]
-    pivot: tuple[float, float]
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
-        """Consequences of parameter vectors whose first five are those of a registration."""
-        noise = parameters[:, 4]
-        angle = angle_from_pixels(noise, self.pixel_pitch, self.focal_length) * ARCSEC
-        corner = (np.array(self.pivot) + self.corner)[None]
-        landed = as_similarity(parameters, np.array(self.pivot)).transform(corner)[:, 0]
-        off = np.hypot(*(landed - landed.mean(axis=0)).T)
-        return {
-            "new star, RMSE": Quantity(noise * np.sqrt(2), "px", "as (26), both axes together"),
-            "new star, pointing error": Quantity(angle, "arcsec", "one axis, one sigma"),
-            "corner star, misregistration": Quantity(off, "px", "from the transform's own error"),
-        }
-
-
-def _consequences(given: Given, channel: str) -> Residuals:
-    pivot = tuple(given[f"{simulation.IMAGING}#principal-point-{a}.{channel}"] for a in "xy")
-    return Residuals(
-        given["niu2024/text-optics#pixel-pitch-x"],
-        given[f"{simulation.IMAGING}#focal-length.green"],
-        (pivot[0], pivot[1]),
-        (pivot[0], pivot[1]),
-    )
-
-
 def registration(given: Given) -> Model:
     """The red channel laid over green."""
-    green, red, _ = centroids(given)
-    consequences = _consequences(given, "red")
-    return registration_model(red, green, np.array(consequences.pivot), derived=consequences)
+    return _one_channel(given, "red", "registration")
 
 
 def registration_blue(given: Given) -> Model:
     """The blue channel laid over green."""
-    green, _, blue = centroids(given)
-    consequences = _consequences(given, "blue")
-    return registration_model(
-        blue, green, np.array(consequences.pivot), name="registration-blue", derived=consequences
-    )
+    return _one_channel(given, "blue", "registration-blue")
+
+
+def _one_channel(given: Given, channel: str, name: str) -> Model:
+    spots = dict(zip(simulation.CHANNELS, centroids(given), strict=True))
+    model = registration_model(spots[channel], spots["green"], pivot(given, channel), name=name)
+    return _with_new_stars(given, model, channel)
+
+
+def pivot(given: Given, channel: str) -> FloatArray:
+    """Principal point of a channel, shape (2,), in px."""
+    return given.array(f"{simulation.IMAGING}#principal-point-?.{channel}")
+
+
+def _with_new_stars(given: Given, model: Model, channel: str = "red") -> Model:
+    likelihood = model.likelihood
+    if not isinstance(likelihood, GaussianRegistration | PointwiseRegistration):
+        raise TypeError(f"model: expected a registration, got {type(likelihood).__name__}")
+    return replace(model, derived=new_stars(given, likelihood, channel))
 
 
 def joint(given: Given) -> Model:
     """Both channels laid over green at once."""
     green, red, blue = centroids(given)
-    pivots = [np.array(_consequences(given, channel).pivot) for channel in ("red", "blue")]
-    return joint_model((red, blue), green, (pivots[0], pivots[1]))
+    pivots = (pivot(given, "red"), pivot(given, "blue"))
+    likelihood = JointRegistration((red, blue), green, pivots)
+    consequences = Together(
+        tuple(
+            new_stars(given, likelihood.single(i), channel, JOINT_COLUMNS[i], f"{channel} ")
+            for i, channel in enumerate(simulation.REGISTERED)
+        )
+    )
+    return joint_model((red, blue), green, pivots, consequences)
 
 
 def student(given: Given) -> Model:
     """The red channel with Student-t noise."""
-    return student_model(registration(given))
+    return _with_new_stars(given, student_model(registration(given)))
 
 
 def field_noise(given: Given) -> Model:
     """The red channel with noise that varies across the field."""
-    return field_noise_model(registration(given))
+    return _with_new_stars(given, field_noise_model(registration(given)))
 
 
 def distortion(given: Given) -> Model:
     """The red channel with both distortions free."""
-    return distortion_model(registration(given))
+    return _with_new_stars(given, distortion_model(registration(given)))
 
 
 def principal_point(given: Given) -> Model:
     """The red channel with an uncertain principal point."""
-    return principal_point_model(registration(given), 2.0)
+    return _with_new_stars(given, principal_point_model(registration(given), 2.0))
 
 
 def centroid_noise(given: Given) -> Model:
@@ -169,15 +162,31 @@ def _response(true: FloatArray, step: float = 1e-3) -> FloatArray:
     return np.asarray((found[1:] - found[0]).T / step)
 
 
+def published_table(given: Given, model: Model) -> Published:
+    """The printed parameters of both channels, which are this model's data."""
+    addresses = [f"{RESULTS}#{row}.{channel}" for channel in ("red", "blue") for row in ROWS]
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        return simulated(model, parameters, generator)
+
+    return published_cells(given, addresses, repeat, whole=model.log_likelihood)
+
+
+def _red(name: str, build: Callable[[Given], Model], *rivals: Callable[[Given], Model]) -> Declared:
+    published = partial(one_channel, channel="red")
+    return Declared(name, "niu2024", READS, build, True, rivals, published, COMPARED)
+
+
 POSTERIORS = (
-    Declared("registration", "niu2024", READS, registration, True, (student, field_noise)),
-    Declared("registration-blue", "niu2024", READS, registration_blue, True),
-    Declared("registration-joint", "niu2024", READS, joint, True),
-    Declared("registration-student", "niu2024", READS, student, True),
-    Declared("registration-field-noise", "niu2024", READS, field_noise, True),
-    Declared("registration-distortion", "niu2024", READS, distortion, True),
-    Declared("registration-principal-point", "niu2024", READS, principal_point, True),
-    Declared(
-        "centroid-noise", "niu2024", (*READS, simulation.TRUTH, RESULTS), centroid_noise, False
-    ),
+    _red("registration", registration, student, field_noise),
+    Declared("registration-blue", "niu2024", READS, registration_blue, True,
+             published=partial(one_channel, channel="blue"), compared=COMPARED),
+    Declared("registration-joint", "niu2024", READS, joint, True,
+             published=both_channels, compared=COMPARED),
+    _red("registration-student", student),
+    _red("registration-field-noise", field_noise),
+    _red("registration-distortion", distortion),
+    _red("registration-principal-point", principal_point),
+    Declared("centroid-noise", "niu2024", (*READS, simulation.TRUTH, RESULTS), centroid_noise,
+             False, published=published_table),
 )  # fmt: skip

@@ -5,12 +5,12 @@ them, on common random numbers, so that two readings differ by their choices and
 Each choice, the ledger's first:
 
 * repeats: the noise of one draw, or the average of ten, at calibration and test points alike;
-* noise: in every channel, or in red and blue alone;
+* noise: in every channel, in red and blue alone, or in green alone;
 * shifts: the principal points of Table 1, or green's and the translations of Table 2;
 * arrangement: each of those with the printed count (`angles.candidates`);
 * tests: directions at random over the printed range, or rotation angles drawn among those of the
   calibration, none twice;
-* rmse: (26), which counts both axes, or one axis on average.
+* rmse: (26), which counts both axes, one axis on average, x alone, or y alone.
 
 Where an arrangement has no zero position, the starting values of section 3.2 need one all the same:
 it is then measured once more, beside the calibration points. The fit is the closed form, which is
@@ -27,8 +27,9 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.niu2024 import angles, simulation
+from reproduce.papers.niu2024.counting import MEASURED
 from reproduce.physics.camera import Camera
-from reproduce.physics.registration import fit_similarity, rmse
+from reproduce.physics.registration import fit_similarity, rmse_per_axis
 from reproduce.physics.similarity import Similarity
 from reproduce.physics.simulate import channel_centroids, spawned_angles, spawned_normals
 from reproduce.physics.validate import FloatArray, whole_number
@@ -38,17 +39,15 @@ SEED = 2024_0259
 REPLICATES = 10_000
 CHUNK = 500
 REPEATS = (1, 10)
-NOISY = ("every channel", "red and blue")
+# Where there is noise, and how much of it in green and in the channel that is registered.
+NOISY = {"every channel": (1.0, 1.0), "red and blue": (0.0, 1.0), "green": (1.0, 0.0)}
 SHIFTS = ("Table 1", "Table 2")
 TESTS = ("over the range", "among the angles")
-COUNTED = ("both axes", "one axis")
 READS = (
     *simulation.READS,
     f"{simulation.TRUTH}#translation-*",
     f"{simulation.SETTINGS}#test-points",
 )
-# What one replicate of one channel yields, in this order.
-CELLS = ("scale", "rotation", "translation-x", "translation-y", "rmse-before", "rmse-after")
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def literal(door: Given) -> Reading:
     """
     names = [found.name for found in angles.candidates(door)]
     place = names.index(angles.literal(door).name)
-    return Reading(place, SHIFTS[0], REPEATS[0], NOISY[0], TESTS[0])
+    return Reading(place, SHIFTS[0], REPEATS[0], next(iter(NOISY)), TESTS[0])
 
 
 def cameras(door: Given, shifts: str) -> list[Camera]:
@@ -216,13 +215,13 @@ def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> 
 
     Returns
     -------
-    ndarray, shape (readings, replicates, 2, 6)
-        Readings as in `readings`, channels red and blue, numbers as in `CELLS`; in radians and px.
-        The RMSE counts both axes; for one axis divide it by the root of two.
+    ndarray, shape (readings, replicates, 2, 8)
+        Readings as in `readings`, channels red and blue, numbers as in `MEASURED`; in radians and
+        px. `counting.counted` makes of them what is printed.
     """
     replicates = whole_number("replicates", replicates)
     every = readings(door)
-    results = np.empty((len(every), replicates, 2, len(CELLS)))
+    results = np.empty((len(every), replicates, 2, len(MEASURED)))
     for begin in range(0, replicates, CHUNK):
         count = min(CHUNK, replicates - begin)
         drawn = numbers(door, count, first + begin, seed)
@@ -246,8 +245,8 @@ def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[Floa
 
     Yields
     ------
-    ndarray, shape (replicates, 6)
-        Numbers as in `CELLS`.
+    ndarray, shape (replicates, 8)
+        Numbers as in `MEASURED`.
     """
     place = simulation.CHANNELS.index(channel)
     pair = [0, place]
@@ -260,8 +259,7 @@ def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[Floa
         at_random = np.moveaxis(channel_centroids(used, turned, drawn.positions), -3, 1)
         tests = {TESTS[0]: at_random, TESTS[1]: np.moveaxis(true[:, drawn.chosen], 0, 1)}
         for repeats, noisy in product(REPEATS, NOISY):
-            level = sigma / np.sqrt(repeats) * np.array([float(noisy == NOISY[0]), 1.0])
-            level = level[:, None, None]
+            level = (sigma / np.sqrt(repeats) * np.array(NOISY[noisy]))[:, None, None]
             measured = true + level * drawn.calibration[:, pair]
             again = zero + level * drawn.zero[:, pair]
             similarity = _calibrated(measured, again, found.angles)
@@ -279,5 +277,6 @@ def _calibrated(measured: FloatArray, zero: FloatArray, table: FloatArray) -> Si
 
 def _outcome(similarity: Similarity, points: FloatArray) -> FloatArray:
     green, source = points[:, 0], points[:, 1]
-    before, after = rmse(source, green), rmse(similarity.transform(source), green)
-    return np.concatenate([similarity.parameters, before[:, None], after[:, None]], axis=-1)
+    before = rmse_per_axis(source, green)
+    after = rmse_per_axis(similarity.transform(source), green)
+    return np.concatenate([similarity.parameters, before, after], axis=-1)

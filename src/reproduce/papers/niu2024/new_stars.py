@@ -1,0 +1,158 @@
+"""Test points of the simulation, and what a repeat of it would print (niu2024, section 4).
+
+The test points are directions at random, uniform over the printed range, as for the printed RMSE.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator, SeedSequence
+
+from reproduce.inference.joint import JointRegistration
+from reproduce.inference.model import Model
+from reproduce.inference.new_stars import NewStars, Stars, rmse_at
+from reproduce.inference.registration import GaussianRegistration
+from reproduce.inference.repeats import Published
+from reproduce.inference.variants import PointwiseRegistration
+from reproduce.papers.declare import ROOT_SEED
+from reproduce.papers.niu2024 import angles, simulation
+from reproduce.papers.posteriors import published_cells, simulated
+from reproduce.physics.pixel_angles import angle_from_pixels
+from reproduce.physics.registration import fit_similarity
+from reproduce.physics.simulate import channel_centroids, noisy_centroids, spawned_angles
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+ARCSEC = 206264.80624709636
+ANGLES, NOISE = (SeedSequence(ROOT_SEED, spawn_key=(3, i)) for i in (0, 1))
+RESULTS = "niu2024/table-3"
+ROWS = ("scale", "rotation", "translation-x", "translation-y")
+ESTIMATES = ("scale", "rotation", "shift-x", "shift-y")
+TEST_POINTS = f"{simulation.SETTINGS}#test-points"
+READS = (TEST_POINTS, "niu2024/text-optics#pixel-pitch-*")
+COMPARED = (RESULTS, f"{simulation.SETTINGS}#rmse-after-*")
+# Columns of the joint model that one channel's model takes: its transform, and the noise.
+JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
+
+Registration = GaussianRegistration | PointwiseRegistration
+
+
+def test_points(given: Given) -> FloatArray:
+    """Measured test points in green, red and blue, shape (3, points, 2), in px."""
+    count, half_ranges = given.count(TEST_POINTS), angles.half_ranges(given)
+    directions = spawned_angles(ANGLES, 1, count, half_ranges)[0]
+    true = channel_centroids(simulation.cameras(given), simulation.rotations(given), directions)
+    return np.asarray(noisy_centroids(true, given[f"{simulation.SETTINGS}#noise"], NOISE, 1)[0])
+
+
+def new_stars(
+    given: Given,
+    likelihood: Registration,
+    channel: str,
+    columns: tuple[int, ...] = (),
+    prefix: str = "",
+) -> NewStars:
+    """Return the consequences of one channel's registration at the test points.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells of the simulation, and `READS`.
+    likelihood : GaussianRegistration or PointwiseRegistration
+        The model of the channel, with its data.
+    channel : {"red", "blue"}
+        Which.
+    columns, prefix
+        As for `NewStars`.
+
+    Returns
+    -------
+    NewStars
+        With the least-squares transform of the data.
+    """
+    fit = fit_similarity(likelihood.source, likelihood.target, likelihood.pivot)
+    source = _source(given, channel)
+    pitch = given["niu2024/text-optics#pixel-pitch-x"]
+    pixel = angle_from_pixels(1.0, pitch, given[f"{simulation.IMAGING}#focal-length.green"])
+    registered = fit.similarity.transform(source)
+    return NewStars(
+        likelihood.elsewhere(source), registered, float(pixel) * ARCSEC, columns, prefix
+    )
+
+
+def one_channel(given: Given, model: Model, channel: str) -> Published:
+    """Return what the paper prints of one channel, calibrated by least squares.
+
+    Parameters
+    ----------
+    given : Given
+        Holds also `COMPARED`.
+    model : Model
+        A registration of the channel.
+    channel : {"red", "blue"}
+        Which.
+
+    Returns
+    -------
+    Published
+        The four parameters of Table 3 and the RMSE after registration.
+    """
+    likelihood = model.likelihood
+    if not isinstance(likelihood, GaussianRegistration | PointwiseRegistration):
+        raise TypeError(f"model: expected a registration, got {type(likelihood).__name__}")
+    stars = likelihood.elsewhere(_source(given, channel))
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        targets = simulated(model, parameters, generator)
+        return _calibrated(likelihood, likelihood.source, targets, stars, parameters, generator)
+
+    return published_cells(given, _addresses(channel), repeat, (*ESTIMATES, ""))
+
+
+def both_channels(given: Given, model: Model) -> Published:
+    """Return what the paper prints of both channels; the arguments are those of `one_channel`."""
+    likelihood = model.likelihood
+    if not isinstance(likelihood, JointRegistration):
+        raise TypeError(f"model: expected a joint registration, got {type(likelihood).__name__}")
+    parts = [(likelihood.single(i), JOINT_COLUMNS[i]) for i in (0, 1)]
+    stars = [part.elsewhere(_source(given, channel))
+             for (part, _), channel in zip(parts, simulation.REGISTERED, strict=True)]  # fmt: skip
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        drawn = [model.repeat(one, generator) for one in parameters]
+        blue, green = (np.stack(column) for column in zip(*drawn, strict=True))
+        sources = (likelihood.sources[0], blue)
+        found = [
+            _calibrated(part, source, green, new, parameters[:, columns], generator)
+            for (part, columns), source, new in zip(parts, sources, stars, strict=True)
+        ]
+        return np.concatenate(found, axis=1)
+
+    addresses = [address for channel in simulation.REGISTERED for address in _addresses(channel)]
+    names = [f"{c}-{name}" if name else "" for c in simulation.REGISTERED
+             for name in (*ESTIMATES, "")]  # fmt: skip
+    return published_cells(given, addresses, repeat, names)
+
+
+def _calibrated(
+    likelihood: Registration,
+    source: FloatArray,
+    target: FloatArray,
+    stars: Stars,
+    parameters: FloatArray,
+    generator: Generator,
+) -> FloatArray:
+    """Least-squares parameters of many calibrations and their RMSE at test points, (n, 5)."""
+    fit = fit_similarity(source, target, likelihood.pivot)
+    registered = fit.similarity.transform(stars.source)
+    return np.column_stack([fit.parameters, rmse_at(stars, registered, parameters, generator)])
+
+
+def _source(given: Given, channel: str) -> FloatArray:
+    points: FloatArray = test_points(given)[simulation.CHANNELS.index(channel)]
+    return points
+
+
+def _addresses(channel: str) -> list[str]:
+    cells = [f"{RESULTS}#{row}.{channel}" for row in ROWS]
+    return [*cells, f"{simulation.SETTINGS}#rmse-after-{channel}"]
