@@ -7,9 +7,11 @@ import pytest
 
 from reproduce.audit.declared import declared
 from reproduce.audit.equations import STEPS
+from reproduce.audit.examine import boxes_of
 from reproduce.audit.quantity import quantity
 from reproduce.audit.report import audit_paper, audit_table
-from reproduce.audit.slips import COSTS, of_lines
+from reproduce.audit.slips import COSTS, lines
+from reproduce.audit.solve import propagate
 
 TEXT = """
 [[relations.all]]
@@ -77,7 +79,7 @@ def test_only_numbers_of_one_unit_are_interchanged():
         for row in "12"
         for i, (column, unit) in enumerate([("a", "mm"), ("b", "mm"), ("c", "s")])
     }
-    slips = list(of_lines(cells, cells))
+    slips = [slip for line in lines(cells, ["t"]) if (slip := line.slip(cells)) is not None]
     assert {slip.kind for slip in slips} == {"cells", "columns", "rows"}
     assert [s.told for s in slips if s.kind == "columns"] == ["t: columns a ↔ b"]
     for slip in slips:
@@ -140,3 +142,39 @@ def test_a_number_bound_twice_counts_once():
     cells = {"t#a": quantity("t#a", "1.0")}
     (relation,) = declared(TEXT.format(formula="x = y", cells="x=t#a y=t#a"), cells)
     assert relation.addresses == ("t#a",)
+
+
+def test_two_prints_of_one_number_must_have_the_same_digits():
+    """Neighbours touch at a tie, which no rule rounds to both of them; a coarser print may do."""
+    (finding,) = audited("a = b", a="10", b="11").findings
+    assert finding.outcome == "contradicts"
+    (finding,) = audited("a = b", a="0.25", b="0.2").findings
+    assert finding.outcome == "agrees only through rounding"
+    (finding,) = audited("a = b", a="0.26", b="0.2").findings
+    assert finding.outcome == "contradicts"
+    (finding,) = audited("a = b + 0 * c", a="10", b="11", c="1").findings  # a sum may be a tie
+    assert finding.outcome == "agrees only through rounding"
+
+
+def test_a_repeat_stays_a_repeat_when_relations_are_joined():
+    cells = {f"t#{n}": quantity(f"t#{n}", text) for n, text in {"a": "10", "b": "11"}.items()}
+    relations = declared(TEXT.format(formula="a = b", cells="a=t#a b=t#b"), cells)
+    assert propagate(relations, boxes_of(cells, relations, "nearest")) is None
+    cells["t#b"] = cells["t#b"].printing("10")
+    assert propagate(relations, boxes_of(cells, relations, "nearest")) is not None
+
+
+def test_last_digits_are_compared_where_a_relation_says_so():
+    text = TEXT.format(formula="min(x) = max(x)", cells="x=t#*").replace("equation", "print")
+    alike = {f"t#{i}": quantity(f"t#{i}", v, "mm") for i, v in enumerate(["1.20", "3.47", "0.05"])}
+    (finding,) = audit_table("made up", alike, text).findings
+    assert finding.outcome == "agrees"
+    assert not finding.relation.compares
+    short = alike | {"t#1": alike["t#1"].printing("3.4")}
+    audit = audit_table("made up", short, text)
+    assert audit.findings[0].outcome == "contradicts"
+    assert {c.cells for c in audit.conflicts} == {("t#0", "t#1"), ("t#1", "t#2")}
+    told = {c.slips[0].told for c in audit.groups[0].corrections if c.restores_everything}
+    assert "t#1: 3.4 → 3.47" in told
+    assert audit.examined == ()
+    assert set(audit.bounded) == set(short)

@@ -8,7 +8,13 @@ from click.testing import CliRunner
 
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
-from reproduce.views import audit_ourselves, audit_pages, audit_picture, pages
+from reproduce.views import (
+    audit_ourselves,
+    audit_pages,
+    audit_picture,
+    audit_readings,
+    pages,
+)
 from reproduce.views.cli import main
 
 TABLE = """
@@ -92,9 +98,9 @@ def test_the_score_counts_what_the_audit_found():
     text = audit_pages.score().text
     for paper in ("niu2024", "chen2023"):
         audit = audit_paper(paper)
-        numbers = (len(audit.cells), len(audit.examined), len(audit.findings))
+        numbers = (len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.findings))
         row = re.search(rf"<code>{paper}</code></th>(.*?)</tr>", text).group(1)
-        assert [int(n) for n in re.findall(r"<td>(\d+)</td>", row)[:3]] == list(numbers)
+        assert [int(n) for n in re.findall(r"<td>(\d+)</td>", row)[:4]] == list(numbers)
 
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
@@ -129,6 +135,9 @@ def test_pages_show_corrections_equations_and_pictures(paper):
     assert audit_pages.equations(paper).text.count("<tr>") == 1 + len(audit_paper(paper).equations)
     sets = audit_pages.smallest_sets(paper).text
     assert sets.count("<tr>") == 1 + len(audit_paper(paper).conflicts)
+    wrong = {f.relation.name for f in audit_paper(paper).findings if f.outcome == "contradicts"}
+    joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
+    assert sets.count(audit_pages.JOINT) == len(joint)
     svg = audit_picture.picture(paper, "what it shows").text
     assert 'aria-label="what it shows"' in svg
     blamed = audit_paper(paper).blamed()
@@ -139,5 +148,20 @@ def test_pages_show_corrections_equations_and_pictures(paper):
 def test_our_own_audit_is_shown():
     assert "one digit changed" in audit_ourselves.power_by_kind().text
     assert "niu2024/table-3" in audit_ourselves.power_by_table().text
-    assert "in no relation" in audit_ourselves.unseen().text
+    assert "contradicts already" in audit_ourselves.unseen().text
+    assert "place in its law" in audit_ourselves.transforms("transforms").text
     assert "units of the last digit" in audit_ourselves.rounding("residuals").text
+
+
+def test_the_two_readings_are_counted():
+    text = audit_readings.table().text
+    found = audit_readings.counts()["relations"]
+    numbers = [found.first, found.second, found.both, found.merging, found.found]
+    assert "".join(f"<td>{n}</td>" for n in numbers) in text
+    assert found.found > found.both > 0
+
+
+def test_an_erratum_shows_the_verdicts_that_rest_on_it():
+    text = audit_pages.errata().text
+    section = re.search(r'id="chen2023-optimum".*?</section>', text, flags=re.DOTALL).group()
+    assert "text-angular-resolution#optimum</code>: 43 printed, " in section

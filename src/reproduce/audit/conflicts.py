@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from reproduce.audit.examine import boxes_of, contradicted
+from reproduce.audit.examine import boxes_of, by_value, contradicted, uniform
 from reproduce.audit.quantity import Interval, Sheet
 from reproduce.audit.relation import Relation
 from reproduce.audit.solve import EVERYTHING, contract, projection, propagate
@@ -47,6 +47,8 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
     list of Conflict
         The smallest first; each is minimal: free any of its cells, and the rest can be right.
     """
+    odd = [conflict for relation in relations for conflict in _odd(cells, relation)]
+    relations = by_value(relations)
     boxes = boxes_of(cells, relations, "nearest")
     found = [_smallest([relation], boxes) for relation in _impossible(relations, boxes)]
     found += [_smallest(pair, boxes) for pair in _disjoint_pairs(relations, boxes)]
@@ -56,8 +58,17 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
         together = _needed(kept, boxes)
         found.append(_smallest(together, boxes))
         kept.remove(together[-1])
-    unique = {frozenset(conflict.cells): conflict for conflict in reversed(found)}
+    unique = {frozenset(conflict.cells): conflict for conflict in reversed([*odd, *found])}
     return sorted(unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells))
+
+
+def _odd(cells: Sheet, relation: Relation) -> list[Conflict]:
+    """Return the pairs of cells that a relation wants printed to one digit and that are not."""
+    if relation.kind != "print" or uniform(cells, relation):
+        return []
+    pairs = itertools.combinations(relation.addresses, 2)
+    unlike = [pair for pair in pairs if cells[pair[0]].last_digit != cells[pair[1]].last_digit]
+    return [Conflict(pair, (relation.name,)) for pair in unlike]
 
 
 def _impossible(relations: Sequence[Relation], boxes: Mapping[str, Interval]) -> list[Relation]:

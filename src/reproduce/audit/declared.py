@@ -2,9 +2,9 @@
 
 The text has three parts: ``[unknown]`` names numbers that are not printed, ``[tolerance]`` names
 departures with their reasons, and ``[relations]`` holds topics, each a list of
-``{ name, formula, cells, source, kind, each, unknown, tolerance, claim }``. ``cells`` binds the
-names of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``; ``each`` gives values to the
-placeholders in braces, and a key such as ``"i,j"`` gives them together.
+``{ name, formula, cells, source, kind, each, unknown, tolerance, claim, reading }``. ``cells``
+binds the names of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``; ``each`` gives
+values to the placeholders in braces, and a key such as ``"i,j"`` gives them together.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from reproduce.audit.formula import FormulaError
 from reproduce.audit.quantity import Sheet
 from reproduce.audit.relation import Book, Relation, Tolerance, Unknown
 
-_KEYS = {"name", "formula", "cells", "source", "kind", "each", "unknown", "tolerance", "claim"}
+_KEYS = {"name", "formula", "cells", "source", "kind", "each"}
+_KEYS |= {"unknown", "tolerance", "claim", "reading"}
 
 
 def relations_of(paper: str, cells: Sheet) -> list[Relation]:
@@ -89,6 +90,8 @@ def declared(text: str, cells: Sheet, prefix: str = "") -> list[Relation]:
                 unknown=unknowns.get(line.get("unknown", "")),
                 within=tolerances.get(line.get("tolerance", "")),
                 claim=line.get("claim"),
+                reading=line.get("reading", ""),
+                line=line["name"],
             )
     return book.relations
 

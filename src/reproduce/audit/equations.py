@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from reproduce.audit.quantity import Sheet
-from reproduce.physics import chromatic, gauss_newton, installation, lasers, misalignment, stage
+from reproduce.physics import (
+    chromatic,
+    gauss_newton,
+    installation,
+    lasers,
+    misalignment,
+    raytrace,
+    stage,
+)
 from reproduce.physics.calibration import constraint, constraint_printed
 from reproduce.physics.camera import turned_onto_detector
 from reproduce.physics.rotary import rotary_matrix, rotary_matrix_printed
@@ -80,8 +88,16 @@ def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
         In order of print.
     """
     runs: dict[str, tuple[Callable[[Sheet], Iterator[Demonstration]], ...]] = {
-        "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration),
-        "chen2023": (_unit_vectors, _chain, _stage_angle, _stage_signs),
+        "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
+        "chen2023": (
+            _unit_vectors,
+            _chain,
+            _sides,
+            _stage_angle,
+            _stage_signs,
+            _retroreflector,
+            _roll_leak,
+        ),
     }
     return [shown for run in runs[paper] for shown in run(cells)]
 
@@ -155,6 +171,17 @@ def _iteration(cells: Sheet) -> Iterator[Demonstration]:
     )
 
 
+def _stacked(cells: Sheet) -> Iterator[Demonstration]:
+    """Stack the rows of (25) side by side, as printed, before the transposition."""
+    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * size
+    right = gauss_newton.jacobian((1.0, 0.0, 0.0, 0.0), corners, size / 2)
+    printed = np.hstack([row[np.newaxis] for row in right]).T
+    asked = "the Jacobian must have a column for each of the four parameters"
+    one, many = (float(matrix.shape[1]) for matrix in (printed, right))
+    yield Demonstration("jacobian", "(25)", asked, one, many, 4.0, "columns")
+
+
 def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
     half = cells["chen2023/text-hardware#laser-diagonal"].si / 2
     places = np.array([[0.0, -half], [-half, 0.0], [half, 0.0], [0.0, half]])
@@ -184,6 +211,63 @@ def _chain(cells: Sheet) -> Iterator[Demonstration]:
     left = float(np.abs(camera - seen @ (turned @ transpose(zero)).T).max())
     asked = "the misalignment put in by (6) must make (7) vanish"
     yield Demonstration("chain", "(4), (6), (7)", asked, left, left, 0.0, "largest residual")
+
+
+def _sides(cells: Sheet) -> Iterator[Demonstration]:
+    """Let one misalignment serve in (1), on the tracker's side, and in (8), on the camera's."""
+    tilt = cells["chen2023/text-design#boresight-angle"].si
+    turn = cells["chen2023/text-effectiveness#simulated-angle"].si
+    camera_from_tracker = rotation_from_vector(np.array([tilt, 0.0, 0.0]))
+    moved = rotation_from_vector(np.array([0.0, turn, 0.0]))
+    boresight = np.array([0.0, 0.0, 1.0])
+    true = installation.corrected_installation(moved, camera_from_tracker).T @ boresight
+    tracker_from_camera = camera_from_tracker.T
+    printed = moved.T @ tracker_from_camera
+    right = tracker_from_camera @ moved.T @ camera_from_tracker @ tracker_from_camera
+    off, on = (_between(form @ boresight, true) for form in (printed, right))
+    asked = "(1) and (8) must point the camera alike with one misalignment"
+    told = "angle between the two boresights in arcseconds"
+    yield Demonstration("misalignment-side", "(1), (8)", asked, off, on, 0.0, told)
+
+
+def _between(one: FloatArray, two: FloatArray) -> float:
+    return float(np.linalg.norm(one - two)) / si_factor("arcsec")
+
+
+def _retroreflector(cells: Sheet) -> Iterator[Demonstration]:
+    """Turn a reflector about three axes and see how far the returning beam turns."""
+    beam = np.array([0.0, 0.0, -1.0])
+    turn = si_factor("arcsec")
+    mirrors = int(cells["chen2023/text-hardware#mirrors"].si)
+    moved = []
+    for normals in (raytrace.ROOF[:mirrors], raytrace.CORNER):
+        turns = [rotation_from_vector(turn * axis) for axis in np.eye(3)]
+        back = [raytrace.mirror_train(normals @ turned.T) @ beam for turned in turns]
+        moved.append(max(_between(b, raytrace.mirror_train(normals) @ beam) for b in back))
+    asked = "the returning beam must not turn with the retroreflector, about whatever axis"
+    told = "arcseconds by which the beam turns for each of the reflector, about the worst axis"
+    yield Demonstration("retroreflector", "II-B, IV-A", asked, moved[0], moved[1], 0.0, told)
+
+
+def _roll_leak(cells: Sheet) -> Iterator[Demonstration]:
+    """Roll the camera about its boresight, and take the error of (5) in the two orders."""
+    t = "chen2023/table-2#tracker-"
+    spots = np.array(
+        [[cells[f"chen2023/text-extraction#spot-{i}-{a}"].si for a in "xy"] for i in "1234"]
+    )
+    middle = np.array([cells[f"{t}pixels-{a}.value"].si for a in "xy"]) / 2
+    scale = cells[f"{t}pixel-size.value"].si / cells[f"{t}focal-length.value"].si
+    across, along = (spots.mean(axis=0) - middle) * scale
+    reference = rotation_from_vector(np.array([-along, across, 0.0]))
+    rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * si_factor("arcsec")]))
+    errors = [
+        float(np.hypot(*misalignment.misalignment_angles(form(rolled, reference))[:2]))
+        / si_factor("arcsec")
+        for form in (installation.transform_error_printed, installation.misalignment_between)
+    ]
+    asked = "a roll of the camera must not count as an error about X and Y"
+    told = "arcseconds about X and Y for a roll of one arcminute"
+    yield Demonstration("roll-leak", "V-B, behind Fig. 8", asked, errors[0], errors[1], 0.0, told)
 
 
 def _stage_angle(cells: Sheet) -> Iterator[Demonstration]:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 
 from reproduce.audit.equations import Demonstration
 from reproduce.audit.examine import Finding
+from reproduce.audit.relation import Reading
 from reproduce.audit.report import Audit
 
 Conclusion = Literal["stands", "moves", "open"]
@@ -19,7 +20,8 @@ class Erratum(BaseModel):
     """One entry of the register.
 
     The numbers of its evidence are not written in it: they come from the relations and equations
-    that it names.
+    that it names. Where words stand against words, `evidence` says which. `reading` tells which
+    of two independent readings of the paper found it, as for a relation.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -33,7 +35,9 @@ class Erratum(BaseModel):
     conclusion: Conclusion
     because: str
     status: Literal["open", "one reading of several", "reported", "confirmed"]
+    reading: Reading
     extraction: bool = False
+    evidence: str = ""
     relations: list[str] = []
     equations: list[str] = []
 
@@ -73,7 +77,10 @@ def register(text: str) -> list[Erratum]:
     for entry in entries:
         if entry.id in seen:
             raise ValueError(f"erratum {entry.id!r} stands twice; give each its own id")
-        if not entry.relations and not entry.equations:
-            raise ValueError(f"erratum {entry.id!r}: name the relations or equations it rests on")
+        if not entry.relations and not entry.equations and not entry.evidence:
+            raise ValueError(
+                f"erratum {entry.id!r}: name the relations or equations it rests on, "
+                "or the words that stand against each other"
+            )
         seen.add(entry.id)
     return entries

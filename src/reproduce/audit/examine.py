@@ -170,6 +170,10 @@ def contradicted(
     boxes = boxes_of(cells, relations, rule)
     wrong = set()
     for relation in relations:
+        if relation.kind == "print":
+            if not uniform(cells, relation):
+                wrong.add(relation.name)
+            continue
         if relation.unknown is None:
             if contract(relation, boxes) is None:
                 wrong.add(relation.name)
@@ -177,6 +181,30 @@ def contradicted(
         if relation.name not in fixed[relation.unknown.name].members:
             wrong.add(relation.name)
     return frozenset(wrong)
+
+
+def uniform(cells: Sheet, relation: Relation) -> bool:
+    """Tell whether a relation between last printed digits holds.
+
+    Parameters
+    ----------
+    cells : mapping of str to Quantity
+        The printed numbers.
+    relation : Relation
+        One of kind ``print``.
+
+    Returns
+    -------
+    bool
+        True if both sides are equal, or ordered as the formula says.
+    """
+    left, right = relation.sides({a: cells[a].last_digit for a in relation.addresses})
+    return _short(relation, left, right) <= _NOISE * max(abs(left), abs(right))
+
+
+def by_value(relations: Iterable[Relation]) -> list[Relation]:
+    """Return the relations between values, without those between last printed digits."""
+    return [relation for relation in relations if relation.kind != "print"]
 
 
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Finding]:
@@ -217,7 +245,8 @@ def _other_rules() -> tuple[Rule, ...]:
 def _sides(
     relation: Relation, cells: Sheet, fixed: dict[str, Fixed]
 ) -> tuple[float | None, float | None]:
-    values = {address: cells[address].si for address in relation.addresses}
+    printing = relation.kind == "print"
+    values = {a: cells[a].last_digit if printing else cells[a].si for a in relation.addresses}
     if relation.unknown is None:
         return relation.sides(values)
     about = fixed[relation.unknown.name]
@@ -227,7 +256,7 @@ def _sides(
 
 
 def _rules(relation: Relation, cells: Sheet, right: float | None) -> frozenset[str]:
-    if relation.result is None or right is None:
+    if relation.result is None or right is None or relation.kind == "print":
         return frozenset()
     printed = cells[relation.result]
     if printed.number.is_bound or printed.number.qualifier == "nominal":
@@ -255,8 +284,13 @@ def _agrees(
     if relation.result is not None and cells[relation.result].number.qualifier == "about":
         low, high = allowed(cells[relation.result])
         room += (high - low) / 2
-    short = {"=": abs(left - right), "<=": left - right, ">=": right - left}
-    return short[relation.formula.sign] <= room
+    return _short(relation, left, right) <= room
+
+
+def _short(relation: Relation, left: float, right: float) -> float:
+    """Return by how much two sides miss the relation; at most zero where they keep it."""
+    missed = {"=": abs(left - right), "<=": left - right, ">=": right - left}
+    return missed[relation.formula.sign]
 
 
 def jointly_contradicted(cells: Sheet, relations: Sequence[Relation]) -> bool:
@@ -275,7 +309,7 @@ def jointly_contradicted(cells: Sheet, relations: Sequence[Relation]) -> bool:
         True if propagation through all of them leaves some cell without a value.
     """
     wrong = contradicted(cells, relations)
-    kept = [relation for relation in relations if relation.name not in wrong]
+    kept = [relation for relation in by_value(relations) if relation.name not in wrong]
     return propagate(kept, boxes_of(cells, kept, "nearest")) is None
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
 from typing import Literal
 
@@ -62,6 +62,11 @@ class Quantity:
         return self.number.value * si_factor(self.unit)
 
     @property
+    def last_digit(self) -> float:
+        """One unit of the last printed digit, in SI units; one for a count."""
+        return 10.0**self.number.exponent * si_factor(self.unit)
+
+    @property
     def key(self) -> str:
         """The table or group."""
         return self.address.partition("#")[0]
@@ -78,7 +83,8 @@ class Quantity:
 
     def printing(self, text: str) -> Quantity:
         """Return the same quantity with other digits."""
-        return replace(self, number=replace(self.number, text=text))
+        number = PrintedNumber(text, self.number.exact, self.number.qualifier)
+        return Quantity(self.address, number, self.unit)
 
 
 Sheet = Mapping[str, Quantity]

@@ -17,8 +17,14 @@ from reproduce.audit.formula import Arithmetic, Formula, FormulaError, evaluate,
 from reproduce.audit.quantity import Quantity, Sheet
 from reproduce.printed.units import UNITS, si_factor
 
-Kind = Literal["equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order"]
+Kind = Literal[
+    "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
+]
 KINDS: tuple[Kind, ...] = get_args(Kind)
+# Which of two independent readings of a paper found a relation; "merging" if neither did, and it
+# was seen when their lists were laid side by side.
+Reading = Literal["", "first", "second", "both", "merging"]
+READINGS: tuple[Reading, ...] = get_args(Reading)
 
 
 @dataclass(frozen=True)
@@ -88,13 +94,19 @@ class Relation:
     source : str
         Where the paper says so: an equation, a definition, geometry.
     kind : str
-        What sort of relation it is.
+        What sort of relation it is. In one of kind ``print`` the names stand for the unit of the
+        last printed digit, not for the value.
     unknown : Unknown, optional
         The number that is not printed.
     tolerance : Tolerance, optional
         Beyond rounding.
     claim : str, optional
         The paper's conclusion that rests on this relation.
+    reading : str
+        Which reading of the paper found it: ``first``, ``second``, ``both`` or ``merging``;
+        empty where nobody counts.
+    line : str
+        The name of the declaration that it comes from.
     """
 
     name: str
@@ -105,6 +117,24 @@ class Relation:
     unknown: Unknown | None = None
     tolerance: Tolerance | None = None
     claim: str | None = None
+    reading: Reading = ""
+    line: str = ""
+
+    @property
+    def compares(self) -> bool:
+        """Whether it holds the value of a printed number against that of another one."""
+        shared = len(self.addresses) > 1 or self.unknown is not None
+        return shared and self.kind != "print"
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it says that one number is printed twice.
+
+        Whatever the rounding rule, one number prints the same digits each time. Two prints that
+        differ in the last digit touch at a tie that rounds to one of them, never to both.
+        """
+        bare = isinstance(self.formula.left, ast.Name) and isinstance(self.formula.right, ast.Name)
+        return bare and self.formula.sign == "=" and self.tolerance is None and self.unknown is None
 
     @cached_property
     def addresses(self) -> tuple[str, ...]:
@@ -187,6 +217,8 @@ class Book:
         unknown: Unknown | None = None,
         within: Tolerance | None = None,
         claim: str | None = None,
+        reading: Reading = "",
+        line: str = "",
     ) -> None:
         """Declare a relation.
 
@@ -202,7 +234,7 @@ class Book:
             What sort of relation it is.
         cells : mapping of str to str
             The address behind each name of the formula; with ``*`` it stands for a list of cells.
-        unknown, within, claim : optional
+        unknown, within, claim, reading, line : optional
             See `Relation`.
 
         Raises
@@ -213,8 +245,10 @@ class Book:
         """
         if kind not in KINDS:
             raise FormulaError(f"{name!r}: unknown kind {kind!r}; expected one of {KINDS}")
+        if reading not in READINGS:
+            raise FormulaError(f"{name!r}: unknown reading {reading!r}; expected one of {READINGS}")
         bound = {symbol: self._cells(where) for symbol, where in cells.items()}
-        given = (bound, source, kind, unknown, within, claim)
+        given = (bound, source, kind, unknown, within, claim, reading, line or name)
         relation = Relation(name, read(formula), *given)
         self._refuse(relation)
         self.relations.append(relation)

@@ -75,9 +75,15 @@ class Audit:
 
     @property
     def examined(self) -> tuple[str, ...]:
-        """The cells in at least one relation, in the order of the sheet."""
-        found = {a for finding in self.findings for a in finding.relation.addresses}
+        """The cells held against another one by some relation, in the order of the sheet."""
+        found = {a for f in self.findings if f.relation.compares for a in f.relation.addresses}
         return tuple(address for address in self.cells if address in found)
+
+    @property
+    def bounded(self) -> tuple[str, ...]:
+        """The cells of which relations tell no more than a sign, a bound or a last digit."""
+        found = {a for finding in self.findings for a in finding.relation.addresses}
+        return tuple(a for a in self.cells if a in found and a not in self.examined)
 
     def tally(self) -> dict[Outcome, int]:
         """Count the relations by outcome, every outcome present."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from reproduce.audit.power import Plant
+from reproduce.audit.report import Audit
 
 
 @dataclass(frozen=True)
@@ -19,13 +20,17 @@ class Seen:
     ----------
     plant : Plant
         The slip.
+    compared : bool
+        Whether a relation that holds the number against another one turns from agreement to
+        disagreement.
     relation, verdict : bool
-        Whether a relation, or a verdict, turns from agreement to disagreement.
+        Whether any relation does, one that knows a sign or a last digit included, or a verdict.
     refused : bool
         Whether a computation raised an error on the changed input instead.
     """
 
     plant: Plant
+    compared: bool
     relation: bool
     verdict: bool
     refused: bool
@@ -63,7 +68,10 @@ def stored(text: str) -> tuple[int, list[Seen]]:
     return content["seed"], slips
 
 
-def share(slips: Iterable[Seen], by: Callable[[Seen], str]) -> dict[str, tuple[int, int, int, int]]:
+Counts = tuple[int, int, int, int, int]
+
+
+def share(slips: Iterable[Seen], by: Callable[[Seen], str]) -> dict[str, Counts]:
     """Count slips and those seen, sorted by some trait.
 
     Parameters
@@ -76,17 +84,18 @@ def share(slips: Iterable[Seen], by: Callable[[Seen], str]) -> dict[str, tuple[i
     Returns
     -------
     dict
-        Trait to: slips, seen by a relation, seen by a verdict, seen by either.
+        Trait to: slips, seen by a relation that compares numbers, by any relation, by a verdict,
+        by either.
     """
-    counts: dict[str, tuple[int, int, int, int]] = {}
+    counts: dict[str, Counts] = {}
     for slip in slips:
-        have = counts.get(by(slip), (0, 0, 0, 0))
-        new = (1, slip.relation, slip.verdict, slip.either)
+        one, two, three, four, five = counts.get(by(slip), (0, 0, 0, 0, 0))
         counts[by(slip)] = (
-            have[0] + new[0],
-            have[1] + new[1],
-            have[2] + new[2],
-            have[3] + new[3],
+            one + 1,
+            two + slip.compared,
+            three + slip.relation,
+            four + slip.verdict,
+            five + slip.either,
         )
     return counts
 
@@ -97,3 +106,31 @@ def blind(slips: Iterable[Seen]) -> list[str]:
     for slip in slips:
         seen[slip.plant.address] = seen.get(slip.plant.address, False) or slip.either
     return [address for address, found in seen.items() if not found]
+
+
+def why_unseen(slip: Seen, audit: Audit) -> str:
+    """Say why no check sees a planted slip.
+
+    Parameters
+    ----------
+    slip : Seen
+        A slip that nothing sees.
+    audit : Audit
+        The audit of its paper.
+
+    Returns
+    -------
+    str
+        One of a few reasons.
+    """
+    holding = [f for f in audit.findings if slip.plant.address in f.relation.addresses]
+    comparing = [finding for finding in holding if finding.relation.compares]
+    if slip.refused:
+        return "a computation refuses the number with an error, which is not counted"
+    if not holding:
+        return "the number is in no relation"
+    if not comparing:
+        return "no other number depends on it; only its sign or its digits are bounded"
+    if any(finding.outcome == "contradicts" for finding in comparing):
+        return "a relation that would see it contradicts already"
+    return "it stays within the rounding, the tolerance or the bound of its relations"

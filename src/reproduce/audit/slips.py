@@ -51,6 +51,11 @@ class Slip:
         """How large a slip it is."""
         return COSTS[self.kind]
 
+    @functools.cached_property
+    def addresses(self) -> frozenset[str]:
+        """The cells that it touches."""
+        return frozenset(address for address, _ in self.changes)
+
     def undone(self, cells: Sheet) -> dict[str, Quantity]:
         """Return the sheet with the slip corrected."""
         return {**cells, **dict(self.changes)}
@@ -174,55 +179,85 @@ def _with_intervals(printed: Quantity) -> tuple[tuple[Slip, Interval], ...]:
     return tuple((slip, allowed(slip.changes[0][1])) for slip in of_cell(printed))
 
 
-def of_lines(cells: Sheet, touched: Iterable[str]) -> Iterator[Slip]:
-    """Yield interchanges of two cells, rows or columns that move at least one touched cell.
+@dataclass(frozen=True)
+class Line:
+    """Two cells, rows or columns of one table that could be interchanged.
 
-    Only cells of one unit are interchanged, within their row, column or group; only lines of the
-    same table whose units fit cell by cell.
+    Parameters
+    ----------
+    kind : str
+        ``cells``, ``rows`` or ``columns``.
+    told : str
+        In words.
+    pairs : tuple of (str, str)
+        Addresses of the cells that would change places.
+    """
+
+    kind: Kind
+    told: str
+    pairs: tuple[tuple[str, str], ...]
+
+    @functools.cached_property
+    def addresses(self) -> frozenset[str]:
+        """All cells that would move."""
+        return frozenset(itertools.chain.from_iterable(self.pairs))
+
+    def slip(self, cells: Sheet) -> Slip | None:
+        """Return the interchange, or None if it would change nothing or mix units.
+
+        A row or column must change at least two pairs of cells; with one pair it is no more
+        than an interchange of two cells.
+        """
+        pairs = [(cells[one], cells[two]) for one, two in self.pairs]
+        if any(one.unit != two.unit for one, two in pairs):
+            return None
+        changes = _interchanged(pairs)
+        if len(changes) <= (0 if self.kind == "cells" else 2):
+            return None
+        return Slip(self.kind, self.told, changes)
+
+
+def lines(cells: Sheet, keys: Iterable[str]) -> list[Line]:
+    """Return what could be interchanged in some tables.
+
+    Two cells within their row, column or group; two rows or two columns of a table.
 
     Parameters
     ----------
     cells : mapping of str to Quantity
         The printed numbers.
-    touched : iterable of str
-        Addresses, at least one of which must move.
+    keys : iterable of str
+        The tables or groups.
 
-    Yields
-    ------
-    Slip
+    Returns
+    -------
+    list of Line
         Each interchange once.
     """
-    want = set(touched)
-    for key in dict.fromkeys(address.partition("#")[0] for address in sorted(want)):
+    found: list[Line] = []
+    for key in keys:
         table = {a: q for a, q in cells.items() if q.key == key}
-        yield from _of_two_cells(table, want)
-        for kind in ("columns", "rows"):
-            yield from _of_two_lines(table, want, kind)
+        found += [*_two_cells(table), *_two_lines(table, "columns"), *_two_lines(table, "rows")]
+    return found
 
 
-def _of_two_cells(table: Sheet, want: set[str]) -> Iterator[Slip]:
+def _two_cells(table: Sheet) -> Iterator[Line]:
     for one, two in itertools.combinations(table.values(), 2):
-        near = (one.row and one.row == two.row) or one.column == two.column or not one.row
-        if near and one.unit == two.unit and {one.address, two.address} & want:
-            changes = _interchanged([(one, two)])
-            if changes:
-                yield Slip("cells", f"{one.address} ↔ {two.address}", changes)
+        if (one.row and one.row == two.row) or one.column == two.column or not one.row:
+            yield Line("cells", f"{one.address} ↔ {two.address}", ((one.address, two.address),))
 
 
-def _of_two_lines(table: Sheet, want: set[str], kind: Kind) -> Iterator[Slip]:
-    lines: dict[str, dict[str, Quantity]] = {}
+def _two_lines(table: Sheet, kind: Kind) -> Iterator[Line]:
+    found: dict[str, dict[str, str]] = {}
     for q in table.values():
         if q.row:
             line, along = (q.column, q.row) if kind == "columns" else (q.row, q.column)
-            lines.setdefault(line, {})[along] = q
-    for (name, one), (other, two) in itertools.combinations(lines.items(), 2):
-        pairs = [(one[at], two[at]) for at in one if at in two]
-        fits = len(pairs) > 1 and all(a.unit == b.unit for a, b in pairs)
-        if fits and {q.address for pair in pairs for q in pair} & want:
-            changes = _interchanged(pairs)
-            if len(changes) > 2:
-                key = pairs[0][0].key
-                yield Slip(kind, f"{key}: {kind} {name} ↔ {other}", changes)
+            found.setdefault(line, {})[along] = q.address
+    for (name, one), (other, two) in itertools.combinations(found.items(), 2):
+        pairs = tuple((one[at], two[at]) for at in one if at in two)
+        if len(pairs) > 1:
+            key = pairs[0][0].partition("#")[0]
+            yield Line(kind, f"{key}: {kind} {name} ↔ {other}", pairs)
 
 
 def _interchanged(

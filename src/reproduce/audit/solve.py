@@ -20,6 +20,7 @@ EVERYTHING: Interval = (-math.inf, math.inf)
 # Interval ends in binary may miss a decimal tie by one unit in the last place; without this the
 # last bit would decide.
 SLACK = 1e-12
+_END = 1e-3
 # Two relations can pass ever smaller gains back and forth; whoever stops here has not been refuted.
 _VISITS = 5_000
 
@@ -43,6 +44,12 @@ def contract(
     dict or None
         Address to narrowed interval, the unknown under its name; None if nothing is left.
     """
+    return _narrowed(relation, {a: _open(relation, boxes[a]) for a in relation.addresses}, unknown)
+
+
+def _narrowed(
+    relation: Relation, boxes: Mapping[str, Interval], unknown: Interval | None
+) -> dict[str, Interval] | None:
     found = _contracted(relation, _box(relation, boxes, unknown))
     if found is None:
         return None
@@ -73,6 +80,18 @@ def _box(
 def _widened(interval: Interval) -> Interval:
     low, high = interval
     return low - SLACK * abs(low), high + SLACK * abs(high)
+
+
+def _open(relation: Relation, interval: Interval) -> Interval:
+    """Take the ends off an interval of print where one number is printed twice.
+
+    Two intervals of print meet at an end, or share at least half a unit of the finer print; a
+    thousandth tells the two cases apart whatever the noise of binary arithmetic.
+    """
+    low, high = interval
+    if not relation.repeats or math.isinf(high - low):
+        return interval
+    return low + _END * (high - low), high - _END * (high - low)
 
 
 def domain(relation: Relation) -> Interval:
@@ -123,6 +142,8 @@ def propagate(
     """
     every = list(relations)
     state: dict[str, Interval] = {a: _widened(boxes[a]) for r in every for a in r.addresses}
+    for repeat in (relation for relation in every if relation.repeats):
+        state |= {a: _open(repeat, _widened(boxes[a])) for a in repeat.addresses}
     state |= {r.unknown.name: domain(r) for r in every if r.unknown}
     touching: dict[str, list[Relation]] = {}
     for relation in every:
@@ -136,7 +157,7 @@ def propagate(
         relation = every[next(iter(queue))]
         del queue[position[id(relation)]]
         unknown = state[relation.unknown.name] if relation.unknown else None
-        found = contract(relation, state, unknown)
+        found = _narrowed(relation, state, unknown)
         if found is None:
             return None
         for name, interval in found.items():

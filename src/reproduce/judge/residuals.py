@@ -8,16 +8,23 @@ with as many decimals prints exactly, whoever is right; it says nothing here and
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.judge.ledger import Ledger, Record
-from reproduce.printed.cells import library
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Computation, Results
+from reproduce.printed.cells import Cell, library
+from reproduce.printed.given import given
+from reproduce.printed.units import si_factor
 
 # Inputs may move the value by a fifth of the last digit at most.
 LITTLE = 0.2
+DRAWS = 1_000
+_NOISE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -29,7 +36,8 @@ class Residuals:
     cells : tuple of str
         Addresses of the cells that carry information.
     values : ndarray, shape (n,)
-        (computed - printed) over one unit of the last digit, in the order of the cells.
+        (computed - printed) over one unit of the last digit, or its probability integral
+        transform, in the order of the cells.
     exact : int
         All exact cells, those that carry none included.
     probability : float
@@ -76,3 +84,116 @@ def _residual(record: Record) -> float | None:
     if (high - low) / step > LITTLE or (low == high == 0.0):  # zero by definition tells nothing
         return None
     return (record.computed - number.value) / step
+
+
+def unrounded(ledger: Ledger, paper: str, draws: int = DRAWS) -> Residuals:
+    """Place the residuals of all exact cells in the law that rounded inputs give them.
+
+    Suppose that the authors computed with numbers of which the paper prints roundings. Then
+    (computed - printed) is spread by the rounding of the inputs and of the result. That law is
+    drawn here cell by cell: inputs anywhere about the printed ones, the result rounded from them,
+    and the recomputation from their roundings. A residual is placed in it by its probability
+    integral transform, which is even between zero and one whatever the formula. Where the law has
+    steps, as for a difference of equal decimals, the place within a step is drawn at random. A
+    cell whose law is one single value (a number printed twice) says nothing and is left out.
+
+    Parameters
+    ----------
+    ledger : Ledger
+        All records.
+    paper : str
+        ``niu2024`` or ``chen2023``.
+    draws : int
+        How many sets of inputs are drawn.
+
+    Returns
+    -------
+    Residuals
+        The transforms; the probability is that of a sample at least as far from the uniform law,
+        drawn with the same shared inputs.
+    """
+    ours = [r for r in ledger.records if r.key.startswith(f"{paper}/")]
+    exact = {r.cell for r in ours if r.verdict == "exact"}
+    laws: dict[str, tuple[NDArray[np.float64], float]] = {}
+    for item in catalogue().values():
+        for computation in item.computations:
+            if not computation.replicates and computation.key.startswith(f"{paper}/"):
+                laws |= _laws(computation, exact, draws)
+    telling = {cell: law for cell, law in laws.items() if np.ptp(law[0]) > _NOISE}
+    ties = np.random.default_rng([draws, len(telling)]).random((len(telling), draws + 1))
+    placed = np.array(
+        [
+            _place(np.append(law, seen), tie)
+            for (law, seen), tie in zip(telling.values(), ties, strict=True)
+        ]
+    )
+    if not telling:
+        return Residuals((), np.array([]), len(exact), float("nan"))
+    apart = np.array([_distance(column) for column in placed.T])
+    probability = float(np.mean(apart >= apart[-1]))
+    return Residuals(tuple(telling), placed[:, -1], len(exact), probability)
+
+
+def _laws(
+    computation: Computation, judged: set[str], draws: int
+) -> dict[str, tuple[NDArray[np.float64], float]]:
+    """Draw (computed - printed) over the last digit for the exact cells of a computation."""
+    table = library()[computation.key]
+    door = given(computation.given)
+    centre = computation(door)
+    cells = [table[name] for name in centre if table[name].address in judged]
+    cells = [c for c in cells if not (c.number.is_bound or c.number.qualifier == "about")]
+    cells = [c for c in cells if c.number.half_unit]
+    if not cells:
+        return {}
+    true = {c.address: _true(c, draws) for c in door.numbers() if c.number.qualifier != "nominal"}
+    printed = {address: 2.0 * np.rint(shift / 2.0) for address, shift in true.items()}
+    exact, again = (
+        [computation(door.shifted({a: float(s[k]) for a, s in x.items()})) for k in range(draws)]
+        for x in (true, printed)
+    )
+    found = {}
+    for cell in cells:
+        step, unit = 2.0 * cell.number.half_unit, si_factor(cell.unit)
+        wanted, got = (
+            np.array([_number(results, cell, unit) for results in runs]) / step
+            for runs in (exact, again)
+        )
+        seen = (_number(centre, cell, unit) - cell.number.value) / step
+        found[cell.address] = (got - np.rint(wanted), seen)
+    return found
+
+
+def _number(results: Results, cell: Cell, unit: float) -> float:
+    value = results[cell.address.partition("#")[2]]
+    if not isinstance(value, int | float):
+        raise TypeError(f"{cell.address}: expected a number from its computation")
+    return float(value) / unit
+
+
+def _true(cell: Cell, draws: int) -> NDArray[np.float64]:
+    """Draw true values about a printed input, in half units of its last digit from the print.
+
+    Over a few units of its last digit, or a twentieth of itself if that is more: enough for the
+    results to fall anywhere between two prints. The same for all computations that read the cell.
+    """
+    number = cell.number
+    width = max(6.0, abs(number.value) / number.half_unit / 20)
+    rng = np.random.default_rng([zlib.crc32(cell.address.encode()), draws])
+    return rng.uniform(-width, width, draws)
+
+
+def _place(law: NDArray[np.float64], tie: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the transform of every draw of a law, and of the last entry, among all of them."""
+    rounded = np.round(law, 6)
+    order = np.sort(rounded)
+    below = np.searchsorted(order, rounded, side="left")
+    upto = np.searchsorted(order, rounded, side="right")
+    return np.asarray((below + tie * (upto - below)) / law.size)
+
+
+def _distance(values: NDArray[np.float64]) -> float:
+    """Return the largest distance of an empirical distribution from the uniform law."""
+    ordered = np.sort(values)
+    steps = np.arange(ordered.size + 1) / ordered.size
+    return float(max((steps[1:] - ordered).max(), (ordered - steps[:-1]).max()))

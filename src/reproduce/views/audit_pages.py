@@ -11,6 +11,8 @@ import reproduce
 from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group, audit_paper
+from reproduce.judge.expected import frozen
+from reproduce.judge.ledger import build
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
 from reproduce.views import audit_words as words
@@ -21,6 +23,7 @@ _BADGES = {
     "agrees only through rounding": "input",
     "contradicts": "differs",
 }
+JOINT = "hold one by one, but not together"
 _RESCUES = {
     "truncation": "all numbers were cut off after their last digit",
     "ceiling": "all numbers were rounded upwards",
@@ -42,12 +45,13 @@ def score() -> Html:
     Html
         A row for each paper.
     """
-    heads = ["Paper", "Numbers", "In a relation", "Relations", "Agree", "Only through rounding"]
+    heads = ["Paper", "Numbers", "Held against others", "Only bounded", "Relations", "Agree"]
+    heads += ["Only through rounding"]
     heads += ["Contradict", "Equations run", "Fail as printed"]
     rows = []
     for audit in map(audit_paper, PAPERS):
         failing = sum(not shown.holds for shown in audit.equations)
-        counts = [len(audit.cells), len(audit.examined), len(audit.findings)]
+        counts = [len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.findings)]
         counts += [*audit.tally().values(), len(audit.equations), failing]
         rows.append([_code(audit.name), *(Markup("{}").format(count) for count in counts)])
     return Html(
@@ -124,9 +128,13 @@ def smallest_sets(paper: str) -> Html:
         The smallest first; a set that needs several relations names them all.
     """
     rows = []
-    for conflict in audit_paper(paper).conflicts:
+    audit = audit_paper(paper)
+    wrong = {f.relation.name for f in audit.findings if f.outcome == "contradicts"}
+    for conflict in audit.conflicts:
         sets = Markup("<br>").join(_code(words.short(address)) for address in conflict.cells)
         because = Markup("<br>").join(_code(name) for name in conflict.relations)
+        if not wrong & set(conflict.relations):
+            because += Markup('<br><span class="rp-flag">{}</span>').format(JOINT)
         rows.append([Markup("{}").format(len(conflict.cells)), sets, because])
     caption = "Smallest sets of numbers that cannot all be right"
     heads = ("Size", "Numbers", "By the relations")
@@ -235,7 +243,21 @@ def _evidence(entry: Erratum, audit: Audit) -> Markup:
         )
         for run in entry.demonstrations(audit)
     ]
-    return Markup("<br>").join(related + shown)
+    words_said = [Markup("{}").format(entry.evidence)] if entry.evidence else []
+    return Markup("<br>").join(words_said + related + shown)
+
+
+def _verdicts(entry: Erratum) -> Markup:
+    """Write the cells of the ledger whose verdict rests on an entry."""
+    resting = [a for a, expected in frozen().items() if expected.erratum == entry.id]
+    if not resting:
+        return Markup("")
+    told = Markup("{}: {} printed, {} computed")
+    records = {r.cell: r for r in build(sorted({a.partition("#")[0] for a in resting})).records}
+    return Markup("<br>").join(
+        told.format(_code(words.short(a)), records[a].printed, _digits(records[a].computed or 0.0))
+        for a in resting
+    )
 
 
 def _erratum(entry: Erratum) -> Markup:
@@ -244,6 +266,7 @@ def _erratum(entry: Erratum) -> Markup:
         "Printed": Markup("{}").format(entry.printed),
         "Problem": Markup("{}").format(entry.problem),
         "Evidence": _evidence(entry, audit_paper(entry.paper)),
+        "Verdicts": _verdicts(entry),
         "What the library does": Markup("{}").format(entry.library),
         "The paper's conclusion": Markup("{}: {}").format(entry.conclusion, entry.because),
         "Status": Markup("{}").format(entry.status),

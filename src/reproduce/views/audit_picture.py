@@ -62,9 +62,9 @@ def draw(audit: Audit) -> Figure:
         for x, relation in enumerate(wrong):
             rows = [y for y, cell in enumerate(cells) if cell in relation.addresses]
             left.plot([x] * len(rows), rows, "-o", markersize=4, linewidth=0.8, color="C1")
-        left.set_yticks(range(len(cells)), [words.short(cell) for cell in cells], fontsize=7)
+        left.set_yticks(range(len(cells)), [words.short(cell) for cell in cells], fontsize=8)
         left.set_xticks(
-            range(len(wrong)), [r.name for r in wrong], rotation=90, fontsize=7, ha="center"
+            range(len(wrong)), [r.name for r in wrong], rotation=90, fontsize=8, ha="center"
         )
         left.set_ylim(len(cells) - 0.5, -0.5)
         left.set_title("relations that contradict")

@@ -50,9 +50,7 @@ def _group(group: Group, audit: Audit) -> Iterator[str]:
         relation = finding.relation
         yield f"contradicts: {name}: {relation.formula.text}"
         yield f"    {words.sides(finding, audit.cells)}   [{relation.source}]"
-    for unknown in {
-        r.unknown.name for n in group.relations if (r := audit.finding(n).relation).unknown
-    }:
+    for unknown in words.unknowns_of(group, audit):
         yield f"    {unknown}"
     if not group.corrections:
         yield "    no slips of the pen within the search lift this"

@@ -182,6 +182,7 @@ def as_json(audit: Audit) -> dict[str, Any]:
         "outcomes": audit.tally(),
         "cells": len(audit.cells),
         "cells_examined": len(audit.examined),
+        "cells_only_bounded": len(audit.bounded),
         "rounding_votes": audit.votes,
         "relations": [_relation(finding, audit) for finding in audit.findings],
         "conflicts": [
@@ -215,6 +216,7 @@ def _relation(finding: Finding, audit: Audit) -> dict[str, Any]:
         "tolerance": relation.tolerance
         and f"{relation.tolerance.text}: {relation.tolerance.reason}",
         "claim": relation.claim,
+        "reading": relation.reading,
         "outcome": finding.outcome,
         "sides": sides(finding, audit.cells),
         "rounding_rules": sorted(finding.rules),
