@@ -8,6 +8,7 @@ import yaml
 
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
+from reproduce.views.drawings import DRAWINGS
 from reproduce.views.figures import drawable
 
 BOOK = Path(__file__).parent.parent / "book"
@@ -83,11 +84,58 @@ def test_every_drawing_is_shown_exactly_once():
     assert sorted(calls("figure")) == sorted(drawable())
 
 
-def test_no_number_is_typed_into_an_alternative_text():
-    call = re.compile(r"pages\.figure\(\s*\"[^\"]+\",(.*?)\n?\)\n", re.DOTALL)
+NUMBER_WORDS = (
+    "two|three|four|five|six|seven|eight|nine|ten|twenty|thirty|forty|fifty|sixty|seventy|eighty|"
+    "ninety|hundred|thousand|half|tenth|hundredth|billionth"
+)
+MEASURES = "seconds? of arc|arc seconds?|micrometres?|milli\\w+|pixels?|per cent|degrees"
+SPELLED = re.compile(
+    rf"\b({NUMBER_WORDS})s?\b[\w ]{{0,9}}\b({MEASURES})\b|\b(factor of|hundred|thousand)\b"
+)
+
+
+def alternatives():
+    """Return every alternative text of the book's pages: page, text with its blanks."""
+    call = re.compile(r"(?:pages\.figure|drawing)\(\s*\"[^\"]+\",(.*?)\n?\)\n", re.DOTALL)
     for path in PAGES:
         for text in call.findall(path.read_text(encoding="utf-8")):
-            assert not re.search(r"\d", text), f"{path.name}: {text}"
+            yield path.name, "".join(re.findall(r"\"(.*?)\"", text))
+
+
+BLANK = re.compile(r"\{([^{}]*)\}")
+
+
+def test_every_blank_of_an_alternative_text_can_be_filled():
+    """A blank names a cell or an item and what of it, or a fact of the drawing: one word."""
+    blanks = [(page, blank) for page, text in alternatives() for blank in BLANK.findall(text)]
+    assert any("#" in blank for _, blank in blanks)
+    for page, blank in blanks:
+        name, _, what = blank.partition(" ")
+        if what:
+            item, _, cell = name.partition("#")
+            cells = {"", *(cell.name for cell in library()[item].cells)}
+            assert cell in cells, f"{page}: {blank}"
+        else:
+            assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name), f"{page}: {blank}"
+
+
+def test_no_number_is_typed_into_an_alternative_text():
+    texts = list(alternatives())
+    assert len(texts) > len(drawable())
+    for page, text in ((page, BLANK.sub("", text)) for page, text in texts):
+        assert not re.search(r"\d", re.sub(r"Table \d", "", text)), f"{page}: {text}"
+        assert not SPELLED.search(text), f"{page}: {SPELLED.search(text)}"
+
+
+def test_every_drawing_of_our_own_is_shown_exactly_once():
+    pattern = re.compile(r"(?<![\w.])drawing\(\s*\"([^\"]+)\"")
+    shown = [name for path in PAGES for name in pattern.findall(path.read_text(encoding="utf-8"))]
+    assert sorted(shown) == sorted(DRAWINGS)
+
+
+def test_alternative_texts_say_what_is_drawn():
+    """Whoever cannot see a figure gets sentences, not a title."""
+    assert all(len(BLANK.sub("", text).split()) >= 15 for _, text in alternatives())
 
 
 def test_every_physics_module_is_documented():

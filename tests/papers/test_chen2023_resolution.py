@@ -119,3 +119,28 @@ def test_maximum_likelihood_keeps_to_the_bound_and_the_centre_of_gravity_does_no
     ratio = rows["maximum likelihood"] / rows["unbiased bound"]
     assert (np.abs(ratio - 1) < 0.08).all()
     assert (rows["centre of gravity"] / rows["unbiased bound"] > 1.15).all()
+
+
+def test_the_errors_taken_apart_add_up_and_keep_to_the_bound_of_their_own_bias():
+    study = resolution_study.errors()
+    rows = {row[0]: np.array(row[1:], float) for row in study.rows}
+    scatter, bias, total, unbiased, biased, ratio = rows.values()
+    np.testing.assert_allclose(np.hypot(scatter, bias), total, atol=1e-4)
+    fine = np.array([int(angle) for angle in study.head[1:]]) <= 20
+    assert (scatter[fine] < 0.75 * unbiased[fine]).all(), "below the bound, and no achievement"
+    assert (scatter >= biased - 1e-4).all()
+    assert (bias[fine] > 2 * scatter[fine]).all()
+    np.testing.assert_allclose(ratio, scatter / unbiased, rtol=0.01)
+
+
+@pytest.mark.parametrize("angle", [10, 20, 57])
+def test_the_scatter_below_the_unbiased_bound_is_what_simulation_finds(angle):
+    light = resolution.light_for_table(DOOR)
+    radius = float(resolution.radii(DOOR, np.array([angle * ARCSEC]))[0])
+    errors = simulated_errors(even_phases(50), light, radius, 5, 4000, np.random.default_rng(9))
+    study = resolution_study.errors()
+    column = study.head.index(f"{angle}")
+    scatter, bias, total = (float(row[column]) for row in study.rows[:3])
+    assert float(observed_scatter(errors).within) == pytest.approx(scatter, rel=0.01)
+    assert np.sqrt((errors.mean(axis=0) ** 2).mean()) == pytest.approx(bias, abs=2e-4)
+    assert np.sqrt((errors**2).mean()) == pytest.approx(total, rel=0.01)

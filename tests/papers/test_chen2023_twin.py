@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from numpy.random import SeedSequence, default_rng
+from scipy.stats import ks_2samp
 
 from reproduce.papers.chen2023 import (
     accuracy,
     figures_monitoring,
+    floors,
     lasers,
     stage,
     twin,
@@ -18,6 +20,7 @@ from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600
 DOOR = given(twin.READS)
+COUNTS = [1, 4, 16, 25, 49, 100]
 
 
 @pytest.fixture(scope="module")
@@ -134,19 +137,67 @@ def test_the_twin_monitors_states_as_the_ledger_predicts():
             assert abs(last - draws.mean()) < 4 * 2 * draws.std()
 
 
-def test_floors_are_found_where_there_are_any():
-    """The fit itself: noise with a floor put under it, and noise without."""
-    counts = [1, 4, 16, 25, 49, 100]
+@pytest.fixture(scope="module")
+def tables():
+    """Tables IV without floors, shape (replicates, columns, counts)."""
     door = given(accuracy.READS)
-    noise = accuracy.simulated_accuracies(door, SeedSequence(9), 600, counts)[:, 0, :, 0]
-    digit = 0.01 * ARCSEC
-    bare = twin_study.fit_floor(noise[0], noise[1:], digit)
+    drawn = accuracy.simulated_accuracies(door, SeedSequence(9), 800, COUNTS)
+    return drawn.transpose(0, 1, 3, 2).reshape(len(drawn), 4, len(COUNTS))
+
+
+def test_a_floor_is_found_in_the_column_that_has_one_and_in_no_other(tables):
     floor = 0.3 * ARCSEC
-    raised = twin_study.fit_floor(np.hypot(noise[0], floor), noise[1:], digit)
-    assert bare.probability > 0.05
-    assert raised.probability < 0.01
-    assert abs(bare.floor) < 0.12 * ARCSEC
-    assert raised.upper > 0.15 * ARCSEC
+    raised = tables[0].copy()
+    raised[2] = np.hypot(raised[2], floor)
+    found = floors.fit(raised, tables[1:], 0.01 * ARCSEC)
+    assert found.among[2] < 0.01
+    assert found.anywhere < 0.01
+    assert found.without < 0.01
+    assert found.floors[2] == pytest.approx(floor, rel=0.3)
+    assert found.upper[2] > floor
+    others = [0, 1, 3]
+    assert (found.single[others] > 0.02).all()
+    assert (found.upper[others] < floor).all()
+
+
+def test_fresh_tables_without_floors_prefer_them_as_strongly_as_the_others(tables):
+    """So a probability among the replicates that made the law is one for a table that did not."""
+    model = floors.joint_model(tables[200:], 0.01 * ARCSEC)
+    fresh, used = (floors.preferences(some, model) for some in (tables[:200], tables[200:]))
+    assert ks_2samp(fresh[0], used[0]).pvalue > 1e-3
+    assert (fresh[1] >= -1e-9).all()
+    for column in range(5):
+        assert ks_2samp(fresh[1][:, column], used[1][:, column]).pvalue > 1e-3
+
+
+def test_the_joint_law_with_floors_is_that_of_tables_with_floors(tables):
+    """Means, spreads and covariance of logarithms, against floors put under the replicates."""
+    model = floors.joint_model(tables, 0.0)
+    place = 40
+    under = np.log(np.hypot(tables, model.floors[:, place][:, np.newaxis])).reshape(800, -1)
+    np.testing.assert_allclose(under.mean(axis=0), model.means[:, place].ravel(), atol=1e-12)
+    size = len(COUNTS) * 4
+    covariance = np.linalg.inv(model.weight.reshape(size, size))
+    spreads = model.spreads[:, place].ravel()
+    found = np.cov(under.T)
+    scale = np.sqrt(np.outer(found.diagonal(), found.diagonal()))
+    assert (np.abs(covariance * np.outer(spreads, spreads) - found) < 0.08 * scale).all()
+
+
+def test_the_four_columns_know_nothing_of_each_other_and_the_rows_much(tables):
+    """So the joint fit is nearly four fits; averages of the same frames are another matter."""
+    together = np.corrcoef(np.log(tables).reshape(800, -1).T).reshape(4, 6, 4, 6)
+    for one in range(4):
+        for other in range(one):
+            assert np.abs(together[one, :, other]).max() < 4.5 / np.sqrt(800)
+        assert together[one, 4, one, 5] > 0.6
+
+
+def test_table_4_as_printed_needs_no_floor():
+    found = floors.printed_fit()
+    assert found.without > 0.05
+    assert found.anywhere > 0.05
+    assert (found.among > 0.05).all()
 
 
 def test_a_common_length_is_found_with_the_shared_zero_in_its_covariance():
@@ -172,3 +223,41 @@ def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
     assert np.ptp(own) > 50
     assert np.ptp(other) < 1
     assert (np.abs(other - np.median(other)) <= half).all()
+
+
+def test_the_taste_test_believes_the_calibrated_directions_and_not_the_designed_ones(platform):
+    rows = {row[0]: [float(v.rstrip("%")) for v in row[1:]] for row in twin_study.believable().rows}
+    designed, shrunk, calibrated, aside = rows.values()
+    # Two pixels of freedom per spot: the misfit in units of the scatter, plus the freedom.
+    misfit = twin.misfit(platform)["residual"]
+    scatter = np.sqrt((lasers.scatter(DOOR, 2) ** 2).mean())
+    assert designed[0] == pytest.approx(4 * (misfit / scatter) ** 2 + 4.35, rel=0.08)
+    assert [row[2] for row in (designed, shrunk, aside)] == [100.0, 100.0, 100.0]
+    assert calibrated[0] == pytest.approx(calibrated[1], rel=0.1)
+    assert calibrated[2] < 2.5
+    assert calibrated[3] > 0.01
+
+
+def test_other_sensors_with_the_scatter_of_table_3_make_the_same_angles():
+    study = twin_study.sensors()
+    rows = {row[0]: np.array(row[1:], float) for row in study.rows}
+    printed = 3 * np.sqrt(np.mean([(lasers.scatter(DOOR, group) ** 2).mean() for group in (1, 2)]))
+    fitted = [rows[name] for name in twin_study.SENSORS]
+    for row in fitted:
+        assert row[1] == pytest.approx(printed, rel=0.02)
+        assert row[2] == pytest.approx(fitted[0][2], rel=0.04)
+    assert fitted[0][0] < fitted[1][0] < fitted[2][0], "more noise asks for more light"
+    full = rows["pixels full at half the brightest"]
+    assert full[0] == fitted[0][0]
+    assert full[1] > 1.05 * printed
+    assert full[2] > 1.05 * fitted[0][2]
+
+
+def test_the_sensor_in_the_bench_rounds_and_clips(platform):
+    sensor = twin_study.SENSORS["read noise, dark charge, twelve bits"]
+    noisy = twin.bench(DOOR, sensor)
+    found = twin.centroids(noisy, noisy.spots, noisy.light[0], 400, default_rng(3))
+    printed = DOOR.array(lasers.SPOTS).reshape(-1, 2)
+    # The mean is that of the ideal sensor: dark charge and offset are taken off.
+    np.testing.assert_allclose(found.mean(axis=0), printed, atol=6 * 0.018 / np.sqrt(400))
+    assert (noisy.light > platform.light).all()

@@ -44,7 +44,6 @@ GOOD = {
     lasers.received_directions: {"spots": POINTS, **TRACKER},
     lasers.received_spots: {"directions": [[0.0, 0.1, 1.0], [0.1, 0.0, 1.0]], **TRACKER},
     lasers.received_jacobian: {"spots": POINTS, **TRACKER},
-    lasers.pixel_angle: {"pixel_pitch": 1e-5, "focal_length": 0.06},
     misalignment.laser_transform: {
         "camera_directions": EYE,
         "tracker_directions": EYE,

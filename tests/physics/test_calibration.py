@@ -186,6 +186,16 @@ def test_starting_values_are_the_truth_without_noise() -> None:
     np.testing.assert_allclose(start, (1.0, 0.0011, -0.4, 0.7), atol=1e-12)
 
 
+def test_one_pair_of_lines_serves_many_shifts_and_many_pairs_one_shift() -> None:
+    line = np.stack([np.linspace(0, 2000, 9), np.full(9, 770.0)], axis=-1)
+    sources = np.stack([TRUTH.inverse().transform(line), line])
+    zeros = PIVOT + np.array([[0.0, 0.0], [1.0, -2.0], [3.0, 5.0]])
+    for found, zero in zip(starting_values(line, line, zeros, PIVOT), zeros, strict=True):
+        np.testing.assert_allclose(found, [1.0, 0.0, *(zero - PIVOT)], atol=1e-12)
+    turned = starting_values(sources, np.stack([line, line]), PIVOT, PIVOT)
+    np.testing.assert_allclose(turned, [[1, 0.0011, 0, 0], [1, 0, 0, 0]], atol=1e-12)
+
+
 def test_two_line_rotation_takes_the_short_way_round() -> None:
     up = [[0, 0], [np.cos(1.5), np.sin(1.5)]]
     beyond = [[0, 0], [np.cos(1.7), np.sin(1.7)]]
@@ -236,3 +246,14 @@ def test_a_cluster_far_from_the_pivot_is_refused() -> None:
         calibrate(source, source, (1e5, 0), START)
     far = fit_similarity(source, source, (1e5, 0))
     np.testing.assert_allclose(far.parameters, START, atol=1e-9)
+
+
+def test_random_starts_fill_the_box_evenly() -> None:
+    """Uniform on the box: mean in the middle, a third of the half width squared as variance."""
+    half_widths = np.array([0.5, 3.0, 50.0, 20.0])
+    found = (
+        random_starts(START, half_widths, 4000, np.random.default_rng(6)) - START
+    ) / half_widths
+    assert (np.abs(found) <= 1).all()
+    np.testing.assert_allclose(found.mean(axis=0), 0.0, atol=4 / np.sqrt(3 * 4000))
+    np.testing.assert_allclose(found.var(axis=0), 1 / 3, rtol=0.06)

@@ -14,6 +14,7 @@ from reproduce.physics.centroids import (
     centre_of_gravity,
     cut_windows,
     detect_spots,
+    kept_inside,
     windowed_centre,
 )
 from reproduce.physics.detector import Detector, expose
@@ -34,6 +35,23 @@ def test_shares_are_the_integral_of_the_gaussian():
     shares = pixel_shares(0.3, 0.7, -1, 3)
     by_hand = [quad(norm(0.3, 0.7).pdf, p - 0.5, p + 0.5)[0] for p in (-1, 0, 1)]
     np.testing.assert_allclose(shares, by_hand, rtol=1e-10)
+
+
+def test_both_tails_of_a_spot_keep_their_digits():
+    """By symmetry; a tail taken from one less nearly one would be lost beyond eight radii."""
+    shares = pixel_shares(0.0, 0.5, -15, 31)
+    np.testing.assert_allclose(shares, shares[::-1], rtol=1e-12)
+    assert (shares > 0).all()
+    assert shares.sum() == pytest.approx(1.0, abs=1e-15)
+
+
+def test_pixels_far_from_the_spot_tell_nothing_of_it():
+    """A window that grows beyond the spot leaves the bound as it is."""
+    bounds = [
+        cramer_rao_variance([0.2, 0.0], 1e4, 1.5, [-half, -half], 2 * half + 1)
+        for half in (10, 15, 30)
+    ]
+    np.testing.assert_allclose(bounds[1:], np.broadcast_to(bounds[0], (2, 2)), rtol=1e-6)
 
 
 def test_slopes_are_the_derivative_of_the_shares():
@@ -186,3 +204,20 @@ def test_windows_over_the_edge_and_dark_windows_are_refused():
         fitted_centre(np.ones((5, 5)), [0, 0], 0.6, weighting="best")
     with pytest.raises(ValueError, match="radius"):
         spot_windows([0.0, 0.0], 1.0, 0.0, [0, 0], 5)
+
+
+def test_one_windowed_step_nearly_undoes_what_the_edge_of_the_window_cuts_off():
+    """The weight halves an offset and the step doubles it: no other factor lands so close."""
+    window = spot_windows([2.0, 4.0], 1e4, 1.2, [0, 0], (9, 9))
+    cut_off = centre_of_gravity(window, (0, 0))[0] - 2.0
+    left = windowed_centre(window, (0, 0), 1.2, steps=1)[0] - 2.0
+    assert cut_off > 0.05
+    assert 0 < left < 0.2 * cut_off
+
+
+def test_a_centre_that_ran_out_comes_back_to_the_edge_it_left_by():
+    """Pixels reach half a pixel beyond their centres: three columns from -0.5 to 2.5."""
+    light = np.ones((5, 3))
+    ran_out = np.array([[-9.0, 9.0], [9.0, -9.0], [-0.4, 4.4]])
+    expected = [[-0.5, 4.5], [2.5, -0.5], [-0.4, 4.4]]
+    np.testing.assert_array_equal(kept_inside(ran_out, np.stack([light] * 3)), expected)

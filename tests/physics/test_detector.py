@@ -53,6 +53,7 @@ def test_the_noise_of_a_dark_pixel_has_three_parts():
         ({"gain": np.inf}, "gain"),
         ({"read_noise": -1.0}, "read_noise"),
         ({"bits": 0}, "bits"),
+        ({"bits": 33}, "bits"),
         ({"full_well": -5.0}, "full_well"),
     ],
 )

@@ -21,6 +21,11 @@ from reproduce.physics.imaging import (
     imaging_chain,
 )
 from reproduce.physics.imaging_jacobian import ground_jacobian
+from reproduce.physics.installation import (
+    corrected_installation,
+    inertial_attitude,
+    misalignment_in_tracker,
+)
 from reproduce.physics.rotations import rotation_from_vector
 
 DATA = Path(__file__).parent / "data"
@@ -123,6 +128,34 @@ def test_the_published_answers_notice_a_milliarcsecond():
     found = answered(pixels @ chain.T @ turned, place, ellipsoid)
     expected = earth_fixed(np.column_stack([answers, np.zeros(480)]), ellipsoid)
     assert np.linalg.norm(found - expected, axis=-1).max() > 1e-4
+
+
+def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
+    """A pixel, the bent installation, the stars, the turning Earth; and back from the ground.
+
+    Backwards the Earth turns by SOFA's printed matrix, and the installation is corrected as (8)
+    and (9) do it, not by the place that (1) gives the misalignment.
+    """
+    case = sofa()
+    earth = earth_from_inertial(case["utc"], orientation(case))
+    satellite = earth_fixed([0.3, 0.8, 5e5])
+    tracker_from_camera = rotation_from_vector([2.0, 0.3, -0.4])
+    bent = rotation_from_vector(30 * ARCSEC * np.array([-0.4, 0.7, -0.2]))
+    camera_from_tracker = corrected_installation(bent, tracker_from_camera.T)
+    # The attitude of the tracker is one that points the bent camera down.
+    down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
+    inertial_from_tracker = earth.T @ down @ camera_from_tracker
+    image = image_vectors([[0, 0], [0.11, -0.2], [-0.25, 0.17]], 14.0, (1e-3, -2e-3), (1e-5, 2e-5))
+    misaligned = misalignment_in_tracker(bent, tracker_from_camera)
+    chain = imaging_chain(earth, inertial_from_tracker, misaligned, tracker_from_camera)
+    found = imaged_position(image, satellite, chain).position
+    np.testing.assert_allclose(geodetic(found)[:, 2], 0.0, atol=1e-7)
+    seen = (found - satellite) @ np.array(case["gcrs_to_itrs"])
+    seen = seen @ inertial_attitude(camera_from_tracker, inertial_from_tracker.T).T
+    seen /= np.linalg.norm(seen, axis=-1, keepdims=True)
+    expected = -image / np.linalg.norm(image, axis=-1, keepdims=True)
+    # The printed matrix agrees with pyerfa's to 1e-11.
+    np.testing.assert_allclose(seen, expected, atol=2e-11)
 
 
 def test_geodetic_and_earth_fixed_undo_each_other():

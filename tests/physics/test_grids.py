@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -81,6 +83,29 @@ def test_windows_lie_within_one_another(window: str) -> None:
     assert inner < outer
 
 
+@pytest.mark.parametrize(
+    ("window", "inside"),
+    [
+        ("rectangle", lambda i, j: True),
+        ("rectangle without its border", lambda i, j: abs(i) < 10 and abs(j) < 5),
+        ("inscribed ellipse", lambda i, j: i * i + 4 * j * j <= 100),
+        ("circle of the smaller half range", lambda i, j: i * i + j * j <= 25),
+        ("circle of the larger half range", lambda i, j: i * i + j * j <= 100),
+        ("diamond", lambda i, j: abs(i) + 2 * abs(j) <= 10),
+    ],
+)
+def test_windows_hold_the_whole_numbers_that_they_should_with_those_on_the_edge(
+    window: str, inside: Callable[[int, int], bool]
+) -> None:
+    found = {
+        a.window: a.angles
+        for a in arrangements(10.0, 5.0, 1.0)
+        if (a.lattice, a.offset) == ("square, step between neighbours", "centred")
+    }[window]
+    expected = [(i, j) for j in range(-5, 6) for i in range(-10, 11) if inside(i, j)]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
 def test_nearest_neighbours_are_a_step_apart_where_the_name_says_so() -> None:
     for lattice in (
         "square, step between neighbours",
@@ -92,6 +117,15 @@ def test_nearest_neighbours_are_a_step_apart_where_the_name_says_so() -> None:
         gaps = np.linalg.norm(angles[:, None] - angles, axis=-1)
         gaps[np.diag_indices(len(gaps))] = np.inf
         np.testing.assert_allclose(gaps.min(axis=1), STEP, rtol=1e-12)
+
+
+def test_points_of_a_row_are_a_step_apart_where_the_name_says_so() -> None:
+    angles = pick("quincunx, step along a row", "centred", "rectangle").angles
+    for height in np.unique(angles[:, 1].round(9)):
+        row = np.sort(angles[np.isclose(angles[:, 1], height), 0])
+        np.testing.assert_allclose(np.diff(row), STEP, rtol=1e-9)
+    heights = np.unique(angles[:, 1].round(9))
+    np.testing.assert_allclose(np.diff(heights), STEP / 2, rtol=1e-6)
 
 
 def test_spacings_of_the_fitted_quincunxes_average_to_the_step() -> None:

@@ -15,7 +15,6 @@ from reproduce.physics.installation import (
 )
 from reproduce.physics.lasers import (
     emitted_directions,
-    pixel_angle,
     received_directions,
     received_jacobian,
     received_spots,
@@ -26,6 +25,7 @@ from reproduce.physics.misalignment import (
     misalignment,
     misalignment_angles,
 )
+from reproduce.physics.pixel_angles import angle_from_pixels
 from reproduce.physics.rotations import rotation_from_vector
 from reproduce.physics.stage import stage_angle, stage_angle_printed, stage_angles
 from reproduce.physics.validate import DegenerateGeometryError
@@ -102,9 +102,9 @@ def test_received_jacobian_is_the_derivative():
         np.testing.assert_allclose(found[..., axis], ahead - behind, rtol=1e-6, atol=1e-12)
 
 
-def test_pixel_angle_in_closed_form():
-    assert pixel_angle(1.0, 1.0) == pytest.approx(np.pi / 4)
-    assert pixel_angle(13e-6, 60e-3) / ARCSEC == pytest.approx(44.69, abs=0.005)
+def test_the_angle_of_one_pixel_in_closed_form():
+    assert angle_from_pixels(1, 1.0, 1.0) == pytest.approx(np.pi / 4)
+    assert angle_from_pixels(1, 13e-6, 60e-3) / ARCSEC == pytest.approx(44.69, abs=0.005)
 
 
 # The laser transform, (4) and (5)
@@ -294,7 +294,7 @@ def test_noise_through_the_jacobian_is_the_scatter_of_quest():
 def test_noise_through_the_jacobian_agrees_with_the_covariance_of_the_attitude():
     jacobian = angle_jacobian(EMITTED, RECEIVED, received_jacobian(SPOTS, **TRACKER))
     in_pixels = NOISE**2 * np.einsum("ink,jnk->ij", jacobian, jacobian)
-    in_angles = attitude_covariance(EMITTED, NOISE * pixel_angle(13e-6, 60e-3))
+    in_angles = attitude_covariance(EMITTED, NOISE * angle_from_pixels(1, 13e-6, 60e-3))
     # Pixels off the boresight subtend a little less, and the cross fits the spots to 0.3 %.
     np.testing.assert_allclose(np.diag(in_pixels), np.diag(in_angles), rtol=3e-3)
 
@@ -303,7 +303,7 @@ def test_in_the_camera_frame_the_error_is_that_of_11_in_the_tracker_frame_roll_l
     transforms = laser_transform(EMITTED, frames_of_spots(20000))
     in_camera = misalignment_angles(misalignment_between(transforms, ZERO)).std(axis=0)
     in_tracker = misalignment_angles(transform_error_printed(transforms, ZERO)).std(axis=0)
-    relation = attitude_accuracy(NOISE, 4, pixel_angle(13e-6, 60e-3))
+    relation = attitude_accuracy(NOISE, 4, angle_from_pixels(1, 13e-6, 60e-3))
     np.testing.assert_allclose(in_camera[:2], relation, rtol=0.02)
     assert 3 * relation / ARCSEC == pytest.approx(1.14, abs=0.005)
     # The printed product T T_ref' would scatter twice as much about X and Y.
@@ -373,5 +373,5 @@ def test_more_spots_and_more_frames_count_alike():
     assert attitude_accuracy(NOISE, 4 * 100, 2e-4) == pytest.approx(single / 10)
     received = frames_of_spots(4000, seed=8).reshape(400, 10, 4, 3)
     angles = misalignment_angles(misalignment(EMITTED, received, ZERO, pooled=True))
-    expected = attitude_accuracy(NOISE, 40, pixel_angle(13e-6, 60e-3))
+    expected = attitude_accuracy(NOISE, 40, angle_from_pixels(1, 13e-6, 60e-3))
     np.testing.assert_allclose(angles[:, :2].std(axis=0), expected, rtol=4 / np.sqrt(800))

@@ -97,7 +97,7 @@ def test_normals_are_normal_and_independent_between_replicates() -> None:
     assert abs(neighbours) < 4 / np.sqrt(numbers.size)
 
 
-@pytest.mark.parametrize("repeats", [1, 10])
+@pytest.mark.parametrize("repeats", [1, 2, 10])
 def test_noise_has_the_sigma_of_its_channel_over_root_repeats(repeats: int) -> None:
     centroids = channel_centroids(CAMERAS, ROTATIONS, ANGLES)
     sigma = np.array([0.05, 0.0, 0.2])

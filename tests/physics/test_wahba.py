@@ -22,7 +22,7 @@ from reproduce.physics.wahba_solvers import (
     largest_component,
 )
 
-METHODS = ("svd", "q-method", "quest")
+METHODS = ("svd", "q-method", "quest", "direct")
 EPSILON = np.finfo(float).eps
 # The multiple of machine precision over the gap within which all solvers agree; 45 measured.
 ROUNDINGS = 100

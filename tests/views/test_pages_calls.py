@@ -47,7 +47,7 @@ def test_every_cell_has_its_anchor_and_its_print(key):
     reader = Reader(pages.table(key)._repr_html_())
     for cell in library()[key].cells:
         assert reader.ids.count(cell.anchor) == 1
-    assert reader.printed == [cell.shown for cell in library()[key].cells]
+    assert reader.printed == [words.powers(cell.shown) for cell in library()[key].cells]
     assert reader.open == []
 
 

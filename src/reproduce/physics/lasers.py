@@ -191,36 +191,6 @@ def received_jacobian(
     return result
 
 
-def pixel_angle(pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
-    """Return the angle that one pixel subtends at the centre of the field.
-
-    Parameters
-    ----------
-    pixel_pitch : array_like
-        In metres.
-    focal_length : array_like
-        In metres.
-
-    Returns
-    -------
-    ndarray
-        The angular resolution, in radians.
-
-    Raises
-    ------
-    ValueError
-        If a length is not finite or not above zero.
-
-    Examples
-    --------
-    >>> round(float(pixel_angle(1e-5, 1.0)), 12)
-    1e-05
-    """
-    pitch, focal = positive("pixel_pitch", pixel_pitch), positive("focal_length", focal_length)
-    common_batch(pixel_pitch=pitch.shape, focal_length=focal.shape)
-    return np.asarray(np.arctan2(pitch, focal))
-
-
 def _offsets(
     name: str, points: ArrayLike, principal_point: ArrayLike, focal_length: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:

@@ -50,7 +50,7 @@ def laser_transform(
         Relative weights of the spots.
     pooled : bool
         Whether all frames make one rotation, as in (5), instead of one rotation each.
-    method : {"quest", "q-method", "svd"}
+    method : {"quest", "q-method", "svd", "direct"}
         The solver of Wahba's problem.
 
     Returns

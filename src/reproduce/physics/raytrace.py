@@ -19,8 +19,8 @@ from reproduce.physics.validate import (
     finite_array,
 )
 
-# Mutually perpendicular mirrors, and two of them with their edge along Y.
-CORNER = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 2.0]])
+# Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
+CORNER = np.array([[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]])
 ROOF = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
 
 
@@ -154,9 +154,37 @@ def cone_return(
 ) -> FloatArray:
     """Return the directions of light that a right-angled conical mirror sends back.
 
+    Parameters
+    ----------
+    origins, directions, turn
+        As for `cone_path`.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Unit vectors after two reflections.
+
+    Raises
+    ------
+    DegenerateGeometryError, ValueError
+        As for `cone_path`.
+
+    Examples
+    --------
+    >>> cone_return([0.5, 0, 9.0], [0, 0, -1.0]).round(12) + 0.0
+    array([0., 0., 1.])
+    """
+    return cone_path(origins, directions, turn)[1]
+
+
+def cone_path(
+    origins: ArrayLike, directions: ArrayLike, turn: ArrayLike = (0.0, 0.0, 0.0)
+) -> tuple[FloatArray, FloatArray]:
+    """Return where light leaves a right-angled conical mirror, and its direction.
+
     The cone is hollow, its tip at the origin, its axis along Z, open towards positive Z: the
     surface x^2 + y^2 = z^2. A ray meets it twice. In a plane through the axis it acts as two
-    mirrors at a right angle; across that plane it does not turn the light back.
+    mirrors at a right angle; light off that plane it turns back to first order only.
 
     Parameters
     ----------
@@ -169,8 +197,10 @@ def cone_return(
 
     Returns
     -------
-    ndarray, shape (..., 3)
-        Unit vectors after two reflections.
+    places : ndarray, shape (..., 3)
+        Where the second reflection happens, in the unit of the origins.
+    directions : ndarray, shape (..., 3)
+        Unit vectors after it.
 
     Raises
     ------
@@ -181,8 +211,9 @@ def cone_return(
 
     Examples
     --------
-    >>> cone_return([0.5, 0, 9.0], [0, 0, -1.0]).round(12) + 0.0
-    array([0., 0., 1.])
+    >>> places, _ = cone_path([0.5, 0, 9.0], [0, 0, -1.0])
+    >>> places.round(12) + 0.0
+    array([-0.5,  0. ,  0.5])
     """
     start = finite_array("origins", origins, shape=(3,))
     sight = unit("directions", finite_array("directions", directions, shape=(3,)))
@@ -194,7 +225,7 @@ def cone_return(
         place = place + _to_cone(place, way)[..., np.newaxis] * way
         normal = unit("normal", place * np.array([-1.0, -1.0, 1.0]))
         way = way - 2.0 * np.einsum("...i,...i->...", way, normal)[..., np.newaxis] * normal
-    return np.asarray(way @ rotation.T)
+    return np.asarray(place @ rotation.T), np.asarray(way @ rotation.T)
 
 
 def _to_cone(place: FloatArray, way: FloatArray) -> FloatArray:

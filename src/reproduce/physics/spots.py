@@ -60,7 +60,12 @@ def pixel_shares(
     common_batch(position=centre.shape, radius=size.shape, first=start.shape)
     edges = np.arange(whole_number("count", count) + 1) - 0.5
     offset = (start - centre)[..., np.newaxis] + edges
-    return np.diff(ndtr(offset / size[..., np.newaxis]), axis=-1)
+    scaled = offset / size[..., np.newaxis]
+    # What lies beyond each edge, away from the spot: both tails keep their digits this way.
+    beyond = ndtr(-np.abs(scaled))
+    near, far = beyond[..., :-1], beyond[..., 1:]
+    astride = (scaled[..., :-1] < 0) & (scaled[..., 1:] > 0)
+    return np.asarray(np.where(astride, 1.0 - near - far, np.abs(near - far)))
 
 
 def pixel_share_slopes(

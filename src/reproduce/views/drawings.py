@@ -5,12 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from reproduce.papers.niu2024 import figures_costs, figures_images, figures_study
+from reproduce.papers.chen2023 import figures_frames
+from reproduce.papers.niu2024 import (
+    figures_costs,
+    figures_distributions,
+    figures_images,
+    figures_signs,
+    figures_study,
+)
 from reproduce.store import studies
+from reproduce.views.distribution_pages import printed_values
 from reproduce.views.figures import STYLE
 from reproduce.views.inline_svg import inline
 from reproduce.views.pages import Html
-from reproduce.views.studies import FUSION
+from reproduce.views.sayings import filled
+from reproduce.views.studies import FUSION, READINGS
+from reproduce.views.words import powers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,12 +30,47 @@ def _fusion_errors(figure: Figure) -> None:
     figures_images.draw_errors(figure, studies.read(FUSION).arrays)
 
 
+def _fusion_stars(figure: Figure) -> None:
+    figures_images.draw_stars(figure, studies.read(FUSION).arrays)
+
+
+def _fusion_facts() -> dict[str, str]:
+    return figures_images.error_facts(studies.read(FUSION).arrays)
+
+
+def _star_kind_facts() -> dict[str, str]:
+    return figures_images.star_kind_facts(studies.read(FUSION).arrays)
+
+
+def _distributions(figure: Figure) -> None:
+    figures_distributions.draw(figure, studies.read(READINGS).arrays, printed_values())
+
+
 DRAWINGS: dict[str, Callable[[Figure], None]] = {
+    "chen2023-instruments": figures_frames.draw_instruments,
+    "chen2023-misalignment": figures_frames.draw_misalignment,
+    "chen2023-stage": figures_frames.draw_stage,
     "niu2024-approximations-table-1": figures_costs.draw_table_1,
     "niu2024-approximations-table-4": figures_costs.draw_table_4,
+    "niu2024-colours": figures_images.draw_colours,
     "niu2024-convergence": figures_study.draw_convergence,
+    "niu2024-distributions": _distributions,
     "niu2024-fusion-errors": _fusion_errors,
+    "niu2024-fusion-stars": _fusion_stars,
     "niu2024-fusion-star": figures_images.draw_star,
+    "niu2024-registration": figures_signs.draw_registration,
+    "niu2024-rotary-table": figures_signs.draw_table,
+}
+
+# What the drawings' alternative texts may say in numbers.
+FACTS: dict[str, Callable[[], dict[str, str]]] = {
+    "niu2024-convergence": figures_study.facts,
+    "niu2024-approximations-table-1": figures_costs.facts_table_1,
+    "niu2024-approximations-table-4": figures_costs.facts_table_4,
+    "niu2024-colours": figures_images.colour_facts,
+    "niu2024-fusion-errors": _fusion_facts,
+    "niu2024-fusion-stars": _star_kind_facts,
+    "niu2024-fusion-star": figures_images.star_facts,
 }
 
 
@@ -66,11 +111,13 @@ def drawing(name: str, alternative: str) -> Html:
     name : str
         One of `DRAWINGS`.
     alternative : str
-        What it shows, for readers who cannot see it.
+        What it shows, for readers who cannot see it; its numbers are blanks for the drawing's own
+        facts, or for what `reproduce.views.sayings.filled` knows.
 
     Returns
     -------
     Html
         The drawing as inline SVG.
     """
-    return Html(inline(paint(name), f"drawing-{name}", alternative))
+    facts = FACTS[name]() if name in FACTS else {}
+    return Html(inline(paint(name), f"drawing-{name}", powers(filled(alternative, facts))))

@@ -25,7 +25,7 @@ from reproduce.views import cite, keys, words
 from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.figures import draw
 from reproduce.views.inline_svg import inline
-from reproduce.views.sayings import item_ledger, sayable, whole_ledger
+from reproduce.views.sayings import filled, item_ledger, sayable, whole_ledger
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Html:
     text: str
 
     def _repr_html_(self) -> str:
-        return self.text
+        return words.powers_in_html(self.text)
 
     def __repr__(self) -> str:
         """Return nothing to read: the HTML is what counts."""
@@ -178,14 +178,15 @@ def figure(key: str, alternative: str) -> Html:
     key : str
         An item that draws.
     alternative : str
-        What the figure shows, for readers who cannot see it.
+        What the figure shows, for readers who cannot see it; its numbers are blanks that
+        `reproduce.views.sayings.filled` fills.
 
     Returns
     -------
     Html
         The figure as inline SVG.
     """
-    return Html(inline(draw(key), f"figure-{anchor(key)}", alternative))
+    return Html(inline(draw(key), f"figure-{anchor(key)}", words.powers(filled(alternative))))
 
 
 def study(name: str) -> Html:
@@ -361,4 +362,4 @@ def glue(*names: str) -> None:
 
     for name in names:
         for label, text in sayable(name).items():
-            glue_one(label, text, display=False)
+            glue_one(label, words.powers(text), display=False)

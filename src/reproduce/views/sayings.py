@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import functools
+import re
+from collections.abc import Mapping
 
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.views import words
+
+_BLANK = re.compile(r"\{([^{}]+)\}")
 
 
 @functools.cache
@@ -69,6 +73,42 @@ def sayable(name: str) -> dict[str, str]:
     if name not in {*PAPERS, "all"}:
         raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
     return _of_paper(name)
+
+
+def filled(text: str, facts: Mapping[str, str] | None = None) -> str:
+    """Fill the blanks of an alternative text, so that no number is typed into it.
+
+    Parameters
+    ----------
+    text : str
+        With blanks in braces: the name of a fact, or an address or key and what of it, such as
+        ``{niu2024/table-2#scale.red printed}``, as `sayable` knows it.
+    facts : mapping, optional
+        Name to text.
+
+    Returns
+    -------
+    str
+        The text without blanks.
+
+    Raises
+    ------
+    KeyError
+        If a blank is neither a fact nor something of the ledger.
+
+    Examples
+    --------
+    >>> filled("a scale of {niu2024/table-2#scale.red printed}")
+    'a scale of 0.9976'
+    """
+
+    def fill(blank: re.Match[str]) -> str:
+        name, _, what = blank.group(1).partition(" ")
+        if not what:
+            return (facts or {})[name]
+        return sayable(name)[f"{anchor(name)}-{what}"]
+
+    return _BLANK.sub(fill, text)
 
 
 def _of_cell(address: str) -> dict[str, str]:

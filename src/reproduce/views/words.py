@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from reproduce.judge.ledger import Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
@@ -24,6 +26,65 @@ FLAG_MEANINGS: dict[str, str] = {
     "about": "printed as an approximate number",
     "nominal": "printed as a nominal value",
 }
+
+
+_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?![\w.])")
+_SUPERSCRIPTS = str.maketrans("−0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_TAGS = re.compile(r"(<[^>]*>)")
+
+
+def powers(text: str) -> str:
+    """Write the exponents of a text as powers of ten.
+
+    Parameters
+    ----------
+    text : str
+        Without markup.
+
+    Returns
+    -------
+    str
+        The same, every ``5e-06`` as five times a power of ten.
+
+    Examples
+    --------
+    >>> powers("from 1e−6 to −5.7e+12 px")
+    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px'
+    """
+
+    def write(found: re.Match[str]) -> str:
+        digits, sign, size = found.groups()
+        power = f"{'−' if sign in ('-', '−') else ''}{size}".translate(_SUPERSCRIPTS)
+        return f"10{power}" if digits == "1" else f"{digits}\u202f×\u202f10{power}"
+
+    return _EXPONENT.sub(write, text)
+
+
+def powers_in_html(html: str) -> str:
+    """Write exponents as powers of ten wherever HTML shows a sentence or a number.
+
+    Parameters
+    ----------
+    html : str
+        A piece of a page.
+
+    Returns
+    -------
+    str
+        The same; tags, code and sources are left as they are.
+
+    Examples
+    --------
+    >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
+    '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
+    """
+    pieces, verbatim = _TAGS.split(html), 0
+    for index, piece in enumerate(pieces):
+        if re.match(r"</?(code|pre|script|style)\b", piece):
+            verbatim += -1 if piece.startswith("</") else 1
+        elif not piece.startswith("<") and not verbatim:
+            pieces[index] = powers(piece)
+    return "".join(pieces)
 
 
 def cell_of(record: Record) -> Cell:

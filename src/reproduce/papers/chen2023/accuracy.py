@@ -8,6 +8,7 @@ second group is one constant rotation and does not enter its scatter.
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,7 @@ TABLE = "chen2023/table-4"
 TEXT = "chen2023/text-accuracy"
 FRAMES = f"{TEXT}#frames"
 MATRICES = ("transform", "misalignment")
+TITLES = {"transform": "laser transform", "misalignment": "misalignment"}
 REPLICATES = 2000
 READS = (*lasers.READS, lasers.SCATTER, FRAMES, f"{TABLE}#*.frames")
 # Replicates simulated at once: enough to be fast, few enough to stay small in memory.
@@ -138,6 +140,35 @@ def pixel_angle(given: Given) -> Results:
     return {"angular-resolution": angle_of_one_pixel(given)}
 
 
+@functools.cache
+def _predicted() -> Results:
+    return frame_averaging(given(READS))
+
+
+def replicated_table(counts: list[int]) -> FloatArray:
+    """Return the replicates of Table IV that its prediction rests on.
+
+    Parameters
+    ----------
+    counts : list of int
+        Numbers of frames in an average, as printed.
+
+    Returns
+    -------
+    ndarray, shape (replicates, columns, counts)
+        Three standard deviations, in radians; X and Y of the laser transform, then of the
+        misalignment.
+    """
+    return np.stack(
+        [
+            np.stack([_draws(_predicted()[f"{count}.{m}-{axis}"]) for count in counts], axis=-1)
+            for m in MATRICES
+            for axis in "xy"
+        ],
+        axis=1,
+    )
+
+
 def draw(figure: Figure, printed: Mapping[str, float]) -> None:
     """Accuracy of the matrices against the number of averaged frames.
 
@@ -149,7 +180,7 @@ def draw(figure: Figure, printed: Mapping[str, float]) -> None:
         Addresses of Table IV to values, in radians.
     """
     door = given(READS)
-    predicted = frame_averaging(door)
+    predicted = _predicted()
     counts = [int(n) for n in door.array(f"{TABLE}#*.frames")]
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, matrix in zip(panels, MATRICES, strict=True):
@@ -158,14 +189,18 @@ def draw(figure: Figure, printed: Mapping[str, float]) -> None:
             draws = np.stack([_draws(predicted[name]) for name in names])
             low, middle, high = np.degrees(np.quantile(draws, [0.005, 0.5, 0.995], axis=1)) * 3600
             (drawn,) = axes.loglog(counts, middle, line, label=f"predicted, {axis.upper()}")
-            axes.fill_between(counts, low, high, alpha=0.2, color=drawn.get_color())
-            values = [np.degrees(printed[f"{TABLE}#{name}"]) * 3600 for name in names]
-            axes.plot(
-                counts, values, marker, color=drawn.get_color(), label=f"printed, {axis.upper()}"
+            colour = drawn.get_color()
+            axes.fill_between(
+                counts, low, high, facecolor=(colour, 0.15), edgecolor=colour, linestyle=line
             )
-        axes.set(xlabel="frames averaged", title=f"{matrix}")
+            values = [np.degrees(printed[f"{TABLE}#{name}"]) * 3600 for name in names]
+            axes.plot(counts, values, marker, color=colour, label=f"printed, {axis.upper()}")
+        axes.set(xlabel="frames averaged", title=TITLES[matrix])
+        axes.set_xticks(counts, [str(count) for count in counts], minor=False)
+        axes.set_yticks([0.1, 0.2, 0.5, 1.0], ["0.1", "0.2", "0.5", "1"], minor=False)
+        axes.minorticks_off()
     panels[0].set_ylabel("accuracy (3σ, arcsec)")
-    panels[0].legend()
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def _draws(result: object) -> FloatArray:

@@ -11,6 +11,7 @@ from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, stage, twin, twin_study
 from reproduce.papers.declare import seed_of
+from reproduce.papers.sketch import INK
 from reproduce.physics.averaging import moving_average
 from reproduce.physics.detector import Detector, expose
 from reproduce.physics.misalignment import misalignment, misalignment_angles
@@ -135,6 +136,7 @@ def draw_spots(figure: Figure, printed: Mapping[str, float]) -> None:
     seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7")))
     left, top = corner - 0.5
     figure.set_size_inches(6.4, 5.2)
+    figure.set_layout_engine("compressed")
     axes = figure.add_subplot()
     picture = axes.imshow(
         seen, extent=(left, left + size[0], top + size[1], top), cmap="gray", vmin=0.0
@@ -159,11 +161,15 @@ def draw_transform(figure: Figure, printed: Mapping[str, float]) -> None:
     printed : mapping
         Addresses of the printed accuracies of one frame to values, in radians.
     """
-    _series(figure, groups().transform, list(printed.values()))
+    _series(figure, groups().transform, list(printed.values()), "error (arcsec)")
 
 
 def draw_misalignment(figure: Figure, printed: Mapping[str, float]) -> None:
     """Monitored misalignment over the second group, single frames and smoothed.
+
+    The bench stood differently in the second group, and the paper prints no number for it. A
+    constant misalignment moves the whole series and leaves its scatter as it is; the twin has
+    none, and the axis says that it counts from there.
 
     Parameters
     ----------
@@ -172,29 +178,31 @@ def draw_misalignment(figure: Figure, printed: Mapping[str, float]) -> None:
     printed : mapping
         Addresses of the printed accuracies of one frame to values, in radians.
     """
-    _series(figure, groups().misalignment, list(printed.values()))
+    _series(figure, groups().misalignment, list(printed.values()), "angle, less offset (arcsec)")
 
 
-def _series(figure: Figure, angles: FloatArray, accuracies: list[float]) -> None:
+def _series(figure: Figure, angles: FloatArray, accuracies: list[float], name: str) -> None:
     count = given(READS).count(twin_study.SMOOTHED)
     frames = np.arange(1, len(angles) + 1)
     figure.set_size_inches(7.2, 3.4)
     panels: list[Axes] = list(figure.subplots(1, 2, sharey=True))
-    for panel, name, index in zip(panels, "XY", range(2), strict=True):
+    for panel, axis, index in zip(panels, "XY", range(2), strict=True):
         series = angles[:, index] * ARCSEC
         smoothed = moving_average(series, count)
-        panel.plot(frames, series, linewidth=0.6, label="single frame")
-        panel.plot(frames[count - 1 :], smoothed, linewidth=2.5, label=f"mean of {count}")
+        panel.plot(frames, series, ".", markersize=2.5, label="single frame")
+        panel.plot(
+            frames[count - 1 :], smoothed, color=INK, linewidth=2.5, label=f"mean of {count}"
+        )
         for side in (-1, 1):
             panel.axhline(
                 series.mean() + side * accuracies[index] * ARCSEC,
-                color="#000000",
+                color=INK,
                 linestyle="--",
                 linewidth=1,
                 label="printed, 3σ" if side > 0 else None,
             )
-        panel.set(xlabel="frame", title=f"about {name}")
-    panels[0].set_ylabel("angle (arcsec)")
+        panel.set(xlabel="frame", title=f"about {axis}")
+    panels[0].set_ylabel(name)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
@@ -213,8 +221,8 @@ def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     axes.plot(*places.T, "--", linewidth=1)
     axes.plot(*places.T, "^", markersize=8, color="#D55E00")
     for state, (x, y) in enumerate(places, start=1):
-        axes.annotate(f"state {state}", (x + 2.5, y - 3.5))
-    axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)", xlim=(0, 110))
+        axes.annotate(f"state {state}", (x + 3.5, y - 4.0), fontsize=9)
+    axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)", xlim=(0, 112), ylim=(0, 95))
 
 
 def draw_about_y(figure: Figure, printed: Mapping[str, float]) -> None:
@@ -250,7 +258,7 @@ def _ridden(figure: Figure, index: int, angles: list[float]) -> None:
     axes.plot(content.times, content.reference[:, index] * ARCSEC, "--", label="reference, (10)")
     each = len(content.times) // len(stage.STATES)
     middles = content.times[each + each // 2 :: each]
-    axes.plot(middles, np.array(angles) * ARCSEC, "s", color="#000000", label="monitored, printed")
+    axes.plot(middles, np.array(angles) * ARCSEC, "s", color=INK, label="monitored, printed")
     axes.set(xlabel="time (s)", ylabel=f"angle about {'XY'[index]} (arcsec)")
     axes.legend()
 
@@ -272,5 +280,5 @@ def draw_example(figure: Figure, printed: Mapping[str, float]) -> None:
     axes = figure.add_subplot()
     axes.plot(content.times[shown], content.monitored[shown, 1] * ARCSEC, label="monitored")
     axes.plot(content.times[shown], content.reference[shown, 1] * ARCSEC, "--", label="reference")
-    axes.set(xlabel="time (s)", ylabel="misalignment about Y (arcsec)")
+    axes.set(xlabel="time (s)", ylabel="angle about Y (arcsec)")
     axes.legend()

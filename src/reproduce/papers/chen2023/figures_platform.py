@@ -11,22 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.chen2023 import lasers
-from reproduce.papers.chen2023.sketch import (
-    INK,
-    LASER,
-    STAR,
-    arc,
-    arrow,
-    box,
-    canvas,
-    label,
-    lens,
-    mirror,
-    ray,
-    turned,
-)
+from reproduce.papers.chen2023.sketch import LASER, STAR, lens, mirror, reflected
+from reproduce.papers.sketch import arc, arrow, beside, box, canvas, key, label, line, path, turned
 from reproduce.physics.lasers import received_spots
 from reproduce.physics.rotations import rotation_from_vector, transpose
+from reproduce.physics.stage import stage_angles
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.store.stars import bright_stars
@@ -39,9 +28,10 @@ if TYPE_CHECKING:
 DESIGN = "chen2023/text-design"
 ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
 # Towards Orion, for no better reason than that everybody knows it; turned about the boresight.
-POINTING = np.radians([83.8, -1.0, 20.0])
+POINTING = np.radians([84.6, -0.4, 20.0])
 FAINTEST = 6.0
-NAMED = {1852: "Mintaka", 1903: "Alnilam", 1948: "Alnitak", 1899: "Hatysa"}
+# With the side on which there is room for the name.
+NAMED = {1852: ("Mintaka", 1), 1903: ("Alnilam", -1), 1948: ("Alnitak", -1), 1899: ("Hatysa", -1)}
 
 
 def starfield() -> tuple[FloatArray, FloatArray, list[int]]:
@@ -101,17 +91,45 @@ def draw_frame(figure: Figure, printed: Mapping[str, float]) -> None:
     axes.scatter(
         spots[:, 0],
         spots[:, 1],
-        s=4 * 1.7 ** (FAINTEST - magnitude),
+        s=5 * 1.7 ** (FAINTEST - magnitude),
         color=STAR.colour,
+        marker=STAR.marker,
         label="stars",
     )
     for number, (x, y) in zip(numbers, spots, strict=True):
         if number in NAMED:
-            axes.annotate(NAMED[number], (x + 14, y), va="center", fontsize=8)
-    axes.plot(*centres.T, "s", markersize=4, color=LASER.colour, label="laser spots, printed")
+            name, side = NAMED[number]
+            ends = "left" if side > 0 else "right"
+            axes.annotate(name, (x + 16 * side, y), ha=ends, va="center", fontsize=9)
+    axes.plot(
+        *centres.T, LASER.marker, markersize=5, color=LASER.colour, label="laser spots, printed"
+    )
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
+
+
+def stage_sense(index: int) -> str:
+    """Say about which axis a camera seems to turn when the stage moves along positive X or Y.
+
+    Parameters
+    ----------
+    index : int
+        0 for X, 1 for Y.
+
+    Returns
+    -------
+    str
+        Axis with its sign, right-handed.
+
+    Examples
+    --------
+    >>> stage_sense(1)
+    '+X'
+    """
+    angles = stage_angles(np.eye(2)[index], 1.0)
+    axis = int(np.abs(angles).argmax())
+    return f"{'+' if angles[axis] > 0 else '−'}{'XYZ'[axis]}"
 
 
 def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
@@ -125,20 +143,24 @@ def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
         Addresses of the printed diagonal to its value, in metres.
     """
     diagonal = next(iter(printed.values())) * 1e3
-    axes = canvas(figure, 12.0, 8.0)
-    centre = np.array([5.5, 4.0])
-    box(axes, (5.5, 4.0), (7.0, 7.0))
-    label(axes, (2.3, 0.85), "stage", side="left")
+    axes = canvas(figure, 12.6, 7.6)
+    centre = np.array([3.8, 3.8])
+    box(axes, centre, (7.0, 7.0))
+    label(axes, (0.7, 0.7), "stage", ha="left")
     corners = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre
-    outline = np.vstack([corners, corners[:1]])
-    axes.plot(*outline.T, color=INK, linewidth=0.7, linestyle=":")
-    axes.plot(*corners.T, "o", markersize=13, color=LASER.colour)
-    arrow(axes, (3.35, 4.0), (7.65, 4.0), style="<|-|>")
-    label(axes, (6.4, 4.35), f"{diagonal:g} mm")
-    arrow(axes, (9.8, 1.6), (11.6, 1.6))
-    arrow(axes, (9.8, 1.6), (9.8, 3.4))
-    label(axes, (9.6, 0.9), "X, turns the\ncamera about Y", side="left", size=8)
-    label(axes, (9.6, 4.0), "Y, turns it\nabout X", side="left", size=8)
+    line(axes, np.vstack([corners, corners[:1]]), 0.7, ":")
+    axes.plot(*corners.T, LASER.marker, markersize=11, color=LASER.colour)
+    arrow(axes, beside(corners[3], 0.3, 0), corners[1] - [0.3, 0], style="<|-|>")
+    label(axes, beside(centre, 0.0, 0.35), f"{diagonal:g} mm")
+    label(axes, beside(corners[0], 0.0, 0.55), "laser")
+    corner = np.array([8.3, 2.6])
+    arrow(axes, corner, beside(corner, 2.0, 0.0))
+    arrow(axes, corner, beside(corner, 0.0, 2.0))
+    label(axes, beside(corner, 2.3, 0.0), "X")
+    label(axes, beside(corner, 0.0, 2.35), "Y")
+    for index, y in enumerate((1.5, 0.9)):
+        text = f"towards {'XY'[index]}: as if the camera turned about {stage_sense(index)}"
+        label(axes, (7.5, y), text, ha="left", size=8)
 
 
 def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
@@ -152,28 +174,29 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
         Addresses of the printed angles to values, in radians.
     """
     between, table, tilt = (float(np.degrees(printed[address])) for address in ANGLES)
-    axes = canvas(figure, 16.0, 8.6, 7.2)
-    box(axes, (1.0, 5.2), (0.7, 2.2), "")
-    label(axes, (1.0, 6.7), "stage and lasers", size=8)
-    lens(axes, (4.6, 5.2), 2.6)
-    label(axes, (4.6, 6.9), "telescope", size=8)
-    ray(axes, [(1.4, 5.6), (4.6, 5.6), (14.0, 5.6), (14.0, 3.4), (9.0, 3.4)], LASER)
-    mirror(axes, (14.0, 5.6), 1.6, -45)
-    mirror(axes, (14.0, 3.4), 1.6, 45)
-    label(axes, (14.9, 4.5), "two mirrors\nat a right\nangle", side="left", size=8)
-    # The tracker looks backwards and up; its mirror folds the laser into it.
-    out = turned([1.0, 0.0], between)
-    hit = np.array([9.0, 3.4])
-    lens_at, detector_at = hit - 1.6 * out, hit - 3.0 * out
-    ray(axes, [(9.0, 3.4), (float(detector_at[0]), float(detector_at[1]))], LASER)
-    mirror(axes, (9.0, 3.4), 1.7, between - 90 + (tilt if between < 180 else -tilt))
-    lens(axes, (float(lens_at[0]), float(lens_at[1])), 1.5, between)
-    box(axes, (float(detector_at[0]), float(detector_at[1])), (0.3, 1.3), turn=between)
-    label(axes, (10.6, 1.6), "tracker", size=9)
-    far = hit + 3.2 * out
-    ray(axes, [(float(far[0]), float(far[1])), (9.0, 3.4)], STAR)
-    label(axes, (8.0, 7.3), "boresight of tracker", size=8)
-    arc(axes, (9.0, 3.4), 1.2, (0, between), f"{between:g}°")
-    label(axes, (0.4, 0.7), f"tracker against the table: {table:g}°;", side="left", size=8)
-    label(axes, (0.4, 0.2), f"mirror against the plane across it: {tilt:g}°", side="left", size=8)
-    label(axes, (6.0, 6.0), "camera's boresight", size=8)
+    axes = canvas(figure, 16.0, 9.0, 6.8)
+    box(axes, (0.8, 5.4), (0.7, 2.2))
+    label(axes, (0.2, 7.0), "stage and lasers", ha="left")
+    lens(axes, (4.6, 5.4), 2.6)
+    label(axes, (4.6, 7.2), "telescope")
+    label(axes, (10.6, 5.75), "camera's boresight")
+    out, hit, back = turned([1.0, 0.0], between), np.array([8.6, 3.4]), np.array([-1.0, 0.0])
+    path(axes, [(1.2, 5.4), (4.6, 5.4), (13.4, 5.4), (13.4, 3.4), hit], LASER)
+    mirror(axes, (13.4, 5.4), 1.6, -45)
+    mirror(axes, (13.4, 3.4), 1.6, 45)
+    label(axes, (14.1, 4.4), "two mirrors\nat a right\nangle", ha="left")
+    # The mirror stands at its tilt to the plane across the tracker's boresight.
+    stands = between - 90 + tilt
+    detector = hit + 3.0 * reflected(back, stands)
+    mirror(axes, hit, 1.9, stands)
+    path(axes, [hit, detector], LASER)
+    lens(axes, hit - 1.6 * out, 1.6, between)
+    box(axes, detector, (0.3, 1.4), turn=between)
+    label(axes, beside(detector, 0.9, 0.9), "tracker", ha="left")
+    path(axes, [hit + 4.4 * out, hit], STAR)
+    label(axes, beside(hit + 4.4 * out, 0.2, 0.5), "tracker's boresight")
+    arc(axes, hit, 1.2, (0, between), head=False)
+    label(axes, beside(hit, 0.9, 1.35), f"{between:g}°")
+    label(axes, (0.2, 1.0), f"tracker against the table: {table:g}°", ha="left")
+    label(axes, (0.2, 0.4), f"mirror against the plane across it: {tilt:g}°", ha="left")
+    key(axes, (LASER, STAR), (0.8, 1.0))

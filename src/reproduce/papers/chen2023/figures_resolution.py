@@ -107,7 +107,7 @@ def draw_centroids(figure: Figure, printed: Mapping[str, float]) -> None:
         float(_arcsec(optimum)), accuracy, "*", markersize=13, color="#000000", label="printed best"
     )
     axes.set(ylabel="centroid error (1σ, px)")
-    axes.legend()
+    figure.legend(loc="outside lower center", ncols=3)
 
 
 def draw_monitoring(figure: Figure, printed: Mapping[str, float]) -> None:
@@ -124,9 +124,9 @@ def draw_monitoring(figure: Figure, printed: Mapping[str, float]) -> None:
     lasers = given(resolution.READS).count(f"{STUDY}#lasers")
     _curves(axes, angles, _arcsec(attitude_accuracy(1.0, lasers, compute()["angles"])))
     limit = float(_arcsec(printed[MARKS_MONITORING[0]]))
-    axes.axvline(limit, color="#000000", linestyle=(0, (1, 2)), label="printed limit of gain")
+    axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
     axes.set(ylabel="monitoring error (1σ, arcsec)")
-    axes.legend()
+    figure.legend(loc="outside lower center", ncols=3)
 
 
 def _axes(figure: Figure) -> tuple[Axes, FloatArray]:

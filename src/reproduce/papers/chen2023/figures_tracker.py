@@ -10,22 +10,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.chen2023.sketch import (
+from reproduce.papers.chen2023.sketch import LASER, SCENE, STAR, lens, mirror, reflected
+from reproduce.papers.sketch import (
     INK,
-    LASER,
-    STAR,
     arc,
     arrow,
+    beside,
     box,
     canvas,
-    frame,
+    diagram,
+    key,
     label,
-    legend,
-    lens,
-    mirror,
-    ray,
+    line,
+    path,
     turned,
 )
+from reproduce.physics.lasers import emitted_directions
+from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,35 +45,30 @@ BANDS = (
 FILTER = f"{HARDWARE}#filter-wavelength"
 TILT = f"{DESIGN}#dihedral-angle"
 NANO = 1e9
+# Of the drawing of the light paths: how far the two lights come in beside the boresight.
+ASIDE = 9.0
+LENS, FOCUS = np.array([5.0, 2.2]), 1.5
 
 
-def draw_structure(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Structure of the star and laser tracker.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Not used: no value is printed on this figure.
-    """
-    axes = canvas(figure, 12.0, 8.4)
-    box(axes, (5.0, 1.0), (3.4, 1.2), "processor")
-    box(axes, (5.0, 2.0), (1.6, 0.3), "")
-    label(axes, (6.3, 2.0), "detector", side="left", size=8)
+@diagram(12.6, 9.2)
+def draw_structure(axes: Axes) -> None:
+    """Structure of the star and laser tracker."""
+    box(axes, (5.0, 1.0), (3.6, 1.2), "processor")
+    box(axes, (5.0, 2.2), (1.6, 0.3))
+    label(axes, (6.0, 2.25), "detector", ha="left")
     lens(axes, (5.0, 3.4), 2.2, 90)
-    label(axes, (6.6, 3.4), "lens", side="left", size=8)
-    mirror(axes, (5.0, 5.0), 2.4, 30, line="-")
-    label(axes, (4.2, 5.6), "dichroic mirror", size=8)
-    mirror(axes, (7.3, 3.7), 1.3, 60, line=":")
-    label(axes, (8.2, 3.1), "narrow band-pass\nfilter", side="left", size=8)
-    box(axes, (3.6, 4.4), (0.5, 1.9), line="--")
-    label(axes, (2.1, 4.4), "invar support", size=8)
+    label(axes, (5.0, 3.4), "lens")
+    mirror(axes, (5.0, 5.3), 2.6, 30)
+    label(axes, (3.9, 6.15), "dichroic mirror")
+    mirror(axes, (7.2, 4.0), 1.4, 60, ":")
+    label(axes, (8.4, 3.5), "narrow band-pass\nfilter (dots)", ha="left")
+    box(axes, (3.35, 4.7), (0.5, 2.2), style="--")
+    label(axes, (0.1, 4.7), "invar support\n(dashed)", ha="left")
+    box(axes, (5.2, 4.25), (5.8, 4.6), style=":")
+    label(axes, (8.4, 5.6), "thermal control\n(dotted)", ha="left")
     for side in (-1, 1):
-        axes.plot([5 + side * 1.6, 5 + side * 2.6], [6.3, 8.2], color=INK, linewidth=1.3)
-    label(axes, (7.8, 7.5), "baffle, held by the\nsatellite alone", side="left", size=8)
-    box(axes, (5.0, 3.9), (5.6, 4.4), line=":")
-    label(axes, (8.2, 5.2), "thermal control\n(dotted)", side="left", size=8)
+        line(axes, [(5 + side * 1.6, 6.8), (5 + side * 2.6, 8.9)], 1.3)
+    label(axes, (7.8, 7.9), "baffle, held by the\nsatellite alone", ha="left")
 
 
 def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
@@ -86,32 +82,42 @@ def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
         Addresses of the printed tilt of the mirror to its value, in radians.
     """
     tilt = float(np.degrees(next(iter(printed.values()))))
-    axes = canvas(figure, 10.0, 8.0)
-    meeting = np.array([5.0, 4.6])
-    mirror(axes, (5.0, 4.6), 3.2, tilt)
-    lens(axes, (5.0, 2.0), 2.4, 90)
-    box(axes, (5.0, 0.5), (1.8, 0.3), "")
-    label(axes, (6.2, 0.5), "detector", side="left")
-    label(axes, (6.5, 2.0), "lens", side="left")
+    axes = canvas(figure, 11.0, 8.2)
+    middle = np.array([5.0, 4.8])
+    mirror(axes, middle, 3.4, tilt)
+    label(axes, (2.0, 4.3), "dichroic\nmirror")
+    lens(axes, LENS, 2.6, 90)
+    label(axes, LENS - [1.5, 0.0], "lens", ha="right")
+    box(axes, LENS - [0, FOCUS + 0.15], (1.8, 0.3))
+    label(axes, (6.2, 0.55), "detector", ha="left")
+    star, laser = turned([0.0, -1.0], -ASIDE), turned([0.0, -1.0], ASIDE)
     for shift in (-0.5, 0.0, 0.5):
-        ray(axes, [(5 + shift, 7.8), (5 + shift, 2.1), (4.8, 0.7)], STAR)
-    # The laser comes in so that the mirror sends it straight down.
-    normal = turned([0.0, -1.0], tilt)
-    down = np.array([0.0, -1.0])
-    coming = down - 2 * (down @ normal) * normal
+        _into_lens(axes, star, shift, [beside(LENS, shift, 0.0) - 5.4 * star])
+    came = reflected(laser, tilt)
     for shift in (-0.35, 0.35):
-        hit = meeting + shift * turned([1.0, 0.0], tilt)
-        start = hit - 3.6 * coming
-        bend = (float(hit[0]), float(hit[1]))
-        ray(axes, [(float(start[0]), float(start[1])), bend, (bend[0], 2.1), (5.2, 0.7)], LASER)
-    filtered = meeting - 2.3 * coming
-    across = float(np.degrees(np.arctan2(coming[1], coming[0]))) + 90
-    mirror(axes, (float(filtered[0]), float(filtered[1])), 1.6, across, line=":")
-    label(axes, (float(filtered[0]) - 0.9, float(filtered[1]) - 0.8), "band-pass filter", size=8)
-    axes.plot([5.0, 7.2], [4.6, 4.6], color=INK, linewidth=0.7)
-    arc(axes, (5.0, 4.6), 1.9, (0, tilt), f"{tilt:g}°")
-    label(axes, (7.2, 6.4), "dichroic mirror", side="left")
-    legend(axes, (STAR, LASER), (0.0, 0.85))
+        hit = _on_mirror(beside(LENS, shift, 0.0), laser, middle, tilt)
+        _into_lens(axes, laser, shift, [hit - 4.0 * came, hit])
+    across = float(np.degrees(np.arctan2(came[1], came[0]))) + 90
+    filtered = middle - 2.5 * came
+    mirror(axes, filtered, 1.6, across, ":")
+    label(axes, beside(filtered, 0.85, 0.55), "band-pass\nfilter (dots)", ha="left")
+    line(axes, [middle, beside(middle, 2.9, 0.0)], 0.7)
+    arc(axes, middle, 2.5, (0, tilt), f"{tilt:g}°")
+    key(axes, (STAR, LASER), (0.0, 1.0))
+
+
+def _into_lens(axes: Axes, way: FloatArray, shift: float, before: list[FloatArray]) -> None:
+    """Draw a ray to its place on the lens and on to the focus of its direction."""
+    look = STAR if len(before) == 1 else LASER
+    focus = LENS + FOCUS * way / -way[1]
+    path(axes, [*before, beside(LENS, shift, 0.0), focus], look)
+
+
+def _on_mirror(place: FloatArray, way: FloatArray, middle: FloatArray, tilt: float) -> FloatArray:
+    """Return where light that reaches a place along a way has met the mirror."""
+    normal = turned([0.0, 1.0], tilt)
+    result: FloatArray = place - way * ((place - middle) @ normal) / (way @ normal)
+    return result
 
 
 def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
@@ -126,96 +132,90 @@ def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
     """
     low, high, turn, end = (printed[address] * NANO for address in BANDS)
     passed = printed[FILTER] * NANO
-    panels = figure.subplots(2, 1, sharex=True)
-    mirror_axes, filter_axes = panels
-    mirror_axes.plot(
-        [350, low, low, high, high, 1100], [0, 0, 100, 100, 0, 0], "-", label="transmission"
-    )
-    mirror_axes.plot(
-        [350, turn, turn, end, end, 1100],
-        [0, 0, 100, 100, 0, 0],
-        "--",
-        label="reflection",
-    )
-    mirror_axes.set(ylabel="dichroic mirror (%)")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for start, stop, look, name in (
+        (low, high, SCENE, "transmission"),
+        (turn, end, LASER, "reflection"),
+    ):
+        upper.plot(
+            [350, start, start, stop, stop, 1100],
+            [0, 0, 100, 100, 0, 0],
+            look.line if look is LASER else "-",
+            color=look.colour,
+            label=name,
+        )
+    upper.set(ylabel="dichroic mirror (%)")
     # The width of the filter is not printed: a line stands for its band.
-    filter_axes.plot([350, passed, passed, passed, 1100], [0, 0, 100, 0, 0], "-.", color="#009E73")
-    filter_axes.set(ylabel="band-pass filter (%)", xlabel="wavelength (nm)", xlim=(350, 1100))
-    for axes in panels:
-        axes.axvspan(low, high, color=STAR.colour, alpha=0.15)
-        axes.axvline(passed, color=LASER.colour, linestyle=":", linewidth=2)
-    mirror_axes.text((low + high) / 2, 45, "stars", ha="center")
-    mirror_axes.text(passed + 8, 45, "laser")
-    mirror_axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    lower.plot([350, passed, passed, passed, 1100], [0, 0, 100, 0, 0], color=INK)
+    lower.set(ylabel="band-pass filter (%)", xlabel="wavelength (nm)", xlim=(350, 1100))
+    for axes in (upper, lower):
+        axes.axvspan(low, high, facecolor=(STAR.colour, 0.15), edgecolor=STAR.colour, linestyle=":")
+        axes.text((low + high) / 2, 45, "light of the stars", ha="center")
+        axes.text(passed + 8, 45, "laser")
+    upper.axvline(passed, color=INK, linestyle=":", linewidth=2)
+    upper.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
 
 
-def draw_route(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Technical route: calibration, monitoring, correction.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Not used: no value is printed on this figure.
-    """
-    axes = canvas(figure, 15.0, 9.0, 7.2)
-    for x, name in ((2.5, "calibration"), (7.5, "monitoring"), (12.5, "correction")):
-        label(axes, (x, 8.5), name, size=11)
-        box(axes, (x, 4.2), (4.6, 7.6), line=":")
+@diagram(15.0, 9.0, 6.8)
+def draw_route(axes: Axes) -> None:
+    """Technical route: calibration, monitoring, correction."""
     steps = {
-        2.5: (
+        "calibration": (
             "control points and\nstars: installation",
             "laser spots at\nthe zero point",
             "laser transform\nat the zero point",
         ),
-        7.5: ("laser spots in\nevery frame", "mean over\nmany frames", "misalignment, by\nQUEST"),
-        12.5: (
+        "monitoring": (
+            "laser spots in\nevery frame",
+            "mean over\nmany frames",
+            "misalignment, by\nQUEST",
+        ),
+        "correction": (
             "corrected\ninstallation",
             "attitude of tracker\nfrom the stars",
             "attitude of camera\namong the stars",
         ),
     }
-    for x, texts in steps.items():
+    for x, (name, texts) in zip((2.5, 7.5, 12.5), steps.items(), strict=True):
+        label(axes, (x, 8.5), name, size=11)
+        box(axes, (x, 4.2), (4.6, 7.6), style=":")
         for y, text in zip((6.8, 4.2, 1.6), texts, strict=True):
-            box(axes, (x, y), (3.9, 1.4), text)
+            box(axes, (x, y), (4.0, 1.4), text)
         for y in (6.1, 3.5):
             arrow(axes, (x, y), (x, y - 1.2))
-    arrow(axes, (4.45, 1.6), (5.55, 1.6))
-    _bend(axes, [(9.45, 1.6), (10.0, 1.6), (10.0, 6.8), (10.55, 6.8)])
+    arrow(axes, (4.5, 1.6), (5.5, 1.6))
+    line(axes, [(9.5, 1.6), (10.0, 1.6), (10.0, 6.8)], 1.3)
+    arrow(axes, (10.0, 6.8), (10.5, 6.8))
 
 
-def _bend(axes: Axes, points: list[tuple[float, float]]) -> None:
-    axes.plot(*np.array(points[:-1]).T, color=INK, linewidth=1.3)
-    arrow(axes, points[-2], points[-1])
-
-
-def draw_transform(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Laser directions in the camera and in the tracker, joined by the laser transform.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Not used: no value is printed on this figure.
-    """
-    axes = canvas(figure, 14.0, 8.0)
-    for x, name, way in ((2.8, "c", "out"), (11.2, "s", "in")):
-        axes.plot([x - 2.2, x + 2.2], [1.2, 1.2], color=INK, linewidth=2.5)
+@diagram(14.0, 8.4)
+def draw_transform(axes: Axes) -> None:
+    """Laser directions in the camera and in the tracker, joined by the laser transform."""
+    for x, name, focal in ((3.0, "c", r"f_\mathrm{cam}"), (11.0, "s", r"f_\mathrm{s}")):
+        line(axes, [(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
         lens(axes, (x, 4.4), 3.0, 90)
-        frame(axes, (x, 1.2), name, 1.95)
-        for shift, number in ((-1.3, "1"), (1.3, "2")):
-            end = (x - shift * 0.9, 7.0)
-            path = [(x + shift, 1.2), (x, 4.4), end]
-            ray(axes, path if way == "out" else path[::-1], LASER)
-            axes.plot(x + shift, 1.2, "o" if way == "out" else "s", color=LASER.colour)
-            vector = "v" if way == "out" else "w"
-            label(axes, (end[0], 7.4), rf"$\mathbf{{{vector}}}_{number}$")
-    label(axes, (2.8, 0.4), "lasers in the focal plane of the camera")
-    label(axes, (11.2, 0.4), "spots on the detector of the tracker")
-    arrow(axes, (5.4, 5.6), (8.6, 5.6))
-    label(axes, (7.0, 6.1), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
-    label(axes, (7.0, 5.1), "retro-reflector,\ndichroic mirror", size=8)
-    label(axes, (1.2, 2.9), "$f_{cam}$", size=9)
-    label(axes, (9.6, 2.9), "$f_s$", size=9)
+        arrow(axes, (x, 1.2), (x, 2.8))
+        label(axes, (x + 0.45, 2.7), f"$Z_{name}$")
+        arrow(axes, (x + 2.2, 1.2), (x + 2.7, 1.2))
+        label(axes, (x + 2.45, 1.6), f"$X_{name}$")
+        arrow(axes, (x - 2.0, 1.2), (x - 2.0, 4.4), style="<|-|>", width=0.8)
+        label(axes, (x - 2.55, 2.8), f"${focal}$")
+        for offset, number in ((-1.2, 1), (1.2, 2)):
+            _beam(axes, np.array([x, 4.4]), offset, number, leaves=name == "c")
+    label(axes, (3.0, 0.4), "lasers in the focal plane\nof the camera")
+    label(axes, (11.0, 0.4), "spots on the detector\nof the tracker")
+    arrow(axes, (5.6, 5.9), (8.4, 5.9))
+    label(axes, (7.0, 6.4), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
+    label(axes, (7.0, 5.2), "retro-reflector,\ndichroic mirror")
+
+
+def _beam(axes: Axes, centre: FloatArray, offset: float, number: int, *, leaves: bool) -> None:
+    """Draw the light of one laser through a lens, its direction as equation (2) gives it."""
+    depth = 3.2
+    direction = emitted_directions([(offset, 0.0)], depth)[0][[0, 2]]
+    source, end = beside(centre, offset, -depth), centre + 2.9 * direction
+    way = [source, centre, end]
+    path(axes, way if leaves else way[::-1], LASER)
+    axes.plot(*source, LASER.marker if leaves else "o", color=LASER.colour, markersize=6)
+    vector = "v" if leaves else "w"
+    label(axes, beside(end, 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")

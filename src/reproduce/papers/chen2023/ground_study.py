@@ -16,7 +16,7 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import design, lasers, twin_study
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Study
-from reproduce.physics.earth import earth_fixed, satellite_from_inertial
+from reproduce.physics.earth import earth_fixed, local_axes, satellite_from_inertial
 from reproduce.physics.errors_on_ground import circular_error, ellipse, ground_covariance
 from reproduce.physics.imaging import imaged_position
 from reproduce.physics.imaging_jacobian import GroundJacobian, ground_jacobian
@@ -35,6 +35,7 @@ READS = (
 )
 ORBIT = 0.05
 DRAWS = 20_000
+ONE, MANY = "one frame", "averaged"
 # Where the satellite stands and how it looks: name, tilt off the nadir, image point off the centre.
 LOOKS = (
     ("nadir, centre", 0.0, 0.0),
@@ -80,22 +81,30 @@ def terms(door: Given) -> tuple[Term, ...]:
     Returns
     -------
     tuple of Term
-        One of each kind.
+        The misalignment axis by axis, for one frame and for the average of many.
     """
-    across = np.array([1.0, 1.0, 0.0])
-    attitude = np.full(3, door[POINTING] / lasers.SIGMAS)
-    averaged = monitoring_sigma(door, door.count(twin_study.SMOOTHED))
-    single = monitoring_sigma(door, 1)
-    pixel = door[twin_study.SATELLITE[1]]
+    pixel = np.array([1.0, 1.0, 0.0]) * door[twin_study.SATELLITE[1]]
+    turns = [("attitude of the tracker, at its limit", np.full(3, door[POINTING] / lasers.SIGMAS))]
+    for frames, said in ((1, ONE), (door.count(twin_study.SMOOTHED), MANY)):
+        sigma = monitoring_sigma(door, frames)
+        turns += [
+            (f"misalignment about {axis}, {said}", sigma * unit)
+            for axis, unit in zip(("X", "Y", "Z (roll)"), np.eye(3), strict=True)
+        ]
     return (
-        Term("attitude of the tracker, at its limit", "turn", attitude),
-        Term("misalignment about X and Y, one frame", "turn", single * across),
-        Term("misalignment about X and Y, averaged", "turn", averaged * across),
-        Term("roll, one frame", "turn", single * (1 - across)),
-        Term("roll, averaged", "turn", averaged * (1 - across)),
+        *(Term(name, "turn", sigma) for name, sigma in turns),
         Term("orbit", "satellite", np.full(3, ORBIT)),
-        Term("principal point, one pixel", "image", pixel * across),
+        Term("principal point, one pixel", "image", pixel),
     )
+
+
+def together(door: Given) -> dict[str, tuple[Term, ...]]:
+    """Return the whole budget twice: monitoring with one frame, and with the average of many."""
+    every = terms(door)
+    return {
+        f"all together, {said}": tuple(term for term in every if not term.name.endswith(other))
+        for said, other in ((ONE, MANY), (MANY, ONE))
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,18 +152,32 @@ def analytic(jacobian: GroundJacobian, term: Term) -> FloatArray:
     return np.asarray(ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0])
 
 
-def simulated(view: Look, term: Term, name: str) -> FloatArray:
-    """Return the same covariance from draws through the whole imaging model."""
-    noise = default_rng(seed_of(f"budget {name} {term.name}")).normal(size=(DRAWS, 3)) * term.sigma
-    still = np.zeros((DRAWS, 3))
-    satellite = view.satellite + (noise if term.kind == "satellite" else still)
-    chain = view.chain @ rotation_from_vector(noise if term.kind == "turn" else still)
-    moved = noise if term.kind == "image" else still
-    vectors = view.vectors + moved[:, np.newaxis]
-    found = imaged_position(vectors, satellite, chain).position[:, 0]
-    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
-    # East and north of the true place for all draws.
-    return ground_covariance(jacobian.position[0], np.eye(3), np.cov(found.T))
+def simulated(view: Look, errors: tuple[Term, ...], name: str) -> FloatArray:
+    """Return errors on the ground from draws of several errors through the whole imaging model.
+
+    Parameters
+    ----------
+    view : Look
+        Where the satellite looks.
+    errors : tuple of Term
+        Drawn together, each independent of the others.
+    name : str
+        Of the view; with the names of the terms it sets the seed.
+
+    Returns
+    -------
+    ndarray, shape (draws, 2)
+        East and north of the true place, in metres.
+    """
+    noise = dict.fromkeys(("satellite", "turn", "image"), np.zeros((DRAWS, 3)))
+    for term in errors:
+        generator = default_rng(seed_of(f"budget {name} {term.name}"))
+        noise[term.kind] = noise[term.kind] + term.sigma * generator.normal(size=(DRAWS, 3))
+    chain = view.chain @ rotation_from_vector(noise["turn"])
+    vectors = view.vectors + noise["image"][:, np.newaxis]
+    found = imaged_position(vectors, view.satellite + noise["satellite"], chain).position[:, 0]
+    true = imaged_position(view.vectors, view.satellite, view.chain).position[0]
+    return np.asarray((found - true) @ local_axes(true)[:2].T)
 
 
 def budget() -> Study:
@@ -167,21 +190,32 @@ def budget() -> Study:
     """
     door = given(READS)
     rows = []
-    for term in terms(door):
-        unit = 1.0 / ARCSEC if term.kind == "turn" else 1e6 if term.kind == "image" else 1.0
-        entries = [term.name, f"{term.sigma.max() * unit:.3g}"]
+    lines = {term.name: (term,) for term in terms(door)} | together(door)
+    for label, errors in lines.items():
+        entries = [label, _sigma(errors[0]) if len(errors) == 1 else ""]
         for name, tilt, off in LOOKS:
             view = look(door, tilt, off)
-            exact = analytic(ground_jacobian(view.vectors, view.satellite, view.chain), term)
-            drawn = circular_error(simulated(view, term, name))
-            shape = ellipse(exact)
+            jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+            exact = sum((analytic(jacobian, term) for term in errors), np.zeros((2, 2)))
+            drawn = simulated(view, errors, name)
+            radii = circular_error(exact), np.quantile(np.linalg.norm(drawn, axis=1), 0.9)
+            shapes = ellipse(exact), ellipse(np.cov(drawn.T))
             entries.append(
-                f"{circular_error(exact):.3f}, {drawn:.3f} ({shape.major:.3f} × {shape.minor:.3f})"
+                ", ".join(f"{radius:.2f}" for radius in radii)
+                + f" ({', '.join(f'{s.major:.2f} × {s.minor:.2f}' for s in shapes)})"
             )
         rows.append(tuple(entries))
-    head = ("Term", "σ (arcsec, m or µm)", *(f"{name} (m)" for name, _, _ in LOOKS))
+    head = ("Term", "σ", *(f"{name} (m)" for name, _, _ in LOOKS))
     caption = (
-        "Error on the ground: CE90 from the derivative, CE90 from draws, and in brackets the "
-        f"semi-axes of the one-sigma ellipse. Altitude {twin_study.altitude(door) / 1e3:.0f} km."
+        "Error on the ground: CE90 from the derivative and from draws, and in brackets the semi-"
+        "axes of the one-sigma ellipse from both. Altitude "
+        f"{twin_study.altitude(door) / 1e3:.0f} km."
     )
     return Study(caption, head, tuple(rows))
+
+
+def _sigma(term: Term) -> str:
+    largest = float(term.sigma.max())
+    if term.kind == "turn":
+        return f"{largest / ARCSEC:.3g} arcsec"
+    return f"{largest * 1e6:.3g} µm" if term.kind == "image" else f"{largest:.3g} m"

@@ -15,6 +15,8 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import ground_study, twin_study
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Study
+from reproduce.physics.errors_on_ground import circular_error
+from reproduce.physics.imaging_jacobian import ground_jacobian
 from reproduce.physics.orbits import (
     DAY,
     Thermal,
@@ -24,7 +26,7 @@ from reproduce.physics.orbits import (
     trend_and_fourier,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import given
+from reproduce.printed.given import Given, given
 
 ARCSEC = ground_study.ARCSEC
 RATE = "chen2023/text-accuracy#frame-rate"
@@ -36,7 +38,10 @@ YEAR_DAYS = 365.0
 AMPLITUDES = (0.5, 2.0, 10.0, 50.0)
 AGES = ((0.0, 1.0, "first day"), (6.0, 7.0, "after a week"), (30.0, 31.0, "after a month"))
 LAST_DAY = (364.0, 365.0, "after a year")
-AGE_AMPLITUDE = 10.0
+# The year is looked at every so many samples where only a quantile of all of it is asked for.
+STRIDE = 7
+# Where the search for the amplitude that a correction still bears begins, and its steps.
+LARGEST, HALVINGS = 4096.0, 40
 NAMES = (
     "no correction",
     "one calibration",
@@ -106,9 +111,8 @@ def _monitored(times: FloatArray, true: FloatArray, noise: FloatArray) -> FloatA
     return np.asarray(delayed + sigma * noise)
 
 
-def _ce90(errors: FloatArray, height: float) -> str:
-    radius = np.quantile(np.linalg.norm(errors, axis=1), 0.9) * height
-    return f"{radius:.2f}"
+def _ce90(errors: FloatArray, height: float) -> float:
+    return float(np.quantile(np.hypot(errors[:, 0], errors[:, 1]), 0.9) * height)
 
 
 def strategies() -> Study:
@@ -122,7 +126,7 @@ def strategies() -> Study:
     height = twin_study.altitude(given(twin_study.SATELLITE))
     found = {amplitude: residuals(amplitude * ARCSEC) for amplitude in AMPLITUDES}
     rows = tuple(
-        (name, *(_ce90(found[amplitude][name], height) for amplitude in AMPLITUDES))
+        (name, *(f"{_ce90(found[amplitude][name], height):.2f}" for amplitude in AMPLITUDES))
         for name in NAMES
     )
     head = ("Correction", *(f"{amplitude:g} arcsec" for amplitude in AMPLITUDES))
@@ -133,25 +137,108 @@ def strategies() -> Study:
     return Study(caption, head, rows)
 
 
+def _spans() -> dict[str, slice]:
+    """Return the samples of each age, from the end of the campaign on; last, the whole year."""
+    times = year()[0]
+    times = times[np.searchsorted(times, 0.0) :]
+    ages = {
+        name: slice(*(int(i) for i in np.searchsorted(times, (low, high))))
+        for low, high, name in (*AGES, LAST_DAY)
+    }
+    return {**ages, "over the year": slice(0, None, STRIDE)}
+
+
 def ages() -> Study:
-    """Positioning error against the time since calibration.
+    """Positioning error against the time since calibration, for every thermal amplitude.
 
     Returns
     -------
     Study
-        One row per correction; radius on the ground that holds 90 %, in metres.
+        One row per correction and amplitude; radius on the ground that holds 90 %, in metres.
     """
     height = twin_study.altitude(given(twin_study.SATELLITE))
-    times = year()[0]
-    times = times[np.searchsorted(times, 0.0) :]
-    found = residuals(AGE_AMPLITUDE * ARCSEC)
-    spans = (*AGES, LAST_DAY)
-    rows = []
-    for name in NAMES:
-        chosen = [found[name][(times >= low) & (times < high)] for low, high, _ in spans]
-        rows.append((name, *(_ce90(errors, height) for errors in chosen)))
-    caption = (
-        f"CE90 on the ground by age of the calibration, in metres, for a thermal amplitude of "
-        f"{AGE_AMPLITUDE:g} arcsec."
+    spans = [_spans()[name] for *_, name in (*AGES, LAST_DAY)]
+    found = {amplitude: residuals(amplitude * ARCSEC) for amplitude in AMPLITUDES}
+    rows = tuple(
+        (
+            name,
+            f"{amplitude:g}",
+            *(f"{_ce90(found[amplitude][name][span], height):.2f}" for span in spans),
+        )
+        for name in NAMES[1:]
+        for amplitude in AMPLITUDES
     )
-    return Study(caption, ("Correction", *(name for _, _, name in spans)), tuple(rows))
+    caption = "CE90 on the ground by thermal amplitude and age of the calibration, in metres."
+    head = ("Correction", "Amplitude (arcsec)", *(name for *_, name in (*AGES, LAST_DAY)))
+    return Study(caption, head, rows)
+
+
+def suffices() -> Study:
+    """Up to which thermal amplitude each correction suffices, by age of the calibration.
+
+    Returns
+    -------
+    Study
+        One row per correction and error that is still borne; amplitudes in arc seconds.
+    """
+    door = given((*twin_study.SATELLITE, *ground_study.READS))
+    height = twin_study.altitude(door)
+    spans = _spans()
+    # Every correction is linear in what is true and in the noise: two runs tell all amplitudes.
+    noise, whole = residuals(0.0), residuals(ARCSEC)
+    rows = []
+    for name in NAMES[1:]:
+        for said, limit in _limits(door).items():
+            pairs = [
+                (whole[name][span] - noise[name][span], noise[name][span])
+                for span in spans.values()
+            ]
+            entries = [largest_amplitude(*pair, limit / height) for pair in pairs]
+            rows.append((name, f"{said}, {limit:.2f}", *(_amplitude(one) for one in entries)))
+    caption = (
+        "Largest amplitude of the first thermal harmonic, in arc seconds, at which CE90 on the "
+        "ground stays below a limit; none where noise alone exceeds it."
+    )
+    return Study(caption, ("Correction", "limit (m)", *spans), tuple(rows))
+
+
+def _limits(door: Given) -> dict[str, float]:
+    """Return errors on the ground that a correction may be asked to keep below, in metres."""
+    view = ground_study.look(door, 0.0, 0.0)
+    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+    attitude = ground_study.analytic(jacobian, ground_study.terms(door)[0])
+    return {
+        "panchromatic pixel": door[twin_study.SATELLITE[2]],
+        "what the tracker itself errs by": float(circular_error(attitude)),
+    }
+
+
+def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
+    """Return the amplitude at which nine tenths of the errors just stay within a limit.
+
+    Parameters
+    ----------
+    slope : ndarray, shape (samples, 2)
+        Errors per unit of amplitude.
+    noise : ndarray, shape (samples, 2)
+        Errors at amplitude zero, in radians.
+    limit : float
+        In radians.
+
+    Returns
+    -------
+    float
+        In the unit of the slope, from 0 to `LARGEST`; not a number if noise alone goes beyond.
+    """
+    if _ce90(noise, 1.0) > limit:
+        return float("nan")
+    low, high = 0.0, LARGEST
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        within = _ce90(middle * slope + noise, 1.0) <= limit
+        low, high = (middle, high) if within else (low, middle)
+    return low
+
+
+def _amplitude(value: float) -> str:
+    return "none" if np.isnan(value) else f"{value:.2g}"

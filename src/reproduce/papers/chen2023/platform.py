@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Results, reproduces
-from reproduce.physics import lasers
+from reproduce.physics.pixel_angles import angle_from_pixels
 from reproduce.printed.given import Given
 
 PLATFORM = "chen2023/table-2"
@@ -14,7 +14,7 @@ TRACKER = [f"{PLATFORM}#tracker-focal-length.value", f"{PLATFORM}#tracker-pixel-
 def angle_of_one_pixel(given: Given) -> float:
     """Angle that one pixel of the ground tracker sees, in radians."""
     focal_length, pixel_pitch = (given[address] for address in TRACKER)
-    return float(lasers.pixel_angle(pixel_pitch, focal_length))
+    return float(angle_from_pixels(1, pixel_pitch, focal_length))
 
 
 @reproduces(PLATFORM, cells=["tracker-angular-resolution.value"], given=TRACKER)

@@ -7,29 +7,28 @@ taken as printed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference.averaging import AveragingLikelihood, averaging_model, predicted_error
+from reproduce.inference.directions import directions_model
 from reproduce.inference.geometry import GeometryLikelihood, geometry_model
 from reproduce.inference.lasers import Platform, SpotStatistics
 from reproduce.inference.misalignment import drift_model, misalignment_model, states_model
 from reproduce.inference.model import Model, Quantity
-from reproduce.inference.stage_table import (
-    ReferenceAngles,
-    StageTableLikelihood,
-    table_model,
-)
-from reproduce.papers.chen2023 import lasers
+from reproduce.inference.reference_angles import HYPOTHESES, ReferenceAngles
+from reproduce.inference.stage_table import StageTableLikelihood, table_model
+from reproduce.inference.table_readings import Reading, hypotheses
+from reproduce.papers.chen2023 import lasers, published
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import Declared
 from reproduce.physics.ground import altitude_for_resolution, ground_error
 from reproduce.physics.stage import stage_angles
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
 
 ARCSEC = 206264.80624709636
 DATA_SEED = (ROOT_SEED, 2)
@@ -134,16 +133,46 @@ class OnTheGround:
         }
 
 
-def _ground(given: Given) -> OnTheGround:
-    return OnTheGround(float(altitude_for_resolution(*(given[address] for address in GROUND))))
+@dataclass(frozen=True, eq=False)
+class LastState:
+    """The same for the angles of the stage's last state.
+
+    Parameters
+    ----------
+    ground : OnTheGround
+        Takes angles as its first two columns.
+    motion : ndarray, shape (2,)
+        Of the stage, in metres.
+    """
+
+    ground: OnTheGround
+    motion: FloatArray
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Errors about the posterior mean: pointing in arcsec, position in metres."""
+        return self.ground(stage_angles(parameters[:, 4, None] * self.motion, parameters[:, 3]))
+
+
+def _ground(given: Given, first: int = 3) -> OnTheGround:
+    altitude = float(altitude_for_resolution(*(given[address] for address in GROUND)))
+    return OnTheGround(altitude, first)
+
+
+def _still(given: Given) -> SpotStatistics:
+    """A calibration group, and a group after a constant turn."""
+    zero = np.zeros(3)
+    spots = images(given, [(zero, zero), (TRUTH, TRUTH)], given.count(FRAMES), 0)
+    return SpotStatistics.of(spots, (False, False))
 
 
 def misalignment(given: Given) -> Model:
     """A constant misalignment after a calibration group."""
-    zero = np.zeros(3)
-    spots = images(given, [(zero, zero), (TRUTH, TRUTH)], given.count(FRAMES), 0)
-    statistics = SpotStatistics.of(spots, (False, False))
-    return misalignment_model(platform(given), statistics, derived=_ground(given))
+    return misalignment_model(platform(given), _still(given), derived=_ground(given))
+
+
+def directions(given: Given) -> Model:
+    """The same images, the direction of every laser free."""
+    return directions_model(platform(given), _still(given), derived=_ground(given, 0))
 
 
 def drift(given: Given) -> Model:
@@ -163,7 +192,8 @@ def states(given: Given) -> Model:
     turns = [(angle, angle) for angle in stage_angles(motions, design.camera_focal_length)]
     spots = images(given, turns, given.count(STATE_FRAMES), 2)
     statistics = SpotStatistics.of(spots, (False,) * len(motions))
-    return states_model(design, statistics, motions)
+    consequences = LastState(_ground(given, 0), motions[-1])
+    return states_model(design, statistics, motions, derived=consequences)
 
 
 def stage_positions(given: Given) -> FloatArray:
@@ -214,7 +244,21 @@ def table_5(given: Given, hypothesis: int | None = None) -> Model:
     """Focal length, bias and noise from Table V."""
     monitored = np.stack([given.array(f"{STAGE}#*.monitoring-{a}") for a in "yx"], axis=-1)
     likelihood = StageTableLikelihood(reference_angles(given), monitored, hypothesis)
-    return table_model(likelihood, given[lasers.READS[2]])
+    model = table_model(likelihood, given[lasers.READS[2]])
+    if hypothesis is None:
+        return model
+    return replace(model, name=f"{model.name}, {HYPOTHESES[hypothesis]}")
+
+
+def readings() -> list[Reading]:
+    """Return the readings of Table V: the orders of its columns, positions or motions that hold.
+
+    The motions, which no model reads, reach the readings alone.
+    """
+    door = given((f"{STAGE}#*.position-?", f"{STAGE}#*.motion-?"))
+    printed = stage_positions(door)
+    motions = np.stack([door.array(f"{STAGE}#*.motion-{a}") for a in "xy"], axis=-1)
+    return hypotheses(printed, printed[0] + motions, _half_unit(door, f"{STAGE}#2.motion-x"))
 
 
 def geometry(given: Given) -> Model:
@@ -237,9 +281,13 @@ def _half_unit(given: Given, address: str) -> float:
 
 COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")
 POSTERIORS = (
-    Declared("misalignment", "chen2023", READS, misalignment, True),
-    Declared("misalignment-states", "chen2023", READS, states, True),
-    Declared("misalignment-drift", "chen2023", READS, drift, True),
+    Declared("misalignment", "chen2023", READS, misalignment, True, (directions,),
+             published.scatter),
+    Declared("misalignment-directions", "chen2023", READS, directions, True,
+             published=published.scatter),
+    Declared("misalignment-states", "chen2023", READS, states, True,
+             published=published.monitored, compared=published.MONITORED),
+    Declared("misalignment-drift", "chen2023", READS, drift, True, published=published.scatter),
     *(
         Declared(
             "frame-averaging" if column == COLUMNS[0] else f"frame-averaging-{column}",
@@ -248,12 +296,14 @@ POSTERIORS = (
             partial(frame_averaging, column=column),
             False,
             (partial(frame_averaging, column=column, floor=False),),
+            partial(published.averaged, column=column),
         )
         for column in COLUMNS
     ),
     Declared(
         "table-5", "chen2023", (*STAGE_READS, f"{STAGE}#*.monitoring-?"), table_5, False,
-        (partial(table_5, hypothesis=0), partial(table_5, hypothesis=1)),
+        (partial(table_5, hypothesis=0), partial(table_5, hypothesis=1)), published.stage_table,
     ),
-    Declared("geometry", "chen2023", (*lasers.READS, *STAGE_READS), geometry, False),
+    Declared("geometry", "chen2023", (*lasers.READS, *STAGE_READS), geometry, False,
+             published=published.spots_and_stage),
 )  # fmt: skip

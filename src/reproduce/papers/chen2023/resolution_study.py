@@ -16,6 +16,7 @@ from reproduce.physics.centroids import centre_of_gravity, windowed_centre
 from reproduce.physics.detector import Detector, expose
 from reproduce.physics.phase_study import (
     Light,
+    biased_bound,
     bound,
     even_phases,
     predicted_errors,
@@ -30,8 +31,9 @@ from reproduce.printed.given import Given, given
 STUDY = resolution.STUDY
 TRIALS = 40
 STEPS = 12
-# Angles per pixel at which the estimators are compared, in arc seconds.
+# Angles per pixel at which the estimators are compared, in arc seconds; and the errors of one.
 COMPARED = (20, 30, 43, 57, 80)
+TAKEN_APART = (10, *COMPARED)
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,36 @@ def _fixed_travel(door: Given, reading: Reading, phases: FloatArray, radius: flo
     nearest = travel - np.floor(travel + 0.5)
     law = predicted_errors(nearest, reading.light, radius, reading.window)
     return float(predicted_scatter(law).total)
+
+
+def errors() -> Study:
+    """Errors of the centre of gravity taken apart, against both bounds, from the closed form.
+
+    Returns
+    -------
+    Study
+        One row per quantity, one column per angular resolution.
+    """
+    door = given(resolution.READS)
+    light, size = resolution.light_for_table(door), resolution.window(door)
+    phases = even_phases(door.count(f"{STUDY}#phases"))
+    radius = resolution.radii(door, np.radians(np.array(TAKEN_APART) / 3600))
+    law = predicted_errors(phases, light, radius, size)
+    parts, least = predicted_scatter(law), bound(phases, light, radius, size)
+    lines = {
+        "standard deviation at one place": parts.within,
+        "bias, root mean square over the places": parts.bias,
+        "root-mean-square error": np.sqrt(law.mean_square.mean(axis=-1)),
+        "bound without bias": least,
+        "bound for the bias that it has": biased_bound(phases, light, radius, size),
+        "standard deviation over the bound without bias": parts.within / least,
+    }
+    rows = tuple((name, *(f"{value:.4f}" for value in values)) for name, values in lines.items())
+    caption = (
+        "The centre of gravity in the fixed window, in px, for pixels of the given angle (arcsec), "
+        "with the light of the study and photon noise alone."
+    )
+    return Study(caption, ("Quantity", *(f"{angle}" for angle in TAKEN_APART)), rows)
 
 
 def estimators() -> Study:

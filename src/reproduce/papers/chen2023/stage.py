@@ -17,6 +17,7 @@ from reproduce.papers.chen2023 import lasers
 from reproduce.papers.declare import Prediction, Results, reproduces
 from reproduce.physics.simulate import spawned_normals
 from reproduce.physics.stage import stage_angle
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
@@ -164,19 +165,44 @@ def draw(figure: Figure, printed: Mapping[str, float]) -> None:
     panels = figure.subplots(1, 2, sharey=True)
     for axes, (axis, turn) in zip(panels, TURNS.items(), strict=True):
         motions = np.array([printed[f"{TABLE}#{state}.motion-{axis}"] for state in MOVED])
-        for name, marker, shift in (("reference", "o", -0.08), ("monitoring", "s", 0.08)):
-            names = [f"{state}.{name}-{turn}" for state in MOVED]
-            angles = np.array([printed[f"{TABLE}#{cell}"] for cell in names])
-            noise = [_spread(predicted.get(cell)) for cell in names]
-            implied = -motions / np.tan(angles) * 1e3
-            error = implied * noise / np.abs(angles)
-            axes.errorbar(np.add(MOVED, shift), implied, error, fmt=marker, label=name)
-        axes.axhline(door[TELESCOPE] * 1e3, linestyle="--", linewidth=1, label="nominal")
+        angles = {
+            name: np.array([printed[f"{TABLE}#{state}.{name}-{turn}"] for state in MOVED])
+            for name in ("reference", "monitoring")
+        }
+        noise = [_spread(predicted[f"{state}.monitoring-{turn}"]) for state in MOVED]
+        error = _implied(motions, angles["monitoring"]) * noise / np.abs(angles["monitoring"])
+        left, right = np.add(MOVED, -0.1), np.add(MOVED, 0.1)
+        own, blue = _implied(motions, angles["reference"]), "#0072B2"
+        axes.plot(left, own, "o", color=blue, label="reference")
+        # Differences of the positions, not the printed motions: one of these holds a slip.
+        exchanged = _implied(_moved(printed, turn), angles["reference"])
+        axes.plot(left, exchanged, "o", fillstyle="none", color=blue, label="reference, exchanged")
+        axes.errorbar(
+            right,
+            _implied(motions, angles["monitoring"]),
+            error,
+            fmt="s",
+            color="#D55E00",
+            label="monitoring",
+        )
+        axes.axhline(door[TELESCOPE] * 1e3, color="#000000", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=MOVED)
-    panels[0].set_ylabel("focal length implied (mm)")
-    panels[1].legend()
+    panels[0].set_ylabel("focal length (mm)")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return the focal lengths in millimetres for which (10) joins motions and angles."""
+    return np.asarray(-motions / np.tan(angles) * 1e3)
+
+
+def _moved(printed: Mapping[str, float], axis: str) -> FloatArray:
+    places = np.array([printed[f"{TABLE}#{state}.position-{axis}"] for state in STATES])
+    return np.asarray(places[1:] - places[0])
 
 
 def _spread(result: object) -> float:
-    """Return one standard deviation of a prediction, zero for a number that is no prediction."""
-    return float(result.draws.std()) if isinstance(result, Prediction) else 0.0
+    """Return one standard deviation of a prediction."""
+    if not isinstance(result, Prediction):
+        raise TypeError(f"expected a Prediction, got {type(result).__name__}")
+    return float(result.draws.std())

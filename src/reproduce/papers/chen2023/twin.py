@@ -6,7 +6,9 @@ the paper leaves open, and how the twin reads it (fixed before its result was kn
 
 * light: each laser of each group has the light that gives the mean variance of its two cells of
   Table III, with photon noise alone; nothing else is fitted. What photons cannot explain, such as
-  a laser whose x scatters less than its y, the twin does not have;
+  a laser whose x scatters less than its y, the twin does not have. Another sensor, with read noise,
+  dark charge, rounding or saturation, may be put in its place (see `twin_study.sensors`): one
+  variance cannot tell them apart, so the light is fitted again beside it;
 * the spot's radius is the printed one; it is the same for all lasers;
 * places: the printed centroids, with the bias of their own 5 by 5 window taken off, stand still
   within a group, and are the same in both groups: the paper does not print how they differ;
@@ -25,7 +27,7 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023 import accuracy, lasers, resolution
 from reproduce.physics.centroid_theory import centre_of_gravity_error
 from reproduce.physics.centroids import centre_of_gravity
-from reproduce.physics.detector import Detector, expose
+from reproduce.physics.detector import Detector, electrons, expose
 from reproduce.physics.installation import moved_laser_transform
 from reproduce.physics.lasers import emitted_directions, received_directions, received_spots
 from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
@@ -37,6 +39,8 @@ from reproduce.printed.given import Given
 
 RADIUS = f"{resolution.STUDY}#spot-radius"
 WINDOW = "chen2023/text-extraction#window-x"
+# The sensor that the predictions rest on.
+PHOTONS = Detector()
 READS = (*lasers.READS, lasers.SCATTER, accuracy.FRAMES, RADIUS, WINDOW)
 
 
@@ -58,6 +62,8 @@ class Bench:
         Designed directions of the lasers.
     tracker : tuple
         Principal point in px, pixel pitch and focal length in metres.
+    sensor : Detector
+        The tracker's image sensor.
     """
 
     spots: FloatArray
@@ -66,6 +72,7 @@ class Bench:
     window: int
     camera_directions: FloatArray
     tracker: tuple[FloatArray, float, float]
+    sensor: Detector
 
     def directions(self, spots: ArrayLike) -> FloatArray:
         """Return the tracker directions of spots of shape (..., 4, 2)."""
@@ -85,13 +92,15 @@ class Bench:
         return received_spots(moved, *self.tracker)
 
 
-def bench(given: Given) -> Bench:
+def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
     """Set the twin up from printed numbers.
 
     Parameters
     ----------
     given : Given
         Holds the cells of `READS`.
+    sensor : Detector
+        Whose noise the light has to fit Table III with; photon noise alone by default.
 
     Returns
     -------
@@ -103,8 +112,12 @@ def bench(given: Given) -> Bench:
     radius, window = given[RADIUS] / pitch, round(given[WINDOW])
     corners = window_corners(printed, window)
     law = centre_of_gravity_error(printed, 1.0, radius, corners, window)
+    noisy = centre_of_gravity_error(printed, 1.0, radius, corners, window, 1.0)
     groups = np.stack([lasers.scatter(given, group) for group in (1, 2)])
-    light = law.variance.mean(axis=-1) / (groups**2).mean(axis=-1)
+    # The variance is photon / light + read noise^2 read / light^2: a quadratic in the light.
+    target, photon = (groups**2).mean(axis=-1), law.variance.mean(axis=-1)
+    read = sensor.noise_electrons() ** 2 * (noisy.variance.mean(axis=-1) - photon)
+    light = (photon + np.sqrt(photon**2 + 4.0 * target * read)) / (2.0 * target)
     pixels = given.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
     designed = lasers.designed_positions(printed, given[lasers.DIAGONAL])
     return Bench(
@@ -120,6 +133,7 @@ def bench(given: Given) -> Bench:
             pitch,
             given[f"{lasers.PLATFORM}#tracker-focal-length.value"],
         ),
+        sensor=sensor,
     )
 
 
@@ -150,7 +164,8 @@ def centroids(
     corners = window_corners(places, platform.window)
     mean = spot_windows(places, light, platform.radius, corners, platform.window)
     shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-    seen = expose(np.broadcast_to(mean, shape), Detector(), generator)
+    photons = np.broadcast_to(mean / platform.sensor.quantum_efficiency, shape)
+    seen = electrons(expose(photons, platform.sensor, generator), platform.sensor)
     return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
 
 

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import default_rng
+from scipy.stats import chi2, kstest
 
 from reproduce.papers.chen2023 import accuracy, design, lasers, stage, twin
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Study
-from reproduce.physics.averaging import averaged_error, moving_average
+from reproduce.physics.averaging import moving_average
+from reproduce.physics.detector import Detector
 from reproduce.physics.ground import altitude_for_resolution
+from reproduce.physics.spots import spot_windows, window_corners
+from reproduce.physics.taste import taste
 from reproduce.physics.validate import FloatArray
+from reproduce.physics.wahba import solve
 from reproduce.printed.given import Given, given
 
-TABLE = accuracy.TABLE
-FLOOR_REPLICATES = 1000
-# Floors that are tried, in units of the column's single-frame accuracy.
-FLOORS = np.linspace(0.0, 0.4, 81)
 SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 SATELLITE = (
     *(f"{design.SATELLITE}#panchromatic-{name}.value" for name in ("focal-length", "pixel-size")),
@@ -26,105 +27,6 @@ SATELLITE = (
 )
 # Distances from the middle of the image, on the ground, for which the roll is told.
 OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
-
-
-@dataclass(frozen=True, eq=False)
-class FloorFit:
-    """A floor b in E^2 = a^2/n + b^2, fitted to one column of Table IV.
-
-    Attributes
-    ----------
-    floor : float
-        The most likely b, in radians.
-    upper : float
-        The largest b that the column does not refuse at 95 %, in radians.
-    probability : float
-        How often a column without floor prefers a floor at least as strongly.
-    """
-
-    floor: float
-    upper: float
-    probability: float
-
-
-def floors() -> Study:
-    """Whether Table IV needs a floor that averaging does not reduce, column by column.
-
-    Returns
-    -------
-    Study
-        One row per column.
-    """
-    door = given((*accuracy.READS, f"{TABLE}#*"))
-    counts = [int(n) for n in door.array(f"{TABLE}#*.frames")]
-    noise = accuracy.simulated_accuracies(
-        door, seed_of("chen2023/floors"), FLOOR_REPLICATES, counts
-    )
-    rows = []
-    for m, matrix in enumerate(accuracy.MATRICES):
-        for a, axis in enumerate("xy"):
-            printed = door.array(f"{TABLE}#*.{matrix}-{axis}")
-            found = fit_floor(printed, noise[:, m, :, a], _last_digit())
-            said = "needed" if found.probability < 0.01 else "not needed"
-            values = np.degrees([found.floor, found.upper]) * 3600
-            rows.append(
-                (
-                    f"{matrix}, {axis.upper()}",
-                    *(f"{value:.3f}" for value in values),
-                    f"{found.probability:.2f}",
-                    said,
-                )
-            )
-    head = ("Column", "best floor (arcsec, 3σ)", "at most (95 %)", "probability", "a floor is")
-    caption = (
-        "A floor under the averages of Table IV, fitted to the six rows of a column jointly. "
-        "The probability is that of so strong a preference for a floor where there is none."
-    )
-    return Study(caption, head, tuple(rows))
-
-
-def _last_digit() -> float:
-    return float(np.radians(0.01 / 3600))
-
-
-def fit_floor(printed: FloatArray, noise: FloatArray, digit: float) -> FloorFit:
-    """Fit a floor to accuracies that come from the same frames.
-
-    The logarithms of the six accuracies are taken as jointly normal, with the mean and covariance
-    of the simulated ones; the rounding of the print is added to the covariance.
-
-    Parameters
-    ----------
-    printed : ndarray, shape (counts,)
-        Accuracies as printed, in radians.
-    noise : ndarray, shape (replicates, counts)
-        Accuracies simulated without a floor, in radians.
-    digit : float
-        The last printed digit, in radians.
-
-    Returns
-    -------
-    FloorFit
-        Estimate, limit and probability.
-    """
-    single = float(noise[:, 0].mean())
-    rounded = np.round(noise / digit) * digit
-    surprise = np.empty((len(FLOORS), 1 + len(noise)))
-    for row, share in zip(surprise, FLOORS, strict=True):
-        model = np.log(averaged_error(1.0, noise, share * single))
-        # Rounding spreads a number evenly over one digit.
-        spread = np.diag((digit / printed) ** 2 / 12.0)
-        inverse = np.linalg.inv(np.cov(model.T) + spread)
-        penalty = -np.linalg.slogdet(inverse)[1]
-        away = np.log(np.vstack([printed, rounded])) - model.mean(axis=0)
-        row[...] = np.einsum("ri,ij,rj->r", away, inverse, away) + penalty
-    gain = surprise[0] - surprise.min(axis=0)
-    below = surprise[:, 0] - surprise[:, 0].min() <= 1.92 * 2
-    return FloorFit(
-        floor=float(FLOORS[surprise[:, 0].argmin()]) * single,
-        upper=float(FLOORS[below].max()) * single,
-        probability=float((gain[1:] >= gain[0]).mean()),
-    )
 
 
 def misfit() -> Study:
@@ -142,6 +44,110 @@ def misfit() -> Study:
         ("miss left if the pattern may shrink (px, rms)", f"{found['after_scale']:.3f}"),
     )
     return Study("The designed lasers against the printed spots.", ("Quantity", "value"), rows)
+
+
+# The TASTE test's level, and how far a laser is displaced to see whether the test notices, in px.
+REFUSED, NUDGE = 0.01, 0.1
+
+
+def believable() -> Study:
+    """Whether the frames of the second group pass the TASTE test, for several laser directions.
+
+    Returns
+    -------
+    Study
+        One row per set of directions that the lasers are said to have.
+    """
+    door = given(twin.READS)
+    platform = twin.bench(door)
+    frames = door.count(accuracy.FRAMES)
+    series = twin.two_groups(platform, frames, default_rng(seed_of("chen2023/believable")))
+    zero = series.spots[0].mean(axis=0)
+    nudged = zero + NUDGE * np.eye(len(zero), 2)
+    shrunk = platform.camera_directions * np.array([*[twin.misfit(platform)["scale"]] * 2, 1.0])
+    rows = tuple(
+        (name, *_tasted(platform, series.spots[1], directions, door))
+        for name, directions in (
+            ("as designed", platform.camera_directions),
+            ("as designed, the pattern shrunk to fit", shrunk),
+            ("as the first group saw them", platform.directions(zero)),
+            (f"the same, one laser {NUDGE:g} px aside", platform.directions(nudged)),
+        )
+    )
+    head = ("Laser directions", "median of the statistic", "expected", f"refused at {REFUSED:.0%}",
+            "agrees with the law")  # fmt: skip
+    caption = (
+        f"The TASTE test of {frames} single frames of the twin, with {len(zero)} spots and "
+        f"{2 * len(zero) - 3} degrees of freedom. The last column is the probability of a "
+        "Kolmogorov–Smirnov test against the chi-square law."
+    )
+    return Study(caption, head, rows)
+
+
+def _tasted(
+    platform: twin.Bench, spots: FloatArray, directions: FloatArray, door: Given
+) -> tuple[str, ...]:
+    """Return the columns of one row: what the TASTE test says of all frames."""
+    pixel = platform.tracker[1] / platform.tracker[2]
+    scatter = np.sqrt((lasers.scatter(door, 2) ** 2).mean(axis=-1)) * pixel
+    found = taste(solve(platform.directions(spots), directions, scatter**-2.0), scatter)
+    law = chi2(found.freedom.flat[0])
+    return (
+        f"{np.median(found.statistic):.3g}",
+        f"{law.median():.3g}",
+        f"{(found.probability < REFUSED).mean():.1%}",
+        f"{kstest(found.statistic, law.cdf).pvalue:.2g}",
+    )
+
+
+# Sensors for the twin: read noise of some electrons, dark charge whose variance is as large, twelve
+# bits at two electrons a step; and a full well of half the brightest pixel.
+READ_NOISE, BITS, GAIN = 5.0, 12, 0.5
+SENSORS = {
+    "photon noise alone": twin.PHOTONS,
+    "read noise": Detector(read_noise=READ_NOISE),
+    "read noise, dark charge, twelve bits": Detector(
+        read_noise=READ_NOISE, dark_signal=READ_NOISE**2, gain=GAIN, offset=100.0, bits=BITS
+    ),
+}
+FULL = 0.5
+
+
+def sensors() -> Study:
+    """What the twin predicts with other sensors, the light fitted to Table III beside each.
+
+    Returns
+    -------
+    Study
+        One row per sensor; the last keeps the light of the first and lets pixels fill up.
+    """
+    door = given((*twin.READS, SMOOTHED))
+    many, frames = door.count(SMOOTHED), 5 * door.count(accuracy.FRAMES)
+    plain = twin.bench(door)
+    corners = window_corners(plain.spots, plain.window)
+    windows = spot_windows(plain.spots, plain.light[1], plain.radius, corners, plain.window)
+    filled = replace(plain, sensor=Detector(full_well=FULL * float(windows.max())))
+    benches = {name: twin.bench(door, sensor) for name, sensor in SENSORS.items()}
+    rows = []
+    for name, platform in (benches | {"pixels full at half the brightest": filled}).items():
+        series = twin.two_groups(platform, frames, default_rng(seed_of(f"sensor {name}")))
+        spread = lasers.SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
+        angles = [
+            lasers.SIGMAS * moving_average(series.misalignment, count, axis=0).std(axis=0)[:2]
+            for count in (1, many)
+        ]
+        said = [f"{np.degrees(np.hypot(*pair) / np.sqrt(2)) * 3600:.3f}" for pair in angles]
+        rows.append((name, f"{platform.light.mean():.0f}", f"{spread:.4f}", *said))
+    printed = lasers.SIGMAS * np.sqrt(
+        np.mean([(lasers.scatter(door, group) ** 2).mean() for group in (1, 2)])
+    )
+    head = ("Sensor", "light of a spot (electrons)", "scatter of a spot (px, 3σ)",
+            "about X or Y (arcsec, 3σ)", f"mean of {many} frames (arcsec, 3σ)")  # fmt: skip
+    caption = (
+        f"The twin with other sensors, {frames} frames each. Table III has a scatter of "
+        f"{printed:.4f} px in the mean square; the light is fitted to it in all rows but the last."
+    )
+    return Study(caption, head, tuple(rows))
 
 
 def roll() -> Study:

@@ -1,0 +1,140 @@
+"""What a repeat of the ground tests would print (chen2023, sections V-A to V-C)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator
+
+from reproduce.inference.geometry import GeometryLikelihood
+from reproduce.inference.lasers import Platform
+from reproduce.inference.misalignment import SpotLikelihood
+from reproduce.inference.model import Model
+from reproduce.inference.repeats import Published
+from reproduce.inference.stage_table import StageTableLikelihood
+from reproduce.papers.chen2023 import lasers
+from reproduce.papers.posteriors import published_cells, simulated
+from reproduce.physics.lasers import emitted_directions, received_directions
+from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+STAGE = "chen2023/table-5"
+AVERAGES = "chen2023/table-4"
+FRAMES = "chen2023/text-accuracy#frames"
+MOVED = (2, 3, 4, 5)
+# Rows of print, and the two blocks of the table: motion along X, then along Y.
+MONITORED = tuple(f"{STAGE}#{state}.monitoring-{axis}" for state in MOVED for axis in "yx")
+REFERENCE = tuple(f"{STAGE}#{state}.reference-{axis}" for state in MOVED for axis in "yx")
+SPOT_CELLS = tuple(f"chen2023/text-extraction#spot-{i}-{a}" for i in range(1, 5) for a in "xy")
+SCATTER = tuple(f"{lasers.SCATTER}#{g}-{i}.{a}" for g in (1, 2) for i in range(1, 5) for a in "xy")
+
+
+def scatter(given: Given, model: Model) -> Published:
+    """Table III: the scatter of every spot, as the noise of the model would leave it.
+
+    Parameters
+    ----------
+    given : Given
+        Holds Table III and the number of frames.
+    model : Model
+        A misalignment whose last parameter is the noise.
+
+    Returns
+    -------
+    Published
+        Three standard deviations of each coordinate, in px.
+    """
+    freedom = given.count(FRAMES) - 1
+    noise = model.names.index("noise")
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        squares = generator.chisquare(freedom, (len(parameters), len(SCATTER))) / freedom
+        return np.asarray(lasers.SIGMAS * parameters[:, noise, None] * np.sqrt(squares))
+
+    return published_cells(given, SCATTER, repeat)
+
+
+def monitored(given: Given, model: Model) -> Published:
+    """Monitored angles of Table V, from the mean spots of each state as the paper finds them.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the monitored angles.
+    model : Model
+        The five states.
+
+    Returns
+    -------
+    Published
+        Eight angles, in the columns under whose headings they are printed.
+    """
+    likelihood = model.likelihood
+    if not isinstance(likelihood, SpotLikelihood):
+        raise TypeError(f"model: expected spots, got {type(likelihood).__name__}")
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        means = np.stack([model.repeat(one, generator).means for one in parameters])
+        angles = quest_angles(likelihood.platform, means)
+        return angles[:, 1:, [1, 0]].reshape(len(parameters), -1)
+
+    return published_cells(given, MONITORED, repeat)
+
+
+def quest_angles(platform: Platform, means: FloatArray) -> FloatArray:
+    """Misalignment angles of groups since the first one, through QUEST.
+
+    Parameters
+    ----------
+    platform : Platform
+        The instrument as designed.
+    means : ndarray, shape (n, groups, lasers, 2)
+        Mean spots, in px.
+
+    Returns
+    -------
+    ndarray, shape (n, groups, 3)
+        In radians.
+    """
+    camera = emitted_directions(platform.lasers, platform.camera_focal_length)
+    received = received_directions(
+        means, platform.principal_point, platform.pixel_pitch, platform.tracker_focal_length
+    )
+    zero = laser_transform(camera, received[:, 0])
+    return misalignment_angles(misalignment(camera, received, zero[:, None]))
+
+
+def averaged(given: Given, model: Model, column: str) -> Published:
+    """One column of Table IV, which is the data of the model; its box gives all digits at once."""
+    addresses = [f"{AVERAGES}#{int(n)}.{column}" for n in given.array(f"{AVERAGES}#*.frames")]
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        return lasers.SIGMAS * simulated(model, parameters, generator)
+
+    return published_cells(given, addresses, repeat, whole=model.log_likelihood)
+
+
+def stage_table(given: Given, model: Model) -> Published:
+    """Reference and monitored angles of Table V, which are the data of the model."""
+    likelihood = model.likelihood
+    if not isinstance(likelihood, StageTableLikelihood):
+        raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        pairs = [model.repeat(one, generator) for one in parameters]
+        return np.stack([np.concatenate([part.ravel() for part in pair]) for pair in pairs])
+
+    return published_cells(given, (*REFERENCE, *MONITORED), repeat, whole=likelihood.log_same)
+
+
+def spots_and_stage(given: Given, model: Model) -> Published:
+    """Spots and reference angles, which are the data of the geometry."""
+    likelihood = model.likelihood
+    if not isinstance(likelihood, GeometryLikelihood):
+        raise TypeError(f"model: expected the geometry, got {type(likelihood).__name__}")
+
+    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
+        pairs = [model.repeat(one, generator) for one in parameters]
+        return np.stack([np.concatenate([part.ravel() for part in pair]) for pair in pairs])
+
+    return published_cells(given, (*SPOT_CELLS, *REFERENCE), repeat, whole=likelihood.log_same)

@@ -1,0 +1,187 @@
+"""Pieces of the drawings of both papers: boxes, arrows, arcs, and looks that need no colour.
+
+Everything that carries no look of its own is drawn in `INK`, which follows the page's text.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics.validate import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Point = tuple[float, float]
+Draw = Callable[["Figure", Mapping[str, float]], None]
+INK = "#000000"
+SIZE = 9.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """How one kind of thing is drawn wherever it appears: colour, line and marker all differ."""
+
+    name: str
+    colour: str
+    line: str
+    marker: str = "o"
+
+
+def canvas(figure: Figure, width: float, height: float, inches: float = 6.4) -> Axes:
+    """Return axes without ticks that reach from (0, 0) to (width, height), to scale."""
+    figure.set_size_inches(inches, inches * height / width)
+    axes = figure.add_subplot()
+    axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
+    axes.set_axis_off()
+    return axes
+
+
+def diagram(
+    width: float, height: float, inches: float = 6.4
+) -> Callable[[Callable[[Axes], None]], Draw]:
+    """Turn a function that paints on a canvas into one that draws an item without printed values.
+
+    Parameters
+    ----------
+    width, height : float
+        Of the canvas, in its own units.
+    inches : float
+        Width of the figure.
+
+    Returns
+    -------
+    callable
+        A decorator; what it makes takes a figure and the printed values, which it does not use.
+    """
+
+    def declare(paint: Callable[[Axes], None]) -> Draw:
+        @functools.wraps(paint)
+        def draw(figure: Figure, printed: Mapping[str, float]) -> None:
+            paint(canvas(figure, width, height, inches))
+
+        return draw
+
+    return declare
+
+
+def pair(point: ArrayLike) -> Point:
+    """Return a point as two plain numbers, as matplotlib's annotations want them."""
+    x, y = np.asarray(point, dtype=np.float64)
+    return float(x), float(y)
+
+
+def beside(place: ArrayLike, right: float, up: float) -> FloatArray:
+    """Return the place so far to the right of another and so far above it."""
+    result: FloatArray = np.asarray(place, dtype=np.float64) + np.array([right, up])
+    return result
+
+
+def turned(points: ArrayLike, degrees: float) -> FloatArray:
+    """Return points turned about the origin, counterclockwise."""
+    angle = np.radians(degrees)
+    matrix = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    result: FloatArray = np.asarray(points, dtype=np.float64) @ matrix.T
+    return result
+
+
+def label(axes: Axes, place: ArrayLike, text: str, *, size: float = SIZE, **look: object) -> None:
+    """Write a label, centred on its place unless `ha` or `va` say otherwise."""
+    settings = {"ha": "center", "va": "center", "fontsize": size, **look}
+    axes.text(*pair(place), text, **settings)  # type: ignore[arg-type]
+
+
+def line(axes: Axes, points: ArrayLike, width: float = 1.0, style: str = "-") -> None:
+    """Draw a line through points of shape (n, 2)."""
+    axes.plot(*np.asarray(points).T, color=INK, linewidth=width, linestyle=style)
+
+
+def arrow(
+    axes: Axes,
+    start: ArrayLike,
+    end: ArrayLike,
+    look: Look | None = None,
+    *,
+    style: str = "-|>",
+    width: float = 1.3,
+) -> None:
+    """Draw an arrow, in a look or in ink."""
+    from matplotlib.patches import FancyArrowPatch
+
+    patch = FancyArrowPatch(
+        pair(start), pair(end), arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9
+    )
+    patch.set(color=look.colour if look else INK, linestyle=look.line if look else "-")
+    patch.set(linewidth=width)
+    axes.add_patch(patch)
+
+
+def path(axes: Axes, points: Sequence[ArrayLike], look: Look | None = None) -> None:
+    """Draw an arrow over several straight pieces, each with a head."""
+    for start, end in pairwise(points):
+        arrow(axes, start, end, look)
+
+
+def box(
+    axes: Axes,
+    centre: ArrayLike,
+    size: Point,
+    text: str = "",
+    look: Look | None = None,
+    *,
+    turn: float = 0.0,
+    style: str = "-",
+    width: float = 1.3,
+) -> None:
+    """Draw a labelled rectangle about a centre, turned by some degrees."""
+    from matplotlib.patches import Polygon
+
+    half = np.array(size) / 2
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+    patch = Polygon(turned(corners, turn) + np.asarray(centre), closed=True)
+    patch.set(facecolor="none", edgecolor=look.colour if look else INK)
+    patch.set(linewidth=width, linestyle=look.line if look else style)
+    axes.add_patch(patch)
+    if text:
+        label(axes, centre, text)
+
+
+def arc(
+    axes: Axes,
+    centre: ArrayLike,
+    radius: float,
+    angles: Point,
+    text: str = "",
+    *,
+    head: bool = False,
+) -> None:
+    """Draw an arc from one angle to another, in degrees, its label outside, a head at its end."""
+    sweep = np.radians(np.linspace(*angles, 60))
+    points = np.asarray(centre) + radius * np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
+    (turning if head else line)(axes, points)
+    if text:
+        middle = np.radians(sum(angles) / 2)
+        beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
+        label(axes, np.asarray(centre) + beyond, text)
+
+
+def turning(axes: Axes, points: FloatArray) -> None:
+    """Draw a curve of shape (n, 2) with a head at its end: the sense of a turn."""
+    line(axes, points, 1.2)
+    # From a few points back: over the last step alone the head would not know its direction.
+    arrow(axes, points[-6], points[-1], width=1.2)
+
+
+def key(axes: Axes, looks: Sequence[Look], place: Point) -> None:
+    """Name the kinds of lines; the place of the upper left corner is in shares of the axes."""
+    for look in looks:
+        axes.plot([], [], color=look.colour, linestyle=look.line, label=look.name)
+    axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=SIZE)

@@ -1,0 +1,200 @@
+"""The drawn frames and signs say what the functions do: read off the drawings, part by part."""
+
+import erfa
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch
+from scipy.spatial.transform import Rotation
+
+from reproduce.papers import space
+from reproduce.papers.chen2023 import figures_frames, figures_platform, figures_scene
+from reproduce.papers.niu2024 import figures_method, figures_signs
+from reproduce.physics.earth import geodetic
+from reproduce.physics.lasers import emitted_directions
+from reproduce.physics.misalignment import misalignment, misalignment_angles
+from reproduce.physics.raytrace import mirror_train
+from reproduce.physics.registration import fit_similarity
+
+LASERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * 0.1
+STILL = np.eye(3)
+
+
+def painted(draw, *printed):
+    figure = Figure()
+    draw(figure, *printed)
+    return figure.axes[0]
+
+
+def ends(axes):
+    """Return start and end of every arrow, shape (n, 2, 2)."""
+    arrows = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
+    return np.array([patch._posA_posB for patch in arrows], dtype=float)
+
+
+def curves(axes):
+    """Return the curved arrows: lines of sixty points in ink."""
+    return [line.get_xydata() for line in axes.lines if len(line.get_xydata()) == 60]
+
+
+def holds_arrow(axes, start, end):
+    """Tell whether an arrow runs from one place to another."""
+    return bool(np.isclose(ends(axes), [start, end], atol=1e-9).all(axis=(1, 2)).any())
+
+
+def words(axes):
+    return [text.get_text() for text in axes.texts]
+
+
+def measured(camera, arrives):
+    """Return the misalignment that equation (7) finds from light in the zero camera's frame."""
+    return misalignment_angles(misalignment(camera, arrives, STILL))
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_the_drawn_turn_is_the_misalignment_that_is_measured(index):
+    angles = figures_frames.TURN * np.eye(3)[index]
+    axes_now = figures_frames.turned_camera(angles)
+    camera = emitted_directions(LASERS, 1.0)
+    assert measured(camera, camera @ axes_now) == pytest.approx(angles, abs=1e-9)
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_the_curved_arrow_turns_right_handed(index):
+    axes = painted(figures_frames.draw_misalignment)
+    view = space.seen_from(-62.0, 26.0, ((2.0, 6.6, 11.2)[index], 2.7), 2.2)
+    start = 0.75 * np.eye(3)[0 if index == 2 else 2]
+    for share, point in zip(np.linspace(0, 1, 60), curves(axes)[index], strict=True):
+        turned = Rotation.from_rotvec(share * figures_frames.TURN * np.eye(3)[index]).apply(start)
+        assert point == pytest.approx(view.point(turned))
+    for axis in np.delete(np.eye(3), index, axis=0):
+        now = Rotation.from_rotvec(figures_frames.TURN * np.eye(3)[index]).apply(axis)
+        assert holds_arrow(axes, view.point(np.zeros(3)), view.point(now))
+
+
+def test_the_words_under_the_turns_say_where_the_axes_go():
+    said = words(painted(figures_frames.draw_misalignment))
+    assert r"$\theta_X > 0$: boresight towards −Y" in said
+    assert r"$\theta_Y > 0$: boresight towards +X" in said
+    assert r"$\theta_Z > 0$: X towards +Y" in said
+
+
+def test_x_y_and_z_are_drawn_right_handed():
+    """Seen from outside, X, Y and Z of a right-handed frame follow each other anticlockwise."""
+    for view in (space.seen_from(36.0, 20.0), space.seen_from(-62.0, 200.0)):
+        viewer = np.cross(*view.matrix)
+        x, y = view.point(np.eye(3)[:2])
+        assert np.sign(x[0] * y[1] - x[1] * y[0]) == np.sign(viewer[2])
+
+
+def test_the_rays_of_both_instruments_are_those_of_the_equations():
+    axes = painted(figures_frames.draw_instruments)
+    x, y = figures_frames.POINT
+    focal = figures_frames.FOCAL
+    lens = np.array([0.0, 0.0, focal])
+    out = np.array([-x, -y, focal])
+    unit = out / np.linalg.norm(out)
+    first, second, third = (figures_frames._view(place) for place in (2.4, 7.6, 12.8))
+    assert holds_arrow(axes, first.point(lens), first.point([x, y, 0.0]))  # the bracket, inwards
+    assert holds_arrow(axes, second.point(lens), second.point(lens + 2.6 * unit))  # v, outwards
+    aside = np.array([0.35, 0.12])
+    start, end = third.point(lens) + aside, third.point(lens + 2.6 * unit) + aside
+    assert holds_arrow(axes, start, end)  # w, to where the light comes from
+    assert holds_arrow(axes, third.point(lens), third.point([x, y, 0.0]))  # the light itself
+
+
+@pytest.mark.parametrize(("index", "said"), [(0, r"$\theta_Y < 0$"), (1, r"$\theta_X > 0$")])
+def test_a_moved_laser_stands_for_the_turn_that_is_measured(index, said):
+    axes = painted(figures_frames.draw_stage)
+    assert said in words(axes)
+    shift = np.zeros(2)
+    shift[index] = 1e-4
+    found = measured(emitted_directions(LASERS, 1.0), emitted_directions(LASERS + shift, 1.0))
+    turn = int(np.abs(found).argmax())
+    assert said == rf"$\theta_{'XYZ'[turn]} {'>' if found[turn] > 0 else '<'} 0$"
+    assert figures_platform.stage_sense(index) == f"{'+' if found[turn] > 0 else '−'}{'XYZ'[turn]}"
+    beam = ends(axes)[3 * index + 1]
+    assert beam[1, 0] < beam[0, 0], "light of a laser at a positive place goes the other way"
+    curve = curves(axes)[-2 + index]
+    assert curve[-1, 0] < curve[0, 0], "the boresight of the turned camera goes with the beam"
+
+
+def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
+    axes, view = painted(figures_scene.draw, {}), figures_scene.VIEW
+    dates = erfa.dtf2d("UTC", 2023, 9, 22, 3, 30, 0.0)
+    angle = erfa.era00(*dates)
+    sweep = curves(axes)[-1]
+    share = np.linspace(0, 1, 60)[:, np.newaxis]
+    # From the X axis of the stars, which lies so far to the west, eastwards to that of the Earth.
+    away = np.squeeze(share * angle - angle)
+    expected = 0.6 * figures_scene.RADIUS * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
+    # Precession since J2000 tilts the axis by a third of a degree at the most.
+    size = view.scale * figures_scene.RADIUS
+    assert np.abs(sweep - view.point(expected)).max() < np.radians(0.35) * size
+    assert angle < np.pi
+
+
+def test_the_line_of_sight_ends_where_the_camera_looks():
+    scene, view = figures_scene.scene(), figures_scene.VIEW
+    sight = scene.target - scene.satellite
+    boresight = scene.earth_from_camera @ [0.0, 0.0, 1.0]
+    assert sight / np.linalg.norm(sight) == pytest.approx(boresight, abs=1e-12)
+    assert geodetic(scene.target)[2] == pytest.approx(0.0, abs=1e-3)
+    both = scene.earth_from_tracker[:, 2] @ boresight
+    assert np.degrees(np.arccos(both)) == pytest.approx(120.0)
+    axes = painted(figures_scene.draw, {})
+    assert holds_arrow(axes, view.point(scene.target), view.point(scene.satellite))
+
+
+def test_the_bench_folds_the_laser_into_the_tracker():
+    """Three reflections carry the camera's boresight to the one of the tracker, backwards."""
+    angles = dict(zip(figures_platform.ANGLES, np.radians([120.0, 37.76, 30.0]), strict=True))
+    axes = painted(figures_platform.draw_bench, angles)
+    path = ends(axes)
+    ways = (path[:, 1] - path[:, 0]) / np.linalg.norm(path[:, 1] - path[:, 0], axis=1)[:, None]
+    out, folded = ways[0], ways[5]
+    assert np.degrees(np.arccos(out @ -folded)) == pytest.approx(120.0)
+    mirrors = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 3]
+    normals = [np.array([*(np.diff(line, axis=0)[0][::-1] * [1, -1]), 0.0]) for line in mirrors]
+    assert (mirror_train(normals) @ [*out, 0.0])[:2] == pytest.approx(folded)
+
+
+def test_a_registered_spot_is_turned_stretched_and_shifted_as_drawn():
+    before, turned, stretched, after = figures_signs.registration_steps()
+    k, theta, pivot = figures_signs.SCALE, figures_signs.ANGLE, figures_signs.PIVOT
+    cosine, sine = np.cos(theta), np.sin(theta)
+    x, y = before - pivot
+    assert turned - pivot == pytest.approx([cosine * x - sine * y, sine * x + cosine * y])
+    assert stretched - pivot == pytest.approx(k * (turned - pivot))
+    assert after == pytest.approx(stretched - figures_signs.SHIFT)
+    axes = painted(figures_signs.draw_registration)
+    assert holds_arrow(axes, turned, stretched)
+    assert holds_arrow(axes, stretched, after)
+    (curve,) = curves(axes)
+    assert curve[0] == pytest.approx(before)
+    assert curve[-1] == pytest.approx(turned)
+
+
+def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
+    """Points fixed to the drawn green axes, as the drawn blue detector sees them."""
+    origin, angle = figures_method.PRINCIPAL_POINTS, figures_method.ANGLE
+    axes = painted(figures_method.draw_planes, {})
+    arrows = ends(axes)
+    across = arrows[2, 1] - arrows[2, 0]
+    assert np.arctan2(across[1], across[0]) == pytest.approx(angle)
+    points = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 3.0]])
+    back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    blue, green = points @ back.T + origin["blue"], points + origin["green"]
+    found = fit_similarity(blue, green, pivot=origin["blue"]).parameters
+    drawn_shift = arrows[2, 0] - arrows[0, 0]
+    assert found == pytest.approx([1.0, angle, *drawn_shift])
+
+
+def test_the_table_moves_the_star_as_drawn():
+    axes = painted(figures_signs.draw_table)
+    said = words(axes)
+    assert "$φ_1 > 0$: towards $+y$" in said
+    assert "$φ_2 > 0$: towards $−x$" in said
+    external, middle = ends(axes)[-2:]
+    assert external[1] - external[0] == pytest.approx([0.0, 7.0 * np.tan(np.radians(20.0))])
+    assert middle[1] - middle[0] == pytest.approx([-7.0 * np.tan(np.radians(20.0)), 0.0])

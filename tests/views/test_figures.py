@@ -1,0 +1,283 @@
+"""Every figure: seen in light, in the dark, in grey, in print and on a phone."""
+
+import functools
+import itertools
+import re
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import Collection
+from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch, Patch
+from matplotlib.path import Path
+
+from reproduce.views import figures, pages
+from reproduce.views.drawings import DRAWINGS, FACTS, paint
+from reproduce.views.inline_svg import SMALLEST, inline
+from reproduce.views.words import powers
+
+NAMES = [*figures.drawable(), *DRAWINGS]
+# The theme's backgrounds, and what it writes with; black in a figure becomes the latter.
+PAGES = {"light": ("#ffffff", "#222832"), "dark": ("#14181e", "#ced6dd")}
+# WCAG 2.1, success criteria 1.4.11 (graphics) and 1.4.3 (text).
+GRAPHICS, TEXT = 3.0, 4.5
+PHONE = 390.0  # CSS pixels
+
+
+@functools.cache
+def drawn(name):
+    """Return a figure, laid out."""
+    figure = paint(name) if name in DRAWINGS else figures.draw(name)
+    FigureCanvasAgg(figure).draw()
+    return figure
+
+
+def luminance(colour):
+    channels = np.asarray(to_rgba(colour)[:3])
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one, other):
+    dark, light = sorted((luminance(one), luminance(other)))
+    return (light + 0.05) / (dark + 0.05)
+
+
+def over(colour, ground):
+    """Return what a colour with its alpha looks like on a ground."""
+    *rgb, alpha = to_rgba(colour)
+    return tuple(alpha * np.asarray(rgb) + (1 - alpha) * np.asarray(to_rgba(ground)[:3]))
+
+
+def seen(colour, alpha, page):
+    """Return a colour as a page shows it."""
+    ground, ink = PAGES[page]
+    colour = to_rgba(colour, alpha)
+    if colour[:3] == (0.0, 0.0, 0.0):
+        colour = to_rgba(ink, colour[3])
+    return over(colour, ground)
+
+
+def test_contrast_is_that_of_the_standard():
+    assert contrast("white", "black") == pytest.approx(21.0)
+    assert contrast("#777777", "white") == pytest.approx(4.48, abs=0.005)
+
+
+def series(axes):
+    """Return what carries meaning in some axes: lines, arrows, outlines, points."""
+    # The bars of an error go with its marker, which is looked at itself.
+    bars = [bar for group in axes.containers for part in group.lines[1:] for bar in part]
+    kept = [a for a in (*axes.lines, *axes.patches, *axes.collections) if a not in bars]
+    return [artist for artist in kept if artist.get_visible() and not on_image(axes, artist)]
+
+
+def on_image(axes, artist):
+    """Tell whether something lies on a raster, which has a ground of its own."""
+    return bool(axes.images) or any(type(c).__name__ == "QuadMesh" for c in axes.collections)
+
+
+def colours(artist):
+    """Return the colours of a mark, of which one must stand out: line, edge or face."""
+    alpha = artist.get_alpha()
+    if isinstance(artist, Line2D):
+        drawn_line = artist.get_linestyle() not in {"None", "", " "}
+        found = [artist.get_color()] if drawn_line else []
+        if artist.get_marker() not in {"None", "", " ", None}:
+            found.append(artist.get_markeredgecolor())
+        return [(colour, alpha) for colour in found]
+    if isinstance(artist, FancyArrowPatch):
+        return [(artist.get_edgecolor(), None)]
+    edges, faces = artist.get_edgecolor(), artist.get_facecolor()
+    rows = [edges, faces] if isinstance(artist, Patch) else [*edges, *faces]
+    return [(row, None) for row in rows]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("page", PAGES)
+def test_every_mark_stands_out_from_the_page(name, page):
+    for axes in drawn(name).axes:
+        for artist in series(axes):
+            found = colours(artist)
+            if not found:
+                continue
+            best = max(contrast(seen(c, a, page), PAGES[page][0]) for c, a in found)
+            assert best >= GRAPHICS, f"{artist}: {found}"
+
+
+def texts(figure):
+    """Return every piece of text that a figure shows, with the axes it stands in."""
+    found = []
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        pieces = [*axes.texts, axes.title, *(legend.get_texts() if legend else ())]
+        if axes.axison:
+            pieces += [axes.xaxis.label, axes.yaxis.label]
+            for index, axis in enumerate((axes.xaxis, axes.yaxis)):
+                low, high = sorted(axis.get_view_interval())
+                ticks = axis.get_ticklabels(which="both")
+                pieces += [t for t in ticks if low <= t.get_position()[index] <= high]
+        found += [(t, axes) for t in pieces if t.get_text().strip() and t.get_visible()]
+    for legend in figure.legends:
+        found += [(t, None) for t in legend.get_texts()]
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("page", PAGES)
+def test_every_word_can_be_read(name, page):
+    for text, axes in texts(drawn(name)):
+        if axes is not None and on_image(axes, text) and text in axes.texts:
+            continue
+        colour = seen(text.get_color(), text.get_alpha(), page)
+        legend = axes is not None and axes.get_legend() is not None
+        on_raster = axes is not None and bool(axes.images) and legend
+        assert on_raster or contrast(colour, PAGES[page][0]) >= TEXT, text
+
+
+def thickness(artist):
+    """Return the width of a line in steps that an eye can tell apart."""
+    return round(2 * np.log2(artist.get_linewidth()))
+
+
+def look(artist):
+    """Return how a mark looks in grey: dashes, marker, filling, hatch, and roughly how thick."""
+    if isinstance(artist, Line2D):
+        marker = artist.get_marker()
+        hollow = artist.get_fillstyle() == "none" or artist.get_markerfacecolor() == "none"
+        style = artist.get_linestyle()
+        return (style, marker, hollow, thickness(artist) if style not in {"None", ""} else 0)
+    if isinstance(artist, FancyArrowPatch):
+        return (artist.get_linestyle(),)
+    if isinstance(artist, Patch):
+        corners, width = len(artist.get_path().vertices), thickness(artist)
+        return (artist.get_linestyle(), artist.get_hatch(), corners, width)
+    return (
+        artist.get_hatch(),
+        artist.get_linestyle(),
+        [len(p.vertices) for p in artist.get_paths()],
+    )
+
+
+def hue(artist):
+    found = colours(artist)
+    return to_rgba(found[0][0])[:3] if found else None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_differs_in_colour_differs_without_it(name):
+    for axes in drawn(name).axes:
+        for one, other in itertools.combinations(series(axes), 2):
+            if type(one) is not type(other) or hue(one) == hue(other):
+                continue
+            assert look(one) != look(other), f"{one} and {other} differ in colour alone"
+
+
+def boxes(figure):
+    """Return every text with its box on the paper, without its margin."""
+    renderer = figure.canvas.get_renderer()
+    found = [(text, axes, text.get_window_extent(renderer)) for text, axes in texts(figure)]
+    return [(t, axes, box.padded(-0.12 * min(box.width, box.height))) for t, axes, box in found]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_text_lies_on_another(name):
+    for (one, _, first), (other, _, second) in itertools.combinations(boxes(drawn(name)), 2):
+        assert not first.overlaps(second), f"{one.get_text()!r} on {other.get_text()!r}"
+
+
+def strokes(axes):
+    """Return the lines, outlines and arrows of some axes, on the paper."""
+    for artist in series(axes):
+        if isinstance(artist, Collection):
+            continue
+        if isinstance(artist, Line2D) and artist.get_linestyle() in {"None", ""}:
+            continue
+        path = artist.get_transform().transform_path(artist.get_path())
+        for points in path.to_polygons(closed_only=False):
+            yield artist, Path(points)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_line_runs_through_a_text(name):
+    for text, axes, box in boxes(drawn(name)):
+        for artist, path in strokes(axes) if axes is not None else ():
+            if artist.get_clip_on() and not box.overlaps(axes.bbox):
+                continue
+            crossed = path.intersects_bbox(box, filled=False)
+            assert not crossed, f"{text.get_text()!r} and {artist}"
+
+
+def test_the_paper_ends_outside_of_every_text():
+    for name in NAMES:
+        figure = drawn(name)
+        for text, _, box in boxes(figure):
+            assert figure.bbox.x0 <= box.x0, f"{name}: {text.get_text()!r}"
+            assert box.x1 <= figure.bbox.x1, f"{name}: {text.get_text()!r}"
+            assert figure.bbox.y0 <= box.y0, f"{name}: {text.get_text()!r}"
+            assert box.y1 <= figure.bbox.y1, f"{name}: {text.get_text()!r}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_text_keeps_its_size_on_a_phone(name):
+    """A figure that a phone would shrink too far scrolls instead, and by less than a screen."""
+    html = inline(drawn(name), "x", "what it shows")
+    least = float(re.search(r'<svg [^>]*style="min-width:(\d+)px"', html).group(1))
+    points = min(text.get_fontsize() for text, _ in texts(drawn(name)))
+    natural = drawn(name).get_figwidth() * 96
+    assert points * 96 / 72 * least / natural >= SMALLEST - 0.1
+    assert least <= min(natural, 2 * PHONE)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_black_follows_the_page(name):
+    html = inline(drawn(name), "x", "what it shows")
+    assert re.search(r'<svg [^>]*fill="currentColor"', html), "SVG fills in black by itself"
+    assert not re.search(r"#000000\b|\bblack\b", html)
+
+
+def test_an_alternative_text_is_filled_with_numbers_of_the_ledger():
+    html = pages.figure("niu2024/fig-1", "scale {niu2024/table-2#scale.red printed}").text
+    assert 'aria-label="scale 0.9976"' in html
+    with pytest.raises(KeyError):
+        pages.figure("niu2024/fig-1", "a {blank}")
+
+
+def test_the_facts_of_a_drawing_are_those_it_draws():
+    facts = FACTS["niu2024-convergence"]()
+    axes = drawn("niu2024-convergence").axes[0]
+    own = next(line for line in axes.lines if "section" in line.get_label()).get_ydata()
+    first = int(facts["own-stage"])
+    assert facts["own-start"] == f"{own[0]:.1g}\u202fpx"
+    assert facts["own-next"] == f"{own[first + 1]:.1g}\u202fpx"
+    assert f"{facts['restarts']} random starts" in [line.get_label() for line in axes.lines]
+    errors = FACTS["niu2024-fusion-errors"]()
+    middle = drawn("niu2024-fusion-errors").axes[1]
+    lines = {line.get_label(): line.get_ydata() for line in middle.lines}
+    assert errors["green-faint"] == f"{lines['green alone, corner'][-1]:.2g}\u202fpx"
+    assert errors["raw-most"] == f"{lines['fused as they are, corner'].max():.2g}\u202fpx"
+
+
+@pytest.mark.parametrize(
+    ("written", "read"),
+    [
+        ("1e−6", "10⁻⁶"),
+        ("1e-06", "10⁻⁶"),
+        ("3.2e+05 px", "3.2\u202f×\u202f10⁵ px"),
+        ("−5.7e-5", "−5.7\u202f×\u202f10⁻⁵"),
+        ("2e8", "2\u202f×\u202f10⁸"),
+        ("table-2e-x, a1e5, 0x1e5, v1.2e3.4", "table-2e-x, a1e5, 0x1e5, v1.2e3.4"),
+    ],
+)
+def test_exponents_are_written_as_powers_of_ten(written, read):
+    assert powers(written) == read
+
+
+def test_no_table_shows_an_exponent_as_a_letter():
+    """The sources of the printed numbers are shown as they stand, all else is rewritten."""
+    shown = pages.table("niu2024/table-1")
+    assert re.search(r"\d[eE][−+-]?\d", shown.text), "nothing to rewrite: this test is void"
+    prose = re.sub(r"<(code|pre)\b.*?</\1>|<[^>]*>", " ", shown._repr_html_(), flags=re.DOTALL)
+    assert "10⁻" in prose
+    assert not re.search(r"(?<![\w.])\d+(\.\d+)?[eE][−+-]?\d", prose)
