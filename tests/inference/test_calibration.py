@@ -7,6 +7,7 @@ import pytest
 
 from reproduce.inference.calibration import (
     DRAWS,
+    LEVELS,
     Calibration,
     band,
     calibrate,
@@ -86,6 +87,13 @@ def test_narrow_and_shifted_ranks_are_seen():
     generator = np.random.default_rng(1)
     narrow = np.clip(generator.normal(50, 20, (400, 3)).round(), 0, DRAWS).astype(int)
     assert (replace(even(400), ranks=narrow).probabilities() < 0.01).all()
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_even_ranks_cover_exactly(level):
+    """Each rank once: the ends of an interval that cut a rank in half count half."""
+    ranks = np.repeat(np.arange(DRAWS + 1)[:, None], 3, axis=1)
+    np.testing.assert_allclose(replace(even(100), ranks=ranks).coverage(level), level, atol=1e-12)
 
 
 def test_coverage_is_counted():

@@ -17,7 +17,7 @@ def posterior(registration):
 
 
 def test_data_of_the_model_pass(posterior):
-    assert min(check.tail for check in predictive_checks(posterior, 100)) > 0.01
+    assert min(check.tail.value for check in predictive_checks(posterior, 100)) > 0.01
 
 
 def test_distortion_is_seen(registration):
@@ -26,7 +26,7 @@ def test_distortion_is_seen(registration):
     offsets = data.source - data.pivot
     bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
     found = predictive_checks(sample(registration.given(bent), PLAN), 100)
-    assert {c.name: c.tail for c in found}["outer residual, outwards (px)"] < 0.02
+    assert {c.name: c.tail.value for c in found}["outer residual, outwards (px)"] < 0.02
 
 
 def test_only_the_principal_point_answers_to_its_prior(registration):

@@ -2,7 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
+from reproduce.inference.directions import directions_model
+from reproduce.inference.evidence import log_evidence
 from reproduce.inference.lasers import SpotStatistics
 from reproduce.inference.misalignment import (
     ARCSEC,
@@ -11,6 +15,7 @@ from reproduce.inference.misalignment import (
     states_model,
 )
 from reproduce.inference.sampling import Plan, sample
+from reproduce.inference.small_angle import small_angle_posterior
 from reproduce.physics.lasers import emitted_directions, received_directions
 from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
 from reproduce.physics.stage import stage_angles
@@ -76,14 +81,93 @@ def test_drift_statistics_agree_with_all_images(platform):
 
 
 def test_sampler_agrees_with_the_small_angle_limit(constant, posterior):
-    """Linear response, Gaussian priors, noise near its estimate: exact to parts in 1,000."""
-    likelihood = constant.likelihood
-    centre, errors = likelihood.start()
-    for i, (name, one) in enumerate(zip(constant.names, posterior.diagnoses, strict=True)):
+    """Mean, covariance and quantiles of the exact linear posterior, within Monte Carlo errors."""
+    exact = small_angle_posterior(constant)
+    direct = exact.draw(np.random.default_rng(3), 200_000)
+    widths = np.sqrt(np.diagonal(exact.covariance))
+    for i, name in enumerate(constant.names):
         chain = posterior.chain[..., i]
-        # Ridge and prior differ by far less than a Monte Carlo error for all but nothing here.
-        assert abs(chain.mean() - centre[i]) < 0.02 * errors[i] + 4 * one.mcse, name
-        assert abs(chain.std() / errors[i] - 1) < 0.03, name
+        assert abs(chain.mean() - exact.mean[i]) < 4 * mcse_mean(chain), name
+        assert abs(chain.std() - widths[i]) < 4.5 * mcse_deviation(chain), name
+        for probability in (0.025, 0.5, 0.975):
+            found, known = (np.quantile(d, probability) for d in (chain, direct[:, i]))
+            assert abs(found - known) < 5 * mcse_quantile(chain, probability), name
+    ours = np.corrcoef(posterior.draws.T)
+    known = exact.covariance / np.outer(widths, widths)
+    assert np.abs(ours - known).max() < 5 / np.sqrt(len(posterior.draws))
+    assert np.abs(known - np.eye(len(known))).max() > 0.3, "a covariance worth the name"
+
+
+def test_small_angle_posterior_is_the_normal_law_of_all_images(platform):
+    """Independent: few images, SciPy's Gaussian of all spots with the parameters summed out."""
+    groups = images(platform, [(np.zeros(3),) * 2, (TURN, TURN)], frames=5)
+    model = misalignment_model(platform, SpotStatistics.of(groups, (False, False)))
+    exact = small_angle_posterior(model)
+    centre, spread = model.likelihood.start()
+    scale = spread[:-1]
+    response, left = model.likelihood.linearised(centre, scale)
+    half = len(left) // 2  # the slopes, which a still camera has not
+    response, left = response[:half] / np.sqrt(5), left[:half] / np.sqrt(5)
+    measured = np.concatenate([g.reshape(5, -1) for g in groups], axis=1).ravel()
+    means = np.concatenate([g.mean(axis=0).ravel() for g in groups])
+    at_centre = np.tile(means - left, 5)
+    design = np.tile(response, (5, 1))
+    sigma = np.array([p.prior.sigma for p in model.parameters[:-1]])
+    off = np.array([p.prior.mean for p in model.parameters[:-1]]) - centre[:-1]
+    logs = []
+    for noise in exact.noise[::40]:
+        spots = stats.multivariate_normal(
+            at_centre + design @ off, noise**2 * np.eye(80) + design * sigma**2 @ design.T
+        )
+        logs.append(spots.logpdf(measured) + float(model.parameters[-1].prior.log_density(noise)))
+    ratio = np.exp(np.array(logs) - logs[5])
+    np.testing.assert_allclose(ratio, exact.weight[::40] / exact.weight[200], rtol=1e-4)
+    step = exact.noise[1] - exact.noise[0]
+    known = logs[5] + np.log(step) - np.log(exact.weight[200])
+    np.testing.assert_allclose(exact.log_evidence, known, atol=1e-4)
+
+
+def test_evidence_of_scale_and_directions_is_the_exact_one(constant, posterior, directions):
+    for sampled in (posterior, directions):
+        found = log_evidence(sampled, 1)
+        assert found.reliable
+        exact = small_angle_posterior(sampled.model).log_evidence
+        assert abs(found.value - exact) < 4 * found.error + 1e-3
+
+
+@pytest.fixture(scope="module")
+def directions(platform, spots):
+    model = directions_model(platform, SpotStatistics.of(spots, (False, False)))
+    return sample(model, Plan(5, steps=800, warmup=300))
+
+
+def test_directions_of_the_lasers_are_found(platform):
+    """Lasers set askew come back, each its own way, and the misalignment beside them."""
+    askew = np.array([[3.0, -4.0], [0.0, 6.0], [-5.0, 0.0], [2.0, 2.0]]) / ARCSEC
+    lasers = np.broadcast_to(platform.lasers - 2.0 * askew, (1, 4, 2))
+    generator = np.random.default_rng(3)
+    groups = [
+        platform.landed(np.zeros((1, 3)), turn[None, None], lasers, 2.0)[:, 0]
+        + NOISE * generator.normal(size=(400, 4, 2))
+        for turn in (np.zeros(3), TURN)
+    ]
+    model = directions_model(platform, SpotStatistics.of(groups, (False, False)))
+    centre, spread = model.likelihood.start()
+    truth = np.concatenate([TURN, askew.ravel(), [NOISE]])
+    assert np.abs((centre - truth) / spread).max() < 4
+    assert np.abs(askew).max() > 20 * spread[3:-1].max()
+
+
+def test_directions_reduce_to_the_common_scale(platform, constant, spots):
+    """A pattern that is larger by a share has directions that are larger by it."""
+    model = directions_model(platform, SpotStatistics.of(spots, (False, False)))
+    point = np.concatenate([np.zeros(3), TURN, [1.01, 0.02]])
+    slopes = -platform.lasers / platform.camera_focal_length
+    free = np.concatenate([TURN, (0.01 * slopes).ravel(), [0.02]])
+    found = model.likelihood(free[None])
+    np.testing.assert_allclose(found, constant.likelihood(point[None]), rtol=1e-12)
+    whole = model.likelihood.full(free[None], spots)
+    np.testing.assert_allclose(found, whole, rtol=1e-11)
 
 
 def test_error_of_the_calibration_group_is_included(platform, posterior, spots):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import integrate, stats
 
-from reproduce.inference import averaging, censored, stage_table
+from reproduce.inference import averaging, censored, reference_angles
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.averaging import scatter_of_averages
@@ -31,6 +31,20 @@ def test_box_probability_against_counting():
     share = ((draws > low) & (draws < high)).all(axis=1).mean()
     found = np.exp(censored.log_box(np.zeros((1, 3)), root, low, high, censored.quasi_random(3)))
     assert abs(found[0] - share) < 4 * np.sqrt(share / 400_000) + 2e-4
+
+
+@pytest.mark.parametrize("scale", [1.0, 30.0, 3000.0])
+def test_quick_box_is_the_careful_one(monkeypatch, scale):
+    """Wide, narrow and far-off boxes, with every difference taken from the ends themselves."""
+    generator = np.random.default_rng(1)
+    root = np.linalg.cholesky(0.5 + 0.5 * np.eye(5))[None] * scale
+    mean = scale * generator.normal(size=(40, 5)) * np.array([1, 1, 2, 5, 20])
+    arguments = mean, np.repeat(root, 40, axis=0), np.zeros(5), np.ones(5)
+    points = censored.quasi_random(5)
+    quick = censored.log_box(*arguments, points)
+    monkeypatch.setattr(censored, "PRECISE", 2.0)
+    careful = censored.log_box(*arguments, points)
+    np.testing.assert_allclose(quick, careful, rtol=1e-10, atol=1e-10)
 
 
 def test_moments_of_running_averages_against_simulation():
@@ -80,10 +94,99 @@ def test_doubly_rounded_probability_against_counting():
     noise, shift, angle, distance = 0.3, 0.4, 0.5, 0.6
     drawn = generator.uniform(-shift, shift, 400_000) + noise * generator.normal(size=400_000)
     share = (np.abs(drawn - distance) < angle).mean()
-    found = stage_table.log_rounded(
+    found = reference_angles.log_rounded(
         np.array([distance]), angle, np.array([shift]), np.array([noise])
     )
     assert abs(np.exp(found[0]) - share) < 4 * np.sqrt(share / 400_000)
+
+
+def stage_points(seed):
+    """Return the model of the stage test with simulated data, and parameters near and far."""
+    generator = np.random.default_rng(seed)
+    model = posteriors()["table-5"].model()
+    truth = model.draw_prior(generator, 1)
+    model = model.given(model.simulate(truth[0], generator))
+    # From noises that tell the two hypotheses apart to those that hide them.
+    louder = np.repeat(model.likelihood.start()[0][None], 60, axis=0)
+    louder[:, 4] = np.linspace(-3, 0, 60)
+    louder[:, 1] = 10.0 ** louder[:, 4] / reference_angles.ARCSEC
+    return model.likelihood, np.concatenate([truth, model.start(generator, 20), louder])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_negligible_hypothesis_is_left_out_without_loss(seed):
+    likelihood, points = stage_points(seed)
+    printed = likelihood.printed(points)
+    whole = [
+        likelihood.reference.log_hypothesis(points[:, 0], printed, np.full(len(points), which))
+        for which in (0, 1)
+    ]
+    np.testing.assert_allclose(
+        likelihood(points), np.logaddexp(*whole) - np.log(2), rtol=1e-13, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bound_of_a_hypothesis_holds(seed):
+    likelihood, points = stage_points(seed)
+    quiet = points.copy()
+    quiet[:, 1], quiet[:, 4] = 2e-3 / reference_angles.ARCSEC, -3.0
+    points = np.concatenate([points, quiet])
+    printed = likelihood.printed(points)
+    bounds = likelihood.reference.bounds(points[:, 0], printed)
+    for which in (0, 1):
+        found = likelihood.reference.log_hypothesis(
+            points[:, 0], printed, np.full(len(points), which)
+        )
+        assert (bounds[:, which] >= found - 1e-9).all()
+
+
+def test_a_hypothesis_is_left_out():
+    """Else the test above compares a thing with itself."""
+    model = posteriors()["table-5"].model()
+    both = model.likelihood.both(model.likelihood.start()[0][None])
+    np.testing.assert_array_equal(np.isfinite(both), [[False, True]])
+
+
+def plain_integral(likelihood, point, which):
+    """Log probability of Table V, angle by angle, the zero position by adaptive steps."""
+    reference, focal = likelihood.reference, point[0]
+    half, unit = reference.half_position, reference.half_angle
+    noises = (10.0 ** point[4] / reference_angles.ARCSEC, point[1])
+    total = 0.0
+    for block in (0, 1):
+        column = 1 - block if which else block
+        motions = reference.positions[1:, block] - reference.positions[0, block]
+        pairs = [(reference.angles[:, column], noises[0], 0.0),
+                 (likelihood.monitored[:, column], noises[1], point[3 - block])]  # fmt: skip
+
+        def logs(zero, pairs=pairs, motions=motions):
+            found = 0.0
+            for angles, noise, bias in pairs:
+                middles = -np.arctan((motions - zero) / focal) + bias
+                shifts = np.linspace(-half, half, 201) / focal
+                for angle, middle in zip(angles, middles, strict=True):
+                    off = angle - middle - shifts
+                    share = stats.norm.cdf((off + unit) / noise) - stats.norm.cdf(
+                        (off - unit) / noise
+                    )
+                    found += np.log(np.trapezoid(share, shifts) / (shifts[-1] - shifts[0]))
+            return found
+
+        middle = logs(0.0)
+        shown = integrate.quad(lambda zero, f=logs, m=middle: np.exp(f(zero) - m), -half, half)
+        total += middle + np.log(shown[0] / (2 * half))
+    return total
+
+
+def test_hypothesis_against_a_plain_integral():
+    model = posteriors()["table-5"].model()
+    arcsec = reference_angles.ARCSEC
+    point = np.array([2.05, 0.004 / arcsec, 0.01 / arcsec, -0.02 / arcsec, np.log10(0.003)])
+    likelihood = model.given(model.simulate(point, np.random.default_rng(2))).likelihood
+    found = likelihood.both(point[None])[0]
+    which = int(np.argmax(found))
+    assert abs(found[which] - plain_integral(likelihood, point, which)) < 1e-3
 
 
 def test_interchange_is_certain_in_print_and_found_in_simulation():
@@ -91,11 +194,11 @@ def test_interchange_is_certain_in_print_and_found_in_simulation():
     centre = model.likelihood.start()[0][None]
     assert model.likelihood.interchanged(centre)[0] > 0.999
     quiet = centre.copy()
-    quiet[0, 1:4] = [1e-3 / stage_table.ARCSEC, 0, 0]
+    quiet[0, 1:4] = [1e-3 / reference_angles.ARCSEC, 0, 0]
     told = [model.simulate(quiet[0], np.random.default_rng(seed)) for seed in range(12)]
     found = np.array([model.likelihood.given(data).interchanged(quiet)[0] for data in told])
     # Monitored angles stand beside their references in either order: a few thousandths apart.
-    assert max(np.abs(left - right).max() for left, right in told) < 0.006 / stage_table.ARCSEC
+    assert max(np.abs(left - right).max() for left, right in told) < 0.006 / reference_angles.ARCSEC
     # The simulation draws either order with equal probability, and the data tell which.
     assert ((found < 0.01) | (found > 0.99)).all()
     assert 0 < (found > 0.5).sum() < 12

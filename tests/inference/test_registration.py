@@ -80,6 +80,26 @@ def test_posterior_width_is_the_cramer_rao_bound_for_known_noise():
     np.testing.assert_allclose(exact.covariance, bound, rtol=1e-9, atol=1e-15)
 
 
+def test_posterior_is_as_wide_as_the_bound_and_hardly_wider(registration, posterior):
+    """The flat priors add nothing: Fisher information by differences, in all five parameters."""
+    bound = closed_form.cramer_rao_bound(registration)
+    centre, spread = registration.likelihood.start()
+    step = 1e-3 * np.diag(spread)
+    data = registration.likelihood
+    response = np.stack(
+        [
+            (data.residuals((centre + s)[None]) - data.residuals((centre - s)[None]))[0] / 2
+            for s in step[:4]
+        ],
+        axis=-1,
+    ) / (1e-3 * spread[:4])
+    information = (response.conj().T @ response).real / centre[4] ** 2
+    known = np.sqrt(np.diagonal(np.linalg.inv(information)))
+    np.testing.assert_allclose(bound[:4], known, rtol=1e-5)
+    np.testing.assert_allclose(bound[4], centre[4] / np.sqrt(4 * len(data.source)), rtol=1e-12)
+    np.testing.assert_allclose(posterior.draws.std(axis=0) / bound, 1, atol=0.05)
+
+
 def test_flat_prior_in_polar_form_divides_by_the_scale(exact):
     draws = exact.draw(np.random.default_rng(1), 50)[:, :4]
     affine = exact.log_density(draws)

@@ -65,9 +65,13 @@ class Calibration:
         return len(self.ranks)
 
     def coverage(self, level: float) -> FloatArray:
-        """Share of central posterior intervals of this level that cover, shape (names,)."""
-        scaled = (self.ranks + 0.5) / (DRAWS + 1)
-        return np.asarray((np.abs(scaled - 0.5) < level / 2).mean(axis=0))
+        """Share of central posterior intervals of this level that cover, shape (names,).
+
+        A rank on the end of an interval counts half, so that even ranks cover as often as claimed.
+        """
+        beside = np.abs(2 * self.ranks + 1 - (DRAWS + 1))  # the middle of a rank, whole numbers
+        reach = round(level * (DRAWS + 1), 9)
+        return np.asarray(0.5 * ((beside < reach).mean(axis=0) + (beside <= reach).mean(axis=0)))
 
     def probabilities(self, seed: int = 1) -> FloatArray:
         """Probability of ranks at least as uneven, for each name, by the simultaneous band."""

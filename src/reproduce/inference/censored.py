@@ -7,6 +7,7 @@ their joint probability is that of a box under a multivariate normal distributio
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri
 from scipy.stats import qmc
 
@@ -14,6 +15,8 @@ from reproduce.physics.validate import FloatArray
 
 # Below this a probability is not told from zero: the walker stands far outside.
 SMALLEST = 1e-300
+# A difference smaller than this share has lost too many digits.
+PRECISE = 1e-5
 POINTS = 64
 
 
@@ -35,9 +38,7 @@ def log_interval(low: FloatArray, high: FloatArray) -> FloatArray:
     >>> float(np.exp(log_interval(np.array(-1.0), np.array(1.0))).round(4))
     0.6827
     """
-    # In the upper tail mirror, so that the small numbers are subtracted and not those near one.
-    mirrored = low + high > 0
-    low, high = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
+    low, high, _ = _lower_tail(low, high)
     upper, lower = log_ndtr(high), log_ndtr(low)
     return np.asarray(upper + np.log(-np.expm1(np.minimum(lower - upper, -1e-16))))
 
@@ -88,17 +89,45 @@ def log_box(
     for i in range(size):
         centre = mean[:, i, None] + (normals[..., :i] @ root[:, i, :i, None])[..., 0]
         scale = root[:, i, i, None]
-        below, above = (low[:, i, None] - centre) / scale, (high[:, i, None] - centre) / scale
-        total += log_interval(below, above)
+        left, right, mirrored = _lower_tail(
+            (low[:, i, None] - centre) / scale, (high[:, i, None] - centre) / scale
+        )
+        start, end = ndtr(left), ndtr(right)
+        total += _log_difference(start, end, left, right)
         if i + 1 < size:
-            mirrored = below + above > 0
-            left = np.where(mirrored, -above, below)
-            start, end = ndtr(left), ndtr(np.where(mirrored, -below, above))
             drawn = ndtri(np.clip(start + points[:, i] * (end - start), SMALLEST, 1 - 1e-16))
             # Far outside, rounding leaves an empty interval: stay at its nearer end.
-            drawn = np.clip(drawn, left, np.where(mirrored, -below, above))
+            drawn = np.clip(drawn, left, right)
             normals[..., i] = np.where(mirrored, -drawn, drawn)
     largest = total.max(axis=1, keepdims=True)
     safe = np.where(np.isfinite(largest), largest, 0.0)
     with np.errstate(divide="ignore"):
         return np.asarray(safe[:, 0] + np.log(np.exp(total - safe).mean(axis=1)))
+
+
+def _lower_tail(
+    low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Mirror intervals of the upper tail, so that small numbers are subtracted, not those near one.
+
+    Returns the ends, and which intervals were mirrored.
+    """
+    mirrored = low + high > 0
+    return np.where(mirrored, -high, low), np.where(mirrored, -low, high), mirrored
+
+
+def _log_difference(
+    start: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Log of end less start, distribution functions at the ends of intervals in the lower tail.
+
+    Where they are too small, or too near each other, the ends themselves tell the difference.
+    """
+    difference = end - start
+    lost = difference < PRECISE * end
+    lost |= end < SMALLEST
+    if not lost.any():
+        return np.asarray(np.log(difference))
+    found = np.log(np.where(lost, 1.0, difference))
+    found[lost] = log_interval(low[lost], high[lost])
+    return found

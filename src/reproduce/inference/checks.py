@@ -14,6 +14,37 @@ REPLICATES = 400
 
 
 @dataclass(frozen=True)
+class Share:
+    """A probability found by simulation.
+
+    Parameters
+    ----------
+    value, error : float
+        The probability and its Monte Carlo standard error.
+    count : int
+        How many independent draws it rests on.
+    """
+
+    value: float
+    error: float
+    count: int
+
+    @classmethod
+    def of(cls, values: FloatArray) -> Share:
+        """Mean of probabilities, or of zeros and ones, of independent simulations.
+
+        Examples
+        --------
+        >>> Share.of(np.array([0.0, 1.0, 1.0, 0.0])).value
+        0.5
+        """
+        count = len(values)
+        # All alike does not mean certain: as if one simulation in so many were different.
+        least = np.sqrt(1 / count) if float(np.ptp(values)) == 0 else 0.0
+        return cls(float(values.mean()), float(max(values.std(), least) / np.sqrt(count)), count)
+
+
+@dataclass(frozen=True)
 class Check:
     """One number of the data among those of simulated data.
 
@@ -25,18 +56,15 @@ class Check:
         In the data.
     prior, posterior : tuple of float
         Ends of the central 95 % of the predictions, from prior and from posterior.
-    tail : float
+    tail : Share
         Two-sided tail probability of the observed number under the posterior prediction.
-    mcse : float
-        Its Monte Carlo standard error.
     """
 
     name: str
     observed: float
     prior: tuple[float, float]
     posterior: tuple[float, float]
-    tail: float
-    mcse: float
+    tail: Share
 
 
 def predictive_checks(posterior: Posterior, replicates: int = REPLICATES) -> list[Check]:
@@ -57,20 +85,21 @@ def predictive_checks(posterior: Posterior, replicates: int = REPLICATES) -> lis
     model = posterior.model
     generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
     chosen = posterior.draws[np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)]
-    drawn = {"prior": model.draw_prior(generator, replicates), "posterior": chosen}
+    prior = model.draw_prior(generator, replicates)
+    drawn = {
+        "prior": [model.simulate(one, generator) for one in prior],
+        "posterior": [model.repeat(one, generator) for one in chosen],
+    }
     found = {
-        which: [model.likelihood.checks(model.simulate(one, generator)) for one in vectors]
-        for which, vectors in drawn.items()
+        which: [model.likelihood.checks(data) for data in simulations]
+        for which, simulations in drawn.items()
     }
     rows = []
     for name, observed in model.likelihood.checks().items():
         values = {which: np.array([c[name] for c in checks]) for which, checks in found.items()}
-        tail = two_sided(values["posterior"], observed)
+        tail = tail_share(values["posterior"], observed)
         ends = {which: np.quantile(v, (0.025, 0.975)) for which, v in values.items()}
-        error = float(np.sqrt(max(tail * (1 - tail), 1 / replicates) / replicates))
-        rows.append(
-            Check(name, observed, _pair(ends["prior"]), _pair(ends["posterior"]), tail, error)
-        )
+        rows.append(Check(name, observed, _pair(ends["prior"]), _pair(ends["posterior"]), tail))
     return rows
 
 
@@ -84,6 +113,19 @@ def two_sided(values: FloatArray, observed: float) -> float:
     """
     below = (values < observed).mean() + 0.5 * (values == observed).mean()
     return float(min(1.0, 2 * min(below, 1 - below)))
+
+
+def tail_share(values: FloatArray, observed: float) -> Share:
+    """Two-sided tail probability of a number among independent draws, with its error.
+
+    Examples
+    --------
+    >>> tail_share(np.array([1.0, 2.0, 3.0, 4.0]), 9.0).value
+    0.0
+    """
+    tail, count = two_sided(values, observed), len(values)
+    # Twice a share: its variance is four times that of the share of half the size.
+    return Share(tail, float(np.sqrt(max(tail * (2 - tail), 1 / count) / count)), count)
 
 
 def _pair(ends: FloatArray) -> tuple[float, float]:

@@ -16,6 +16,9 @@ from numpy.random import Generator
 from scipy import stats
 from scipy.special import gammaln
 
+from reproduce.inference.model import Model
+from reproduce.inference.priors import LogUniform, Uniform
+from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.registration import fit_similarity
 from reproduce.physics.validate import FloatArray
 
@@ -157,3 +160,77 @@ def polar(beta: FloatArray) -> FloatArray:
     return np.column_stack(
         [np.hypot(beta[:, 0], beta[:, 1]), np.arctan2(beta[:, 1], beta[:, 0]), beta[:, 2:]]
     )
+
+
+def cramer_rao_bound(model: Model) -> FloatArray:
+    """Least standard deviation of any unbiased estimate, at the least-squares estimate.
+
+    Parameters
+    ----------
+    model : Model
+        From `registration.registration_model`.
+
+    Returns
+    -------
+    ndarray, shape (5,)
+        For scale, rotation (rad), shift x, shift y and noise (px): roots of the diagonal of the
+        inverse Fisher information, the noise unknown.
+
+    Raises
+    ------
+    TypeError
+        If the model is another one.
+
+    Examples
+    --------
+    >>> from reproduce.inference.registration import registration_model
+    >>> points = np.array([[-1.0, -1], [1, -1], [-1, 1], [1, 1]])
+    >>> away = points + [[0.1, 0], [-0.1, 0], [-0.1, 0], [0.1, 0]]
+    >>> cramer_rao_bound(registration_model(points, away, (0, 0))).round(3)
+    array([0.035, 0.035, 0.05 , 0.05 , 0.025])
+    """
+    plain = _plain(model)
+    fit = fit_similarity(plain.source, plain.target, plain.pivot)
+    freedom = 2 * len(plain.source) - 4
+    variance = float(fit.chi_square) / freedom
+    others = np.sqrt(np.diagonal(fit.cofactor) * variance)
+    # Two residual coordinates of each star tell of the noise.
+    return np.append(others, np.sqrt(variance / (4 * len(plain.source))))
+
+
+def _plain(model: Model) -> GaussianRegistration:
+    plain = model.likelihood
+    if not isinstance(plain, GaussianRegistration) or plain.source_noise or plain.pivot_free:
+        raise TypeError(f"{model.name}: expected the plain registration of one channel")
+    return plain
+
+
+def registration_log_evidence(model: Model) -> float:
+    """Log evidence of the plain registration of one channel in closed form.
+
+    Parameters
+    ----------
+    model : Model
+        From `registration.registration_model`, with its own priors.
+
+    Returns
+    -------
+    float
+        As `RegistrationPosterior.log_evidence`.
+
+    Raises
+    ------
+    TypeError
+        If the model is another one, or has other priors.
+    """
+    plain = _plain(model)
+    flat, noise = [p.prior for p in model.parameters[:4]], model.parameters[4].prior
+    if not isinstance(noise, LogUniform):
+        raise TypeError(f"noise prior: expected LogUniform, got {type(noise).__name__}")
+    volume = 0.0
+    for prior in flat:
+        if not isinstance(prior, Uniform):
+            raise TypeError(f"prior: expected Uniform, got {type(prior).__name__}")
+        volume += float(np.log(prior.high - prior.low))
+    exact = registration_posterior(plain.source, plain.target, plain.pivot)
+    return exact.log_evidence(volume, float(np.log(np.log(noise.high / noise.low))))

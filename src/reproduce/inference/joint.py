@@ -121,12 +121,13 @@ class JointRegistration:
         """The same red points with other blue and green ones."""
         return replace(self, sources=(self.sources[0], data[0]), target=data[1])
 
-    def _single(self, channel: int) -> GaussianRegistration:
+    def single(self, channel: int) -> GaussianRegistration:
+        """One channel alone, red (0) or blue (1), the noise of both its channels in it."""
         return GaussianRegistration(self.sources[channel], self.target, self.pivots[channel], True)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The least-squares fits of both channels and their standard errors."""
-        starts = [self._single(channel).start() for channel in (0, 1)]
+        starts = [self.single(channel).start() for channel in (0, 1)]
         centre = np.concatenate([c[:4] for c, _ in starts] + [[np.mean([c[4] for c, _ in starts])]])
         spread = np.concatenate([s[:4] for _, s in starts] + [[starts[0][1][4]]])
         return centre, spread

@@ -72,9 +72,28 @@ class Platform:
         ndarray, shape (n, groups, lasers, 2)
             In px.
         """
+        return self.landed(mount, turn, scale[:, None, None] * self.lasers, focal)
+
+    def landed(
+        self, mount: FloatArray, turn: FloatArray, lasers: FloatArray, focal: FloatArray | float
+    ) -> FloatArray:
+        """Where the spots of lasers at given positions lie.
+
+        Parameters
+        ----------
+        mount, turn, focal
+            As for `predicted`.
+        lasers : ndarray, shape (n, lasers, 2)
+            Positions on the camera's focal plane, in metres.
+
+        Returns
+        -------
+        ndarray, shape (n, groups, lasers, 2)
+            In px.
+        """
         count = len(mount)
-        rays = np.empty((count, len(self.lasers), 3))
-        rays[..., :2] = -scale[:, None, None] * self.lasers
+        rays = np.empty((count, lasers.shape[-2], 3))
+        rays[..., :2] = -lasers
         rays[..., 2] = np.broadcast_to(focal, count)[:, None]
         zero = self.reference @ rotation_from_vector(mount)
         now = zero[:, None] @ rotation_from_vector(turn)  # (6): the turn of the camera, undone

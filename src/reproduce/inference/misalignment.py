@@ -7,6 +7,7 @@ in the posterior of the misalignment. Angles in radians, right-handed about the 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -29,7 +30,7 @@ STEP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class SpotLikelihood:
+class SpotLikelihood(ABC):
     """Spots of one or more groups; a subclass says how the camera turns in each group.
 
     Parameters
@@ -50,27 +51,28 @@ class SpotLikelihood:
     platform: Platform
     statistics: SpotStatistics
 
+    @abstractmethod
     def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Misalignment at the start and at the end of each group, (n, groups, 3)."""
-        raise NotImplementedError
 
     def focal(self, parameters: FloatArray) -> FloatArray | float:
         """Focal length of the camera, in metres."""
         return self.platform.camera_focal_length
 
+    @abstractmethod
     def middle(self) -> tuple[FloatArray, FloatArray]:
         """Rough values and scales of the parameters between mount and laser scale."""
-        raise NotImplementedError
+
+    def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
+        """Spots after turns of shape (n, groups, 3), in px."""
+        mount, scale = parameters[:, :3], parameters[:, -2]
+        return self.platform.predicted(mount, turn, scale, self.focal(parameters))
 
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted spots at the start and at the end of each group, in px."""
-        mount, scale = parameters[:, :3], parameters[:, -2]
         first, last = self.turns(parameters)
-        focal = self.focal(parameters)
-        start = self.platform.predicted(mount, first, scale, focal)
-        if first is last:
-            return start, start
-        return start, self.platform.predicted(mount, last, scale, focal)
+        start = self.landed(parameters, first)
+        return start, start if first is last else self.landed(parameters, last)
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -83,9 +85,7 @@ class SpotLikelihood:
         for group, spots in enumerate(images):
             for u, frame in zip(np.linspace(0, 1, len(spots)), spots, strict=True):
                 turn = (1 - u) * first[:, group] + u * last[:, group]
-                predicted = self.platform.predicted(
-                    parameters[:, :3], turn[:, None], parameters[:, -2], self.focal(parameters)
-                )[:, 0]
+                predicted = self.landed(parameters, turn[:, None])[:, 0]
                 scaled = np.square((frame - predicted) / parameters[:, -1, None, None])
                 total -= 0.5 * scaled.sum(axis=(-2, -1))
         size = self.statistics.size
@@ -105,14 +105,18 @@ class SpotLikelihood:
         """Least squares about the rough values, with its standard errors."""
         return self.fitted
 
-    @cached_property
-    def fitted(self) -> tuple[FloatArray, FloatArray]:
-        """Two Gauss-Newton steps from the rough values, ridged by their scales; and errors."""
-        noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
+    def rough(self) -> tuple[FloatArray, FloatArray]:
+        """Rough values and scales of all parameters but the noise."""
         middle, scales = self.middle()
         centre = np.concatenate([np.zeros(3), middle, [1.0]])
-        scale = np.concatenate([np.full(3, 1e-2), scales, [0.3]])
-        rough = centre.copy()
+        return centre, np.concatenate([np.full(3, 1e-2), scales, [0.3]])
+
+    @cached_property
+    def fitted(self) -> tuple[FloatArray, FloatArray]:
+        """Three Gauss-Newton steps from the rough values, ridged by their scales; and errors."""
+        noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
+        rough, scale = self.rough()
+        centre = rough.copy()
         for _ in range(3):
             response, left = self.linearised(np.append(centre, noise), scale)
             normal = response.T @ response / noise**2 + np.diag(1 / scale**2)

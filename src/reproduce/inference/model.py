@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 
+from reproduce.inference.coordinates import Coordinates, Declared, Straightened
 from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
 
@@ -40,6 +41,14 @@ class Likelihood(Protocol):
 
     def checks(self, data: Any | None = None) -> dict[str, float]:
         """Numbers that predictive checks compare, of other data or of its own."""
+
+
+@runtime_checkable
+class Latent(Protocol):
+    """A likelihood with something hidden that is summed out, and that the data tell of."""
+
+    def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
+        """Data of a repeat, the hidden thing drawn given the present data, not from its prior."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +125,11 @@ class Model:
             total += parameter.prior.log_density(column)
         return total
 
+    def coordinates(self) -> Coordinates:
+        """Coordinates in which ensembles move; they never show in the draws."""
+        likelihood = self.likelihood
+        return likelihood.coordinates() if isinstance(likelihood, Straightened) else Declared()
+
     def log_likelihood(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,), of vectors of shape (n, d)."""
         return self.likelihood(parameters)
@@ -137,6 +151,12 @@ class Model:
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
         """Data that one parameter vector, shape (d,), would have given."""
+        return self.likelihood.simulate(parameters, generator)
+
+    def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
+        """Data of a repeat of this experiment, for one parameter vector of the posterior."""
+        if isinstance(self.likelihood, Latent):
+            return self.likelihood.repeat(parameters, generator)
         return self.likelihood.simulate(parameters, generator)
 
     def given(self, data: Any) -> Model:

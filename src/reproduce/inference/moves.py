@@ -1,7 +1,8 @@
 """Moves of an emcee ensemble, with the whole half-ensemble accepted or rejected at once.
 
 emcee decides walker by walker in Python; for likelihoods that cost next to nothing this is most
-of the time. `Complement` adds a proposal for the nearly Gaussian posteriors of this book.
+of the time. `Complement` adds a proposal for the nearly Gaussian posteriors of this book; those
+that are far from it are moved in coordinates of their own (`inference.coordinates`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from emcee import moves
 from emcee.state import State
 
+from reproduce.inference.coordinates import Coordinates, Declared, Mirrored
 from reproduce.physics.validate import FloatArray
 
 # Student-t with few degrees of freedom: heavier than any posterior tail that is met here.
@@ -21,7 +23,17 @@ WIDER = 1.2
 
 
 class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
-    """A red-blue move whose acceptance is decided for a whole half at once."""
+    """A red-blue move whose acceptance is decided for a whole half at once.
+
+    Parameters
+    ----------
+    coordinates : Coordinates, optional
+        In which proposals are made; the parameters themselves by default.
+    """
+
+    def __init__(self, coordinates: Coordinates | None = None) -> None:
+        self.coordinates = coordinates or Declared()
+        super().__init__()
 
     def propose(self, model: Any, state: State) -> tuple[State, Any]:
         """Move one half of the ensemble after the other, each given its complement."""
@@ -33,15 +45,30 @@ class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
         coords, log_prob = state.coords.copy(), np.array(state.log_prob)
         for half in (0, 1):
             moved, rest = halves == half, halves != half
-            proposed, factors = self.get_proposal(coords[moved], [coords[rest]], model.random)
+            straight = self.coordinates.straight(coords)
+            new, factors = self.get_proposal(straight[moved], [straight[rest]], model.random)
+            proposed = self._back(new)
             values = model.log_prob_fn(proposed)
             # Minus infinity less minus infinity cannot occur: a walker never stands on it.
-            gain = factors + values - log_prob[moved]
+            before = log_prob[moved] + self.coordinates.log_volume(coords[moved])
+            gain = factors + self._density(proposed, values) - before
             taken = np.log(model.random.rand(len(gain))) < gain
             index = np.flatnonzero(moved)[taken]
             coords[index], log_prob[index] = proposed[taken], values[taken]
             accepted[index] = True
         return State(coords, log_prob=log_prob, random_state=state.random_state), accepted
+
+    def _back(self, straight: FloatArray) -> FloatArray:
+        with np.errstate(over="ignore"):  # far outside: infinite, and rejected
+            return self.coordinates.parameters(straight)
+
+    def _density(self, proposed: FloatArray, values: FloatArray) -> FloatArray:
+        inside = np.isfinite(values)
+        if inside.all():
+            return np.asarray(values + self.coordinates.log_volume(proposed))
+        density = np.full(len(values), -np.inf)
+        density[inside] = values[inside] + self.coordinates.log_volume(proposed[inside])
+        return density
 
 
 class Stretch(_AtOnce, moves.StretchMove):  # type: ignore[misc]
@@ -83,11 +110,32 @@ class Complement(_AtOnce):
         )
 
 
-def mixture() -> list[tuple[moves.Move, float]]:
+class Mirror(_AtOnce):
+    """A reflection into the other mode of a posterior that has two."""
+
+    def get_proposal(
+        self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        """Propose for every walker; a reflection neither stretches nor shrinks."""
+        if not isinstance(self.coordinates, Mirrored):
+            raise TypeError(
+                f"coordinates: expected a mirror, got {type(self.coordinates).__name__}"
+            )
+        return self.coordinates.mirrored(sample), np.zeros(len(sample))
+
+
+def mixture(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
     """Return the moves of an ensemble with their shares.
 
     The stretch and the differential evolution carry a far-off ensemble in and keep curved or
     heavy-tailed posteriors moving; the complement makes draws nearly independent once it is in.
+    In coordinates that straighten a posterior the first two have less to do; where these know of
+    a second mode, a mirror joins them.
+
+    Parameters
+    ----------
+    coordinates : Coordinates, optional
+        In which they propose; the parameters themselves by default.
 
     Returns
     -------
@@ -99,4 +147,12 @@ def mixture() -> list[tuple[moves.Move, float]]:
     >>> sum(weight for _, weight in mixture())
     1.0
     """
-    return [(Stretch(), 0.1), (DifferentialEvolution(), 0.2), (Complement(), 0.7)]
+    if coordinates is None or isinstance(coordinates, Declared):
+        shares = (0.1, 0.2, 0.0)
+    else:
+        shares = (0.05, 0.05, 0.15 if isinstance(coordinates, Mirrored) else 0.0)
+    kinds = (Stretch, DifferentialEvolution, Mirror)
+    chosen = [
+        (kind(coordinates), share) for kind, share in zip(kinds, shares, strict=True) if share
+    ]
+    return [*chosen, (Complement(coordinates), 1 - sum(shares))]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -94,15 +94,21 @@ class Posterior:
         return rows
 
     def consequences(self) -> list[tuple[Row, Quantity]]:
-        """Return the summary of every derived quantity."""
+        """Return the summary of every derived quantity, of draws thinned as `draws` are."""
+        return self._consequences
+
+    @cached_property
+    def _consequences(self) -> list[tuple[Row, Quantity]]:
         if self.model.derived is None:
             return []
-        shape = self.chain.shape[:3]
-        found = self.model.derived(self.chain.reshape(-1, self.model.dimension))
-        return [
-            (summarised(name, quantity.unit, quantity.values.reshape(shape)), quantity)
-            for name, quantity in found.items()
-        ]
+        stride = max(1, int(np.ceil(self.time)))
+        chain = self.chain[:, ::stride]
+        found = self.model.derived(chain.reshape(-1, self.model.dimension))
+        rows = []
+        for name, quantity in found.items():
+            row = summarised(name, quantity.unit, quantity.values.reshape(chain.shape[:3]))
+            rows.append((replace(row, time=stride * row.time), quantity))
+        return rows
 
     def to_inference_data(self) -> Any:
         """Convert to ArviZ, one chain per ensemble, thinned by the autocorrelation time.

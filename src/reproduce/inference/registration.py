@@ -109,12 +109,21 @@ class GaussianRegistration:
         source, target = as_complex(self.source) - origin, as_complex(self.target) - origin
         return weights[:, :1] * source + weights[:, 1:2] + target
 
+    def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Noise of residuals, shape (n, points, 2), in px."""
+        normal = generator.normal(size=(len(parameters), *self.source.shape))
+        return np.asarray(np.sqrt(self.variance(parameters))[:, None, None] * normal)
+
+    def elsewhere(self, source: FloatArray) -> Self:
+        """The same model of other stars, whose targets are not known yet."""
+        return replace(self, source=source, target=np.zeros_like(source))
+
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Target points for one parameter vector, shape (points, 2), in px."""
         rows = parameters[None]
-        noise = np.sqrt(self.variance(rows)) * generator.normal(size=self.source.shape)
+        noise = self.scatter(rows, generator)[0]
         residual = self.residuals(rows)[0]
-        return as_points(as_complex(self.target) - residual) + noise
+        return np.asarray(as_points(as_complex(self.target) - residual) + noise)
 
     def given(self, data: FloatArray) -> Self:
         """The same sources with other target points."""

@@ -187,7 +187,7 @@ def run_ensemble(
     backend = stored or emcee.backends.Backend()
     sampler = emcee.EnsembleSampler(
         walkers, job.model.dimension, job.model.log_posterior, vectorize=True,
-        moves=moves.mixture(), backend=backend,
+        moves=moves.mixture(job.model.coordinates()), backend=backend,
     )  # fmt: skip
     done = sampler.iteration
     state = sampler._previous_state if done else _start(job, walkers)

@@ -1,147 +1,40 @@
 """Focal length, angle bias and noise from the printed stage test: Table V of chen2023 as data.
 
-The table has two blocks: the stage moves along X (angles about Y), and along Y (angles about X).
-Two hypotheses about its angle columns, equally probable beforehand: they stand in the blocks they
-belong to, or the two blocks' angle columns are interchanged. The indicator is summed out.
-Positions are rounded too: those of the moved states are integrated out in closed form, that of the
-zero state, which all differences of a block share, by Gauss-Legendre quadrature. Lengths in metres,
-angles in radians; arrays of the moved states have shape (states, blocks).
+Reference and monitored angles are taken together, under both hypotheses about the table's columns
+(`inference.reference_angles`), equally probable beforehand: the indicator is summed out. Lengths
+in metres, angles in radians; arrays of the moved states have shape (states, blocks).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.random import Generator
-from scipy.special import logsumexp, ndtr
 
+from reproduce.inference.coordinates import from_scores, log_slope, scores, weighted
 from reproduce.inference.model import Model, Parameter
-from reproduce.inference.priors import LogNormal, LogUniform, Normal, Uniform
+from reproduce.inference.priors import LogUniform, Normal
+from reproduce.inference.reference_angles import (
+    ARCSEC,
+    FOCAL_SPREAD,
+    HYPOTHESES,
+    SCATTER,
+    Printed,
+    ReferenceAngles,
+    focal_parameter,
+    in_radians,
+    log_same_hypothesis,
+    scatter_parameter,
+)
 from reproduce.physics.validate import FloatArray
 
-ARCSEC = 206264.80624709636
-HYPOTHESES = ("as printed", "interchanged")
-SMALLEST = 1e-300
-# Nodes and weights over the rounding interval of the zero position, in half widths.
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
-
-
-def log_rounded(
-    distance: FloatArray, half_angle: float, half_shift: FloatArray, noise: FloatArray
-) -> FloatArray:
-    """Log probability that a noisy value prints so, its mean uniform over a rounding interval.
-
-    Parameters
-    ----------
-    distance : ndarray
-        Printed value less the middle of the mean's interval.
-    half_angle : float
-        Half the last printed digit.
-    half_shift : ndarray
-        Half the width of the mean's interval.
-    noise : ndarray
-        Standard deviation of the Gaussian noise.
-
-    Returns
-    -------
-    ndarray
-        Log of the mean probability of the printed interval.
-
-    Examples
-    --------
-    >>> wide = log_rounded(np.zeros(1), 9.0, np.ones(1), np.ones(1))
-    >>> float(np.exp(wide).round(6)[0])
-    1.0
-    """
-    below = -np.abs(distance)  # the tail where small numbers are not lost beside one
-    total = np.zeros(np.broadcast_shapes(below.shape, noise.shape, half_shift.shape))
-    for angle in (1, -1):
-        for shift in (1, -1):
-            reach = (below + angle * half_angle + shift * half_shift) / noise
-            total += angle * shift * _integrated(reach)
-    return np.asarray(np.log(np.maximum(total * noise / (2 * half_shift), SMALLEST)))
-
-
-def _integrated(values: FloatArray) -> FloatArray:
-    """Integral of the normal distribution function from minus infinity."""
-    return np.asarray(values * ndtr(values) + np.exp(-0.5 * values**2) / np.sqrt(2 * np.pi))
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceAngles:
-    """The printed reference angles.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (states + 1, blocks)
-        Printed stage positions, the zero state first, in metres.
-    angles : ndarray, shape (states, blocks)
-        Printed reference angles, in radians.
-    half_position, half_angle : float
-        Half the last printed digits.
-    """
-
-    positions: FloatArray
-    angles: FloatArray
-    half_position: float
-    half_angle: float
-
-    def predicted(self, focal: FloatArray) -> FloatArray:
-        """Angles of the moved states by (10), shape (n, nodes, states, blocks)."""
-        zero = self.positions[0] + self.half_position * NODES[:, None, None]
-        motions = self.positions[1:] - zero
-        return np.asarray(-np.arctan2(motions, focal[:, None, None, None]))
-
-    def log_density(
-        self, angles: FloatArray, predicted: FloatArray, focal: FloatArray, noise: FloatArray
-    ) -> FloatArray:
-        """Log probability of printed angles, shape (n, 2 hypotheses, nodes, blocks)."""
-        half_shift = (self.half_position / focal)[:, None, None, None]
-        return np.stack(
-            [
-                log_rounded(
-                    angles[..., order] - predicted, self.half_angle, half_shift,
-                    noise[:, None, None, None],
-                ).sum(axis=-2)
-                for order in ([0, 1], [1, 0])
-            ],
-            axis=1,
-        )  # fmt: skip
-
-    @staticmethod
-    def over_zero(densities: FloatArray) -> FloatArray:
-        """Integrate the zero positions out and multiply the blocks, shape (n, 2 hypotheses)."""
-        weighted = densities + np.log(WEIGHTS / 2)[:, None]
-        return np.asarray(logsumexp(weighted, axis=-2).sum(axis=-1))
-
-    def draw(
-        self, focal: float, scatter: float, hypothesis: int, generator: Generator
-    ) -> tuple[FloatArray, FloatArray]:
-        """True angles in the blocks of the motions, and reference angles where they are printed."""
-        rounding = generator.uniform(-1, 1, self.positions.shape) * self.half_position
-        positions = self.positions + rounding
-        true = -np.arctan2(positions[1:] - positions[0], focal)
-        noisy = true + scatter * generator.normal(size=true.shape)
-        return true, self.rounded(noisy[:, ::-1] if hypothesis else noisy)
-
-    def rounded(self, angles: FloatArray) -> FloatArray:
-        """Angles as printed."""
-        unit = 2 * self.half_angle
-        return np.asarray(np.round(angles / unit) * unit)
-
-    def fitted(self) -> tuple[int, float, float]:
-        """The better hypothesis, its focal length, and what it leaves over (rms)."""
-        motions = self.positions[1:] - self.positions[0]
-        found = []
-        for hypothesis, order in enumerate(([0, 1], [1, 0])):
-            angles = self.angles[:, order]
-            focal = -float((motions * motions).sum() / (motions * angles).sum())
-            left = float(np.sqrt(np.square(angles + np.arctan2(motions, focal)).mean()))
-            found.append((left, hypothesis, focal))
-        left, hypothesis, focal = min(found)
-        return hypothesis, focal, left
+# Ends of the prior of the noise, and the width of that of the biases, in radians.
+NOISE = (1e-3 / ARCSEC, 1 / ARCSEC)
+LOG_NOISE = (float(np.log(NOISE[0])), float(np.log(NOISE[1])))
+BIAS_SPREAD = 0.2 / ARCSEC
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,21 +55,24 @@ class StageTableLikelihood:
     monitored: FloatArray
     hypothesis: int | None = None
 
+    def printed(self, parameters: FloatArray) -> tuple[Printed, Printed]:
+        """Reference and monitored angles under these parameters."""
+        # Motion along X turns about Y: the bias belongs to the angle of the block.
+        bias = parameters[:, [3, 2]]
+        scatter = in_radians(parameters[:, 4])
+        reference = Printed(self.reference.angles, np.zeros_like(bias), scatter)
+        return reference, Printed(self.monitored, bias, parameters[:, 1])
+
     def both(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood under both hypotheses, shape (n, 2)."""
-        focal, noise, scatter = parameters[:, 0], parameters[:, 1], in_radians(parameters[:, 4])
-        predicted = self.reference.predicted(focal)
-        total = self.reference.log_density(self.reference.angles, predicted, focal, scatter)
-        # Motion along X turns about Y: the bias belongs to the angle of the block.
-        shifted = predicted + parameters[:, None, None, [3, 2]]
-        total = total + self.reference.log_density(self.monitored, shifted, focal, noise)
-        return self.reference.over_zero(total)
+        return self.reference.log_hypotheses(parameters[:, 0], self.printed(parameters))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,), the indicator summed out."""
-        both = self.both(parameters)
         if self.hypothesis is not None:
-            return np.asarray(both[:, self.hypothesis])
+            which = np.full(len(parameters), self.hypothesis)
+            return self.reference.log_hypothesis(parameters[:, 0], self.printed(parameters), which)
+        both = self.both(parameters)
         return np.asarray(np.logaddexp(both[:, 0], both[:, 1]) - np.log(2))
 
     def interchanged(self, parameters: FloatArray) -> FloatArray:
@@ -194,21 +90,55 @@ class StageTableLikelihood:
         noisy = true + parameters[[3, 2]] + noise * generator.normal(size=true.shape)
         return reference, self.reference.rounded(noisy[:, ::-1] if which else noisy)
 
+    def repeat(self, parameters: FloatArray, generator: Generator) -> tuple[FloatArray, FloatArray]:
+        """The same for a repeat: under the hypothesis that the present data tell of."""
+        if self.hypothesis is None:
+            which = int(generator.random() < self.interchanged(parameters[None])[0])
+            return replace(self, hypothesis=which).simulate(parameters, generator)
+        return self.simulate(parameters, generator)
+
+    def log_same(self, parameters: FloatArray) -> FloatArray:
+        """Log probability that a repeat prints all the same digits, shape (n,)."""
+        if self.hypothesis is not None:
+            return self(parameters)
+        return log_same_hypothesis(self.both(parameters))
+
     def given(self, data: tuple[FloatArray, FloatArray]) -> Self:
         """The same positions with other angles."""
         return replace(self, reference=replace(self.reference, angles=data[0]), monitored=data[1])
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
-        """Least squares under the better hypothesis, and its standard errors."""
-        which, focal, left = self.reference.fitted()
-        left = max(left, self.reference.half_angle / 2)
+    @cached_property
+    def likely(self) -> int:
+        """The hypothesis given, or the one that leaves less of both kinds of angles over."""
+        if self.hypothesis is not None:
+            return self.hypothesis
+        left = []
+        for hypothesis in (0, 1):
+            focal, rest = self.reference.fit(hypothesis)
+            pair = np.array([rest, self.errors(hypothesis, focal).std(axis=0).max()])
+            left.append(float(np.log(np.hypot(pair, self.reference.half_angle)).sum()))
+        return int(np.argmin(left))
+
+    def errors(self, hypothesis: int, focal: float) -> FloatArray:
+        """Monitored angles less those of the motions, shape (states, blocks)."""
         motions = self.reference.positions[1:] - self.reference.positions[0]
-        errors = self.monitored[:, [1, 0] if which else [0, 1]] + np.arctan2(motions, focal)
+        monitored = self.monitored[:, ::-1] if hypothesis else self.monitored
+        return np.asarray(monitored + np.arctan2(motions, focal))
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Least squares under the likely hypothesis, and its standard errors."""
+        focal, left = self.reference.fit(self.likely)
+        left = max(left, self.reference.half_angle / 2)
+        errors = self.errors(self.likely, focal)
         noise = max(float((errors - errors.mean(axis=0)).std()), self.reference.half_angle)
         focal_error = focal * left / np.abs(self.reference.angles).max() / 2
         bias = errors.mean(axis=0)[::-1]
         centre = np.array([focal, noise, *bias, np.log10(left * ARCSEC)])
         return centre, np.array([focal_error, noise / 4, noise / 2, noise / 2, 0.1])
+
+    def coordinates(self) -> StageTableCoordinates:
+        """Coordinates that take out what noise and scatter do to the others."""
+        return StageTableCoordinates(self)
 
     def checks(self, data: tuple[FloatArray, FloatArray] | None = None) -> dict[str, float]:
         """Misfit of the reference angles under both hypotheses, and of the monitored ones."""
@@ -223,6 +153,103 @@ class StageTableLikelihood:
         differences = (monitored - angles) * ARCSEC
         found["monitored less reference, rms (arcsec)"] = float(np.sqrt((differences**2).mean()))
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class StageTableCoordinates:
+    """Given noise and scatter, focal length and biases are nearly Gaussian.
+
+    In the order of the parameters: log focal length, standardised; normal score of the noise;
+    biases given all of these, standardised; normal score of the scatter. Where the scatter hides
+    which block the columns belong to, the biases have a second mode: interchanged.
+
+    Parameters
+    ----------
+    likelihood : StageTableLikelihood
+        With its data.
+    """
+
+    likelihood: StageTableLikelihood
+
+    @cached_property
+    def _blocks(self) -> tuple[FloatArray, FloatArray]:
+        """Motions, and monitored angles in the blocks they seem to belong to."""
+        positions, monitored = self.likelihood.reference.positions, self.likelihood.monitored
+        ordered = monitored[:, ::-1] if self.likelihood.likely else monitored
+        return positions[1:] - positions[0], ordered
+
+    @cached_property
+    def _log_fitted(self) -> float:
+        return float(np.log(self.likelihood.reference.fit(self.likelihood.likely)[0]))
+
+    def _noise(self, log_noise: FloatArray) -> FloatArray:
+        return np.hypot(np.exp(log_noise), self.likelihood.reference.half_angle)
+
+    def _focal(self, log_noise: FloatArray, scatter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and deviation of the log focal length, from both kinds of angles."""
+        motions, monitored = self._blocks
+        variance = self._noise(log_noise) ** 2
+        # A bias of known width takes this share out of the products of the sums.
+        share = BIAS_SPREAD**2 / (variance + len(motions) * BIAS_SPREAD**2)
+        products = (motions**2).sum() - share * (motions.sum(axis=0) ** 2).sum()
+        crossed = (motions.sum(axis=0) * monitored.sum(axis=0)).sum()
+        inverse = -((motions * monitored).sum() - share * crossed) / products
+        error = np.sqrt(variance / products) / inverse
+        both = self.likelihood.reference.focal_error(in_radians(scatter))
+        held, spread = weighted(self._log_fitted, both, self._log_fitted, FOCAL_SPREAD)
+        return weighted(-np.log(inverse), error, held, spread)
+
+    def _bias(
+        self, camera: FloatArray, log_noise: FloatArray, other: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Means, about X and about Y, and their deviation, under the likely hypothesis or not."""
+        motions, monitored = self._blocks
+        means = monitored.mean(axis=0)[::-1] if other else monitored.mean(axis=0)
+        left = means + motions.mean(axis=0) * np.exp(-camera)[:, None]
+        error = self._noise(log_noise)[:, None] / np.sqrt(len(motions))
+        return weighted(left[:, ::-1], error, 0.0, BIAS_SPREAD)
+
+    def straight(self, parameters: FloatArray) -> FloatArray:
+        """Coordinates of parameter vectors, shape (n, 5)."""
+        camera, log_noise = np.log(parameters[:, 0]), np.log(parameters[:, 1])
+        focal, focal_error = self._focal(log_noise, parameters[:, 4])
+        bias, bias_error = self._bias(camera, log_noise)
+        return np.column_stack(
+            [
+                (camera - focal) / focal_error,
+                scores(log_noise, LOG_NOISE),
+                (parameters[:, 2:4] - bias) / bias_error,
+                scores(parameters[:, 4], SCATTER),
+            ]
+        )
+
+    def parameters(self, straight: FloatArray) -> FloatArray:
+        """Parameter vectors at coordinates, shape (n, 5)."""
+        log_noise = from_scores(straight[:, 1], LOG_NOISE)
+        scatter = from_scores(straight[:, 4], SCATTER)
+        focal, focal_error = self._focal(log_noise, scatter)
+        camera = focal + focal_error * straight[:, 0]
+        bias, bias_error = self._bias(camera, log_noise)
+        biases = bias + bias_error * straight[:, 2:4]
+        return np.column_stack([np.exp(camera), np.exp(log_noise), biases, scatter])
+
+    def mirrored(self, straight: FloatArray) -> FloatArray:
+        """Biases on the other side of the middle between both hypotheses, shape (n, 5)."""
+        rest = self.parameters(straight)[:, :2]
+        camera, log_noise = np.log(rest).T
+        bias, error = self._bias(camera, log_noise)
+        mirrored = straight.copy()
+        mirrored[:, 2:4] = (self._bias(camera, log_noise, other=True)[0] - bias) / error
+        mirrored[:, 2:4] -= straight[:, 2:4]
+        return mirrored
+
+    def log_volume(self, parameters: FloatArray) -> FloatArray:
+        """Log determinant, shape (n,)."""
+        camera, log_noise = np.log(parameters[:, 0]), np.log(parameters[:, 1])
+        widths = self._focal(log_noise, parameters[:, 4])[1]
+        widths = widths * self._bias(camera, log_noise)[1][:, 0] ** 2
+        ends = log_slope(log_noise, LOG_NOISE) + log_slope(parameters[:, 4], SCATTER)
+        return np.asarray(camera + log_noise + np.log(widths) + ends)
 
 
 def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
@@ -240,14 +267,14 @@ def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
     Model
         Five parameters, in metres and radians.
     """
-    bias = Normal(0.0, 0.2 / ARCSEC, "the zero state is averaged over hundreds of images: its "
+    bias = Normal(0.0, BIAS_SPREAD, "the zero state is averaged over hundreds of images: its "
                   "error stays well below an arc second")  # fmt: skip
     return Model(
         "table-5",
         "Effective focal length, angle bias and noise from the stage test",
         (
             focal_parameter(nominal),
-            Parameter("noise", r"\sigma", "arcsec", LogUniform(1e-3 / ARCSEC, 1 / ARCSEC,
+            Parameter("noise", r"\sigma", "arcsec", LogUniform(*NOISE,
                 "from the last printed digit to an arc second, no scale preferred"), ARCSEC),
             Parameter("bias-x", "b_X", "arcsec", bias, ARCSEC),
             Parameter("bias-y", "b_Y", "arcsec", bias, ARCSEC),
@@ -256,21 +283,3 @@ def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
         likelihood,
         {"focal-length": nominal},
     )  # fmt: skip
-
-
-def focal_parameter(nominal: float) -> Parameter:
-    """The camera's focal length, about its nominal value."""
-    prior = LogNormal(nominal, 0.05, "a nominal focal length of a telescope holds to some per cent")
-    return Parameter("focal-length", "f", "mm", prior, 1e3)
-
-
-def scatter_parameter() -> Parameter:
-    """Scatter of the reference angles, as the decimal logarithm of its size in arc seconds."""
-    prior = Uniform(-4.0, 0.0, "from a tenth of the last printed digit to an arc second, no scale "
-                    "preferred: what the formula leaves unexplained")  # fmt: skip
-    return Parameter("log-reference-scatter", r"\log_{10}\tau", "log10 arcsec", prior)
-
-
-def in_radians(logarithm: FloatArray) -> FloatArray:
-    """The angle whose decimal logarithm in arc seconds is given."""
-    return np.asarray(10.0**logarithm / ARCSEC)

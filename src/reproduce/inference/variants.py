@@ -34,11 +34,14 @@ class PointwiseRegistration:
         In px.
     pivot : ndarray, shape (2,)
         The source channel's principal point, in px.
+    edge : float, optional
+        Radius of the field, in px; by default that of the outermost star.
     """
 
     source: FloatArray
     target: FloatArray
     pivot: FloatArray
+    edge: float | None = None
 
     # Centre and spread of the parameters that a subclass adds.
     extra_centre: ClassVar[tuple[float, ...]] = (0.0,)
@@ -51,9 +54,17 @@ class PointwiseRegistration:
 
     @cached_property
     def radius(self) -> FloatArray:
-        """Distance from the pivot over the largest one, from 0 to 1."""
-        distance = np.abs(self.offsets)
-        return np.asarray(distance / distance.max())
+        """Distance from the pivot over the radius of the field."""
+        return np.asarray(np.abs(self.offsets) / self.field)
+
+    @cached_property
+    def field(self) -> float:
+        """Radius of the field, in px."""
+        return float(np.abs(self.offsets).max()) if self.edge is None else self.edge
+
+    def elsewhere(self, source: FloatArray) -> Self:
+        """The same model of other stars, whose targets are not known yet."""
+        return replace(self, source=source, target=np.zeros_like(source), edge=self.field)
 
     def predicted(self, parameters: FloatArray) -> NDArray[np.complex128]:
         """Where the target points should lie, about the pivot."""
@@ -77,15 +88,15 @@ class PointwiseRegistration:
         return np.asarray(-(0.5 * squares + constant).sum(axis=-1))
 
     def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Noise of one replicate, shape (points, 2), in px."""
-        normal = generator.normal(size=self.source.shape)
-        return np.asarray(self.noise(parameters).T * normal)
+        """Noise of residuals, shape (n, points, 2), in px."""
+        normal = generator.normal(size=(len(parameters), *self.source.shape))
+        return np.asarray(self.noise(parameters)[..., None] * normal)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Target points for one parameter vector, shape (points, 2), in px."""
         rows = parameters[None]
         points = as_points(self.predicted(rows)[0]) + self.pivot
-        return points + self.scatter(rows, generator)
+        return np.asarray(points + self.scatter(rows, generator)[0])
 
     def given(self, data: FloatArray) -> Self:
         """The same sources with other target points."""
@@ -124,10 +135,10 @@ class StudentRegistration(PointwiseRegistration):
         return np.asarray(total)
 
     def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Noise of one replicate, shape (points, 2), in px."""
-        return np.asarray(
-            parameters[0, 4] * generator.standard_t(10.0 ** parameters[0, 5], self.source.shape)
-        )
+        """Noise of residuals, shape (n, points, 2), in px."""
+        shape = (len(parameters), *self.source.shape)
+        noise, freedom = parameters[:, 4, None, None], 10.0 ** parameters[:, 5, None, None]
+        return np.asarray(noise * generator.standard_t(np.broadcast_to(freedom, shape), shape))
 
 
 class FieldNoiseRegistration(PointwiseRegistration):
@@ -150,7 +161,7 @@ class DistortedRegistration(PointwiseRegistration):
 
     def predicted(self, parameters: FloatArray) -> NDArray[np.complex128]:
         """Undistort, scale and rotate, distort, shift."""
-        edge = np.abs(self.offsets).max()
+        edge = self.field
         source, target = (parameters[:, i : i + 1] / edge for i in (5, 6))
         radius = np.broadcast_to(self.radius, (len(parameters), len(self.radius)))
         ideal = radius.copy()
@@ -246,5 +257,4 @@ def _extended(
         title=f"Registration with {idea}",
         parameters=base.parameters + extra,
         likelihood=likelihood(plain.source, plain.target, plain.pivot),
-        estimate=base.estimate,
     )

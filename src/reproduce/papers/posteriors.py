@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.random import Generator
+
 from reproduce.inference.model import Model
+from reproduce.inference.repeats import Published
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 
 
@@ -25,8 +30,13 @@ class Declared:
         Makes the model from the door.
     simulated : bool
         Whether the data are simulated from printed settings (the raw data are not published).
-    evidence : tuple of callables
+    rivals : tuple of callables
         Rivals for model choice: each makes a model of the same data.
+    published : callable, optional
+        What the paper prints of the experiment, of the door and the model; none where the paper
+        prints no estimate.
+    compared : tuple of str
+        The printed cells that are compared with the posterior only: they do not reach the model.
     """
 
     name: str
@@ -35,6 +45,8 @@ class Declared:
     build: Callable[[Given], Model]
     simulated: bool
     rivals: tuple[Callable[[Given], Model], ...] = ()
+    published: Callable[[Given, Model], Published] | None = None
+    compared: tuple[str, ...] = ()
 
     def model(self) -> Model:
         """Return the model with its data."""
@@ -43,6 +55,57 @@ class Declared:
     def rival_models(self) -> list[Model]:
         """Return the models that model choice compares this one with."""
         return [rival(given(self.given)) for rival in self.rivals]
+
+    def printed(self, model: Model) -> Published | None:
+        """Return what the paper prints of the experiment, with how to repeat it."""
+        if self.published is None:
+            return None
+        return self.published(given((*self.given, *self.compared)), model)
+
+
+def published_cells(
+    given: Given,
+    addresses: Sequence[str],
+    repeat: Callable[[FloatArray, Generator], FloatArray],
+    parameters: Sequence[str] = (),
+    whole: Callable[[FloatArray], FloatArray] | None = None,
+) -> Published:
+    """Return printed cells as the outcome of an experiment.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells.
+    addresses : sequence of str
+        Of the cells.
+    repeat, whole
+        As for `Published`, in the order of the addresses and in SI units or px.
+    parameters : sequence of str
+        The parameter that each cell estimates; empty if none does.
+
+    Returns
+    -------
+    Published
+        With names and units of the print.
+    """
+    cells = [given.cells[address] for address in addresses]
+    half = np.array([given.shifted({a: 1.0})[a] - given[a] for a in addresses])
+    return Published(
+        tuple(cell.label for cell in cells),
+        tuple(cell.unit for cell in cells),
+        tuple(cell.text for cell in cells),
+        np.array([given[address] for address in addresses]),
+        half,
+        np.array([cell.number.half_unit for cell in cells]) / half,
+        repeat,
+        tuple(parameters) or ("",) * len(cells),
+        whole,
+    )
+
+
+def simulated(model: Model, parameters: FloatArray, generator: Generator) -> FloatArray:
+    """Return data of repeats, for models whose data are one array; shape (n, ...)."""
+    return np.stack([model.repeat(one, generator) for one in parameters])
 
 
 def posteriors() -> dict[str, Declared]:

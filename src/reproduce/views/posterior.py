@@ -18,10 +18,9 @@ from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import posteriors
 
-# Kept steps: fifty autocorrelation times with room. Funnels need more, two dimensions less.
+# Kept steps: fifty autocorrelation times with room. Heavy tails need more, two dimensions less.
 STEPS = 700
 OTHER_STEPS = {
-    "geometry": 2500,
     "misalignment-drift": 1100,
     "registration-student": 1000,
     "frame-averaging": 400,

@@ -22,15 +22,10 @@ REPLICATES = 1000
 # Models whose study may still be missing; until it is stored, the page of such a model says so.
 AWAITED: frozenset[str] = frozenset(
     {
-        "registration-blue",
-        "registration-field-noise",
-        "registration-distortion",
-        "registration-principal-point",
         "centroid-noise",
-        "misalignment-states",
+        "misalignment-directions",
         "misalignment-drift",
         "table-5",
-        "geometry",
     }
 )
 PACKAGES = ("numpy", "scipy", "emcee")

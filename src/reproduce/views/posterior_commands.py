@@ -18,7 +18,7 @@ import click
 @click.option(
     "--data",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Your own CSV in place of ours (registration, misalignment).",
+    help="Your own CSV in place of ours; the book's page on the method tells the columns.",
 )
 @click.option("--pivot", type=float, nargs=2, help="Principal point of your data, in px.")
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)

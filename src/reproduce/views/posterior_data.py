@@ -1,35 +1,68 @@
 """A user's own measurements in place of ours: which columns, and which priors.
 
 Nothing of the papers enters the priors: they come from the scale of the data. The instrument of a
-misalignment is a setting, and is that of chen2023's ground platform.
+misalignment and the design of the lasers are settings, and are those of chen2023's ground platform.
+What is printed, rounded, is taken as rounded to the last digit that the file writes.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from reproduce.inference.lasers import SpotStatistics
-from reproduce.inference.misalignment import misalignment_model
 from reproduce.inference.model import Model
-from reproduce.inference.priors import Normal, Prior
-from reproduce.inference.registration import registration_model
-from reproduce.papers.chen2023.posteriors import READS, platform
-from reproduce.printed.given import given
-from reproduce.store.points import TableFileError, read_columns
+from reproduce.store.points import TableFileError, read_table
+from reproduce.views import posterior_data_printed as printed
+from reproduce.views import posterior_data_spots as spots
+from reproduce.views import posterior_data_stars as stars
+from reproduce.views.posterior_data_stars import Reader
 
-FloatArray = NDArray[np.float64]
-
-# Model to the columns of its file.
-COLUMNS = {
-    "registration": ("x", "y", "x_reference", "y_reference"),
-    "misalignment": ("group", "laser", "x", "y"),
+# Model to the columns of its file and what makes a model of them.
+READERS: dict[str, tuple[tuple[str, ...], Reader]] = {
+    "registration": (stars.COLUMNS, stars.plain),
+    "registration-blue": (stars.COLUMNS, stars.plain),
+    "registration-joint": (stars.JOINT_COLUMNS, stars.joint),
+    "registration-student": (stars.COLUMNS, stars.student),
+    "registration-field-noise": (stars.COLUMNS, stars.field_noise),
+    "registration-distortion": (stars.COLUMNS, stars.distortion),
+    "registration-principal-point": (stars.COLUMNS, stars.principal_point),
+    "misalignment": (spots.COLUMNS, spots.constant),
+    "misalignment-directions": (spots.COLUMNS, spots.directions),
+    "misalignment-drift": (spots.COLUMNS, spots.drift),
+    "misalignment-states": (spots.STATE_COLUMNS, spots.states),
+    "table-5": (printed.STAGE_COLUMNS, printed.stage_table),
+    "geometry": (printed.GEOMETRY_COLUMNS, printed.geometry),
+    **{
+        f"frame-averaging{column}": (printed.AVERAGE_COLUMNS, printed.averaging)
+        for column in ("", "-transform-y", "-misalignment-x", "-misalignment-y")
+    },
 }
-# A prior this many times as wide as what the data show is hardly felt, yet proper.
-GENEROUS = 20.0
+# What the columns hold, by the module that reads them, in the order of `READERS`.
+FORMATS = (
+    ("registration, registration-blue and the variants of one channel", stars.COLUMNS,
+     "one star per line, in px: its place in the channel and in the reference channel"),
+    ("registration-joint", stars.JOINT_COLUMNS,
+     "one star per line, in px: its places in the three channels"),
+    ("misalignment, misalignment-directions, misalignment-drift", spots.COLUMNS,
+     "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in the "
+     "order of the platform; the images of a group in the order of time"),
+    ("misalignment-states", spots.STATE_COLUMNS,
+     "one spot per line, in px: states from 0; how far the stage has moved since state 0"),
+    ("frame-averaging and its other columns", printed.AVERAGE_COLUMNS,
+     "one average per line: its frames, the standard deviation of such averages, and the frames of "
+     "the whole series, the same in every line; the last digit written is the rounding"),
+    ("table-5", printed.STAGE_COLUMNS,
+     "one state per line, the zero state first, with angles zero; the last digit written is the "
+     "rounding"),
+    ("geometry", printed.GEOMETRY_COLUMNS,
+     "block 0: spots, x and y in px; block 1: positions of the stage, X and Y in micrometres, the "
+     "zero state first; block 2: reference angles about Y and about X, in arcsec; items from 1"),
+)  # fmt: skip
+# Models that no file fits, and why.
+NONE = {
+    "centroid-noise": "its likelihood is the response of one calibration, that of Table 3, to the "
+    "noise of its own simulated angles; for centroids of your own take registration, which "
+    "estimates their noise",
+}
 
 
 def from_file(name: str, path: Path, pivot: tuple[float, float] | None = None) -> Model:
@@ -38,13 +71,11 @@ def from_file(name: str, path: Path, pivot: tuple[float, float] | None = None) -
     Parameters
     ----------
     name : str
-        A model of `COLUMNS`.
+        A model of the book.
     path : pathlib.Path
-        A CSV file: for `registration` one star per line, its place in the channel and in the
-        reference channel; for `misalignment` one spot per line, group 0 at the zero point and
-        group 1 at the present, lasers numbered from 1 in the order of the platform. All in px.
+        A CSV file with the columns of `READERS`; what each holds is told where its reader is.
     pivot : tuple of float, optional
-        For `registration`: the channel's principal point; the mean of its stars by default.
+        For registrations: the channel's principal point; the mean of its stars by default.
 
     Returns
     -------
@@ -56,45 +87,7 @@ def from_file(name: str, path: Path, pivot: tuple[float, float] | None = None) -
     TableFileError
         If the file is wrong, or the model takes none.
     """
-    if name not in COLUMNS:
-        raise TableFileError(f"{name} takes no file; these models do: {', '.join(COLUMNS)}")
-    table = read_columns(path, COLUMNS[name])
-    if name == "registration":
-        centre = table[:, :2].mean(axis=0) if pivot is None else np.array(pivot)
-        return registration_model(table[:, :2], table[:, 2:], centre)
-    return _misalignment(path, table)
-
-
-def _misalignment(path: Path, table: FloatArray) -> Model:
-    instrument = platform(given(READS))
-    count = len(instrument.lasers)
-    images = []
-    for group in (0, 1):
-        spots = table[table[:, 0] == group]
-        lasers = [spots[spots[:, 1] == laser, 2:] for laser in range(1, count + 1)]
-        lengths = {len(one) for one in lasers}
-        if len(lengths) != 1 or sum(map(len, lasers)) != len(spots) or not len(spots):
-            raise TableFileError(
-                f"{path}: expected as many lines for each laser from 1 to {count} in group "
-                f"{group}, got {[len(one) for one in lasers]}; repair columns group and laser"
-            )
-        images.append(np.stack(lasers, axis=1))
-    if not set(table[:, 0]) <= {0.0, 1.0}:
-        raise TableFileError(f"{path}: expected groups 0 (zero point) and 1, got others")
-    instrument = replace(instrument, spots=images[0].mean(axis=0))
-    return misalignment_model(
-        instrument, SpotStatistics.of(images, (False, False)), priors=_priors(images)
-    )
-
-
-def _priors(images: list[FloatArray]) -> dict[str, Prior]:
-    """Angles as wide as the pattern's motion against its own size allows, many times over."""
-    means = [one.mean(axis=0) for one in images]
-    size = float(np.ptp(means[0], axis=0).max())
-    motion = float(np.abs(means[1] - means[0]).max() + images[0].std(axis=0).max())
-    instrument = platform(given(READS))
-    pixel = instrument.pixel_pitch / instrument.tracker_focal_length
-    reason = "twenty times what the spots moved"
-    across = Normal(0.0, GENEROUS * motion * pixel, reason)
-    roll = Normal(0.0, GENEROUS * motion / size, reason + ", as a roll of the pattern")
-    return {"angle-x": across, "angle-y": across, "angle-z": roll}
+    if name not in READERS:
+        raise TableFileError(f"{name} takes no file: {NONE[name]}")
+    columns, reader = READERS[name]
+    return reader(name, read_table(path, columns), pivot)

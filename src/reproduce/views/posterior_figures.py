@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import cycle
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 # More draws than this do not change the contours.
 POINTS = 10_000
 TRACE_POINTS = 150
+DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = (
+    "-", "--", "-.", ":", (0, (6, 2)), (0, (1, 4)), (0, (4, 1, 1, 1, 1, 1)), (0, (8, 3, 2, 3)),
+)  # fmt: skip
 
 
 def _drawn(
@@ -100,13 +104,13 @@ def corner(posterior: Posterior, alternative: str) -> str:
     def draw(figure: Figure) -> None:
         package.corner(
             (rows - offset) * scale,
-            labels=[f"${p.label}$\n{p.unit}" for p in model.parameters],
+            labels=[f"${p.label}$ ({p.unit})" for p in model.parameters],
             truths=marked, truth_color="#D55E00", color="#0072B2", fig=figure, bins=24,
             plot_datapoints=False, plot_density=False, no_fill_contours=True, max_n_ticks=3,
-            label_kwargs={"fontsize": 7}, quiet=True,
+            label_kwargs={"fontsize": 8}, quiet=True,
         )  # fmt: skip
         for axes in figure.axes:
-            axes.tick_params(labelsize=5)
+            axes.tick_params(labelsize=7)
 
     def draw_one(figure: Figure) -> None:
         axes = figure.subplots()
@@ -116,7 +120,7 @@ def corner(posterior: Posterior, alternative: str) -> str:
         only = model.parameters[0]
         axes.set(xlabel=f"${only.label}$ ({only.unit})", ylabel="posterior density")
 
-    side = 1.0 * model.dimension + 1.2
+    side = 1.25 * model.dimension + 1.2
     if model.dimension == 1:
         figure = _drawn((4.0, 2.6), draw_one)
     else:
@@ -147,12 +151,14 @@ def ranks(stored: Calibration, name: str, alternative: str) -> str:
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        axes.fill_between(even, low / total - even, high / total - even, alpha=0.2, color="#555555",
+        ends = low / total - even, high / total - even
+        axes.fill_between(even, *ends, facecolor=("#777777", 0.15), edgecolor="#777777",
                           label="95 % simultaneous band", step="mid")  # fmt: skip
-        for row, label in zip(counts, stored.names, strict=True):
-            axes.plot(even, row / total - even, linewidth=0.9, label=label)
+        # Colours come round after seven lines, dashes after eight.
+        for row, label, dashes in zip(counts, stored.names, cycle(DASHES), strict=False):
+            axes.plot(even, row / total - even, linestyle=dashes, linewidth=1.1, label=label)
         axes.set(xlabel="rank / number of draws", ylabel="share of ranks, less even")
-        axes.legend(fontsize=6, ncols=2)
+        figure.legend(loc="outside lower center", fontsize=8, ncols=3)
 
-    figure = _drawn((6.4, 3.4), draw)
+    figure = _drawn((6.4, 4.4), draw)
     return inline(figure, f"figure-posterior-{name}-ranks", alternative)

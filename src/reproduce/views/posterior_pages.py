@@ -6,31 +6,23 @@ The artefacts are those of the six steps of the Bayesian analysis reporting guid
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from reproduce.inference.checks import predictive_checks, two_sided
-from reproduce.inference.evidence import log_evidence
-from reproduce.inference.posterior import Posterior, digits
+from reproduce.inference.checks import predictive_checks
 from reproduce.inference.priors import in_unit
-from reproduce.inference.radial import (
-    affine_model,
-    linear_log_evidence,
-    radial_model,
-    similarity_model,
-)
 from reproduce.inference.sensitivity import NOTABLE, sensitivities
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.views import posterior as running
 from reproduce.views import posterior_calibration as calibrations
+from reproduce.views import posterior_data as formats
+from reproduce.views import posterior_decision as deciding
 from reproduce.views import posterior_figures as figures
+from reproduce.views.markup import html_table
 from reproduce.views.pages import Html
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable
 
 STEPS = {
     "model": "1. The model and its data are explained",
@@ -50,21 +42,6 @@ _shown: set[tuple[str, str]] = set()
 def _artefact(step: str, name: str, body: str) -> Html:
     _shown.add((step, name))
     return Html(f'<div class="rp-table" id="posterior-{name}-{step}">{body}</div>')
-
-
-def html_table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str) -> str:
-    """Return a table; the first column names the row."""
-    top = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head)
-    body = "".join(
-        f'<tr><th scope="row">{escape(row[0])}</th>'
-        + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:])
-        + "</tr>"
-        for row in rows
-    )
-    return (
-        f'<table class="table"><caption>{escape(caption)}</caption><thead><tr>{top}</tr></thead>'
-        f"<tbody>{body}</tbody></table>"
-    )
 
 
 def model(name: str) -> Html:
@@ -140,7 +117,7 @@ def results(name: str) -> Html:
     summary = html_table(head, rows, "Posterior, with no more digits than its error allows.")
     checks = [
         (c.name, f"{c.observed:.4g}", _range(c.prior), _range(c.posterior),
-         digits(c.tail, c.mcse))
+         deciding.probability(c.tail))
         for c in predictive_checks(found)
     ]  # fmt: skip
     compared = ("Number", "in the data", "prior predicts", "posterior predicts", "tail probability")
@@ -154,7 +131,7 @@ def _range(ends: tuple[float, float]) -> str:
 
 
 def decision(name: str) -> Html:
-    """Show the published estimate inside the posterior, and the evidence of rival models.
+    """Show the estimates and the published numbers in the posterior, and the rivals' evidence.
 
     Parameters
     ----------
@@ -167,45 +144,14 @@ def decision(name: str) -> Html:
         Tables.
     """
     found = running.book_posterior(name)
-    parts = [_placed(found)] if found.model.estimate else []
-    chain = [found, *running.rival_posteriors(name)]
-    rows = []
-    for one in chain:
-        evidence = log_evidence(one, one.seed)
-        exact = _exact(one)
-        rows.append(
-            (evidence.name, digits(evidence.value, evidence.error), f"{evidence.error:.1g}",
-             f"{evidence.shape:.2f}", exact)
-        )  # fmt: skip
-    head = ("Model", "log evidence", "MCSE", "Pareto k", "closed form")
-    caption = "Evidence (natural logarithm) under the priors above; differences decide."
-    parts.append(html_table(head, rows, caption))
+    published = posteriors()[name].printed(found.model)
+    parts = [
+        deciding.placed(found),
+        deciding.bounded(found),
+        "" if published is None else deciding.repeated(found, published),
+        deciding.compared(name),
+    ]
     return _artefact("decision", name, "".join(parts))
-
-
-def _exact(one: Posterior) -> str:
-    try:
-        return f"{linear_log_evidence(one.model):.3f}"
-    except TypeError:
-        return "none"
-
-
-def _placed(found: Posterior) -> str:
-    rows = []
-    for i, parameter in enumerate(found.model.parameters):
-        if parameter.name not in found.model.estimate:
-            continue
-        estimate = found.model.estimate[parameter.name]
-        draws = found.draws[:, i]
-        tail = two_sided(draws, estimate)
-        error = np.sqrt(max(tail * (1 - tail), 1 / len(draws)) / len(draws))
-        shown = (estimate - parameter.offset) * parameter.shown
-        rows.append((f"{parameter.name} ({parameter.unit})", f"{shown:.6g}",
-                     f"{(estimate - draws.mean()) / draws.std():+.2f}",
-                     digits(tail, error) if tail > error else f"< {2 * error:.1g}"))  # fmt: skip
-    head = ("Parameter", "estimate", "posterior sd from the mean", "tail probability")
-    caption = "The published or least-squares estimate, placed in the posterior."
-    return html_table(head, rows, caption)
 
 
 def similarity_choice(name: str) -> Html:
@@ -221,16 +167,19 @@ def similarity_choice(name: str) -> Html:
     Html
         A table.
     """
-    base = posteriors()[name].model()
-    rows = []
-    for rival in (similarity_model(base), radial_model(base), affine_model(base)):
-        one = running.run(rival, running.plan_for(name))
-        sampled = log_evidence(one, one.seed)
-        rows.append((rival.name, digits(sampled.value, sampled.error),
-                         f"{sampled.error:.1g}", _exact(one)))  # fmt: skip
-    head = ("Transform", "log evidence", "MCSE", "closed form")
-    caption = "Similarity against its rivals, with equal priors on displacements at the edge."
-    return Html(html_table(head, rows, caption))
+    return Html(deciding.transforms(name))
+
+
+def columns_of_table_5() -> Html:
+    """Show what every reading of Table V comes to: which columns stand where, which digit holds."""
+    return Html(deciding.columns_of_table_5())
+
+
+def file_formats() -> Html:
+    """Show which columns a user's own file has, for every model that takes one."""
+    rows = [(models, ", ".join(columns), told) for models, columns, told in formats.FORMATS]
+    rows += [(name, "none", why) for name, why in formats.NONE.items()]
+    return Html(html_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
 
 
 def sensitivity(name: str) -> Html:

@@ -1,0 +1,143 @@
+"""What a registration leaves at stars that it was not fitted to: posterior predictive RMSE.
+
+The transform in use is the least-squares one; the true one and the noise are those of the model.
+Conventions and units are those of `registration`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.random import PCG64, Generator
+from numpy.typing import NDArray
+
+from reproduce.inference.model import Quantity
+from reproduce.physics.similarity import as_complex, as_points
+from reproduce.physics.validate import FloatArray
+
+# Parameter vectors that are worked on at once: bounds the memory.
+CHUNK = 10_000
+SEED = 52
+
+
+class Stars(Protocol):
+    """What is needed of a registration's likelihood at other stars."""
+
+    @property
+    def source(self) -> FloatArray:
+        """Places of the stars in the channel, shape (points, 2), in px."""
+
+    @property
+    def target(self) -> FloatArray:
+        """Places of the stars in the reference channel: not known, any numbers."""
+
+    def residuals(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Target minus transformed source, shape (n, points)."""
+
+    def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Noise of residuals, shape (n, points, 2), in px."""
+
+    def elsewhere(self, source: FloatArray) -> Self:
+        """The same model of other stars."""
+
+
+def true_places(stars: Stars, parameters: FloatArray) -> FloatArray:
+    """Return where the stars lie in the reference channel without noise, (n, points, 2)."""
+    return as_points(as_complex(stars.target) - stars.residuals(parameters))
+
+
+def rmse_at(
+    stars: Stars, registered: FloatArray, parameters: FloatArray, generator: Generator
+) -> FloatArray:
+    """Root mean square distance between registered and measured stars, as niu2024 (26).
+
+    Parameters
+    ----------
+    stars : Stars
+        The model at the new stars.
+    registered : ndarray, shape (points, 2) or (n, points, 2)
+        Where the transform in use puts them, in px.
+    parameters : ndarray, shape (n, d)
+        True parameters.
+    generator : numpy.random.Generator
+        Of the noise.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In px, both axes together.
+    """
+    measured = true_places(stars, parameters) + stars.scatter(parameters, generator)
+    return np.asarray(np.sqrt(np.square(measured - registered).sum(axis=-1).mean(axis=-1)))
+
+
+@dataclass(frozen=True, eq=False)
+class NewStars:
+    """Consequences of a registration at new stars.
+
+    Parameters
+    ----------
+    stars : Stars
+        The model at the new stars.
+    registered : ndarray, shape (points, 2)
+        Where the least-squares transform puts them, in px.
+    arcsec_per_px : float
+        Of the reference channel.
+    columns : tuple of int
+        Which parameters the model of the stars takes; empty for all, as they stand.
+    prefix : str
+        Stands before the names, where there is more than one channel.
+    """
+
+    stars: Stars
+    registered: FloatArray
+    arcsec_per_px: float
+    columns: tuple[int, ...] = ()
+    prefix: str = ""
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """RMSE, the same as an angle, and the error of the transform at the outermost star."""
+        generator = Generator(PCG64(SEED))
+        parameters = parameters[:, self.columns] if self.columns else parameters
+        outermost = np.hypot(*(self.stars.source - self.stars.source.mean(axis=0)).T).argmax()
+        errors, moved = [], []
+        for rows in _chunks(parameters):
+            errors.append(rmse_at(self.stars, self.registered, rows, generator))
+            off = (true_places(self.stars, rows) - self.registered)[:, outermost]
+            moved.append(np.hypot(*off.T))
+        rmse, misplaced = np.concatenate(errors), np.concatenate(moved)
+        angle = rmse * self.arcsec_per_px
+        return {
+            f"{self.prefix}test points, RMSE": Quantity(rmse, "px", "as (26), both axes together"),
+            f"{self.prefix}test points, pointing error": Quantity(
+                angle, "arcsec", "the same as an angle"
+            ),
+            f"{self.prefix}outermost star, misregistration": Quantity(
+                misplaced, "px", "from the error of the transform alone"
+            ),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Consequences of several channels.
+
+    Parameters
+    ----------
+    parts : tuple of NewStars
+        One for each channel.
+    """
+
+    parts: tuple[NewStars, ...]
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """The consequences of all, one after the other."""
+        return {name: found for part in self.parts for name, found in part(parameters).items()}
+
+
+def _chunks(parameters: FloatArray) -> Iterator[FloatArray]:
+    for first in range(0, len(parameters), CHUNK):
+        yield parameters[first : first + CHUNK]

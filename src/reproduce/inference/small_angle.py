@@ -1,0 +1,121 @@
+"""The posterior of a misalignment in the small-angle limit: exact, without a sampler.
+
+About its best fit the prediction of the spots is linear in the angles, in the scale and in the
+directions, all their priors are Gaussian, and only the noise is left: given it the posterior is
+Gaussian, and the noise itself has a density of one dimension. With a flat prior this would be the
+Student-t of the registration; here the priors are kept. Conventions are those of `misalignment`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from scipy.special import logsumexp
+
+from reproduce.inference.misalignment import SpotLikelihood
+from reproduce.inference.model import Model
+from reproduce.inference.priors import Normal
+from reproduce.physics.validate import FloatArray
+
+# Points over the noise, and how many of its own errors they reach.
+POINTS, REACH = 401, 9.0
+
+
+@dataclass(frozen=True, eq=False)
+class SmallAnglePosterior:
+    """The posterior, as a mixture of Gaussians over the noise.
+
+    Parameters
+    ----------
+    noise, weight : ndarray, shape (m,)
+        Values of the noise, in px, and their probabilities.
+    means : ndarray, shape (m, d - 1)
+        Means of all other parameters, given the noise; SI.
+    roots : ndarray, shape (m, d - 1, d - 1)
+        Roots of their covariances: any matrix whose product with its transpose is the covariance.
+    log_evidence : float
+        Natural logarithm of the evidence of the model.
+    """
+
+    noise: FloatArray
+    weight: FloatArray
+    means: FloatArray
+    roots: FloatArray
+    log_evidence: float
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean of all parameters, the noise last, shape (d,)."""
+        return np.append(self.weight @ self.means, self.weight @ self.noise)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of all parameters, shape (d, d)."""
+        rows = np.column_stack([self.means, self.noise]) - self.mean
+        total = np.einsum("m,mi,mj->ij", self.weight, rows, rows)
+        inner = np.einsum("m,mik,mjk->ij", self.weight, self.roots, self.roots)
+        total[:-1, :-1] += inner
+        return np.asarray(total)
+
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        """Independent draws, shape (count, d)."""
+        chosen = generator.choice(len(self.noise), count, p=self.weight)
+        normal = generator.normal(size=(count, self.means.shape[1]))
+        others = self.means[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
+        return np.column_stack([others, self.noise[chosen]])
+
+
+def small_angle_posterior(model: Model) -> SmallAnglePosterior:
+    """Return the posterior of a misalignment whose prediction is replaced by its tangent.
+
+    Parameters
+    ----------
+    model : Model
+        A misalignment; every prior but that of the noise is a `Normal`.
+
+    Returns
+    -------
+    SmallAnglePosterior
+        Exact in the limit of small angles.
+
+    Raises
+    ------
+    TypeError
+        If the model is no misalignment or has other priors.
+    """
+    likelihood = model.likelihood
+    if not isinstance(likelihood, SpotLikelihood):
+        raise TypeError(f"model: expected a misalignment, got {type(likelihood).__name__}")
+    priors = [parameter.prior for parameter in model.parameters[:-1]]
+    if not all(isinstance(prior, Normal) for prior in priors):
+        raise TypeError("model: expected Gaussian priors of all parameters but the noise")
+    sigma = np.array([prior.sigma for prior in priors if isinstance(prior, Normal)])
+    middle = np.array([prior.mean for prior in priors if isinstance(prior, Normal)])
+    centre, spread = likelihood.start()
+    scale = spread[:-1]
+    response, left = likelihood.linearised(centre, scale)
+    # In units of the errors, or the matrices cannot be inverted.
+    response, off = response * scale, (middle - centre[:-1]) / scale
+    held = np.square(scale / sigma)
+    noise = centre[-1] + spread[-1] * np.linspace(-REACH, REACH, POINTS)
+    precise = noise[:, None] ** -2
+    inverse = np.linalg.inv(response.T @ response * precise[..., None] + np.diag(held))
+    pull = response.T @ left * precise + held * off
+    means = np.einsum("mij,mj->mi", inverse, pull)
+    roots = np.linalg.cholesky(inverse)
+    statistics = likelihood.statistics
+    logs = -statistics.size * np.log(noise) + model.parameters[-1].prior.log_density(noise)
+    logs -= 0.5 * (statistics.squares + left @ left) / noise**2
+    logs += 0.5 * np.einsum("mi,mi->m", means, pull)
+    logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+    logs += 0.5 * (np.log(held).sum() - held @ off**2 - statistics.size * np.log(2 * np.pi))
+    evidence = float(logsumexp(logs))
+    return SmallAnglePosterior(
+        noise,
+        np.exp(logs - evidence),
+        centre[:-1] + means * scale,
+        roots * scale[:, None],
+        evidence + float(np.log(noise[1] - noise[0])),
+    )

@@ -1,0 +1,124 @@
+"""A user's laser spots: files of the misalignments.
+
+One spot per line, in px: ``group`` (0 at the zero point, 1 at the present), ``laser`` (from 1, in
+the order of the platform), ``x``, ``y``; the images of a group in the order of time, evenly spaced.
+For states of a stage ``state`` (from 0) stands in place of the group, and ``motion_x_um``,
+``motion_y_um`` say how far the lasers have moved since state 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reproduce.inference.directions import directions_model
+from reproduce.inference.lasers import Platform, SpotStatistics
+from reproduce.inference.misalignment import drift_model, misalignment_model, states_model
+from reproduce.inference.model import Model
+from reproduce.inference.priors import Normal, Prior
+from reproduce.papers.chen2023.posteriors import READS, platform
+from reproduce.printed.given import given
+from reproduce.store.points import Table, TableFileError
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = ("group", "laser", "x", "y")
+STATE_COLUMNS = ("state", "laser", "x", "y", "motion_x_um", "motion_y_um")
+GROUPS = 2
+# A prior this many times as wide as what the data show is hardly felt, yet proper.
+GENEROUS = 20.0
+
+
+def constant(name: str, table: Table, pivot: object) -> Model:
+    """A constant misalignment."""
+    instrument, images = _measured(table, "group", GROUPS)
+    statistics = SpotStatistics.of(images, (False, False))
+    return misalignment_model(instrument, statistics, priors=_priors(instrument, images))
+
+
+def directions(name: str, table: Table, pivot: object) -> Model:
+    """The same with every laser's direction free."""
+    instrument, images = _measured(table, "group", GROUPS)
+    model = directions_model(instrument, SpotStatistics.of(images, (False, False)))
+    return _wider(model, _priors(instrument, images))
+
+
+def drift(name: str, table: Table, pivot: object) -> Model:
+    """A misalignment that drifts through group 1."""
+    instrument, images = _measured(table, "group", GROUPS)
+    angles = _priors(instrument, images)
+    drifts = {key.replace("angle", "drift"): prior for key, prior in angles.items()}
+    statistics = SpotStatistics.of(images, (False, True))
+    return drift_model(instrument, statistics, priors=angles | drifts)
+
+
+def states(name: str, table: Table, pivot: object) -> Model:
+    """States of a stage, jointly."""
+    count = int(table.column("state").max()) + 1
+    instrument, images = _measured(table, "state", count)
+    motions = np.zeros((count, 2))
+    for row, state in enumerate(table.column("state").astype(int)):
+        for axis, column in enumerate(STATE_COLUMNS[4:]):
+            value = table.values[row, 4 + axis] * 1e-6
+            first = row == np.argmax(table.column("state") == state)
+            if first:
+                motions[state, axis] = value
+            if motions[state, axis] != value:
+                raise table.wrong(
+                    row, column, f"expected the same motion all through state {state}"
+                )
+    if motions[0].any():
+        row = int(np.argmax(table.column("state") == 0))
+        raise table.wrong(row, STATE_COLUMNS[4 + int(motions[0, 0] == 0)],
+                          "expected no motion in state 0: motions count from there")  # fmt: skip
+    return states_model(instrument, SpotStatistics.of(images, (False,) * count), motions)
+
+
+def _measured(table: Table, group: str, groups: int) -> tuple[Platform, list[FloatArray]]:
+    instrument = platform(given(READS))
+    images = _images(table, group, groups, len(instrument.lasers))
+    return replace(instrument, spots=images[0].mean(axis=0)), images
+
+
+def _images(table: Table, group: str, groups: int, count: int) -> list[FloatArray]:
+    """Spots of every group, shape (frames, lasers, 2), in the order of the file."""
+    for name, allowed in ((group, range(groups)), ("laser", range(1, count + 1))):
+        for row, value in enumerate(table.column(name)):
+            if value not in allowed:
+                raise table.wrong(row, name, f"expected a whole number from {allowed[0]} to "
+                                  f"{allowed[-1]}")  # fmt: skip
+    images = []
+    for one in range(groups):
+        spots = table.values[table.column(group) == one]
+        lasers = [spots[spots[:, 1] == laser, 2:4] for laser in range(1, count + 1)]
+        lengths = [len(spot) for spot in lasers]
+        if len(set(lengths)) != 1 or lengths[0] < 3:
+            last = int(np.flatnonzero(table.column(group) == one)[-1]) if len(spots) else -1
+            raise TableFileError(
+                f"{table.path}, line {table.lines[last]}, column {table.positions[1]} (laser): "
+                f"expected as many lines for each laser from 1 to {count} in {group} {one}, three "
+                f"or more, got {lengths} by here; add or remove lines"
+            )
+        images.append(np.stack(lasers, axis=1))
+    return images
+
+
+def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:
+    """Angles as wide as the pattern's motion against its own size allows, many times over."""
+    means = [one.mean(axis=0) for one in images]
+    size = float(np.ptp(means[0], axis=0).max())
+    motion = float(np.abs(means[1] - means[0]).max() + images[0].std(axis=0).max())
+    pixel = instrument.pixel_pitch / instrument.tracker_focal_length
+    reason = "twenty times what the spots moved"
+    across = Normal(0.0, GENEROUS * motion * pixel, reason)
+    roll = Normal(0.0, GENEROUS * motion / size, reason + ", as a roll of the pattern")
+    return {"angle-x": across, "angle-y": across, "angle-z": roll}
+
+
+def _wider(model: Model, priors: dict[str, Prior]) -> Model:
+    parameters = tuple(
+        replace(one, prior=priors.get(one.name, one.prior)) for one in model.parameters
+    )
+    return replace(model, parameters=parameters)

@@ -1,0 +1,189 @@
+"""A user's own files: every model that takes one gets the truth back, and says what is wrong."""
+
+import numpy as np
+import pytest
+
+from reproduce.papers.chen2023.posteriors import READS, platform
+from reproduce.papers.posteriors import posteriors
+from reproduce.physics.stage import stage_angles
+from reproduce.printed.given import given
+from reproduce.store.points import TableFileError
+from reproduce.views.posterior_data import FORMATS, NONE, READERS, from_file
+
+ARCSEC = 206264.80624709636
+STARS = np.random.default_rng(1).uniform(0, 1000, (40, 2))
+
+
+def written(tmp_path, columns, rows):
+    path = tmp_path / "data.csv"
+    path.write_text("\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)]))
+    return path
+
+
+def star_rows(columns):
+    generator = np.random.default_rng(2)
+    moved = [STARS - np.array([3.0, 0.0]) * (i > 0) + 0.1 * generator.normal(size=STARS.shape)
+             for i in range(len(columns) // 2)]  # fmt: skip
+    return np.concatenate(moved, axis=1).round(4).tolist()
+
+
+def spot_rows(columns):
+    """Twenty images in each of two groups, or in three states of a stage."""
+    instrument = platform(given(READS))
+    generator = np.random.default_rng(1)
+    steps = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 30.0]])[: 3 if len(columns) == 6 else 2]
+    turns = stage_angles(steps * 1e-6, instrument.camera_focal_length)
+    rows = []
+    for state, turn in enumerate(turns):
+        spots = instrument.predicted(np.zeros((1, 3)), turn[None, None], np.ones(1), 2.0)[0, 0]
+        for image in spots + 0.02 * generator.normal(size=(20, *spots.shape)):
+            for laser, (x, y) in enumerate(image.round(4), start=1):
+                rows.append((state, laser, x, y, *steps[state][: len(columns) - 4]))
+    return rows
+
+
+def averages(columns):
+    return [(1, "0.40", 400), (4, "0.21", 400), (16, "0.10", 400)]
+
+
+def stage_positions():
+    return np.array([[10.0, 10.0], [30.0, 31.0], [50.0, 49.0], [70.0, 72.0]])
+
+
+def stage_angles_arcsec():
+    """Angles of a telescope of three metres, about Y and about X."""
+    motions = stage_positions()[1:] - stage_positions()[0]
+    return -np.arctan2(motions * 1e-6, 3.0) * ARCSEC
+
+
+def stage(columns):
+    moved = [
+        (*at, f"{y:.3f}", f"{y + 0.02:.3f}", f"{x:.3f}", f"{x - 0.02:.3f}")
+        for at, (y, x) in zip(stage_positions()[1:], stage_angles_arcsec(), strict=True)
+    ]
+    return [(*stage_positions()[0], 0, 0, 0, 0), *moved]
+
+
+def geometry(columns):
+    """The printed pattern, moved; the stage test."""
+    spots = platform(given(READS)).spots + np.array([5.0, -3.0])
+    angles = [[f"{a:.3f}" for a in pair] for pair in stage_angles_arcsec()]
+    blocks = (spots.round(3).tolist(), stage_positions().tolist(), angles)
+    return [
+        (block, item, *pair)
+        for block, pairs in enumerate(blocks)
+        for item, pair in enumerate(pairs, start=1)
+    ]
+
+
+def rows_for(name):
+    columns = READERS[name][0]
+    if name.startswith("registration"):
+        return star_rows(columns)
+    if name.startswith("misalignment"):
+        return spot_rows(columns)
+    if name.startswith("frame"):
+        return averages(columns)
+    return {"table-5": stage, "geometry": geometry}[name](columns)
+
+
+def test_every_model_takes_a_file_or_says_why_not():
+    assert set(READERS) | set(NONE) == set(posteriors())
+    assert {columns for columns, _ in READERS.values()} == {columns for _, columns, _ in FORMATS}
+
+
+@pytest.mark.parametrize("name", list(READERS))
+def test_users_data_make_a_model_that_starts(tmp_path, name):
+    path = written(tmp_path, READERS[name][0], rows_for(name))
+    model = from_file(name, path)
+    assert model.name == name or name == "registration-blue"
+    assert model.names == posteriors()[name].model().names
+    start = model.start(np.random.default_rng(1), 8)
+    assert np.isfinite(model.log_posterior(start)).all()
+    assert not set(model.estimate.values()) & set(posteriors()[name].model().estimate.values())
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "truth"),
+    [
+        ("registration-student", "shift-x", 3.0),
+        ("registration-joint", "red-shift-x", 3.0),
+        ("misalignment-directions", "angle-y", -20e-6 / 2),
+        ("misalignment-drift", "drift-x", 0.0),
+        ("misalignment-states", "stage-scale", 1.0),
+        ("frame-averaging", "white", 0.40 / ARCSEC),
+        ("table-5", "focal-length", 3.0),
+        ("geometry", "focal-length", 3.0),
+    ],
+)
+def test_users_data_lead_to_their_own_truth(tmp_path, name, parameter, truth):
+    """By the rough estimate that starts the sampler, within a few of its errors."""
+    model = from_file(name, written(tmp_path, READERS[name][0], rows_for(name)))
+    centre, spread = model.likelihood.start()
+    i = model.names.index(parameter)
+    assert abs(centre[i] - truth) < 4 * spread[i]
+    assert spread[i] < 0.1 * max(abs(truth), 1e-4)
+
+
+def replaced(rows, row, column, value):
+    rows = [list(one) for one in rows]
+    rows[row][column] = value
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "column", "value", "message"),
+    [
+        ("registration-joint", 4, 2, "nan", r"data.csv, line 6, column 3 \(x_blue\): expected a f"),
+        (
+            "misalignment",
+            9,
+            0,
+            2,
+            r"line 11, column 1 \(group\): expected a whole number from 0 to",
+        ),
+        ("misalignment-drift", 9, 1, 5, r"line 11, column 2 \(laser\): expected a whole .* 1 to 4"),
+        ("misalignment", 9, 1, 3, r"column 2 \(laser\): expected as many lines for each laser"),
+        (
+            "misalignment-states",
+            170,
+            4,
+            21,
+            r"line 172, column 5 \(motion_x_um\): expected the same",
+        ),
+        ("frame-averaging", 1, 0, 1, r"line 3, column 1 \(frames\): expected more frames"),
+        ("frame-averaging", 1, 1, 0, r"line 3, column 2 \(error_arcsec\): expected a standard"),
+        ("frame-averaging", 2, 2, 300, r"line 4, column 3 \(series\): expected one number"),
+        ("table-5", 0, 3, "0.5", r"line 2, column 4 \(monitored_y_arcsec\): expected zero"),
+        ("geometry", 1, 0, 3, r"line 3, column 1 \(block\): expected 0"),
+        ("geometry", 1, 1, 3, r"line 3, column 2 \(item\): expected the items"),
+    ],
+)
+def test_wrong_files_are_refused_by_line_and_column(tmp_path, name, row, column, value, message):
+    rows = replaced(rows_for(name), row, column, value)
+    with pytest.raises(TableFileError, match=message):
+        from_file(name, written(tmp_path, READERS[name][0], rows))
+
+
+def test_rounding_is_that_of_the_digits_written(tmp_path):
+    path = written(tmp_path, READERS["frame-averaging"][0], averages(()))
+    assert from_file("frame-averaging", path).likelihood.half_unit * ARCSEC == pytest.approx(0.005)
+    rows = [(n, f"{float(e):.3f}", s) for n, e, s in averages(())]
+    path = written(tmp_path, READERS["frame-averaging"][0], rows)
+    assert from_file("frame-averaging", path).likelihood.half_unit * ARCSEC == pytest.approx(5e-4)
+
+
+def test_priors_follow_the_data_and_not_the_paper(tmp_path):
+    """A field ten times as large: priors in px ten times as wide."""
+    widths = []
+    for size in (1, 10):
+        rows = (np.array(star_rows(READERS["registration-distortion"][0])) * size).tolist()
+        path = written(tmp_path, READERS["registration-distortion"][0], rows)
+        model = from_file("registration-distortion", path)
+        widths.append([model.parameters[2].prior.high, model.parameters[5].prior.sigma])
+    np.testing.assert_allclose(np.array(widths[1]) / widths[0], 10)
+
+
+def test_a_model_without_files_says_why(tmp_path):
+    with pytest.raises(TableFileError, match=r"centroid-noise takes no file: .* take registration"):
+        from_file("centroid-noise", tmp_path / "none.csv")
