@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book test check browser-test bench lock checksums clean
+.PHONY: help book test check browser-test bench mutants lock checksums clean
 
 export PYTHON
 PY := .venv/bin/python
@@ -34,6 +34,9 @@ browser-test: $(STAMP)  ## read the built pages in a headless Chromium
 
 bench: $(STAMP)  ## time what the project promises to be fast
 	@$(PY) -m pytest benchmarks --benchmark-only --benchmark-columns=min,median,rounds
+
+mutants: $(STAMP)  ## change the code in many places and see whether the tests notice
+	@$(PY) tools/mutation.py
 
 lock: $(STAMP)  ## resolve environment.txt again
 	@$(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \

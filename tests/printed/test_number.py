@@ -28,6 +28,12 @@ def test_a_count_is_a_point():
     assert not number.meets(137.4, 137.4)
 
 
+def test_a_count_computed_in_floating_point_is_met_but_for_its_last_bits():
+    number = PrintedNumber("137", exact=True)
+    assert number.meets(137 * (1 + 1e-13), 137 * (1 + 1e-13))
+    assert not number.meets(137 * (1 + 1e-8), 137 * (1 + 1e-8))
+
+
 @pytest.mark.parametrize(
     ("qualifier", "inside", "outside"),
     [

@@ -78,7 +78,9 @@ def test_figures_follow_the_theme_and_have_alternative_text(key):
     assert "currentColor" in html
     assert "#000000" not in html
     assert "<text" in html, "text stays text"
-    assert "<text>" not in html, "formulas take the page's colour too"
+    (root,) = re.findall(r"<svg [^>]*>", html)
+    assert 'fill="currentColor"' in root, "text of formulas has no colour of its own and takes this"
+    assert not re.search(r"<g [^>]*fill[^>]*>\s*<text>", html), "nor does what it stands in"
     ids = re.findall(r'\bid="([^"]+)"', html)
     assert all(name.startswith(f"figure-{key.replace('/', '-')}") for name in ids)
     for used in re.findall(r'(?:url\(#|href="#)([^)"]+)', html):

@@ -1,0 +1,22 @@
+"""A unit is mistaken for one of the same kind: a length for a length, an angle for an angle."""
+
+import pytest
+
+from reproduce.audit.quantity import quantity
+from reproduce.audit.slips import of_cell
+
+
+@pytest.mark.parametrize(
+    ("unit", "likely", "never"),
+    [
+        ("mm", {"nm", "um", "m", "km"}, {"s", "deg", "Hz", "mm"}),
+        ("arcsec", {"deg"}, {"1", "mm", "arcsec"}),
+        ("s", {"ms", "min"}, {"Hz", "m"}),
+        ("px", set(), {"1", "mm"}),
+    ],
+)
+def test_a_slip_of_the_unit_stays_within_its_kind(unit, likely, never):
+    slips = [slip for slip in of_cell(quantity("t#1.a", "5.0", unit)) if slip.kind == "unit"]
+    found = {printed.unit for slip in slips for _, printed in slip.changes}
+    assert likely <= found
+    assert not never & found
