@@ -22,7 +22,6 @@ REPLICATES = 1000
 # Models whose study may still be missing; until it is stored, the page of such a model says so.
 AWAITED: frozenset[str] = frozenset(
     {
-        "centroid-noise",
         "misalignment-directions",
         "misalignment-drift",
         "table-5",
