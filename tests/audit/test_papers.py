@@ -247,3 +247,17 @@ def test_the_smallest_sets_cover_every_contradiction_and_the_joint_ones(paper):
     joint = [c for c in audit.conflicts if not wrong & set(c.relations)]
     relations = [f.relation for f in audit.findings]
     assert bool(joint) == jointly_contradicted(audit.cells, relations)
+
+
+def test_what_the_book_says_of_the_slips_that_lift_niu2024():
+    """Each smallest set needs a slip in one of its tables, and three tables do not reach all."""
+    sets = [{cell.partition("#")[0] for cell in c.cells} for c in audit_paper("niu2024").conflicts]
+    tables = set().union(*sets)
+    reached = {
+        number: any(
+            all(needed & set(chosen) for needed in sets)
+            for chosen in itertools.combinations(sorted(tables), number)
+        )
+        for number in (3, len(tables))
+    }
+    assert reached == {3: False, len(tables): True}

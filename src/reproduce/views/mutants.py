@@ -15,6 +15,8 @@ from reproduce.views.audit_pages import html_table
 from reproduce.views.pages import Html
 
 _THIN = "\u202f%"
+# Of the interval of the killed share.
+CONFIDENCE = 0.95
 
 
 @functools.cache
@@ -58,7 +60,7 @@ def score() -> Html:
     heads += ["Killed share of all drawn (95 % interval)", "of all but the equivalent"]
     rows = []
     for folder, found in tallies().items():
-        share, low, high = found.share()
+        share, low, high = found.share(CONFIDENCE)
         counts = (found.sampled, found.killed, found.timeouts, found.survived, found.equivalent)
         shares = (f"{share:.1%} ({low:.1%} to {high:.1%})", f"{found.share_of_killable:.1%}")
         rows.append([_text(entry) for entry in (folder, made[folder], *counts, *shares)])
@@ -104,7 +106,7 @@ def glue() -> None:
     ``mutants-made``, ``mutants-drawn``, ``mutants-killed``, ``mutants-survived``,
     ``mutants-equivalent``, ``mutants-share``, ``mutants-low``, ``mutants-high``,
     ``mutants-share-killable``, ``mutants-tool``, ``mutants-seed``, ``mutants-met``,
-    ``mutants-files``, ``mutants-stale``.
+    ``mutants-files``, ``mutants-stale``, ``mutants-confidence``.
     """
     from myst_nb import glue as glue_one
 
@@ -116,7 +118,7 @@ def numbers() -> dict[str, str]:
     """Return what `glue` hands out, without the common beginning of the labels."""
     study, _ = _study()
     found = tallies()["all"]
-    share, low, high = found.share()
+    share, low, high = found.share(CONFIDENCE)
     percents = {"share": share, "low": low, "high": high, "share-killable": found.share_of_killable}
     sources = study.note["sources"]
     said = {
@@ -127,6 +129,7 @@ def numbers() -> dict[str, str]:
         "equivalent": found.equivalent,
         "tool": study.note["tool"],
         "seed": study.note["seed"],
+        "confidence": f"{CONFIDENCE:.0%}".replace("%", _THIN),
         "met": study.note["survivors_met"],
         "files": len(sources) if isinstance(sources, dict) else 0,
         "stale": len(stale()),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.random import Generator
 
@@ -120,11 +122,7 @@ def stage_table(given: Given, model: Model) -> Published:
     if not isinstance(likelihood, StageTableLikelihood):
         raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
 
-    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
-        pairs = [model.repeat(one, generator) for one in parameters]
-        return np.stack([np.concatenate([part.ravel() for part in pair]) for pair in pairs])
-
-    return published_cells(given, (*REFERENCE, *MONITORED), repeat, whole=likelihood.log_same)
+    return published_cells(given, (*REFERENCE, *MONITORED), _both(model), whole=likelihood.log_same)
 
 
 def spots_and_stage(given: Given, model: Model) -> Published:
@@ -133,8 +131,16 @@ def spots_and_stage(given: Given, model: Model) -> Published:
     if not isinstance(likelihood, GeometryLikelihood):
         raise TypeError(f"model: expected the geometry, got {type(likelihood).__name__}")
 
+    return published_cells(
+        given, (*SPOT_CELLS, *REFERENCE), _both(model), whole=likelihood.log_same
+    )
+
+
+def _both(model: Model) -> Callable[[FloatArray, Generator], FloatArray]:
+    """Repeats of a model whose data are two arrays, both of which are printed."""
+
     def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
         pairs = [model.repeat(one, generator) for one in parameters]
         return np.stack([np.concatenate([part.ravel() for part in pair]) for pair in pairs])
 
-    return published_cells(given, (*SPOT_CELLS, *REFERENCE), repeat, whole=likelihood.log_same)
+    return repeat
