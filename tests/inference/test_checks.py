@@ -37,6 +37,19 @@ def test_only_the_principal_point_answers_to_its_prior(registration):
     assert all(one.shape < 0.7 for one in found.values())
 
 
+def test_errors_of_sensitivities_are_their_scatter(registration):
+    """Over independent runs the answers scatter as much as each run says of itself."""
+    runs = [
+        sensitivities(sample(registration, Plan(seed, steps=500, warmup=200))) for seed in range(12)
+    ]
+    answers = np.array([[(r.prior, r.likelihood, r.shift) for r in run] for run in runs])
+    errors = np.array([[r.errors for r in run] for run in runs])
+    ratio = answers.std(axis=0, ddof=1) / np.sqrt(np.square(errors).mean(axis=0))
+    # Twelve runs know a standard deviation to a fifth; the parameters are not independent.
+    assert 0.6 < np.exp(np.log(ratio).mean()) < 1.6
+    assert ((ratio > 0.3) & (ratio < 3)).all()
+
+
 def test_two_sided_tail():
     draws = np.arange(1, 101) / 100
     assert two_sided(draws, 0.025) == pytest.approx(0.04)

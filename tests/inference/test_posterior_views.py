@@ -44,9 +44,9 @@ def spots_file(tmp_path):
 
 def test_models_are_listed():
     listed = run("posterior", "--list").output
-    assert {"registration", "misalignment", "frame-averaging", "table-5", "geometry"} <= set(
-        re.findall(r"^(\S+)", listed, re.MULTILINE)
-    )
+    pairs = re.findall(r"^ ?(\S+) +(niu2024|chen2023)", listed, re.MULTILINE)
+    assert pairs == [(name, declared.paper) for name, declared in posteriors().items()]
+    assert max(map(len, listed.splitlines())) <= 80
     assert list(json.loads(run("posterior", "--list", "--json").output)) == list(posteriors())
 
 

@@ -33,6 +33,8 @@ class Sensitivity:
         at the two powers, as the root of the Jensen-Shannon divergence of their histograms.
     shift : float
         Change of the mean per doubling of the prior's power, in posterior standard deviations.
+    errors : tuple of float
+        Monte Carlo standard errors of these three.
     shape : float
         Largest Pareto k of the weights; above 0.7 the numbers are not to be trusted.
     """
@@ -41,11 +43,14 @@ class Sensitivity:
     prior: float
     likelihood: float
     shift: float
+    errors: tuple[float, ...]
     shape: float
 
 
 def sensitivities(posterior: Posterior) -> list[Sensitivity]:
     """Return the sensitivity of every parameter to prior and likelihood.
+
+    The errors are those of the jackknife that leaves out one ensemble after the other.
 
     Parameters
     ----------
@@ -57,29 +62,37 @@ def sensitivities(posterior: Posterior) -> list[Sensitivity]:
     list of Sensitivity
         In the order of the parameters.
     """
-    draws = posterior.draws
-    model = posterior.model
-    logs = {"prior": model.log_prior(draws), "likelihood": model.log_likelihood(draws)}
-    weights, shapes = {}, []
-    for which, log in logs.items():
-        for power in POWERS:
-            found, shape = smoothed((power - 1) * log)
-            weights[which, power] = np.exp(found)
-            shapes.append(shape)
+    draws, model = posterior.draws, posterior.model
+    logs = (model.log_prior(draws), model.log_likelihood(draws))
+    found, shape = _answers(draws, logs)
+    ensembles = len(posterior.chain)
+    blocks = np.arange(len(draws)) * ensembles // len(draws)
+    without = np.stack(
+        [
+            _answers(draws[rest], tuple(log[rest] for log in logs))[0]
+            for rest in (blocks != block for block in range(ensembles))
+        ]
+    )
+    errors = np.sqrt((ensembles - 1) * without.var(axis=0))
+    rows = zip(model.names, found.tolist(), errors.tolist(), strict=True)
+    return [
+        Sensitivity(name, prior, likelihood, shift, tuple(error), shape)
+        for name, (prior, likelihood, shift), error in rows
+    ]
+
+
+def _answers(draws: FloatArray, logs: tuple[FloatArray, ...]) -> tuple[FloatArray, float]:
+    """Distances under prior and likelihood and shift of the mean, (d, 3); largest Pareto k."""
+    weighted = [[smoothed((power - 1) * log) for power in POWERS] for log in logs]
+    shape = max(shape for pair in weighted for _, shape in pair)
+    pairs = [[np.exp(log) for log, _ in pair] for pair in weighted]
     doublings = np.log2(POWERS[1] / POWERS[0])
     rows = []
-    for name, column in zip(model.names, draws.T, strict=True):
-        apart = {
-            which: _distance(column, weights[which, POWERS[0]], weights[which, POWERS[1]])
-            / doublings
-            for which in logs
-        }
-        means = [float(column @ weights["prior", power]) for power in POWERS]
-        shift = (means[1] - means[0]) / doublings / column.std()
-        rows.append(
-            Sensitivity(name, apart["prior"], apart["likelihood"], float(shift), max(shapes))
-        )
-    return rows
+    for column in draws.T:
+        apart = [_distance(column, left, right) for left, right in pairs]
+        less, more = (float(column @ weights) for weights in pairs[0])
+        rows.append([*apart, (more - less) / column.std()])
+    return np.array(rows) / doublings, shape
 
 
 def _distance(values: FloatArray, left: FloatArray, right: FloatArray) -> float:

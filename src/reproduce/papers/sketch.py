@@ -96,6 +96,7 @@ def turned(points: ArrayLike, degrees: float) -> FloatArray:
 def label(axes: Axes, place: ArrayLike, text: str, *, size: float = SIZE, **look: object) -> None:
     """Write a label, centred on its place unless `ha` or `va` say otherwise."""
     settings = {"ha": "center", "va": "center", "fontsize": size, **look}
+    # Matplotlib types every property of a text apart; here they are mixed in one mapping.
     axes.text(*pair(place), text, **settings)  # type: ignore[arg-type]
 
 

@@ -61,8 +61,9 @@ def _group(group: Group, audit: Audit) -> Iterator[str]:
     for found in group.corrections[: words.SHOWN]:
         told = words.correction(found, audit.name)
         yield f"    correction of size {told['size']:g}: {'; '.join(told['slips'])}"
-        breaks = f"breaks {len(told['breaks'])} relations" if told["breaks"] else "breaks nothing"
-        yield f"        {breaks}; the conclusion {told['conclusion']}"
+        broken = len(told["breaks"])
+        breaks = f"{broken} relation{'s' if broken > 1 else ''}" if broken else "nothing"
+        yield f"        breaks {breaks}; the conclusion {told['conclusion']}"
         for unknown in told["unknowns"]:
             yield f"        {unknown}"
     if (more := len(group.corrections) - words.SHOWN) > 0:

@@ -95,13 +95,22 @@ def _build(name: str, data: Path | None, pivot: tuple[float, float] | None) -> A
 def _list_models(as_json: bool) -> None:
     from reproduce.papers.posteriors import posteriors
 
-    known = {name: declared.model().title for name, declared in posteriors().items()}
+    known = posteriors()
+    titles = {name: declared.model().title for name, declared in known.items()}
     if as_json:
-        click.echo(json.dumps(known, indent=2, ensure_ascii=False))
+        click.echo(json.dumps(titles, indent=2, ensure_ascii=False))
         return
-    width = max(map(len, known))
-    for name, title in known.items():
-        click.echo(f"{name:<{width}}  {title}")
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("model", no_wrap=True)
+    table.add_column("paper", no_wrap=True)
+    table.add_column("about")
+    for name, title in titles.items():
+        table.add_row(name, known[name].paper, title)
+    Console().print(table)
 
 
 def _known(model: str | None) -> str:

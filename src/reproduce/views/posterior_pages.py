@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reproduce.inference.checks import predictive_checks
+from reproduce.inference.posterior import digits
 from reproduce.inference.priors import in_unit
 from reproduce.inference.sensitivity import NOTABLE, sensitivities
 from reproduce.papers.posteriors import posteriors
@@ -36,6 +37,8 @@ NOT_YET = (
     "This model is not calibrated yet: no study of it is stored. Until it is, its posterior is "
     "checked by the diagnostics and predictive checks above only."
 )
+# Three decimals at most, however small the Monte Carlo error.
+LEAST_ERROR = 5e-4
 _shown: set[tuple[str, str]] = set()
 
 
@@ -200,12 +203,14 @@ def sensitivity(name: str) -> Html:
         held = "as it should be"
         if one.prior >= NOTABLE:
             held = "prior and data" if one.likelihood >= NOTABLE else "the prior holds it"
-        rows.append((one.name, f"{one.prior:.3f}", f"{one.likelihood:.3f}", f"{one.shift:+.3f}",
-                     f"{one.shape:.2f}", held))  # fmt: skip
+        answers = (one.prior, one.likelihood, one.shift)
+        told = (digits(a, max(e, LEAST_ERROR)) for a, e in zip(answers, one.errors, strict=True))
+        rows.append((one.name, *told, f"{one.shape:.2f}", held))
     head = ("Parameter", "to prior", "to likelihood", "mean shift (sd)", "Pareto k", "reading")
     caption = (
         "Change of the posterior per doubling of the power of prior or likelihood (Jensen-Shannon "
-        f"distance; from {NOTABLE} on it is worth a word)."
+        f"distance; from {NOTABLE} on it is worth a word), with no more digits than the errors "
+        "allow that leaving out one ensemble after the other tells of."
     )
     return _artefact("sensitivity", name, html_table(head, rows, caption))
 

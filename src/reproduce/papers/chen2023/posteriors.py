@@ -7,25 +7,32 @@ taken as printed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.averaging import AveragingLikelihood, averaging_model, predicted_error
+from reproduce.inference.averaging import AveragingLikelihood, averaging_model
 from reproduce.inference.directions import directions_model
 from reproduce.inference.geometry import GeometryLikelihood, geometry_model
 from reproduce.inference.lasers import Platform, SpotStatistics
 from reproduce.inference.misalignment import drift_model, misalignment_model, states_model
-from reproduce.inference.model import Model, Quantity
+from reproduce.inference.model import Model
 from reproduce.inference.reference_angles import HYPOTHESES, ReferenceAngles
 from reproduce.inference.stage_table import StageTableLikelihood, table_model
 from reproduce.inference.table_readings import Reading, hypotheses
 from reproduce.papers.chen2023 import lasers, published
+from reproduce.papers.chen2023.consequences import (
+    Averaged,
+    LastState,
+    NominalTracker,
+    OnTheGround,
+    StageTest,
+)
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import Declared
-from reproduce.physics.ground import altitude_for_resolution, ground_error
+from reproduce.physics.ground import altitude_for_resolution
 from reproduce.physics.stage import stage_angles
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
@@ -42,7 +49,9 @@ GROUND = tuple(
     for what in ("focal-length", "pixel-size", "ground-resolution")
 )
 READS = (*lasers.READS, lasers.SCATTER, FRAMES, *GROUND, f"{STAGE}#*.position-?", STATE_FRAMES)
-STAGE_READS = (f"{STAGE}#*.position-?", f"{STAGE}#*.reference-?", lasers.READS[2])
+STAGE_READS = (f"{STAGE}#*.position-?", f"{STAGE}#*.reference-?", lasers.READS[2], *GROUND)
+# Frames whose errors are predicted: one, the most of the table, and as many as it never tried.
+SHOWN_COUNTS = (1, 100, 1000)
 # The misalignment of the simulation: as large as the text expects on orbit, with a roll.
 TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC
 DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC
@@ -105,54 +114,6 @@ def _pattern_scale(design: Platform) -> float:
     return float(sizes[0] / (sizes[1] * magnification))
 
 
-@dataclass(frozen=True)
-class OnTheGround:
-    """What an error of the misalignment costs on the ground, from the satellite's altitude.
-
-    Parameters
-    ----------
-    altitude : float
-        In metres.
-    first : int
-        Column of the angle about X; that about Y follows.
-    """
-
-    altitude: float
-    first: int = 3
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
-        """Errors about the posterior mean: pointing in arcsec, position in metres."""
-        angles = parameters[:, self.first : self.first + 2]
-        error = np.hypot(*(angles - angles.mean(axis=0)).T)
-        metres = ground_error(self.altitude, error)
-        shift = ground_error(self.altitude, np.hypot(*angles.T))
-        return {
-            "pointing error": Quantity(error * ARCSEC, "arcsec", "boresight, both axes together"),
-            "position error": Quantity(metres, "m", "on the ground, misalignment corrected"),
-            "position error uncorrected": Quantity(shift, "m", "if the misalignment were ignored"),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class LastState:
-    """The same for the angles of the stage's last state.
-
-    Parameters
-    ----------
-    ground : OnTheGround
-        Takes angles as its first two columns.
-    motion : ndarray, shape (2,)
-        Of the stage, in metres.
-    """
-
-    ground: OnTheGround
-    motion: FloatArray
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
-        """Errors about the posterior mean: pointing in arcsec, position in metres."""
-        return self.ground(stage_angles(parameters[:, 4, None] * self.motion, parameters[:, 3]))
-
-
 def _ground(given: Given, first: int = 3) -> OnTheGround:
     altitude = float(altitude_for_resolution(*(given[address] for address in GROUND)))
     return OnTheGround(altitude, first)
@@ -201,20 +162,10 @@ def stage_positions(given: Given) -> FloatArray:
     return np.stack([given.array(f"{STAGE}#*.position-{a}") for a in "xy"], axis=-1)
 
 
-@dataclass(frozen=True)
-class Averaged:
-    """Errors of averages over some numbers of frames."""
-
-    counts: tuple[int, ...]
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
-        """Three-sigma errors, as the table prints them, in arcsec."""
-        return {
-            f"error of {count} frames": Quantity(
-                3 * predicted_error(parameters, count) * ARCSEC, "arcsec", "three sigma"
-            )
-            for count in self.counts
-        }
+def _last_motion(given: Given) -> FloatArray:
+    """Motion of the stage in its last state, shape (2,), in metres."""
+    positions = stage_positions(given)
+    return np.asarray(positions[-1] - positions[0])
 
 
 def frame_averaging(given: Given, column: str, floor: bool = True) -> Model:
@@ -225,7 +176,7 @@ def frame_averaging(given: Given, column: str, floor: bool = True) -> Model:
     half = _half_unit(given, addresses[0]) / lasers.SIGMAS
     likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), floor)
     name = "frame-averaging" if column == COLUMNS[0] else f"frame-averaging-{column}"
-    derived = Averaged((1, 100, 1000)) if floor else None
+    derived = Averaged(SHOWN_COUNTS, _ground(given).altitude) if floor else None
     return averaging_model(likelihood, name if floor else f"{name}-without-floor", derived=derived)
 
 
@@ -244,9 +195,11 @@ def table_5(given: Given, hypothesis: int | None = None) -> Model:
     """Focal length, bias and noise from Table V."""
     monitored = np.stack([given.array(f"{STAGE}#*.monitoring-{a}") for a in "yx"], axis=-1)
     likelihood = StageTableLikelihood(reference_angles(given), monitored, hypothesis)
-    model = table_model(likelihood, given[lasers.READS[2]])
+    nominal = given[lasers.READS[2]]
+    model = table_model(likelihood, nominal)
     if hypothesis is None:
-        return model
+        consequences = StageTest(_ground(given).altitude, _last_motion(given), nominal)
+        return replace(model, derived=consequences)
     return replace(model, name=f"{model.name}, {HYPOTHESES[hypothesis]}")
 
 
@@ -272,7 +225,10 @@ def geometry(given: Given) -> Model:
         reference_angles(given),
         (design.camera_focal_length, design.tracker_focal_length, given[lasers.DIAGONAL]),
     )
-    return geometry_model(likelihood, float(2 * design.principal_point[0] + 1))
+    camera, tracker, _ = likelihood.design
+    largest = float(np.linalg.norm(stage_angles(_last_motion(given), camera)))
+    model = geometry_model(likelihood, float(2 * design.principal_point[0] + 1))
+    return replace(model, derived=NominalTracker(_ground(given).altitude, largest, tracker))
 
 
 def _half_unit(given: Given, address: str) -> float:
@@ -292,7 +248,7 @@ POSTERIORS = (
         Declared(
             "frame-averaging" if column == COLUMNS[0] else f"frame-averaging-{column}",
             "chen2023",
-            (f"{AVERAGES}#*.frames", f"{AVERAGES}#*.{column}", FRAMES),
+            (f"{AVERAGES}#*.frames", f"{AVERAGES}#*.{column}", FRAMES, *GROUND),
             partial(frame_averaging, column=column),
             False,
             (partial(frame_averaging, column=column, floor=False),),

@@ -5,11 +5,13 @@ The test points are directions at random, uniform over the printed range, as for
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from reproduce.inference.joint import JointRegistration
-from reproduce.inference.model import Model
+from reproduce.inference.model import Model, Quantity
 from reproduce.inference.new_stars import NewStars, Stars, rmse_at
 from reproduce.inference.registration import GaussianRegistration
 from reproduce.inference.repeats import Published
@@ -72,12 +74,38 @@ def new_stars(
     """
     fit = fit_similarity(likelihood.source, likelihood.target, likelihood.pivot)
     source = _source(given, channel)
-    pitch = given["niu2024/text-optics#pixel-pitch-x"]
-    pixel = angle_from_pixels(1.0, pitch, given[f"{simulation.IMAGING}#focal-length.green"])
     registered = fit.similarity.transform(source)
-    return NewStars(
-        likelihood.elsewhere(source), registered, float(pixel) * ARCSEC, columns, prefix
-    )
+    stars = likelihood.elsewhere(source)
+    return NewStars(stars, registered, pixel_angle(given), columns, prefix)
+
+
+def pixel_angle(given: Given) -> float:
+    """Return the angle that a pixel of the green channel spans, in arcsec."""
+    pitch = given["niu2024/text-optics#pixel-pitch-x"]
+    focal_length = given[f"{simulation.IMAGING}#focal-length.green"]
+    return float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC
+
+
+@dataclass(frozen=True)
+class NoiseAlone:
+    """What centroid noise leaves of a star of which a channel is laid over green without error.
+
+    Parameters
+    ----------
+    arcsec_per_px : float
+        Of the green channel.
+    """
+
+    arcsec_per_px: float
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Root mean square distance of the two images: two noisy axes of two noisy stars."""
+        rmse = 2 * parameters[:, 0]
+        angle = rmse * self.arcsec_per_px
+        return {
+            "registered star, RMSE": Quantity(rmse, "px", "both axes, the transform exact"),
+            "registered star, pointing error": Quantity(angle, "arcsec", "the same as an angle"),
+        }
 
 
 def one_channel(given: Given, model: Model, channel: str) -> Published:

@@ -37,9 +37,11 @@ from reproduce.papers.niu2024.new_stars import (
     RESULTS,
     ROWS,
     TEST_POINTS,
+    NoiseAlone,
     both_channels,
     new_stars,
     one_channel,
+    pixel_angle,
 )
 from reproduce.papers.posteriors import Declared, published_cells, simulated
 from reproduce.physics.chromatic import scale_factor
@@ -145,7 +147,8 @@ def centroid_noise(given: Given) -> Model:
     printed = np.array([given[address] for address in addresses])
     half = [abs(given.shifted({a: 1.0})[a] - given[a]) for a in addresses]
     likelihood = CentroidNoiseLikelihood(expected, response @ response.T, printed, np.array(half))
-    return centroid_noise_model(likelihood, given["niu2024/text-simulation#noise"])
+    model = centroid_noise_model(likelihood, given["niu2024/text-simulation#noise"])
+    return replace(model, derived=NoiseAlone(pixel_angle(given)))
 
 
 def _response(true: FloatArray, step: float = 1e-3) -> FloatArray:

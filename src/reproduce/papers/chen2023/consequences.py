@@ -1,0 +1,161 @@
+"""What the posteriors of chen2023 mean for pointing, in arcsec, and on the ground, in metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reproduce.inference.averaging import predicted_error
+from reproduce.inference.model import Quantity
+from reproduce.papers.chen2023.lasers import SIGMAS
+from reproduce.physics.ground import ground_error
+from reproduce.physics.stage import stage_angles
+from reproduce.physics.validate import FloatArray
+
+ARCSEC = 206264.80624709636
+
+
+@dataclass(frozen=True)
+class OnTheGround:
+    """What an error of the misalignment costs on the ground, from the satellite's altitude.
+
+    Parameters
+    ----------
+    altitude : float
+        In metres.
+    first : int
+        Column of the angle about X; that about Y follows.
+    """
+
+    altitude: float
+    first: int = 3
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Errors about the posterior mean: pointing in arcsec, position in metres."""
+        angles = parameters[:, self.first : self.first + 2]
+        error = np.hypot(*(angles - angles.mean(axis=0)).T)
+        metres = ground_error(self.altitude, error)
+        shift = ground_error(self.altitude, np.hypot(*angles.T))
+        return {
+            "pointing error": Quantity(error * ARCSEC, "arcsec", "boresight, both axes together"),
+            "position error": Quantity(metres, "m", "on the ground, misalignment corrected"),
+            "position error uncorrected": Quantity(shift, "m", "if the misalignment were ignored"),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class LastState:
+    """The same for the angles of the stage's last state.
+
+    Parameters
+    ----------
+    ground : OnTheGround
+        Takes angles as its first two columns.
+    motion : ndarray, shape (2,)
+        Of the stage, in metres.
+    """
+
+    ground: OnTheGround
+    motion: FloatArray
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Errors about the posterior mean: pointing in arcsec, position in metres."""
+        return self.ground(stage_angles(parameters[:, 4, None] * self.motion, parameters[:, 3]))
+
+
+@dataclass(frozen=True, eq=False)
+class StageTest:
+    """What bias, noise and a focal length other than the nominal one cost, after Table V.
+
+    Parameters
+    ----------
+    altitude : float
+        In metres.
+    motion : ndarray, shape (2,)
+        Of the stage in its last state, in metres.
+    nominal : float
+        Nominal focal length of the camera, in metres.
+    """
+
+    altitude: float
+    motion: FloatArray
+    nominal: float
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Error of one monitored state, and of the last state's angle with the nominal length."""
+        noise, bias = parameters[:, 1], parameters[:, 2:4]
+        # Rms over repeats of the noise about both axes; the bias stays.
+        error = np.sqrt(np.square(bias).sum(axis=1) + 2 * noise**2)
+        motions = np.broadcast_to(self.motion, (len(parameters), 2))
+        true = stage_angles(motions, parameters[:, 0])
+        believed = stage_angles(motions, np.full(len(parameters), self.nominal))
+        wrong = np.linalg.norm(believed - true, axis=-1)
+        return {
+            "pointing error": Quantity(error * ARCSEC, "arcsec", "one state, rms, both axes"),
+            "position error": Quantity(ground_error(self.altitude, error), "m", "on the ground"),
+            "last state, nominal focal length": Quantity(
+                wrong * ARCSEC, "arcsec", "error of its angle, were the focal length nominal"
+            ),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class NominalTracker:
+    """What a tracker's focal length other than the nominal one does to a misalignment.
+
+    Spots move by the focal length of the tracker times the misalignment: taken for the nominal
+    one, every misalignment is found too large or small in the ratio of the two.
+
+    Parameters
+    ----------
+    altitude : float
+        In metres.
+    misalignment : float
+        That is to be found, in radians.
+    nominal : float
+        Nominal focal length of the tracker, in metres.
+    """
+
+    altitude: float
+    misalignment: float
+    nominal: float
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Error of the misalignment found, positive where it is found too large."""
+        error = self.misalignment * (parameters[:, 1] / self.nominal - 1)
+        meaning = "of a misalignment as large as that of the stage's last state, lengths nominal"
+        return {
+            "pointing error": Quantity(error * ARCSEC, "arcsec", meaning),
+            "position error": Quantity(
+                ground_error(self.altitude, error), "m", "the same on the ground"
+            ),
+        }
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """Errors of averages over some numbers of frames.
+
+    Parameters
+    ----------
+    counts : tuple of int
+        Frames.
+    altitude : float
+        In metres.
+    """
+
+    counts: tuple[int, ...]
+    altitude: float
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Three-sigma errors, as the table prints them: in arcsec, and in metres on the ground."""
+        found = {}
+        for count in self.counts:
+            error = SIGMAS * predicted_error(parameters, count)
+            name = f"error of {count} frame{'s' if count > 1 else ''}"
+            found[name] = Quantity(error * ARCSEC, "arcsec", "three sigma")
+            found[f"{name}, position"] = Quantity(
+                ground_error(self.altitude, error), "m", "three sigma, on the ground"
+            )
+        return found

@@ -1,0 +1,98 @@
+"""What posteriors mean for pointing and on the ground, against simulations of the instruments."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reproduce.inference.averaging import predicted_error, scatter_of_averages
+from reproduce.papers.chen2023.consequences import (
+    ARCSEC,
+    Averaged,
+    NominalTracker,
+    OnTheGround,
+    StageTest,
+)
+from reproduce.papers.chen2023.published import quest_angles
+from reproduce.papers.niu2024.new_stars import NoiseAlone
+from reproduce.papers.posteriors import posteriors
+
+ALTITUDE = 500e3
+MODELS = list(posteriors())
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_posterior_has_a_pointing_error(name):
+    """In arcsec; and of the satellite's, in metres on the ground."""
+    declared = posteriors()[name]
+    model = declared.model()
+    points = model.start(np.random.default_rng(1), 20)
+    found = model.derived(points)
+    assert all(quantity.values.shape == (20,) for quantity in found.values())
+    assert all(np.isfinite(quantity.values).all() for quantity in found.values())
+    units = {quantity.unit for quantity in found.values()}
+    assert units >= {"arcsec"} | ({"m"} if declared.paper == "chen2023" else set())
+
+
+def test_bias_and_noise_of_the_stage_test():
+    generator = np.random.default_rng(2)
+    noise, bias = 0.08 / ARCSEC, np.array([0.05, -0.03]) / ARCSEC
+    consequence = StageTest(ALTITUDE, np.array([1e-4, -3e-5]), 2.0)
+    found = consequence(np.array([[2.06, noise, *bias, -4.0]]))
+    errors = bias + noise * generator.normal(size=(200_000, 2))
+    rms = np.sqrt(np.square(errors).sum(axis=1).mean())
+    np.testing.assert_allclose(found["pointing error"].values, rms * ARCSEC, rtol=5e-3)
+    np.testing.assert_allclose(found["position error"].values, rms * ALTITUDE, rtol=5e-3)
+    length = np.hypot(1e-4, 3e-5)
+    wrong = (length / 2.0 - length / 2.06) * ARCSEC
+    told = found["last state, nominal focal length"].values
+    np.testing.assert_allclose(told, wrong, rtol=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [0.98, 1.03])
+def test_a_wrong_tracker_length_scales_the_misalignment_found(platform, ratio):
+    """Spots of another tracker, read by QUEST as those of the nominal one."""
+    true = replace(platform, tracker_focal_length=ratio * platform.tracker_focal_length)
+    turn = np.array([2e-4, -1.5e-4, 0.0])
+    angles = np.stack([np.zeros(3), turn])
+    mount, scale = np.zeros((1, 3)), np.ones(1)
+    spots = true.predicted(mount, angles[None], scale, platform.camera_focal_length)
+    found = quest_angles(platform, spots)[0, 1]
+    error = np.linalg.norm(found) - np.linalg.norm(turn)
+    consequence = NominalTracker(ALTITUDE, float(np.linalg.norm(turn)), 0.06)
+    told = consequence(np.array([[2.0, ratio * 0.06, 0.02]]))
+    np.testing.assert_allclose(told["pointing error"].values, error * ARCSEC, rtol=0.02)
+    np.testing.assert_allclose(told["position error"].values, error * ALTITUDE, rtol=0.02)
+
+
+def test_errors_of_averages_on_the_ground():
+    """Three standard deviations of simulated averages, times the altitude."""
+    generator = np.random.default_rng(3)
+    parameters = np.array([[1e-6, 0.0]])
+    told = Averaged((1, 25), ALTITUDE)(parameters)
+    series = 1e-6 * generator.normal(size=(2000, 800))
+    scatter = np.sqrt(np.mean([scatter_of_averages(one, (1, 25)) ** 2 for one in series], axis=0))
+    names = ("error of 1 frame", "error of 25 frames")
+    for name, one in zip(names, 3 * scatter, strict=True):
+        np.testing.assert_allclose(told[name].values, one * ARCSEC, rtol=0.02)
+        np.testing.assert_allclose(told[f"{name}, position"].values, one * ALTITUDE, rtol=0.02)
+    assert predicted_error(parameters, 25) < predicted_error(parameters, 1)
+
+
+def test_ground_error_of_a_misalignment():
+    angles = np.random.default_rng(4).normal((1e-4, -5e-5, 2e-4), 1e-6, (1000, 3))
+    found = OnTheGround(ALTITUDE, 0)(angles)
+    off = angles[:, :2] - angles[:, :2].mean(axis=0)
+    np.testing.assert_allclose(found["pointing error"].values, np.hypot(*off.T) * ARCSEC)
+    np.testing.assert_allclose(found["position error"].values, np.hypot(*off.T) * ALTITUDE)
+    ignored = found["position error uncorrected"].values
+    np.testing.assert_allclose(ignored.mean(), np.hypot(1e-4, 5e-5) * ALTITUDE, rtol=1e-3)
+
+
+def test_noise_of_two_images_of_a_star():
+    pair = 0.3 * np.random.default_rng(5).normal(size=(2, 100_000, 2))
+    rmse = np.sqrt(np.square(pair[0] - pair[1]).sum(axis=1).mean())
+    found = NoiseAlone(28.5)(np.array([[0.3]]))
+    np.testing.assert_allclose(found["registered star, RMSE"].values, rmse, rtol=5e-3)
+    angle = found["registered star, pointing error"].values
+    np.testing.assert_allclose(angle, 28.5 * rmse, rtol=5e-3)
