@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from reproduce.inference.calibration import (
     DRAWS,
@@ -19,6 +20,7 @@ from reproduce.store import studies
 from reproduce.views import posterior_calibration as stored
 
 SMALL = 40
+REDONE = 7
 STUDIES = sorted({stored.study_of(name) for name in posteriors()})
 
 
@@ -123,9 +125,32 @@ def test_stored_calibrations(name):
     assert f"reproduce calibrate {name} " in str(note["command"])
 
 
+@pytest.mark.parametrize("name", [n for n in STUDIES if stored.is_stored(n)])
+def test_stored_calibrations_are_those_of_the_present_models(name):
+    """One replicate redone: another prior, likelihood or sampler ranks otherwise."""
+    redone, failed, _ = replicate(posteriors()[name].model(), stored.SEED, REDONE)
+    found = stored.load(name)
+    assert np.abs(redone - found.ranks[REDONE]).max() <= 2
+    assert failed == found.failed[REDONE]
+
+
 def test_round_trip(tmp_path, small):
     stored.store("registration", small, 7, tmp_path)
     again = stored.load("registration", tmp_path)
     np.testing.assert_array_equal(again.ranks, small.ranks)
     np.testing.assert_array_equal(again.covered, small.covered)
     assert again.names == small.names
+
+
+def test_least_of_all_models_is_weighed_by_their_number():
+    """Of even ranks the least is as small as its chance says; and every model has its line."""
+    chances = []
+    for seed in range(60):
+        found = {str(i): even(200, 100 * seed + i) for i in range(4)}
+        least, count, chance = stored.least_of_all(found)
+        assert count == 12
+        assert least == min(one.probabilities().min() for one in found.values())
+        chances.append(chance)
+    assert kstest(chances, "uniform").pvalue > 0.001
+    rows = stored.overview_rows(found)
+    assert [row[:4] for row in rows] == [(str(i), "200", "0", "3") for i in range(4)]

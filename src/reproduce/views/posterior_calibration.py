@@ -166,6 +166,47 @@ def coverage_rows(found: Calibration) -> list[tuple[str, ...]]:
     return rows
 
 
+def studies_of_all() -> dict[str, Calibration]:
+    """Return the stored calibration of every model, in the order of the book."""
+    names = dict.fromkeys(study_of(name) for name in posteriors())
+    return {name: load(name) for name in names}
+
+
+def overview_rows(found: dict[str, Calibration]) -> list[tuple[str, ...]]:
+    """Write every calibration in a line: replicates, failures, evenness, coverage."""
+    rows: list[tuple[str, ...]] = []
+    for name, one in found.items():
+        wide = 100 * one.coverage(0.95)
+        rows.append(
+            (
+                name,
+                f"{one.replicates:,}",
+                str(int(one.failed.sum())),
+                str(len(one.names)),
+                f"{one.probabilities().min():.3f}",
+                f"{wide.min():.1f} to {wide.max():.1f} %",
+            )
+        )
+    return rows
+
+
+def least_of_all(found: dict[str, Calibration]) -> tuple[float, int, float]:
+    """Return the least evenness of all quantities of all models, and how surprising it is.
+
+    Returns
+    -------
+    float
+        The least probability.
+    int
+        Of how many quantities.
+    float
+        Probability that the least of as many independent ones is as small.
+    """
+    all_of_them = np.concatenate([one.probabilities() for one in found.values()])
+    least, count = float(all_of_them.min()), len(all_of_them)
+    return least, count, float(-np.expm1(count * np.log1p(-least)))
+
+
 def _share(value: float, count: int) -> str:
     error = np.sqrt(max(value * (1 - value), 1 / count) / count)
     return f"{100 * value:.1f} ± {100 * error:.1f} %"

@@ -6,14 +6,11 @@ The artefacts are those of the six steps of the Bayesian analysis reporting guid
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from reproduce.inference.checks import predictive_checks
 from reproduce.inference.posterior import digits
 from reproduce.inference.priors import in_unit
 from reproduce.inference.sensitivity import NOTABLE, sensitivities
 from reproduce.papers.posteriors import posteriors
-from reproduce.printed.cells import find
 from reproduce.views import posterior as running
 from reproduce.views import posterior_calibration as calibrations
 from reproduce.views import posterior_data as formats
@@ -21,9 +18,6 @@ from reproduce.views import posterior_decision as deciding
 from reproduce.views import posterior_figures as figures
 from reproduce.views.markup import html_table
 from reproduce.views.pages import Html
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 STEPS = {
     "model": "1. The model and its data are explained",
@@ -247,6 +241,19 @@ def reproducing(name: str) -> Html:
     return _artefact("reproducing", name, table + drawn + commands)
 
 
+def calibrations_of_all() -> Html:
+    """Show the stored calibrations of all models, a line each, and how even all ranks are."""
+    found = calibrations.studies_of_all()
+    least, count, chance = calibrations.least_of_all(found)
+    head = ("Model", "replicates", "failed", "quantities", "least even, p", "95 % covers")
+    caption = (
+        f"Calibrations of all models. The least even of all {count} quantities has p = "
+        f"{least:.2g}; the least of as many independent ones is as small with probability "
+        f"{chance:.2g}."
+    )
+    return Html(html_table(head, calibrations.overview_rows(found), caption))
+
+
 def reporting(name: str) -> Html:
     """Link the six steps of the reporting guidelines to their artefacts on this page.
 
@@ -275,55 +282,3 @@ def reporting(name: str) -> Html:
         f'<li><a href="#posterior-{name}-{step}">{text}</a></li>' for step, text in STEPS.items()
     )
     return Html(f"<ul>{links}</ul>")
-
-
-def glue(*names: str) -> None:
-    """Make the numbers of posteriors available to the sentences of a page.
-
-    Parameters
-    ----------
-    *names : str
-        Models. For every parameter and consequence a page may use ``MODEL-NAME-mean``, ``-sd``,
-        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens.
-    """
-    from myst_nb import glue as glue_one
-
-    for name in names:
-        for row in running.all_rows(running.book_posterior(name)):
-            label = f"{name}-{row.name}".replace(" ", "-").replace(",", "")
-            mean, deviation, low, high = running.numbers(row)[:4]
-            gap = "" if row.unit == "1" else f"\u202f{row.unit}"
-            for what, text in (("mean", mean), ("sd", deviation), ("low", low), ("high", high)):
-                glue_one(f"{label}-{what}", f"{text.replace('-', '−')}{gap}", display=False)
-        _glue_calibration(glue_one, name)
-
-
-def _glue_calibration(glue_one: Callable[..., None], name: str) -> None:
-    if not calibrations.is_stored(calibrations.study_of(name)):
-        for what in ("replicates", "failed", "least-p", "quantities"):
-            glue_one(f"{name}-sbc-{what}", "(not calibrated yet)", display=False)
-        return
-    stored = calibrations.load(calibrations.study_of(name))
-    text = {
-        "replicates": f"{stored.replicates:,}",
-        "failed": str(int(stored.failed.sum())),
-        "least-p": f"{float(stored.probabilities().min()):.2g}",
-        "quantities": str(len(stored.names)),
-    }
-    for what, value in text.items():
-        glue_one(f"{name}-sbc-{what}", value, display=False)
-
-
-def glue_printed(*addresses: str) -> None:
-    """Make printed cells available to the sentences of a page, as ``ANCHOR-printed``.
-
-    Parameters
-    ----------
-    *addresses : str
-        Addresses of printed cells.
-    """
-    from myst_nb import glue as glue_one
-
-    for address in addresses:
-        for cell in find(address):
-            glue_one(f"{cell.anchor}-printed", cell.shown, display=False)

@@ -1,0 +1,64 @@
+"""The numbers of posteriors in the sentences of the book's pages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from reproduce.printed.cells import find
+from reproduce.views import posterior as running
+from reproduce.views import posterior_calibration as calibrations
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def glue(*names: str) -> None:
+    """Make the numbers of posteriors available to the sentences of a page.
+
+    Parameters
+    ----------
+    *names : str
+        Models. For every parameter and consequence a page may use ``MODEL-NAME-mean``, ``-sd``,
+        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens.
+    """
+    from myst_nb import glue as glue_one
+
+    for name in names:
+        for row in running.all_rows(running.book_posterior(name)):
+            label = f"{name}-{row.name}".replace(" ", "-").replace(",", "")
+            mean, deviation, low, high = running.numbers(row)[:4]
+            gap = "" if row.unit == "1" else f"\u202f{row.unit}"
+            for what, text in (("mean", mean), ("sd", deviation), ("low", low), ("high", high)):
+                glue_one(f"{label}-{what}", f"{text.replace('-', '−')}{gap}", display=False)
+        _glue_calibration(glue_one, name)
+
+
+def _glue_calibration(glue_one: Callable[..., None], name: str) -> None:
+    if not calibrations.is_stored(calibrations.study_of(name)):
+        for what in ("replicates", "failed", "least-p", "quantities"):
+            glue_one(f"{name}-sbc-{what}", "(not calibrated yet)", display=False)
+        return
+    stored = calibrations.load(calibrations.study_of(name))
+    text = {
+        "replicates": f"{stored.replicates:,}",
+        "failed": str(int(stored.failed.sum())),
+        "least-p": f"{float(stored.probabilities().min()):.2g}",
+        "quantities": str(len(stored.names)),
+    }
+    for what, value in text.items():
+        glue_one(f"{name}-sbc-{what}", value, display=False)
+
+
+def glue_printed(*addresses: str) -> None:
+    """Make printed cells available to the sentences of a page, as ``ANCHOR-printed``.
+
+    Parameters
+    ----------
+    *addresses : str
+        Addresses of printed cells.
+    """
+    from myst_nb import glue as glue_one
+
+    for address in addresses:
+        for cell in find(address):
+            glue_one(f"{cell.anchor}-printed", cell.shown, display=False)
