@@ -55,7 +55,9 @@ def draw(audit: Audit) -> Figure:
     counts = audit.blamed()
     cells = sorted(counts, key=lambda address: (-counts[address], list(audit.cells).index(address)))
     cells = cells[:MOST]
-    wrong = [f.relation for f in audit.findings if f.outcome == "contradicts"]
+    every = [f.relation for f in audit.findings if f.outcome == "contradicts"]
+    wrong = [relation for relation in every if set(cells) & set(relation.addresses)]
+    others = len(every) - len(wrong)
     with style.context(STYLE):
         figure = Figure(figsize=(8.5, 1.6 + 0.2 * max(len(cells), 1)), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
@@ -67,7 +69,8 @@ def draw(audit: Audit) -> Figure:
             range(len(wrong)), [r.name for r in wrong], rotation=90, fontsize=8, ha="center"
         )
         left.set_ylim(len(cells) - 0.5, -0.5)
-        left.set_title("relations that contradict")
+        more = f"; {others} more hold none of these cells" if others else ""
+        left.set_title(f"relations that contradict{more}")
         right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
         right.set_xlabel("smallest sets")
         right.set_title("in how many")
