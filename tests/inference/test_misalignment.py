@@ -12,10 +12,11 @@ from reproduce.inference.misalignment import (
     ARCSEC,
     drift_model,
     misalignment_model,
-    states_model,
 )
 from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.small_angle import small_angle_posterior
+from reproduce.inference.small_angle import small_angle_posterior, spot_bound
+from reproduce.inference.states import states_model
+from reproduce.papers.posteriors import posteriors
 from reproduce.physics.lasers import emitted_directions, received_directions
 from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
 from reproduce.physics.stage import stage_angles
@@ -125,6 +126,19 @@ def test_small_angle_posterior_is_the_normal_law_of_all_images(platform):
     step = exact.noise[1] - exact.noise[0]
     known = logs[5] + np.log(step) - np.log(exact.weight[200])
     np.testing.assert_allclose(exact.log_evidence, known, atol=1e-4)
+
+
+def test_posteriors_are_as_wide_as_the_bound(posterior, directions):
+    """Weak priors: nothing narrower, and hardly wider. Where priors decide there is no bound."""
+    for one in (posterior, directions):
+        bound = spot_bound(one.model)
+        for i, name in enumerate(one.model.names):
+            chain = one.chain[..., i]
+            assert abs(chain.std() / bound[i] - 1) < 5 * mcse_deviation(chain) / bound[i] + 2e-3, (
+                name
+            )
+    with pytest.raises(TypeError, match="leave a combination"):
+        spot_bound(posteriors()["misalignment-states"].model())
 
 
 def test_evidence_of_scale_and_directions_is_the_exact_one(constant, posterior, directions):

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import posterior_pages
+from reproduce.views import posterior as running
+from reproduce.views import posterior_choice, posterior_pages
 from reproduce.views.cli import main
 
 PAGES = Path(__file__).parents[2] / "book" / "posteriors"
@@ -124,3 +126,21 @@ def test_every_model_has_every_step_on_a_page(name, step):
 def test_page_without_a_step_does_not_build():
     with pytest.raises(LookupError, match="does not show model"):
         posterior_pages.reporting("nothing")
+
+
+def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():
+    """The ratio of evidences is the mean ratio of the priors over the posterior."""
+    name = "frame-averaging"
+    found = running.book_posterior(name)
+    prior = found.model.parameters[1].prior
+    floor = found.draws[:, 1]
+    told = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_choice.floors(name))
+    shown = [float(text.replace("−", "-")) for text in told]
+    assert len(shown) == len(posterior_choice.FLOORS)
+    ours = shown[posterior_choice.FLOORS.index(1)]
+    for factor, value in zip(posterior_choice.FLOORS, shown, strict=True):
+        other = replace(prior, sigma=factor * prior.sigma)
+        ratio = np.exp(other.log_density(floor) - prior.log_density(floor))
+        expected, error = ratio.mean(), ratio.std() / np.sqrt(len(ratio))
+        assert abs(np.exp(value - ours) - expected) < 4 * error + 0.012
+    assert max(shown) - min(shown) > 0.5

@@ -1,14 +1,17 @@
 """The registration models: sufficient statistics, closed form, shared noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import quad
 
 from reproduce.inference import closed_form
-from reproduce.inference.diagnostics import mcse_deviation, mcse_quantile
+from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
 from reproduce.inference.evidence import log_evidence
 from reproduce.inference.joint import joint_model
+from reproduce.inference.priors import LogUniform, Uniform
 from reproduce.inference.radial import linear_log_evidence, linear_model
 from reproduce.inference.registration import principal_point_model, registration_model
 from reproduce.inference.sampling import Plan, sample
@@ -109,6 +112,58 @@ def test_flat_prior_in_polar_form_divides_by_the_scale(exact):
     assert np.ptp(ratio) > 1e-6
 
 
+class KnownNoise:
+    """The likelihood of a registration whose noise is known."""
+
+    def __init__(self, whole, noise):
+        self.whole, self.noise = whole, noise
+
+    def __call__(self, parameters):
+        noise = np.full(len(parameters), self.noise)
+        return self.whole(np.column_stack([parameters, noise]))
+
+    def start(self):
+        centre, spread = self.whole.start()
+        return centre[:4], spread[:4]
+
+
+@pytest.mark.parametrize("noise", [None, 0.3])
+def test_flat_in_scale_and_rotation_is_another_prior(noise):
+    """Eight noisy stars, where the factor k shows: the sampler against weighted exact draws.
+
+    With the noise unknown the exact draws are Student-t, with it known Gaussian; both are flat in
+    (k cos, k sin), and a weight of 1/k carries them to the prior of the model.
+    """
+    generator = np.random.default_rng(3)
+    source = generator.uniform(-1, 1, (8, 2))
+    target = source + 0.3 * generator.normal(size=source.shape)
+    priors = {
+        "scale": Uniform(1e-3, 9.0, "a test"),
+        "rotation": Uniform(-3.1, 3.1, "a test"),
+        "noise": LogUniform(1e-3, 9.0, "a test"),
+    }
+    model = registration_model(source, target, (0, 0), priors=priors)
+    exact = closed_form.registration_posterior(source, target, (0, 0), noise)
+    if noise is None:
+        draws = exact.draw(generator, 400_000)
+    else:
+        known = KnownNoise(model.likelihood, noise)
+        model = replace(model, parameters=model.parameters[:4], likelihood=known)
+        draws = closed_form.polar(
+            generator.multivariate_normal(exact.mean, exact.covariance, 400_000)
+        )
+    found = sample(model, Plan(3, steps=1000, warmup=300))
+    inside = np.isfinite(model.log_prior(draws))
+    assert inside.mean() > 0.98
+    k = draws[inside, 0]
+    weights = 1 / k / np.sum(1 / k)
+    for power in (1, 2):
+        chain = found.chain[..., 0] ** power
+        error = np.hypot(mcse_mean(chain), (k**power).std() / np.sqrt(len(k)))
+        assert abs(chain.mean() - weights @ k**power) < 4.5 * error
+        assert abs(chain.mean() - (k**power).mean()) > 10 * error, "the factor would be missed"
+
+
 def test_exact_evidence_against_quadrature():
     """Two points fix a similarity: with three, the noise integral alone remains."""
     source = np.array([[0.0, 0], [1, 0], [0, 1]])
@@ -155,6 +210,19 @@ def test_residuals_of_both_channels_have_the_stated_covariance(joint):
     stated = 0.05**2 * np.array([[1 + 0.81, 1], [1, 1 + 1.21]])
     # About 8,000 pairs: a variance is known to 1.6 per cent.
     np.testing.assert_allclose(found, stated, rtol=0.08)
+
+
+def test_correlation_of_both_channels_is_checked(joint):
+    """Half, from the green noise in both; none where green has no noise."""
+    truth = np.array([1.0, 0.002, 0.3, 0.5, 1.0, -0.001, -0.4, -0.6, 0.05])
+    drawn = [joint.simulate(truth, np.random.default_rng(seed)) for seed in range(40)]
+    name = "correlation of both residuals"
+    shared = [joint.likelihood.checks(data)[name] for data in drawn]
+    assert abs(np.mean(shared) - 0.5) < 0.03
+    stars = PIVOT + 700 * np.random.default_rng(8).uniform(-1, 1, (137, 2))
+    red, blue = stars + 0.07 * np.random.default_rng(9).normal(size=(2, *stars.shape))
+    quiet = joint_model((red, blue), stars, (PIVOT, PIVOT))
+    assert abs(quiet.likelihood.checks()[name]) < 0.25
 
 
 def test_joint_likelihood_is_the_normal_density_star_by_star(joint):

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from reproduce.inference.averaging import AveragingLikelihood, averaging_model
-from reproduce.inference.checks import Share
+from reproduce.inference.checks import Share, tail_share
 from reproduce.inference.closed_form import registration_posterior
 from reproduce.inference.new_stars import NewStars, rmse_at, true_places
 from reproduce.inference.posterior import Posterior
@@ -91,6 +91,8 @@ def test_all_digits_at_once_counted_or_from_the_box():
 
 def test_share_of_certain_outcomes_is_not_certain():
     assert Share.of(np.zeros(100)).error == pytest.approx(0.01)
+    # None of a hundred on either side: a twentieth of the time each side may hold three.
+    assert tail_share(np.arange(100.0), -1.0).bound == pytest.approx(0.06)
     share = Share.of(np.repeat([0.0, 1.0], [75, 25]))
     assert share.error == pytest.approx(np.sqrt(0.25 * 0.75 / 100))
 
@@ -162,6 +164,24 @@ def test_every_published_number_can_be_repeated(name):
     assert {p for p in published.parameters if p} <= set(model.names)
     if published.whole is not None:
         assert (published.whole(point[None]) <= 1e-9).all(), "a probability"
+
+
+def test_monitored_angles_have_the_signs_of_the_print():
+    """Both axes negative in print, one positive with the right hand; sizes within a tenth."""
+    declared = posteriors()["misalignment-states"]
+    model = declared.model()
+    published = declared.printed(model)
+    centre = np.repeat(model.likelihood.start()[0][None], 200, axis=0)
+    middle = np.median(published.repeat(centre, np.random.default_rng(1)), axis=0)
+    np.testing.assert_array_equal(np.sign(middle), np.sign(published.printed))
+    np.testing.assert_allclose(middle, published.printed, rtol=0.1)
+
+
+@pytest.mark.parametrize("name", list(posteriors()))
+def test_comparisons_say_what_they_cannot_show(name):
+    """Data simulated from the print, or the print itself: no comparison is a proof by itself."""
+    declared = posteriors()[name]
+    assert "." in declared.printed(declared.model()).note
 
 
 def test_quest_finds_the_turn_of_every_state():

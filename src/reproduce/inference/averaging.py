@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.censored import log_box, quasi_random
+from reproduce.inference.boxes import BoxRule, log_box_by_rule
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import HalfNormal, LogUniform
 from reproduce.physics.averaging import averaged_error, scatter_of_averages
@@ -82,15 +82,23 @@ class AveragingLikelihood:
     floor: bool = True
 
     @cached_property
-    def points(self) -> FloatArray:
-        """Fixed points of the box integral."""
-        return quasi_random(len(self.counts))
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Ends of the printed numbers, as cube roots of squares, shape (m,) each."""
+        ends = (np.maximum(self.printed + side * self.half_unit, 0) for side in (-1, 1))
+        low, high = (np.cbrt(end**2) for end in ends)
+        return low, high
+
+    @cached_property
+    def rule(self) -> BoxRule:
+        """How their box is integrated, by the scatter at the rough estimates."""
+        low, high = self.box
+        return BoxRule.of(self._distribution(self.start()[0][None])[1][0], high - low)
 
     def _floor(self, parameters: FloatArray) -> FloatArray:
         return parameters[:, 1:2] if self.floor else np.zeros((len(parameters), 1))
 
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood, shape (n,)."""
+    def _distribution(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Means and covariances of the cube roots of squares, shapes (n, m) and (n, m, m)."""
         white, floor, pairs, bent = moments(self.frames, self.counts)
         a, b = parameters[:, :1], self._floor(parameters)
         mean = a**2 * white + b**2 * floor
@@ -99,14 +107,13 @@ class AveragingLikelihood:
         # Cube root of a scaled chi square with as many degrees of freedom.
         relative = variance / mean**2
         centre = np.cbrt(mean) * (1 - relative / 18)
-        spread = np.cbrt(mean) * np.sqrt(relative) / 3
-        scale = np.sqrt(variance)
-        correlation = covariance / (scale[:, :, None] * scale[:, None, :])
-        root = spread[..., None] * np.linalg.cholesky(correlation)
-        low, high = (
-            np.cbrt(np.maximum(self.printed + side * self.half_unit, 0) ** 2) for side in (-1, 1)
-        )
-        return log_box(centre, root, low, high, self.points)
+        # Standard deviation of the root per standard deviation of the square.
+        slope = np.cbrt(mean) / (3 * mean)
+        return centre, covariance * slope[:, :, None] * slope[:, None, :]
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        return log_box_by_rule(*self._distribution(parameters), *self.box, self.rule)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Standard deviations of one series, rounded as in print, shape (m,)."""

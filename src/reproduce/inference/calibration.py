@@ -21,12 +21,13 @@ from scipy.stats import binom, norm
 
 from reproduce.inference.convergence import thinned
 from reproduce.inference.diagnostics import autocorrelation_time
-from reproduce.inference.model import Model
+from reproduce.inference.model import Estimated, Model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.physics.validate import FloatArray, whole_number
 
 Counts = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+Covered = NDArray[np.int8]
 
 # Ranks run from zero to this.
 DRAWS = 99
@@ -35,6 +36,8 @@ STEPS = (600, 2000, 6000)
 TIMES = 50.0
 LEVELS = (0.5, 0.9, 0.95)
 QUANTITY = "log likelihood"
+# Samples of even ranks that set the simultaneous band.
+SIMULATIONS = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +53,28 @@ class Calibration:
     failed : ndarray of bool, shape (replicates,)
         Replicates whose chain missed the gate on time even with the most steps. They keep their
         ranks: leaving them out would leave out the hard cases.
-    covered : ndarray of bool, shape (replicates, levels, parameters)
-        Whether the least-squares interval of each level covers; empty where the model has none.
+    covered : ndarray of int8, shape (replicates, levels, parameters)
+        Whether the interval of each level of the published estimator covers: 1 or 0, and -1 for
+        a parameter of which it gives no estimate.
     """
 
     names: tuple[str, ...]
     ranks: Counts
     failed: Flags
-    covered: Flags
+    covered: Covered
 
     @property
     def replicates(self) -> int:
         """How many replicates."""
         return len(self.ranks)
+
+    def estimator_coverage(self, level: float) -> FloatArray:
+        """Share of the published estimator's intervals of this level that cover, (parameters,).
+
+        NaN where it gives no estimate.
+        """
+        covered = self.covered[:, LEVELS.index(level)]
+        return np.where((covered >= 0).all(axis=0), covered.mean(axis=0), np.nan)
 
     def coverage(self, level: float) -> FloatArray:
         """Share of central posterior intervals of this level that cover, shape (names,).
@@ -85,7 +97,27 @@ class Calibration:
         return np.cumsum(np.array(table), axis=1)
 
 
-def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Flags]:
+def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
+    """Draw the truth of one replicate, and the model with data simulated from it.
+
+    Parameters
+    ----------
+    model, seed, index
+        As for `replicate`.
+
+    Returns
+    -------
+    ndarray, shape (d,)
+        The true parameters.
+    Model
+        With the data.
+    """
+    generator = Generator(PCG64(SeedSequence(seed, spawn_key=(index, 0))))
+    truth = model.draw_prior(generator, 1)[0]
+    return truth, model.given(model.simulate(truth, generator))
+
+
+def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covered]:
     """Run one replicate.
 
     Parameters
@@ -103,9 +135,7 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Flags]
         Ranks, shape (d + 1,); whether the chain missed the gate; covered, shape (levels, d).
     """
     root = SeedSequence(seed, spawn_key=(index,))
-    generator = Generator(PCG64(SeedSequence(seed, spawn_key=(index, 0))))
-    truth = model.draw_prior(generator, 1)
-    fitted = model.given(model.simulate(truth[0], generator))
+    truth, fitted = simulated(model, seed, index)
     entropy = int(SeedSequence(root.entropy, spawn_key=(index, 1)).generate_state(2, np.uint64)[0])
     for steps in STEPS:
         plan = Plan(entropy, ensembles=1, steps=steps, warmup=steps // 4, checkpoint=10**6)
@@ -117,16 +147,36 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Flags]
     draws = thinned(chain[None], max(times))[0]
     draws = draws[np.linspace(0, len(draws) - 1, DRAWS).astype(int)]
     ranks = (draws < truth).sum(axis=0)
-    quantity = fitted.log_likelihood(np.concatenate([truth, draws]))
-    return np.append(ranks, (quantity[1:] < quantity[0]).sum()), failed, _covered(fitted, truth[0])
+    quantity = fitted.log_likelihood(np.concatenate([truth[None], draws]))
+    return np.append(ranks, (quantity[1:] < quantity[0]).sum()), failed, _covered(fitted, truth)
 
 
-def _covered(model: Model, truth: FloatArray) -> Flags:
-    if not getattr(model.likelihood, "least_squares", False):
-        return np.zeros((0, model.dimension), dtype=bool)
-    centre, spread = model.likelihood.start()
+def intervals(model: Model, seed: int, replicates: int) -> Covered:
+    """Redo what `calibrate` tells of the published estimator, from the same data, unsampled.
+
+    Parameters
+    ----------
+    model, seed, replicates
+        As for `calibrate`.
+
+    Returns
+    -------
+    ndarray of int8, shape (replicates, levels, parameters)
+        As in `Calibration`.
+    """
+    if not isinstance(model.likelihood, Estimated):
+        return np.full((replicates, len(LEVELS), model.dimension), -1, dtype=np.int8)
+    found = [simulated(model, seed, index) for index in range(replicates)]
+    return np.array([_covered(fitted, truth) for truth, fitted in found])
+
+
+def _covered(model: Model, truth: FloatArray) -> Covered:
+    if not isinstance(model.likelihood, Estimated):
+        return np.full((len(LEVELS), model.dimension), -1, dtype=np.int8)
+    centre, spread = model.likelihood.estimate()
     reach = norm.ppf(0.5 + np.array(LEVELS) / 2)[:, None]
-    return np.asarray(np.abs(truth - centre) <= reach * spread)
+    inside = np.abs(truth - centre) <= reach * spread
+    return np.where(np.isnan(centre), -1, inside).astype(np.int8)
 
 
 def calibrate(
@@ -169,7 +219,7 @@ def calibrate(
 
 
 @lru_cache(maxsize=32)
-def band_statistics(replicates: int, seed: int, simulations: int = 4000) -> FloatArray:
+def band_statistics(replicates: int, seed: int, simulations: int = SIMULATIONS) -> FloatArray:
     """Smallest pointwise probability along the whole curve, for ranks that are truly uniform.
 
     Parameters

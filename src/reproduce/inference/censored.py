@@ -38,7 +38,7 @@ def log_interval(low: FloatArray, high: FloatArray) -> FloatArray:
     >>> float(np.exp(log_interval(np.array(-1.0), np.array(1.0))).round(4))
     0.6827
     """
-    low, high, _ = _lower_tail(low, high)
+    low, high, _ = lower_tail(low, high)
     upper, lower = log_ndtr(high), log_ndtr(low)
     return np.asarray(upper + np.log(-np.expm1(np.minimum(lower - upper, -1e-16))))
 
@@ -54,8 +54,9 @@ def log_box(
     """Log probability of a box under multivariate normals, by Genz's sequential conditioning.
 
     The points are fixed, so the result is a smooth function of its arguments: a likelihood that is
-    the same at each call. For boxes smaller than the scatter the integrand hardly varies, and few
-    points do.
+    the same at each call. Few points do where the box, given the numbers before, is narrow against
+    the scatter, or where numbers hardly depend on each other: only then does the integrand hardly
+    vary. A few strongly correlated numbers are the business of `boxes.log_box_by_rule`.
 
     Parameters
     ----------
@@ -89,13 +90,15 @@ def log_box(
     for i in range(size):
         centre = mean[:, i, None] + (normals[..., :i] @ root[:, i, :i, None])[..., 0]
         scale = root[:, i, i, None]
-        left, right, mirrored = _lower_tail(
+        left, right, mirrored = lower_tail(
             (low[:, i, None] - centre) / scale, (high[:, i, None] - centre) / scale
         )
         start, end = ndtr(left), ndtr(right)
-        total += _log_difference(start, end, left, right)
+        total += log_difference(start, end, left, right)
         if i + 1 < size:
-            drawn = ndtri(np.clip(start + points[:, i] * (end - start), SMALLEST, 1 - 1e-16))
+            # Mirrored with the interval: else the result would jump where intervals change sides.
+            share = np.where(mirrored, 1 - points[:, i], points[:, i])
+            drawn = ndtri(np.clip(start + share * (end - start), SMALLEST, 1 - 1e-16))
             # Far outside, rounding leaves an empty interval: stay at its nearer end.
             drawn = np.clip(drawn, left, right)
             normals[..., i] = np.where(mirrored, -drawn, drawn)
@@ -105,7 +108,7 @@ def log_box(
         return np.asarray(safe[:, 0] + np.log(np.exp(total - safe).mean(axis=1)))
 
 
-def _lower_tail(
+def lower_tail(
     low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Mirror intervals of the upper tail, so that small numbers are subtracted, not those near one.
@@ -116,7 +119,7 @@ def _lower_tail(
     return np.where(mirrored, -high, low), np.where(mirrored, -low, high), mirrored
 
 
-def _log_difference(
+def log_difference(
     start: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     """Log of end less start, distribution functions at the ends of intervals in the lower tail.

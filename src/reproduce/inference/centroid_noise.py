@@ -73,12 +73,14 @@ class CentroidNoiseLikelihood:
         return np.array([noise]), np.array([noise / 4])
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
-        """Largest error against what one px of noise makes, and the errors' sum of squares."""
+        """Errors against what one px of noise makes: their size, and how unequal they are."""
         data = self.printed if data is None else data
         scaled = (data - self.expected) / self._scaled[0]
         return {
             "errors, rms (px)": float(np.sqrt(np.square(scaled).mean())),
             "errors, largest (px)": float(np.abs(scaled).max()),
+            # Free of the noise, which fits the size of the errors and not how unequal they are.
+            "errors, median over largest": float(np.median(np.abs(scaled)) / np.abs(scaled).max()),
         }
 
 

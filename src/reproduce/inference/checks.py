@@ -11,6 +11,7 @@ from reproduce.inference.posterior import Posterior
 from reproduce.physics.validate import FloatArray
 
 REPLICATES = 400
+ENDS = (0.025, 0.975)
 
 
 @dataclass(frozen=True)
@@ -23,11 +24,19 @@ class Share:
         The probability and its Monte Carlo standard error.
     count : int
         How many independent draws it rests on.
+    sides : int
+        Two for a tail probability of both sides, which is twice a share.
     """
 
     value: float
     error: float
     count: int
+    sides: int = 1
+
+    @property
+    def bound(self) -> float:
+        """What none seen among so many leaves possible, with a probability of one in twenty."""
+        return 3 * self.sides / self.count
 
     @classmethod
     def of(cls, values: FloatArray) -> Share:
@@ -45,6 +54,47 @@ class Share:
 
 
 @dataclass(frozen=True)
+class Range:
+    """The central 95 % of predictions.
+
+    Parameters
+    ----------
+    low, high : float
+        Its ends.
+    errors : tuple of float
+        Their Monte Carlo standard errors.
+    """
+
+    low: float
+    high: float
+    errors: tuple[float, float]
+
+    @classmethod
+    def of(cls, values: FloatArray) -> Range:
+        """Range of independent predictions.
+
+        Examples
+        --------
+        >>> Range.of(np.arange(1001.0)).low
+        25.0
+        """
+        probabilities = np.array(ENDS)
+        beside = np.sqrt(probabilities * (1 - probabilities) / len(values))
+        low, high = np.quantile(values, ENDS)
+        # Half the distance between the quantiles a standard error of the probability apart.
+        above, below = (
+            np.quantile(values, np.clip(probabilities + side * beside, 0, 1)) for side in (1, -1)
+        )
+        first, second = 0.5 * (above - below)
+        return cls(float(low), float(high), (float(first), float(second)))
+
+    def scaled(self, factor: float) -> Range:
+        """The same in another unit."""
+        first, second = (abs(factor) * error for error in self.errors)
+        return Range(factor * self.low, factor * self.high, (first, second))
+
+
+@dataclass(frozen=True)
 class Check:
     """One number of the data among those of simulated data.
 
@@ -54,16 +104,16 @@ class Check:
         What is compared.
     observed : float
         In the data.
-    prior, posterior : tuple of float
-        Ends of the central 95 % of the predictions, from prior and from posterior.
+    prior, posterior : Range
+        The central 95 % of the predictions, from prior and from posterior.
     tail : Share
         Two-sided tail probability of the observed number under the posterior prediction.
     """
 
     name: str
     observed: float
-    prior: tuple[float, float]
-    posterior: tuple[float, float]
+    prior: Range
+    posterior: Range
     tail: Share
 
 
@@ -98,8 +148,8 @@ def predictive_checks(posterior: Posterior, replicates: int = REPLICATES) -> lis
     for name, observed in model.likelihood.checks().items():
         values = {which: np.array([c[name] for c in checks]) for which, checks in found.items()}
         tail = tail_share(values["posterior"], observed)
-        ends = {which: np.quantile(v, (0.025, 0.975)) for which, v in values.items()}
-        rows.append(Check(name, observed, _pair(ends["prior"]), _pair(ends["posterior"]), tail))
+        ranges = {which: Range.of(v) for which, v in values.items()}
+        rows.append(Check(name, observed, ranges["prior"], ranges["posterior"], tail))
     return rows
 
 
@@ -125,8 +175,4 @@ def tail_share(values: FloatArray, observed: float) -> Share:
     """
     tail, count = two_sided(values, observed), len(values)
     # Twice a share: its variance is four times that of the share of half the size.
-    return Share(tail, float(np.sqrt(max(tail * (2 - tail), 1 / count) / count)), count)
-
-
-def _pair(ends: FloatArray) -> tuple[float, float]:
-    return float(ends[0]), float(ends[1])
+    return Share(tail, float(np.sqrt(max(tail * (2 - tail), 1 / count) / count)), count, sides=2)

@@ -14,6 +14,7 @@ from reproduce.inference.lasers import Platform, SpotStatistics
 from reproduce.inference.misalignment import ARCSEC, AXES, SpotLikelihood, misalignment_model
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import Normal
+from reproduce.inference.quest import Quest, none
 from reproduce.physics.validate import FloatArray
 
 # As the prior of the common scale: the pattern is set to a tenth or so of its size.
@@ -44,6 +45,10 @@ class DirectionsLikelihood(SpotLikelihood):
         count = self.platform.lasers.size
         scales = np.append(np.full(3, 1e-2), np.full(count, 3 * placed(self.platform)))
         return np.zeros(3 + count), scales
+
+    def by_quest(self, found: Quest) -> list[FloatArray]:
+        """The misalignment, the directions taken for those of the design."""
+        return [found.turned(1), none(self.platform.lasers.size)]
 
     def rough(self) -> tuple[FloatArray, FloatArray]:
         """The same: there is neither mount nor scale."""

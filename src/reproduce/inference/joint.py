@@ -11,20 +11,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from reproduce.inference.least_squares import fit_checks
 from reproduce.inference.model import Derived, Model
 from reproduce.inference.registration import (
     GaussianRegistration,
-    fit_checks,
     registration_parameters,
     triangular,
     with_priors,
 )
+from reproduce.physics.registration import fit_similarity
 from reproduce.physics.similarity import Similarity, as_complex
 from reproduce.physics.validate import FloatArray
 
@@ -45,9 +46,6 @@ class JointRegistration:
     pivots : tuple of ndarray, shape (2,)
         Principal points of red and blue, in px.
     """
-
-    # `start` is the least-squares estimate with its standard errors.
-    least_squares: ClassVar[bool] = True
 
     sources: tuple[FloatArray, FloatArray]
     target: FloatArray
@@ -132,6 +130,19 @@ class JointRegistration:
         spread = np.concatenate([s[:4] for _, s in starts] + [[starts[0][1][4]]])
         return centre, spread
 
+    def estimate(self) -> tuple[FloatArray, FloatArray]:
+        """The least-squares fit of each channel by itself, and the mean of their noises.
+
+        The residuals of the channels share the green noise: their correlation is
+        1 / sqrt((1 + k_red^2) (1 + k_blue^2)), and that of the noises its square.
+        """
+        (red, red_errors), (blue, blue_errors) = (self.single(i).estimate() for i in (0, 1))
+        shared = 1 / ((1 + red[0] ** 2) * (1 + blue[0] ** 2))
+        squares = red_errors[4] ** 2 + blue_errors[4] ** 2
+        error = 0.5 * np.sqrt(squares + 2 * shared * red_errors[4] * blue_errors[4])
+        centre = np.concatenate([red[:4], blue[:4], [0.5 * (red[4] + blue[4])]])
+        return centre, np.concatenate([red_errors[:4], blue_errors[:4], [error]])
+
     def checks(self, data: tuple[FloatArray, FloatArray] | None = None) -> dict[str, float]:
         """Those of each channel, and the correlation of the two channels' residuals."""
         blue, green = (self.sources[1], self.target) if data is None else data
@@ -139,6 +150,11 @@ class JointRegistration:
         for name, source, pivot in zip(CHANNELS, (self.sources[0], blue), self.pivots, strict=True):
             checks = fit_checks(source, green, pivot)
             found.update({f"{name}: {key}": value for key, value in checks.items()})
+        left = [
+            fit_similarity(source, green, pivot).residuals.ravel()
+            for source, pivot in zip((self.sources[0], blue), self.pivots, strict=True)
+        ]
+        found["correlation of both residuals"] = float(np.asarray(np.corrcoef(left))[0, 1])
         return found
 
 

@@ -11,16 +11,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.lasers import Platform, SpotStatistics
 from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.priors import LogNormal, LogUniform, Normal, Prior
+from reproduce.inference.priors import LogUniform, Normal, Prior
+from reproduce.inference.quest import Quest, none
 from reproduce.inference.registration import with_priors
-from reproduce.physics.stage import stage_angles
 from reproduce.physics.validate import FloatArray
 
 ARCSEC = 206264.80624709636
@@ -45,9 +45,6 @@ class SpotLikelihood(ABC):
     The first three parameters are the mount angles, the last two the laser scale and the noise.
     """
 
-    # `start` is the least-squares estimate with its standard errors.
-    least_squares: ClassVar[bool] = True
-
     platform: Platform
     statistics: SpotStatistics
 
@@ -62,6 +59,10 @@ class SpotLikelihood(ABC):
     @abstractmethod
     def middle(self) -> tuple[FloatArray, FloatArray]:
         """Rough values and scales of the parameters between mount and laser scale."""
+
+    @abstractmethod
+    def by_quest(self, found: Quest) -> list[FloatArray]:
+        """What QUEST gives of all parameters but the noise, in pieces of shape (2, m)."""
 
     def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
         """Spots after turns of shape (n, groups, 3), in px."""
@@ -104,6 +105,12 @@ class SpotLikelihood(ABC):
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Least squares about the rough values, with its standard errors."""
         return self.fitted
+
+    def estimate(self) -> tuple[FloatArray, FloatArray]:
+        """What the paper's own method gives, and its standard errors."""
+        found = Quest(self.platform, self.statistics)
+        values, errors = np.concatenate([*self.by_quest(found), found.noise], axis=1)
+        return values, errors
 
     def rough(self) -> tuple[FloatArray, FloatArray]:
         """Rough values and scales of all parameters but the noise."""
@@ -180,6 +187,10 @@ class ConstantLikelihood(SpotLikelihood):
         """No misalignment, give or take some arc minutes."""
         return np.zeros(3), np.full(3, 1e-2)
 
+    def by_quest(self, found: Quest) -> list[FloatArray]:
+        """Zero attitude and misalignment; the laser scale drops out of them."""
+        return [found.mount, found.turned(1), none(1)]
+
 
 class DriftLikelihood(SpotLikelihood):
     """The zero point, and a misalignment (3 to 5) that drifts evenly (by 6 to 8 over the group)."""
@@ -196,40 +207,16 @@ class DriftLikelihood(SpotLikelihood):
         """No misalignment and no drift, give or take some arc minutes."""
         return np.zeros(6), np.full(6, 1e-2)
 
-
-@dataclass(frozen=True, eq=False)
-class StageLikelihood(SpotLikelihood):
-    """Groups at known stage positions; parameters 3 and 4: camera focal length, stage scale.
-
-    Parameters
-    ----------
-    motions : ndarray, shape (groups, 2)
-        Motion of the lasers since the first group, in metres.
-    """
-
-    motions: FloatArray
-
-    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The angles that the motions stand for."""
-        motions = parameters[:, 4, None, None] * self.motions
-        turn = stage_angles(motions, np.broadcast_to(parameters[:, 3, None], motions.shape[:2]))
-        return turn, turn
-
-    def focal(self, parameters: FloatArray) -> FloatArray:
-        """Focal length of the camera, in metres."""
-        return parameters[:, 3]
-
-    def middle(self) -> tuple[FloatArray, FloatArray]:
-        """As designed, give or take a few per cent."""
-        focal = self.platform.camera_focal_length
-        return np.array([focal, 1.0]), np.array([0.03 * focal, 0.01])
+    def by_quest(self, found: Quest) -> list[FloatArray]:
+        """Zero attitude, and the mean misalignment of the group, which is that in its middle."""
+        return [found.mount, found.turned(1), none(4)]
 
 
 def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
     return tuple(Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC) for a in AXES)
 
 
-def _model(
+def spots_model(
     name: str,
     title: str,
     middle: tuple[Parameter, ...],
@@ -278,7 +265,7 @@ def misalignment_model(
     likelihood = ConstantLikelihood(platform, statistics)
     middle = _angles("angle", r"\theta", MISALIGNED)
     title = "Constant misalignment from laser spots"
-    return _model("misalignment", title, middle, likelihood, priors, derived)
+    return spots_model("misalignment", title, middle, likelihood, priors, derived)
 
 
 def drift_model(
@@ -307,38 +294,4 @@ def drift_model(
         *_angles("drift", r"\dot\theta", MISALIGNED),
     )
     title = "Drifting misalignment from laser spots"
-    return _model("misalignment-drift", title, middle, likelihood, priors, derived)
-
-
-def states_model(
-    platform: Platform,
-    statistics: SpotStatistics,
-    motions: FloatArray,
-    *,
-    priors: Mapping[str, Prior] | None = None,
-    derived: Derived | None = None,
-) -> Model:
-    """States of a stage that moves the lasers, jointly: focal length and stage scale are free.
-
-    Parameters
-    ----------
-    platform, statistics, priors, derived
-        As for `misalignment_model`; one group per state.
-    motions : ndarray, shape (groups, 2)
-        Motion of the stage since the first state, in metres.
-
-    Returns
-    -------
-    Model
-        Parameters mount-x..z (rad), focal-length (m), stage-scale, laser-scale, noise (px).
-    """
-    focal = platform.camera_focal_length
-    middle = (
-        Parameter("focal-length", "f", "mm", LogNormal(focal, 0.02, "a nominal focal length "
-                  "holds to a few per cent"), 1e3),
-        Parameter("stage-scale", "c", "1", Normal(1.0, 0.002, "a closed-loop piezo stage is "
-                  "calibrated to a few parts in a thousand")),
-    )  # fmt: skip
-    likelihood = StageLikelihood(platform, statistics, motions)
-    title = "Five states of the stage, jointly"
-    return _model("misalignment-states", title, middle, likelihood, priors, derived)
+    return spots_model("misalignment-drift", title, middle, likelihood, priors, derived)

@@ -44,6 +44,18 @@ class Likelihood(Protocol):
 
 
 @runtime_checkable
+class Estimated(Protocol):
+    """A likelihood whose data have a published estimator, with intervals of its own."""
+
+    def estimate(self) -> tuple[FloatArray, FloatArray]:
+        """Estimates and standard errors, both of shape (d,).
+
+        They are those of the published method, which may know less than the model does. Both are
+        NaN, whatever the data, where the method gives none for a parameter.
+        """
+
+
+@runtime_checkable
 class Latent(Protocol):
     """A likelihood with something hidden that is summed out, and that the data tell of."""
 

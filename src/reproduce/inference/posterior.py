@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from reproduce.inference import diagnostics
-from reproduce.inference.convergence import Diagnosis, thinned
+from reproduce.inference.convergence import Diagnosis, Gates, require, thinned
 from reproduce.inference.model import Model, Quantity
 from reproduce.physics.validate import FloatArray
 
@@ -66,6 +66,9 @@ class Posterior:
         Of each ensemble.
     diagnoses : tuple of Diagnosis
         Of each parameter.
+    gates : Gates, optional
+        What consequences must reach too, but for the number of autocorrelation times, which is
+        that of the parameters.
     """
 
     model: Model
@@ -74,6 +77,7 @@ class Posterior:
     log_posterior: FloatArray
     acceptance: tuple[float, ...]
     diagnoses: tuple[Diagnosis, ...]
+    gates: Gates | None = None
 
     @property
     def time(self) -> float:
@@ -94,7 +98,17 @@ class Posterior:
         return rows
 
     def consequences(self) -> list[tuple[Row, Quantity]]:
-        """Return the summary of every derived quantity, of draws thinned as `draws` are."""
+        """Return the summary of every derived quantity, of draws thinned as `draws` are.
+
+        Raises
+        ------
+        ConvergenceError
+            If one of them misses a gate.
+        """
+        if self.gates is not None:
+            gates = replace(self.gates, times=0.0)
+            diagnoses = tuple(_diagnosis(row, self.chain.shape[1]) for row, _ in self._consequences)
+            require(diagnoses, self.acceptance, gates)
         return self._consequences
 
     @cached_property
@@ -123,6 +137,10 @@ class Posterior:
         posterior = {name: draws[..., i] for i, name in enumerate(self.model.names)}
         log_posterior = thinned(self.log_posterior, self.time)
         return arviz.from_dict(posterior=posterior, sample_stats={"lp": log_posterior})
+
+
+def _diagnosis(row: Row, steps: int) -> Diagnosis:
+    return Diagnosis(row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse)
 
 
 def summarised(name: str, unit: str, values: FloatArray) -> Row:

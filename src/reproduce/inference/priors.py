@@ -265,6 +265,33 @@ def in_unit(prior: Prior, scale: float, offset: float) -> Prior:
     return prior
 
 
+def flat_place(prior: Prior, values: FloatArray) -> FloatArray | None:
+    """Return where values lie between the ends of a flat prior, zero to one.
+
+    Parameters
+    ----------
+    prior : Prior
+        Of the parameter.
+    values : ndarray
+        Inside the ends.
+
+    Returns
+    -------
+    ndarray or None
+        In the scale in which the prior is flat, same shape; None if it is not flat.
+
+    Examples
+    --------
+    >>> float(flat_place(LogUniform(1.0, 100.0, "a doctest"), np.array(10.0)).round(12))
+    0.5
+    """
+    if isinstance(prior, Uniform):
+        return np.asarray((values - prior.low) / (prior.high - prior.low))
+    if isinstance(prior, LogUniform):
+        return np.asarray(np.log(values / prior.low) / np.log(prior.high / prior.low))
+    return None
+
+
 def _ordered(low: float, high: float) -> None:
     finite_array("ends", (low, high))
     if not low < high:

@@ -1,25 +1,41 @@
 """Rivals of the similarity in model choice: a radial term beside it, or an affine transform.
 
-All are linear in their coefficients, so with flat priors and a log-uniform noise their evidence is
-known in closed form (`linear_log_evidence`). Units and conventions are those of `registration`.
+All are linear in their coefficients, whose priors are flat or Gaussian, so with the noise given
+their evidence is known in closed form; one sum over the noise remains (`linear_log_evidence`).
+Evidence of a rival hangs on how wide the prior of its additional terms is: `WIDTHS` are compared.
+Units and conventions are those of `registration`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.random import Generator
-from scipy.special import gammaln
+from scipy.special import logsumexp
 
+from reproduce.inference.least_squares import fit_checks
 from reproduce.inference.model import Model, Parameter
-from reproduce.inference.priors import LogUniform, Uniform
-from reproduce.inference.registration import GaussianRegistration, fit_checks
+from reproduce.inference.priors import LogUniform, Normal, Uniform
+from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.validate import FloatArray
 
 Shape = Literal["similarity", "radial", "affine"]
+# The coefficients: those of the similarity, which all have, then those of the shape.
+SIMILARITY = ("dilation", "turn", "shift-x", "shift-y")
+TERMS: dict[Shape, tuple[str, ...]] = {
+    "similarity": (),
+    "radial": ("radial",),
+    "affine": ("stretch", "shear"),
+}
+# Prior standard deviation of a term of the shape, in px at the edge of the field: that of the
+# distortions in `variants.distortion_model`; and others, to see what it decides.
+WIDTH = 2.0
+WIDTHS = (1.0, 2.0, 5.0)
+# Nodes for the noise, and how far they reach, in standard errors of its logarithm.
+NODES, REACH = 200, 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +43,8 @@ class LinearRegistration:
     """Target = design times coefficients; parameters: the coefficients, then the noise.
 
     The coefficients are displacements in px at the edge of the field, so that all have one scale:
-    x scale, x shear, ... for the affine transform; the similarity's two and the radial one.
+    the similarity's dilation, turn and two shifts; beside them one radial term of third order, or
+    stretch (x outward, y inward) and shear, which make the affine transform.
 
     Parameters
     ----------
@@ -38,9 +55,6 @@ class LinearRegistration:
     shape : {"similarity", "radial", "affine"}
         Which columns the design has.
     """
-
-    # `start` is the least-squares estimate with its standard errors.
-    least_squares: ClassVar[bool] = True
 
     source: FloatArray
     target: FloatArray
@@ -54,13 +68,13 @@ class LinearRegistration:
         edge = np.hypot(x, y).max()
         x, y = x / edge, y / edge
         zero, one, square = np.zeros_like(x), np.ones_like(x), x**2 + y**2
-        shift = [(one, zero), (zero, one)]
-        similar = [(x, y), (-y, x)]
-        columns = {
-            "similarity": similar + shift,
-            "radial": [*similar, *shift, (x * square, y * square)],
-            "affine": [(x, zero), (y, zero), (zero, x), (zero, y), *shift],
-        }[self.shape]
+        similar = [(x, y), (-y, x), (one, zero), (zero, one)]
+        terms = {
+            "radial": (x * square, y * square),
+            "stretch": (x, -y),
+            "shear": (y, x),
+        }
+        columns = similar + [terms[name] for name in TERMS[self.shape]]
         return np.stack([np.concatenate(pair) for pair in columns], axis=-1)
 
     @cached_property
@@ -105,7 +119,11 @@ class LinearRegistration:
 
 
 def linear_log_evidence(model: Model) -> float:
-    """Log evidence of a linear registration in closed form.
+    """Log evidence of a linear registration, summed over the noise alone.
+
+    With the noise given the flat coefficients integrate to a constant, and the least-squares
+    estimates of the shape are Gaussian about nothing, with the covariances of prior and estimate
+    added.
 
     Parameters
     ----------
@@ -115,7 +133,12 @@ def linear_log_evidence(model: Model) -> float:
     Returns
     -------
     float
-        Exact but for what the posterior leaves outside the priors' ends.
+        Exact but for what the posterior leaves outside the ends of the flat priors.
+
+    Raises
+    ------
+    TypeError
+        If the likelihood is another, or a prior of another kind than `linear_model` gives.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, LinearRegistration):
@@ -123,20 +146,60 @@ def linear_log_evidence(model: Model) -> float:
             f"model: expected a linear registration, got {type(likelihood).__name__}; "
             "use `evidence.log_evidence`"
         )
-    best, root, least = likelihood.reduced
-    size, half = len(likelihood.design), (len(likelihood.design) - len(best)) / 2
-    total = -0.5 * size * np.log(2 * np.pi) + 0.5 * len(best) * np.log(2 * np.pi)
-    total -= np.log(np.abs(np.diagonal(root))).sum()
-    total += gammaln(half) - np.log(2) - half * np.log(least / 2)
-    for parameter in model.parameters[:-1]:
-        total += float(parameter.prior.log_density(np.array(0.0)))
-    noise = model.parameters[-1].prior
-    if not isinstance(noise, LogUniform):
-        raise TypeError(f"noise prior: expected LogUniform, got {type(noise).__name__}")
-    return float(total - np.log(np.log(noise.high / noise.low)))
+    flat = len(SIMILARITY)
+    _, root, least = likelihood.reduced
+    size = len(likelihood.design)
+    noise, weights = _noise_nodes(model.parameters[-1], least, size - len(root))
+    logs = -0.5 * (size - len(root)) * np.log(2 * np.pi * noise**2) - least / (2 * noise**2)
+    logs = logs + weights + _terms(likelihood, model.parameters[flat:-1], noise)
+    logs = logs - np.log(np.abs(np.diagonal(root))).sum()
+    for parameter in model.parameters[:flat]:
+        if not isinstance(parameter.prior, Uniform):
+            raise _unexpected(parameter, "Uniform")
+        logs = logs - np.log(parameter.prior.high - parameter.prior.low)
+    return float(logsumexp(logs))
 
 
-def linear_model(base: Model, shape: Shape) -> Model:
+def _noise_nodes(parameter: Parameter, least: float, freedom: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes for the noise between the ends of its prior, and log weights with the prior in them."""
+    prior = parameter.prior
+    if not isinstance(prior, LogUniform):
+        raise _unexpected(parameter, "LogUniform")
+    middle, reach = 0.5 * np.log(least / freedom), REACH / np.sqrt(2 * freedom)
+    low, high = np.log(prior.low), np.log(prior.high)
+    start, end = max(middle - reach, low), min(middle + reach, high)
+    places, weights = np.polynomial.legendre.leggauss(NODES)
+    logs = start + (places + 1) / 2 * (end - start)
+    return np.exp(logs), np.log(weights * (end - start) / 2 / (high - low))
+
+
+def _terms(
+    likelihood: LinearRegistration, parameters: tuple[Parameter, ...], noise: FloatArray
+) -> FloatArray:
+    """Log density of the estimated shape, for each noise, shape (n,)."""
+    if not parameters:
+        return np.zeros(len(noise))
+    best, root, _ = likelihood.reduced
+    count = len(parameters)
+    inverse = np.linalg.inv(root[-count:, -count:])
+    wide, off = np.zeros(count), best[-count:].copy()
+    for i, parameter in enumerate(parameters):
+        if not isinstance(parameter.prior, Normal):
+            raise _unexpected(parameter, "Normal")
+        wide[i] = parameter.prior.sigma**2
+        off[i] -= parameter.prior.mean
+    covariance = noise[:, None, None] ** 2 * (inverse @ inverse.T) + np.diag(wide)
+    squares = (off @ np.linalg.solve(covariance, off[:, None]))[:, 0]
+    return np.asarray(-0.5 * (squares + np.linalg.slogdet(2 * np.pi * covariance)[1]))
+
+
+def _unexpected(parameter: Parameter, kind: str) -> TypeError:
+    return TypeError(
+        f"{parameter.name}: expected a prior {kind}, got {type(parameter.prior).__name__}"
+    )
+
+
+def linear_model(base: Model, shape: Shape, width: float = WIDTH) -> Model:
     """A linear registration of the same data.
 
     Parameters
@@ -145,6 +208,8 @@ def linear_model(base: Model, shape: Shape) -> Model:
         From `registration.registration_model`.
     shape : {"similarity", "radial", "affine"}
         Its columns.
+    width : float
+        Prior standard deviation of the terms of the shape, in px at the edge of the field.
 
     Returns
     -------
@@ -155,27 +220,29 @@ def linear_model(base: Model, shape: Shape) -> Model:
     if not isinstance(plain, GaussianRegistration):
         raise TypeError(f"base: expected a Gaussian registration, got {type(plain).__name__}")
     likelihood = LinearRegistration(plain.source, plain.target, plain.pivot, shape)
-    prior = Uniform(-50.0, 50.0, "channels of one prism lie within some tens of px of each other, "
-                    "everywhere in the field")  # fmt: skip
-    count = likelihood.design.shape[1]
+    placed = Uniform(-50.0, 50.0, "channels of one prism lie within some tens of px of each other, "
+                     "turned and scaled alike")  # fmt: skip
+    shaped = Normal(0.0, width, "a corrected star camera moves its outermost stars by a few px at "
+                    "most, and so may two channels differ in shape")  # fmt: skip
+    priors = [(name, placed) for name in SIMILARITY] + [(name, shaped) for name in TERMS[shape]]
     parameters = tuple(
-        Parameter(f"displacement-{i + 1}", f"c_{i + 1}", "px", prior) for i in range(count)
+        Parameter(name, f"c_{i}", "px", prior) for i, (name, prior) in enumerate(priors, start=1)
     )
     noise = base.parameters[4]
     name = f"registration-{shape}"
     return Model(name, f"Registration: {shape}", (*parameters, noise), likelihood)
 
 
-def radial_model(base: Model) -> Model:
+def radial_model(base: Model, width: float = WIDTH) -> Model:
     """The similarity with a radial term of third order beside it."""
-    return linear_model(base, "radial")
+    return linear_model(base, "radial", width)
 
 
-def affine_model(base: Model) -> Model:
+def affine_model(base: Model, width: float = WIDTH) -> Model:
     """The affine transform."""
-    return linear_model(base, "affine")
+    return linear_model(base, "affine", width)
 
 
-def similarity_model(base: Model) -> Model:
-    """The similarity with the coefficients and priors of its rivals."""
-    return linear_model(base, "similarity")
+def similarity_model(base: Model, width: float = WIDTH) -> Model:
+    """The similarity with the coefficients and priors of its rivals; the width plays no part."""
+    return linear_model(base, "similarity", width)

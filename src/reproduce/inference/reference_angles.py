@@ -153,7 +153,10 @@ class ReferenceAngles:
     ) -> FloatArray:
         """Log probability of printed angles under one hypothesis each, shape (n,).
 
-        The zero position of each block is integrated out over all angles of the block.
+        The zero position of each block is integrated out over all angles of the block. The
+        rounding of a moved position is integrated out of every angle by itself, though reference
+        and monitored angle share it: what that leaves out is the square of that rounding over the
+        noise, and counts only where the noise is as small as the last printed digits.
         """
         predicted = self.predicted(focal)
         half_shift = (self.half_position / focal)[:, None, None, None]

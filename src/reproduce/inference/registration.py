@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from reproduce.inference.least_squares import fit_checks, least_squares
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
 from reproduce.physics.registration import fit_similarity, paired_points
@@ -58,9 +59,6 @@ class GaussianRegistration:
     pivot_free : bool
         Whether two more parameters move the principal point, in px about `pivot`.
     """
-
-    # `start` is the least-squares estimate with its standard errors.
-    least_squares: ClassVar[bool] = True
 
     source: FloatArray
     target: FloatArray
@@ -143,35 +141,20 @@ class GaussianRegistration:
             centre, spread = np.append(centre, [0, 0]), np.append(spread, [0.1, 0.1])
         return centre, spread
 
+    def estimate(self) -> tuple[FloatArray, FloatArray]:
+        """The least-squares similarity about the pivot assumed, and its standard errors.
+
+        It gives no pivot. With a pivot that is off by p its shift is off by (w - 1) p, which its
+        errors do not know.
+        """
+        centre, spread = least_squares(self.source, self.target, self.pivot, self.source_noise)
+        none = np.full(2 * self.pivot_free, np.nan)
+        return np.append(centre, none), np.append(spread, none)
+
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """Root mean square and largest residual of the least-squares fit, and its scale."""
         target = self.target if data is None else data
         return fit_checks(self.source, target, self.pivot)
-
-
-def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, float]:
-    """What predictive checks compare: the least-squares fit and what it leaves over.
-
-    Returns
-    -------
-    dict
-        Residuals in px; their mean outwards and around in the outer half of the field is zero
-        only if a similarity is the right model.
-    """
-    fit = fit_similarity(source, target, pivot)
-    offsets = source - pivot
-    radius = np.hypot(*offsets.T)
-    outer = radius >= np.median(radius)
-    unit = offsets[outer] / radius[outer, None]
-    left = fit.residuals[outer]
-    return {
-        "residual, rms (px)": float(np.sqrt(np.square(fit.residuals).mean())),
-        "residual, largest (px)": float(np.abs(fit.residuals).max()),
-        "outer residual, outwards (px)": float((left * unit).sum(axis=1).mean()),
-        "outer residual, around (px)": float(
-            (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()
-        ),
-    }
 
 
 def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:

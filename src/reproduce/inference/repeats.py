@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.checks import Share, tail_share
+from reproduce.inference.checks import Range, Share, tail_share
 from reproduce.inference.posterior import Posterior
 from reproduce.physics.validate import FloatArray
 
@@ -41,6 +41,8 @@ class Published:
     whole : callable, optional
         Log probability that a repeat prints all the same digits at once, shape (n,), of parameter
         vectors, where the likelihood knows it; else it is counted.
+    note : str
+        What the comparison cannot show, where the printed numbers made the data or are the data.
     """
 
     names: tuple[str, ...]
@@ -52,6 +54,7 @@ class Published:
     repeat: Callable[[FloatArray, Generator], FloatArray]
     parameters: tuple[str, ...]
     whole: Callable[[FloatArray], FloatArray] | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -64,8 +67,8 @@ class Repeat:
         Which, and the unit of print.
     printed : str
         The printed digits.
-    low, high : float
-        Ends of the central 95 % of repeats.
+    range : Range
+        The central 95 % of repeats.
     tail : Share
         Two-sided tail probability of the printed number among the rounded ones of repeats.
     same : Share
@@ -77,8 +80,7 @@ class Repeat:
     name: str
     unit: str
     printed: str
-    low: float
-    high: float
+    range: Range
     tail: Share
     same: Share
     estimated: Share | None
@@ -121,7 +123,6 @@ def _row(
     posterior: Posterior, published: Published, found: FloatArray, same: FloatArray, i: int
 ) -> Repeat:
     unit, printed = 2 * published.half_units[i], float(published.printed[i])
-    low, high = np.quantile(found, (0.025, 0.975)) * published.shown[i]
     name, estimated = published.parameters[i], None
     if name:
         column = posterior.draws[:, posterior.model.names.index(name)]
@@ -130,8 +131,7 @@ def _row(
         published.names[i],
         published.units[i],
         published.texts[i],
-        float(low),
-        float(high),
+        Range.of(found).scaled(published.shown[i]),
         tail_share(np.round(found / unit), float(np.round(printed / unit))),
         Share.of(same.astype(float)),
         estimated,

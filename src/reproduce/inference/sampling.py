@@ -153,7 +153,7 @@ def assembled(model: Model, plan: Plan, results: list[tuple[Any, Any, float]]) -
     acceptance = tuple(result[2] for result in results)
     diagnoses = diagnose(model.names, chain)
     require(diagnoses, acceptance, plan.gates)
-    return Posterior(model, plan.seed, chain, log_posterior, acceptance, diagnoses)
+    return Posterior(model, plan.seed, chain, log_posterior, acceptance, diagnoses, plan.gates)
 
 
 def streams(seed: SeedSequence | int, ensemble: int) -> tuple[Generator, Any]:
@@ -178,7 +178,8 @@ def run_ensemble(
     Returns
     -------
     tuple
-        Chain (steps, walkers, d), log posterior (steps, walkers), accepted share, after warm-up.
+        Chain (steps, walkers, d) and log posterior (steps, walkers) after warm-up; share of moves
+        that were accepted, warm-up included.
     """
     plan, total = job.plan, job.plan.warmup + job.plan.steps
     walkers = plan.walkers_for(job.model.dimension)

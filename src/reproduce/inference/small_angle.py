@@ -21,6 +21,8 @@ from reproduce.physics.validate import FloatArray
 
 # Points over the noise, and how many of its own errors they reach.
 POINTS, REACH = 401, 9.0
+# Beyond this condition number a combination of parameters rests on its prior alone.
+OPEN = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,3 +121,35 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
         roots * scale[:, None],
         evidence + float(np.log(noise[1] - noise[0])),
     )
+
+
+def spot_bound(model: Model) -> FloatArray:
+    """Cramér-Rao bound of a misalignment: the least standard deviation without any prior.
+
+    Parameters
+    ----------
+    model : Model
+        A misalignment.
+
+    Returns
+    -------
+    ndarray, shape (d,)
+        In SI units and px, the noise last: roots of the diagonal of the inverse Fisher
+        information at the best fit.
+
+    Raises
+    ------
+    TypeError
+        If the model is no misalignment, or its data leave a combination of parameters open.
+    """
+    likelihood = model.likelihood
+    if not isinstance(likelihood, SpotLikelihood):
+        raise TypeError(f"model: expected a misalignment, got {type(likelihood).__name__}")
+    centre, spread = likelihood.start()
+    scale, noise = spread[:-1], centre[-1]
+    response = likelihood.linearised(centre, scale)[0] * scale / noise
+    if np.linalg.cond(response) > OPEN:
+        raise TypeError(f"{model.name}: the data alone leave a combination of parameters open")
+    variances = np.diagonal(np.linalg.inv(response.T @ response))
+    of_noise = noise / np.sqrt(2 * likelihood.statistics.size)
+    return np.append(scale * np.sqrt(variances), of_noise)

@@ -46,6 +46,8 @@ class PointwiseRegistration:
     # Centre and spread of the parameters that a subclass adds.
     extra_centre: ClassVar[tuple[float, ...]] = (0.0,)
     extra_spread: ClassVar[tuple[float, ...]] = (0.3,)
+    # Whether `noise` is the standard deviation of every coordinate, which plain residuals tell.
+    noise_is_even: ClassVar[bool] = True
 
     @cached_property
     def offsets(self) -> NDArray[np.complex128]:
@@ -107,6 +109,13 @@ class PointwiseRegistration:
         centre, spread = self.plain.start()
         return np.append(centre, self.extra_centre), np.append(spread, self.extra_spread)
 
+    def estimate(self) -> tuple[FloatArray, FloatArray]:
+        """Plain least squares, which knows nothing of the added idea, and its standard errors."""
+        centre, spread = self.plain.estimate()
+        known = 5 if self.noise_is_even else 4
+        none = np.full(5 - known + len(self.extra_centre), np.nan)
+        return np.append(centre[:known], none), np.append(spread[:known], none)
+
     @property
     def plain(self) -> GaussianRegistration:
         """The registration without the added idea."""
@@ -122,6 +131,7 @@ class StudentRegistration(PointwiseRegistration):
 
     extra_centre: ClassVar[tuple[float, ...]] = (1.2,)
     extra_spread: ClassVar[tuple[float, ...]] = (0.2,)
+    noise_is_even: ClassVar[bool] = False
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -143,6 +153,8 @@ class StudentRegistration(PointwiseRegistration):
 
 class FieldNoiseRegistration(PointwiseRegistration):
     """Noise that varies across the field; one more parameter, its log from centre to edge."""
+
+    noise_is_even: ClassVar[bool] = False
 
     def noise(self, parameters: FloatArray) -> FloatArray:
         """Standard deviation at each point, in px: noise exp(growth radius^2)."""

@@ -63,12 +63,20 @@ class Declared:
         return self.published(given((*self.given, *self.compared)), model)
 
 
+# What a comparison of a model with its own data can show.
+OWN_DATA = (
+    "These numbers are the data of the model: where a repeat would not print them the model is in "
+    "doubt; where it would, that proves nothing."
+)
+
+
 def published_cells(
     given: Given,
     addresses: Sequence[str],
     repeat: Callable[[FloatArray, Generator], FloatArray],
     parameters: Sequence[str] = (),
     whole: Callable[[FloatArray], FloatArray] | None = None,
+    note: str = "",
 ) -> Published:
     """Return printed cells as the outcome of an experiment.
 
@@ -78,7 +86,7 @@ def published_cells(
         Holds the cells.
     addresses : sequence of str
         Of the cells.
-    repeat, whole
+    repeat, whole, note
         As for `Published`, in the order of the addresses and in SI units or px.
     parameters : sequence of str
         The parameter that each cell estimates; empty if none does.
@@ -100,6 +108,7 @@ def published_cells(
         repeat,
         tuple(parameters) or ("",) * len(cells),
         whole,
+        note,
     )
 
 

@@ -13,28 +13,14 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from reproduce.inference.calibration import Calibration, calibrate
+from reproduce.inference.calibration import SIMULATIONS, Calibration, calibrate, intervals
+from reproduce.inference.posterior import digits
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 
 SEED = 20_240_105
 REPLICATES = 1000
-# Models whose study may still be missing; until it is stored, the page of such a model says so.
-AWAITED: frozenset[str] = frozenset(
-    {
-        "misalignment-directions",
-        "misalignment-drift",
-        "table-5",
-    }
-)
 PACKAGES = ("numpy", "scipy", "emcee")
-
-
-def is_stored(model: str) -> bool:
-    """Tell whether a model's calibration is stored; only an awaited one may be missing."""
-    if model not in AWAITED:
-        return True
-    return (studies.folder() / f"{study_name(model)}.toml").is_file()
 
 
 def study_name(model: str) -> str:
@@ -100,7 +86,7 @@ def store(model: str, found: Calibration, seed: int, where: Path | None = None) 
     arrays = {
         "ranks": found.ranks.astype(np.int16),
         "failed": found.failed.astype(bool),
-        "covered": found.covered.astype(bool),
+        "covered": found.covered.astype(np.int8),
     }
     studies.write(study_name(model), arrays, note, where)
 
@@ -123,22 +109,54 @@ def load(model: str, where: Path | None = None) -> Calibration:
     Raises
     ------
     StudyError
-        If there is none, or its hash is another one.
+        If there is none, its hash is another one, or it does not tell which parameters the
+        published estimator knows.
     """
     study = studies.read(study_name(model), where)
     names = tuple(str(study.note["names"]).split("\t"))
     arrays = study.arrays
-    ranks = np.asarray(arrays["ranks"], dtype=np.int64)
-    return Calibration(
-        names, ranks, arrays["failed"].astype(np.bool_), arrays["covered"].astype(np.bool_)
-    )
+    ranks, covered = np.asarray(arrays["ranks"], dtype=np.int64), arrays["covered"]
+    if covered.dtype != np.int8:
+        raise studies.StudyError(
+            f"{study.name}: expected intervals as int8, got {covered.dtype}; redo them without "
+            f"sampling: reproduce calibrate {model} --intervals"
+        )
+    return Calibration(names, ranks, arrays["failed"].astype(np.bool_), covered)
+
+
+def renew(model: str, where: Path | None = None) -> Calibration:
+    """Redo the published estimator's intervals of a stored calibration; its ranks stay.
+
+    Parameters
+    ----------
+    model : str
+        Its name.
+    where : pathlib.Path, optional
+        The folder; the project's own by default.
+
+    Returns
+    -------
+    Calibration
+        As stored now.
+
+    Raises
+    ------
+    StudyError
+        If there is none, or its hash is another one.
+    """
+    study = studies.read(study_name(model), where)
+    built = posteriors()[model].model()
+    covered = intervals(built, int(study.note["seed"]), len(study.arrays["ranks"]))
+    note = {key: value for key, value in study.note.items() if key != "sha256"}
+    studies.write(study.name, {**study.arrays, "covered": covered}, note, where)
+    return load(model, where)
 
 
 def terminal_table(found: Calibration) -> Table:
-    """Return a calibration for the terminal: evenness of ranks, coverage, least squares."""
+    """Return a calibration for the terminal: evenness of ranks, coverage, published estimator."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("quantity")
-    for head in ("evenness, p", "50 % covers", "95 % covers", "least squares 95 %"):
+    for head in ("evenness, p", "50 % covers", "95 % covers", "published, 95 %"):
         table.add_column(head, justify="right")
     for row in coverage_rows(found):
         table.add_row(*row)
@@ -149,18 +167,17 @@ def coverage_rows(found: Calibration) -> list[tuple[str, ...]]:
     """Write evenness and coverage of every quantity, with binomial standard errors."""
     probabilities = found.probabilities()
     half, wide = found.coverage(0.5), found.coverage(0.95)
+    # The test quantity, which comes last, is no parameter.
+    squares = np.append(found.estimator_coverage(0.95), np.nan)
     rows: list[tuple[str, ...]] = []
     for i, name in enumerate(found.names):
-        squares = "none"
-        if found.covered.shape[1] and i < found.covered.shape[2]:
-            squares = _share(float(found.covered[:, -1, i].mean()), found.replicates)
         rows.append(
             (
                 name,
-                f"{probabilities[i]:.3f}",
+                _chance(float(probabilities[i])),
                 _share(float(half[i]), found.replicates),
                 _share(float(wide[i]), found.replicates),
-                squares,
+                "none" if np.isnan(squares[i]) else _share(float(squares[i]), found.replicates),
             )
         )
     return rows
@@ -183,7 +200,7 @@ def overview_rows(found: dict[str, Calibration]) -> list[tuple[str, ...]]:
                 f"{one.replicates:,}",
                 str(int(one.failed.sum())),
                 str(len(one.names)),
-                f"{one.probabilities().min():.3f}",
+                _chance(float(one.probabilities().min())),
                 f"{wide.min():.1f} to {wide.max():.1f} %",
             )
         )
@@ -200,11 +217,24 @@ def least_of_all(found: dict[str, Calibration]) -> tuple[float, int, float]:
     int
         Of how many quantities.
     float
-        Probability that the least of as many independent ones is as small.
+        Bound of the probability that the least of as many is as small: their product (Bonferroni).
+        Quantities of one model depend on each other, and models with a seed in common too.
     """
     all_of_them = np.concatenate([one.probabilities() for one in found.values()])
     least, count = float(all_of_them.min()), len(all_of_them)
-    return least, count, float(-np.expm1(count * np.log1p(-least)))
+    return least, count, min(1.0, count * least)
+
+
+def _chance(value: float) -> str:
+    """Write a probability counted among simulated bands, with the digits that their number allows.
+
+    Examples
+    --------
+    >>> _chance(0.0212), _chance(0.4267)
+    ('0.021', '0.43')
+    """
+    error = np.sqrt(value * (1 - value) / SIMULATIONS)
+    return digits(value, float(min(error, value / 5)))
 
 
 def _share(value: float, count: int) -> str:

@@ -134,17 +134,33 @@ def _known(model: str | None) -> str:
 @click.option("--seed", type=int, default=20240105, show_default=True)
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; all processors by default.")
 @click.option("--store", is_flag=True, help="Replace the stored study of this model.")
-def calibrate(model: str, replicates: int, seed: int, workers: int | None, store: bool) -> None:
+@click.option(
+    "--intervals",
+    is_flag=True,
+    help="Redo the published estimator's intervals in the stored study; nothing is sampled.",
+)
+def calibrate(
+    model: str, replicates: int, seed: int, workers: int | None, store: bool, intervals: bool
+) -> None:
     """Run simulation-based calibration of MODEL: are its posteriors right?"""
     from rich.console import Console
 
+    from reproduce.store.studies import StudyError
     from reproduce.views import posterior_calibration
 
     name = _known(model)
-    with _bar("calibrating") as advance:
-        found = posterior_calibration.run(name, replicates, seed, workers=workers, progress=advance)
-    if store:
-        posterior_calibration.store(name, found, seed)
+    if intervals:
+        try:
+            found = posterior_calibration.renew(posterior_calibration.study_of(name))
+        except StudyError as error:
+            raise click.ClickException(str(error)) from error
+    else:
+        with _bar("calibrating") as advance:
+            found = posterior_calibration.run(
+                name, replicates, seed, workers=workers, progress=advance
+            )
+        if store:
+            posterior_calibration.store(name, found, seed)
     Console().print(posterior_calibration.terminal_table(found))
     click.echo(f"{found.replicates} replicates, {int(found.failed.sum())} of them failed.")
 

@@ -1,7 +1,8 @@
 """A user's own measurements in place of ours: which columns, and which priors.
 
-Nothing of the papers enters the priors: they come from the scale of the data. The instrument of a
-misalignment and the design of the lasers are settings, and are those of chen2023's ground platform.
+The priors of what is measured come from the scale of the data. The instrument of a misalignment and
+the design of the lasers are settings, and are those of chen2023's ground platform, with the widths
+of its specifications.
 What is printed, rounded, is taken as rounded to the last digit that the file writes.
 """
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from reproduce.inference.directions import directions_model
 from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import drift_model, misalignment_model, states_model
+from reproduce.inference.misalignment import drift_model, misalignment_model
 from reproduce.inference.model import Model
 from reproduce.inference.priors import Normal, Prior
+from reproduce.inference.states import states_model
 from reproduce.papers.chen2023.posteriors import READS, platform
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError

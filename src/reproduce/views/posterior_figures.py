@@ -129,7 +129,7 @@ def corner(posterior: Posterior, alternative: str) -> str:
 
 
 def ranks(stored: Calibration, name: str, alternative: str) -> str:
-    """Draw cumulated ranks, less what even ranks give, against the simultaneous band.
+    """Draw cumulated ranks, less what even ranks give, against the band of one curve.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def ranks(stored: Calibration, name: str, alternative: str) -> str:
         axes = figure.subplots()
         ends = low / total - even, high / total - even
         axes.fill_between(even, *ends, facecolor=("#777777", 0.15), edgecolor="#777777",
-                          label="95 % simultaneous band", step="mid")  # fmt: skip
+                          label="95 %: one whole curve", step="mid")  # fmt: skip
         # Colours come round after seven lines, dashes after eight.
         for row, label, dashes in zip(counts, stored.names, cycle(DASHES), strict=False):
             axes.plot(even, row / total - even, linestyle=dashes, linewidth=1.1, label=label)

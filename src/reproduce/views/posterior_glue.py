@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from reproduce.printed.cells import find
 from reproduce.views import posterior as running
 from reproduce.views import posterior_calibration as calibrations
+from reproduce.views import posterior_decision as deciding
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,7 +20,9 @@ def glue(*names: str) -> None:
     ----------
     *names : str
         Models. For every parameter and consequence a page may use ``MODEL-NAME-mean``, ``-sd``,
-        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens.
+        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens. Of the
+        calibration, ``MODEL-sbc-replicates``, ``-failed``, ``-quantities`` and ``-least-p``, and
+        ``MODEL-sbc-NAME-published``: how many of the published estimator's 95 % intervals cover.
     """
     from myst_nb import glue as glue_one
 
@@ -34,10 +37,6 @@ def glue(*names: str) -> None:
 
 
 def _glue_calibration(glue_one: Callable[..., None], name: str) -> None:
-    if not calibrations.is_stored(calibrations.study_of(name)):
-        for what in ("replicates", "failed", "least-p", "quantities"):
-            glue_one(f"{name}-sbc-{what}", "(not calibrated yet)", display=False)
-        return
     stored = calibrations.load(calibrations.study_of(name))
     text = {
         "replicates": f"{stored.replicates:,}",
@@ -45,8 +44,29 @@ def _glue_calibration(glue_one: Callable[..., None], name: str) -> None:
         "least-p": f"{float(stored.probabilities().min()):.2g}",
         "quantities": str(len(stored.names)),
     }
+    covered = stored.estimator_coverage(0.95)
+    for parameter, share in zip(stored.names, covered, strict=False):
+        if share >= 0:  # NaN where the published estimator gives none
+            text[f"{parameter}-published"] = f"{100 * share:.0f}\u202f%"
     for what, value in text.items():
         glue_one(f"{name}-sbc-{what}", value, display=False)
+
+
+def glue_outside(name: str) -> None:
+    """Make available how many printed numbers lie outside what repeats print.
+
+    Parameters
+    ----------
+    name : str
+        A model. A page may use ``MODEL-outside`` and ``MODEL-printed-count``: of so many printed
+        numbers, those whose tail probability is below one in twenty over their number.
+    """
+    from myst_nb import glue as glue_one
+
+    rows, _ = deciding.repeats_of(name)
+    outside = sum(row.tail.value < 0.05 / len(rows) for row in rows)
+    glue_one(f"{name}-outside", str(outside), display=False)
+    glue_one(f"{name}-printed-count", str(len(rows)), display=False)
 
 
 def glue_printed(*addresses: str) -> None:

@@ -9,10 +9,11 @@ from __future__ import annotations
 from reproduce.inference.checks import predictive_checks
 from reproduce.inference.posterior import digits
 from reproduce.inference.priors import in_unit
-from reproduce.inference.sensitivity import NOTABLE, sensitivities
+from reproduce.inference.sensitivity import CROWDED, NEAR, NOTABLE, sensitivities
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior as running
 from reproduce.views import posterior_calibration as calibrations
+from reproduce.views import posterior_choice as choosing
 from reproduce.views import posterior_data as formats
 from reproduce.views import posterior_decision as deciding
 from reproduce.views import posterior_figures as figures
@@ -27,10 +28,6 @@ STEPS = {
     "sensitivity": "5. The sensitivity to the priors is shown",
     "reproducing": "6. Everything can be redone",
 }
-NOT_YET = (
-    "This model is not calibrated yet: no study of it is stored. Until it is, its posterior is "
-    "checked by the diagnostics and predictive checks above only."
-)
 # Three decimals at most, however small the Monte Carlo error.
 LEAST_ERROR = 5e-4
 _shown: set[tuple[str, str]] = set()
@@ -113,7 +110,7 @@ def results(name: str) -> Html:
     rows = [(f"{r.name} ({r.unit})", *running.numbers(r)) for r in running.all_rows(found)]
     summary = html_table(head, rows, "Posterior, with no more digits than its error allows.")
     checks = [
-        (c.name, f"{c.observed:.4g}", _range(c.prior), _range(c.posterior),
+        (c.name, f"{c.observed:.4g}", deciding.ranged(c.prior), deciding.ranged(c.posterior),
          deciding.probability(c.tail))
         for c in predictive_checks(found)
     ]  # fmt: skip
@@ -121,10 +118,6 @@ def results(name: str) -> Html:
     caption = "Predictive checks: central 95 % of simulated data, and where the data lie."
     drawn = figures.corner(found, f"Corner plot of the posterior of {name}")
     return _artefact("results", name, summary + html_table(compared, checks, caption) + drawn)
-
-
-def _range(ends: tuple[float, float]) -> str:
-    return f"{ends[0]:.3g} to {ends[1]:.3g}"
 
 
 def decision(name: str) -> Html:
@@ -141,12 +134,11 @@ def decision(name: str) -> Html:
         Tables.
     """
     found = running.book_posterior(name)
-    published = posteriors()[name].printed(found.model)
     parts = [
         deciding.placed(found),
         deciding.bounded(found),
-        "" if published is None else deciding.repeated(found, published),
-        deciding.compared(name),
+        deciding.repeated(name),
+        choosing.compared(name),
     ]
     return _artefact("decision", name, "".join(parts))
 
@@ -164,12 +156,28 @@ def similarity_choice(name: str) -> Html:
     Html
         A table.
     """
-    return Html(deciding.transforms(name))
+    return Html(choosing.transforms(name))
 
 
 def columns_of_table_5() -> Html:
     """Show what every reading of Table V comes to: which columns stand where, which digit holds."""
-    return Html(deciding.columns_of_table_5())
+    return Html(choosing.columns_of_table_5())
+
+
+def floor_choice(*names: str) -> Html:
+    """Show the evidence of a floor in columns of Table IV, under several priors of the floor.
+
+    Parameters
+    ----------
+    *names : str
+        Models of columns.
+
+    Returns
+    -------
+    Html
+        A table.
+    """
+    return Html(choosing.floors(*names))
 
 
 def file_formats() -> Html:
@@ -195,16 +203,20 @@ def sensitivity(name: str) -> Html:
     rows = []
     for one in sensitivities(running.book_posterior(name)):
         held = "as it should be"
-        if one.prior >= NOTABLE:
+        if one.held_by_end:
+            held = "an end of the flat prior holds it"
+        elif one.prior >= NOTABLE:
             held = "prior and data" if one.likelihood >= NOTABLE else "the prior holds it"
         answers = (one.prior, one.likelihood, one.shift)
         told = (digits(a, max(e, LEAST_ERROR)) for a, e in zip(answers, one.errors, strict=True))
         rows.append((one.name, *told, f"{one.shape:.2f}", held))
     head = ("Parameter", "to prior", "to likelihood", "mean shift (sd)", "Pareto k", "reading")
     caption = (
-        "Change of the posterior per doubling of the power of prior or likelihood (Jensen-Shannon "
-        f"distance; from {NOTABLE} on it is worth a word), with no more digits than the errors "
-        "allow that leaving out one ensemble after the other tells of."
+        "Change of the posterior per doubling of the power of prior or likelihood (root of the "
+        f"cumulative Jensen-Shannon divergence; from {NOTABLE} on it is worth a word), with no "
+        "more digits than the errors allow that leaving out one ensemble after the other tells "
+        f"of. An end holds a posterior with more than {100 * CROWDED:g} % of its draws within "
+        f"{100 * NEAR:g} % of the width of a flat prior from it."
     )
     return _artefact("sensitivity", name, html_table(head, rows, caption))
 
@@ -227,14 +239,16 @@ def reproducing(name: str) -> Html:
         f"<pre>reproduce posterior {name}\nreproduce calibrate {study} "
         f"--replicates {calibrations.REPLICATES}</pre>"
     )
-    if not calibrations.is_stored(study):
-        return _artefact("reproducing", name, f"<p>{NOT_YET}</p>{commands}")
     stored = calibrations.load(study)
     head = ("Quantity", "evenness of ranks, p", "50 % covers", "95 % covers",
-            "least squares, 95 % covers")  # fmt: skip
+            "published estimator, 95 % covers")  # fmt: skip
     caption = (
         f"Simulation-based calibration, {stored.replicates} replicates, "
-        f"{int(stored.failed.sum())} of which missed the gate on autocorrelation times."
+        f"{int(stored.failed.sum())} of which missed the gate on autocorrelation times. The band "
+        "below holds a whole curve, but each by itself: of many curves one or the other leaves it. "
+        "The published estimator is least squares on stars and QUEST on laser spots, with its own "
+        "standard errors; it is tried on the same data, drawn from the whole prior, which it may "
+        "take for something simpler."
     )
     table = html_table(head, calibrations.coverage_rows(stored), caption)
     drawn = figures.ranks(stored, name, f"Ranks of {name} against their simultaneous band")
@@ -248,8 +262,8 @@ def calibrations_of_all() -> Html:
     head = ("Model", "replicates", "failed", "quantities", "least even, p", "95 % covers")
     caption = (
         f"Calibrations of all models. The least even of all {count} quantities has p = "
-        f"{least:.2g}; the least of as many independent ones is as small with probability "
-        f"{chance:.2g}."
+        f"{least:.2g}; the least of so many is as small with a probability of at most "
+        f"{chance:.2g}, however they depend on each other."
     )
     return Html(html_table(head, calibrations.overview_rows(found), caption))
 

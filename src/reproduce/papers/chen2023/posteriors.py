@@ -17,10 +17,11 @@ from reproduce.inference.averaging import AveragingLikelihood, averaging_model
 from reproduce.inference.directions import directions_model
 from reproduce.inference.geometry import GeometryLikelihood, geometry_model
 from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import drift_model, misalignment_model, states_model
+from reproduce.inference.misalignment import drift_model, misalignment_model
 from reproduce.inference.model import Model
 from reproduce.inference.reference_angles import HYPOTHESES, ReferenceAngles
 from reproduce.inference.stage_table import StageTableLikelihood, table_model
+from reproduce.inference.states import states_model
 from reproduce.inference.table_readings import Reading, hypotheses
 from reproduce.papers.chen2023 import lasers, published
 from reproduce.papers.chen2023.consequences import (

@@ -14,7 +14,7 @@ from reproduce.inference.model import Model
 from reproduce.inference.repeats import Published
 from reproduce.inference.stage_table import StageTableLikelihood
 from reproduce.papers.chen2023 import lasers
-from reproduce.papers.posteriors import published_cells, simulated
+from reproduce.papers.posteriors import OWN_DATA, published_cells, simulated
 from reproduce.physics.lasers import emitted_directions, received_directions
 from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
 from reproduce.physics.validate import FloatArray
@@ -24,6 +24,8 @@ STAGE = "chen2023/table-5"
 AVERAGES = "chen2023/table-4"
 FRAMES = "chen2023/text-accuracy#frames"
 MOVED = (2, 3, 4, 5)
+# Of the angles about Y and about X, against the right hand.
+PRINTED_SIGNS = np.array([1.0, -1.0])
 # Rows of print, and the two blocks of the table: motion along X, then along Y.
 MONITORED = tuple(f"{STAGE}#{state}.monitoring-{axis}" for state in MOVED for axis in "yx")
 REFERENCE = tuple(f"{STAGE}#{state}.reference-{axis}" for state in MOVED for axis in "yx")
@@ -46,6 +48,10 @@ def scatter(given: Given, model: Model) -> Published:
     Published
         Three standard deviations of each coordinate, in px.
     """
+    note = (
+        "The noise of the simulation is the rms of these very numbers, so their size proves "
+        "nothing; that some lie outside tells against one noise for all spots."
+    )
     freedom = given.count(FRAMES) - 1
     noise = model.names.index("noise")
 
@@ -53,11 +59,14 @@ def scatter(given: Given, model: Model) -> Published:
         squares = generator.chisquare(freedom, (len(parameters), len(SCATTER))) / freedom
         return np.asarray(lasers.SIGMAS * parameters[:, noise, None] * np.sqrt(squares))
 
-    return published_cells(given, SCATTER, repeat)
+    return published_cells(given, SCATTER, repeat, note=note)
 
 
 def monitored(given: Given, model: Model) -> Published:
     """Monitored angles of Table V, from the mean spots of each state as the paper finds them.
+
+    The table counts both angles negative where the motions are positive, as (10) does; with the
+    right hand that about X is positive, and changes its sign here.
 
     Parameters
     ----------
@@ -77,10 +86,14 @@ def monitored(given: Given, model: Model) -> Published:
 
     def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
         means = np.stack([model.repeat(one, generator).means for one in parameters])
-        angles = quest_angles(likelihood.platform, means)
-        return angles[:, 1:, [1, 0]].reshape(len(parameters), -1)
+        angles = quest_angles(likelihood.platform, means)[:, 1:, [1, 0]]
+        return np.asarray(angles * PRINTED_SIGNS).reshape(len(parameters), -1)
 
-    return published_cells(given, MONITORED, repeat)
+    note = (
+        "The images are simulated with the nominal focal length and the noise of single images; "
+        "angles that lie off by one ratio tell of another focal length, not of noise."
+    )
+    return published_cells(given, MONITORED, repeat, note=note)
 
 
 def quest_angles(platform: Platform, means: FloatArray) -> FloatArray:
@@ -113,7 +126,7 @@ def averaged(given: Given, model: Model, column: str) -> Published:
     def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
         return lasers.SIGMAS * simulated(model, parameters, generator)
 
-    return published_cells(given, addresses, repeat, whole=model.log_likelihood)
+    return published_cells(given, addresses, repeat, whole=model.log_likelihood, note=OWN_DATA)
 
 
 def stage_table(given: Given, model: Model) -> Published:
@@ -122,7 +135,9 @@ def stage_table(given: Given, model: Model) -> Published:
     if not isinstance(likelihood, StageTableLikelihood):
         raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
 
-    return published_cells(given, (*REFERENCE, *MONITORED), _both(model), whole=likelihood.log_same)
+    return published_cells(
+        given, (*REFERENCE, *MONITORED), _both(model), whole=likelihood.log_same, note=OWN_DATA
+    )
 
 
 def spots_and_stage(given: Given, model: Model) -> Published:
@@ -132,7 +147,7 @@ def spots_and_stage(given: Given, model: Model) -> Published:
         raise TypeError(f"model: expected the geometry, got {type(likelihood).__name__}")
 
     return published_cells(
-        given, (*SPOT_CELLS, *REFERENCE), _both(model), whole=likelihood.log_same
+        given, (*SPOT_CELLS, *REFERENCE), _both(model), whole=likelihood.log_same, note=OWN_DATA
     )
 
 

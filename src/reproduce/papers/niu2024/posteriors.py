@@ -43,7 +43,7 @@ from reproduce.papers.niu2024.new_stars import (
     one_channel,
     pixel_angle,
 )
-from reproduce.papers.posteriors import Declared, published_cells, simulated
+from reproduce.papers.posteriors import OWN_DATA, Declared, published_cells, simulated
 from reproduce.physics.chromatic import scale_factor
 from reproduce.physics.registration import fit_similarity
 from reproduce.physics.simulate import channel_centroids, noisy_centroids
@@ -172,7 +172,7 @@ def published_table(given: Given, model: Model) -> Published:
     def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
         return simulated(model, parameters, generator)
 
-    return published_cells(given, addresses, repeat, whole=model.log_likelihood)
+    return published_cells(given, addresses, repeat, whole=model.log_likelihood, note=OWN_DATA)
 
 
 def _red(name: str, build: Callable[[Given], Model], *rivals: Callable[[Given], Model]) -> Declared:
