@@ -217,12 +217,12 @@ def least_of_all(found: dict[str, Calibration]) -> tuple[float, int, float]:
     int
         Of how many quantities.
     float
-        Bound of the probability that the least of as many is as small: their product (Bonferroni).
-        Quantities of one model depend on each other, and models with a seed in common too.
+        How many of so many are expected to be as small by chance: their product. It holds though
+        quantities of one model depend on each other, and models with a seed in common too.
     """
     all_of_them = np.concatenate([one.probabilities() for one in found.values()])
     least, count = float(all_of_them.min()), len(all_of_them)
-    return least, count, min(1.0, count * least)
+    return least, count, count * least
 
 
 def _chance(value: float) -> str:

@@ -20,6 +20,8 @@ from reproduce.views.markup import html_table
 
 # Below this a probability is written with its power of ten.
 SMALL = 1e-3
+# Below this the end of a range is written with its power of ten.
+TINY = 1e-5
 
 
 def probability(share: Share) -> str:
@@ -76,12 +78,25 @@ def signed(text: str) -> str:
 
 
 def ranged(found: Range) -> str:
-    """Write the ends of a range, with no more digits than their errors allow."""
+    """Write the ends of a range, with the digits that their errors allow and no more than four.
+
+    Examples
+    --------
+    >>> ranged(Range(0.123456, 2.5, (0.002, 0.0))), ranged(Range(-2.4e-11, 0.71, (0.0, 0.01)))
+    ('0.12 to 2.500', '−2e-11 to 0.7')
+    """
     low, high = (
-        digits(end, error).replace("-", "−")
+        _end(end, error).replace("-", "−", 1) if end < 0 else _end(end, error)
         for end, error in zip((found.low, found.high), found.errors, strict=True)
     )
     return f"{low} to {high}"
+
+
+def _end(end: float, error: float) -> str:
+    if 0 < abs(end) < TINY:
+        return f"{end:.0e}"
+    # An error of nothing: simulations that are all alike here, not a number that is exact.
+    return digits(end, max(error, abs(end) / 5000))
 
 
 def bounded(found: Posterior) -> str:

@@ -258,12 +258,12 @@ def reproducing(name: str) -> Html:
 def calibrations_of_all() -> Html:
     """Show the stored calibrations of all models, a line each, and how even all ranks are."""
     found = calibrations.studies_of_all()
-    least, count, chance = calibrations.least_of_all(found)
+    least, count, expected = calibrations.least_of_all(found)
     head = ("Model", "replicates", "failed", "quantities", "least even, p", "95 % covers")
     caption = (
         f"Calibrations of all models. The least even of all {count} quantities has p = "
-        f"{least:.2g}; the least of so many is as small with a probability of at most "
-        f"{chance:.2g}, however they depend on each other."
+        f"{least:.2g}; of so many {expected:.2g} are expected to be as small by chance alone, "
+        "however they depend on each other."
     )
     return Html(html_table(head, calibrations.overview_rows(found), caption))
 
