@@ -231,7 +231,7 @@ def _chance(value: float) -> str:
     Examples
     --------
     >>> _chance(0.0212), _chance(0.4267)
-    ('0.021', '0.43')
+    ('0.02', '0.4')
     """
     error = np.sqrt(value * (1 - value) / SIMULATIONS)
     return digits(value, float(min(error, value / 5)))
