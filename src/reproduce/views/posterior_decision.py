@@ -74,29 +74,38 @@ def signed(text: str) -> str:
     >>> signed("1.2"), signed("-0.3")
     ('+1.2', '−0.3')
     """
-    return text.replace("-", "−") if text.startswith("-") else f"+{text}"
+    return plain(text) if text.startswith("-") else f"+{text}"
 
 
-def ranged(found: Range) -> str:
-    """Write the ends of a range, with the digits that their errors allow and no more than four.
+def plain(text: str) -> str:
+    """Write a number with a minus for a hyphen, and none before a zero.
 
     Examples
     --------
-    >>> ranged(Range(0.123456, 2.5, (0.002, 0.0))), ranged(Range(-2.4e-11, 0.71, (0.0, 0.01)))
-    ('0.12 to 2.500', '−2e-11 to 0.7')
+    >>> plain("-0.3"), plain("-0.00"), plain("-2e-11")
+    ('−0.3', '0.00', '−2e-11')
     """
-    low, high = (
-        _end(end, error).replace("-", "−", 1) if end < 0 else _end(end, error)
-        for end, error in zip((found.low, found.high), found.errors, strict=True)
-    )
-    return f"{low} to {high}"
+    return text if not text.startswith("-") else f"{'−' if float(text) else ''}{text[1:]}"
+
+
+def ranged(found: Range) -> str:
+    """Write the ends of a range, with no more digits than their errors allow.
+
+    Examples
+    --------
+    >>> ranged(Range(0.123456, 2.5, (0.002, 0.04))), ranged(Range(-2.4e-11, 0.71, (0.0, 0.01)))
+    ('0.12 to 2.5', '−2e-11 to 0.7')
+    >>> ranged(Range(-4.052, -4.05, (0.0, 0.0)))
+    '−4.052 to −4.050'
+    """
+    # An error of nothing: simulations that are alike there, not an end that is exact.
+    least = (found.high - found.low) / 30 or abs(found.high) / 5000
+    ends = zip((found.low, found.high), found.errors, strict=True)
+    return " to ".join(plain(_end(end, error or least)) for end, error in ends)
 
 
 def _end(end: float, error: float) -> str:
-    if 0 < abs(end) < TINY:
-        return f"{end:.0e}"
-    # An error of nothing: simulations that are all alike here, not a number that is exact.
-    return digits(end, max(error, abs(end) / 5000))
+    return f"{end:.0e}" if 0 < abs(end) < TINY else digits(end, error)
 
 
 def bounded(found: Posterior) -> str:

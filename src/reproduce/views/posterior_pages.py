@@ -33,6 +33,10 @@ LEAST_ERROR = 5e-4
 _shown: set[tuple[str, str]] = set()
 
 
+def _boxed(body: str) -> Html:
+    return Html(f'<div class="rp-table">{body}</div>')
+
+
 def _artefact(step: str, name: str, body: str) -> Html:
     _shown.add((step, name))
     return Html(f'<div class="rp-table" id="posterior-{name}-{step}">{body}</div>')
@@ -156,12 +160,12 @@ def similarity_choice(name: str) -> Html:
     Html
         A table.
     """
-    return Html(choosing.transforms(name))
+    return _boxed(choosing.transforms(name))
 
 
 def columns_of_table_5() -> Html:
     """Show what every reading of Table V comes to: which columns stand where, which digit holds."""
-    return Html(choosing.columns_of_table_5())
+    return _boxed(choosing.columns_of_table_5())
 
 
 def floor_choice(*names: str) -> Html:
@@ -177,14 +181,14 @@ def floor_choice(*names: str) -> Html:
     Html
         A table.
     """
-    return Html(choosing.floors(*names))
+    return _boxed(choosing.floors(*names))
 
 
 def file_formats() -> Html:
     """Show which columns a user's own file has, for every model that takes one."""
     rows = [(models, ", ".join(columns), told) for models, columns, told in formats.FORMATS]
     rows += [(name, "none", why) for name, why in formats.NONE.items()]
-    return Html(html_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
+    return _boxed(html_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
 
 
 def sensitivity(name: str) -> Html:
@@ -208,7 +212,10 @@ def sensitivity(name: str) -> Html:
         elif one.prior >= NOTABLE:
             held = "prior and data" if one.likelihood >= NOTABLE else "the prior holds it"
         answers = (one.prior, one.likelihood, one.shift)
-        told = (digits(a, max(e, LEAST_ERROR)) for a, e in zip(answers, one.errors, strict=True))
+        told = (
+            deciding.plain(digits(answer, max(error, LEAST_ERROR)))
+            for answer, error in zip(answers, one.errors, strict=True)
+        )
         rows.append((one.name, *told, f"{one.shape:.2f}", held))
     head = ("Parameter", "to prior", "to likelihood", "mean shift (sd)", "Pareto k", "reading")
     caption = (
@@ -265,7 +272,7 @@ def calibrations_of_all() -> Html:
         f"{least:.2g}; of so many {expected:.2g} are expected to be as small by chance alone, "
         "however they depend on each other."
     )
-    return Html(html_table(head, calibrations.overview_rows(found), caption))
+    return _boxed(html_table(head, calibrations.overview_rows(found), caption))
 
 
 def reporting(name: str) -> Html:

@@ -28,7 +28,7 @@ FLAG_MEANINGS: dict[str, str] = {
 }
 
 
-_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?![\w.])")
+_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
 _SUPERSCRIPTS = str.maketrans("−0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _TAGS = re.compile(r"(<[^>]*>)")
 
@@ -48,8 +48,8 @@ def powers(text: str) -> str:
 
     Examples
     --------
-    >>> powers("from 1e−6 to −5.7e+12 px")
-    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px'
+    >>> powers("from 1e−6 to −5.7e+12 px, not 2e-05.")
+    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
     """
 
     def write(found: re.Match[str]) -> str:
