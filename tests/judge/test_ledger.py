@@ -10,6 +10,7 @@ from reproduce.judge import expected, ledger
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Blocked, Prediction, Reading, reproduces
 from reproduce.printed.cells import library
 
 FIELDS = (
@@ -66,7 +67,8 @@ def test_roles_follow_from_use(whole):
 def test_numbers_fit_their_verdicts(whole):
     for record in whole.records:
         exact, consistent = record.verdict == "exact", record.verdict == "consistent"
-        assert (record.probability is None) == (record.seed is None), record.cell
+        drawn = record.seed is not None and record.verdict != "blocked"
+        assert (record.probability is not None) == drawn, record.cell
         if consistent:
             assert 0.01 <= record.probability <= 1.0
             assert record.share == pytest.approx((1 - record.probability) / 0.99)
@@ -79,7 +81,7 @@ def test_numbers_fit_their_verdicts(whole):
 
 
 def test_stochastic_tables_get_a_joint_probability(whole):
-    stochastic = {record.key for record in whole.records if record.seed}
+    stochastic = {record.key for record in whole.records if record.probability is not None}
     assert {table.key for table in whole.tables} == stochastic
     for table in whole.tables:
         assert 0 < table.joint_probability <= 1
@@ -161,3 +163,44 @@ def test_no_prediction_is_degenerate(whole):
     for record in whole.records:
         if record.probability is not None:
             assert np.ptp(record.interval) > 0, record.cell
+
+
+def made_up(readings):
+    """Judge the saturation of chen2023, 40 arcsec, by readings of our own."""
+
+    @reproduces("chen2023/text-angular-resolution", cells=["saturation"], given=[FAR, NEAR])
+    def computation(given):
+        results = [Reading(name, "V-D", function(given)) for name, function in readings.items()]
+        return {"saturation": Blocked("the rule", readings=tuple(results))}
+
+    table = library()["chen2023/text-angular-resolution"]
+    return ledger._run(computation, table)[0]["saturation"]
+
+
+NEAR = "chen2023/text-angular-resolution#resolution-low"
+FAR = "chen2023/text-angular-resolution#resolution-high"
+
+
+def test_a_cell_that_depends_on_its_reading_is_blocked_and_shows_them_all():
+    draws = np.radians(np.linspace(30, 50, 1000) / 3600)
+    record = made_up(
+        {
+            "half": lambda given: given[FAR] / 2,
+            "whole": lambda given: given[FAR],
+            "drawn": lambda given: Prediction(draws),
+        }
+    )
+    assert record.verdict == "blocked"
+    assert record.computed is None
+    assert [reading.verdict for reading in record.readings] == ["exact", "differs", "consistent"]
+    assert [reading.agrees for reading in record.readings] == [True, False, True]
+    assert record.readings[0].computed == pytest.approx(40)
+    assert record.readings[0].interval == pytest.approx((39.75, 40.25)), "inputs are rounded"
+    assert record.readings[2].probability == pytest.approx(1.0, abs=0.1)
+    assert record.why == "depends on the rule: the print agrees with 2 of 3 readings"
+
+
+def test_readings_that_agree_among_themselves_do_not_block():
+    both = {"far": lambda given: given[FAR], "near": lambda given: given[NEAR]}
+    with pytest.raises(ValueError, match="all 2 readings give differs"):
+        made_up(both)

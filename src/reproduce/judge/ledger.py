@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from reproduce.judge.propagate import result_intervals
+from reproduce.judge.propagate import Interval, reading_name, result_intervals
 from reproduce.judge.verdicts import (
     CENTRAL,
     Judgement,
@@ -18,12 +18,42 @@ from reproduce.judge.verdicts import (
     judge_value,
 )
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Blocked, Computation, Item, Pending, Prediction, Result
+from reproduce.papers.declare import (
+    Blocked,
+    Computation,
+    Item,
+    Pending,
+    Prediction,
+    Reading,
+    Result,
+)
 from reproduce.printed.cells import Cell, PrintedTable, library
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
 
 Flag = Literal["through_rounding", "uninformative", "bound", "stand_in", "about", "nominal"]
+
+
+class ReadingRecord(BaseModel):
+    """What a blocked cell would be judged as under one reading of the text."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(description="the reading in a few words")
+    place: str = Field(description="where the text leaves room for it")
+    computed: float = Field(description="the value, or the median of the prediction")
+    interval: tuple[float, float] = Field(
+        description="results that rounded inputs allow, or the central 99 % of the prediction"
+    )
+    verdict: Verdict = Field(description="what the cell would be judged as")
+    flags: tuple[Flag, ...] = Field(description="what qualifies that verdict")
+    probability: float | None = Field(description="two-sided mid-p over the printed interval")
+    mcse: float | None = Field(description="Monte Carlo standard error of the probability")
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the print agrees with this reading."""
+        return self.verdict in {"exact", "consistent"}
 
 
 class Record(BaseModel):
@@ -57,6 +87,9 @@ class Record(BaseModel):
     function: str | None = Field(description="the function that computes the cell")
     equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
     seed: tuple[int, ...] | None = Field(description="root and key of the random stream")
+    readings: tuple[ReadingRecord, ...] = Field(
+        description="for a blocked cell whose verdict depends on how the text is read: each way"
+    )
 
 
 class TableRecord(BaseModel):
@@ -168,16 +201,15 @@ def _run(
         raise ValueError(f"{computation.name} makes cells it does not declare: {strays}")
     intervals = {} if computation.replicates else result_intervals(computation, door)
     records = {
-        name: _record(computation, table[name], result, intervals.get(name))
+        name: _record(computation, table[name], result, intervals)
         for name, result in results.items()
     }
     return records, {n: r for n, r in results.items() if isinstance(r, Prediction)}
 
 
 def _record(
-    computation: Computation, cell: Cell, result: Result, interval: tuple[float, float] | None
+    computation: Computation, cell: Cell, result: Result, intervals: Mapping[str, Interval]
 ) -> Record:
-    unit = si_factor(cell.unit)
     source: dict[str, object] = {
         "role": "result",
         "function": computation.name,
@@ -185,20 +217,50 @@ def _record(
         "seed": computation.entropy or None,
     }
     if isinstance(result, Blocked):
-        stand_in = None if result.stand_in is None else result.stand_in / unit
+        stand_in = None if result.stand_in is None else result.stand_in / si_factor(cell.unit)
         flags = () if stand_in is None else ("stand_in",)
+        readings = _readings(cell, result.readings, intervals)
         why = f"needs {result.missing}"
-        return _make(cell, "blocked", why, source | {"computed": stand_in}, flags)
+        if readings:
+            agreeing = sum(reading.agrees for reading in readings)
+            why = (
+                f"depends on {result.missing}: "
+                f"the print agrees with {agreeing} of {len(readings)} readings"
+            )
+        found: dict[str, object] = {"computed": stand_in, "readings": readings}
+        return _make(cell, "blocked", why, source | found, flags)
     if isinstance(result, Pending):
         return _make(cell, "pending", f"not computed yet: {result.work}", source)
-    if isinstance(result, Prediction):
-        found = judge_prediction(cell.number, result.draws / unit)
-    else:
-        low, high = interval or (result, result)
-        found = judge_value(cell.number, result / unit, (low / unit, high / unit))
+    judgement = _judgement(cell, result, intervals.get(cell.name))
     judged = ("computed", "interval", "tolerance", "share", "probability", "mcse")
-    numbers: dict[str, object] = {name: getattr(found, name) for name in judged}
-    return _make(cell, found.verdict, _why(cell, found), source | numbers, found.flags)
+    numbers: dict[str, object] = {name: getattr(judgement, name) for name in judged}
+    return _make(cell, judgement.verdict, _why(cell, judgement), source | numbers, judgement.flags)
+
+
+def _judgement(cell: Cell, result: float | Prediction, interval: Interval | None) -> Judgement:
+    unit = si_factor(cell.unit)
+    if isinstance(result, Prediction):
+        return judge_prediction(cell.number, result.draws / unit)
+    low, high = interval or (result, result)
+    return judge_value(cell.number, result / unit, (low / unit, high / unit))
+
+
+def _readings(
+    cell: Cell, readings: tuple[Reading, ...], intervals: Mapping[str, Interval]
+) -> tuple[ReadingRecord, ...]:
+    records = []
+    for reading in readings:
+        interval = intervals.get(reading_name(cell.name, reading.name))
+        judgement = _judgement(cell, reading.result, interval)
+        shared = ("verdict", "computed", "interval", "flags", "probability", "mcse")
+        found = {name: getattr(judgement, name) for name in shared}
+        records.append(ReadingRecord(name=reading.name, place=reading.place, **found))
+    if records and len({record.agrees for record in records}) == 1:
+        raise ValueError(
+            f"{cell.address}: all {len(records)} readings give {records[0].verdict}; "
+            "the cell is not blocked: return the result of the literal reading"
+        )
+    return tuple(records)
 
 
 def _input(cell: Cell) -> Record:
@@ -217,7 +279,7 @@ def _make(
     if qualifier in {"about", "nominal"}:
         flags += (qualifier,)
     blank: dict[str, object] = dict.fromkeys(Record.model_fields)
-    blank |= {"role": "given", "equations": ()} | dict(found)
+    blank |= {"role": "given", "equations": (), "readings": ()} | dict(found)
     blank |= {
         "key": cell.key,
         "cell": cell.address,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from reproduce.papers.declare import Computation
+from reproduce.papers.declare import Blocked, Computation
 from reproduce.printed.given import Given
 
 Interval = tuple[float, float]
@@ -29,7 +29,8 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     Returns
     -------
     dict
-        Cell name to the smallest and largest result, in SI.
+        Cell name to the smallest and largest result, in SI; for a reading of a blocked cell,
+        the name that `reading_name` gives.
 
     Raises
     ------
@@ -52,6 +53,11 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     }
 
 
+def reading_name(cell: str, reading: str) -> str:
+    """Return the name of one reading of a blocked cell among the results of its computation."""
+    return f"{cell} ({reading})"
+
+
 def _corners(
     computation: Computation, given: Given, name: str, signs: Mapping[str, float]
 ) -> Interval:
@@ -63,5 +69,14 @@ def _corners(
 
 
 def _numbers(computation: Computation, given: Given) -> dict[str, float]:
-    results = computation(given)
-    return {name: float(r) for name, r in results.items() if isinstance(r, int | float)}
+    found: dict[str, float] = {}
+    for name, result in computation(given).items():
+        if isinstance(result, int | float):
+            found[name] = float(result)
+        elif isinstance(result, Blocked):
+            found |= {
+                reading_name(name, reading.name): float(reading.result)
+                for reading in result.readings
+                if isinstance(reading.result, int | float)
+            }
+    return found

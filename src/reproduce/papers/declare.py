@@ -31,8 +31,27 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """What a number would be under one way to read what the paper leaves open.
+
+    Parameters
+    ----------
+    name : str
+        The reading in a few words, the same for every cell that it belongs to.
+    place : str
+        Where the text leaves room for it.
+    result : float or Prediction
+        The number in SI units, or its prediction.
+    """
+
+    name: str
+    place: str
+    result: float | Prediction
+
+
+@dataclass(frozen=True)
 class Blocked:
-    """A number that needs something the paper does not publish.
+    """A number that needs something unpublished, or that depends on how the text is read.
 
     Parameters
     ----------
@@ -40,10 +59,14 @@ class Blocked:
         What would be needed.
     stand_in : float, optional
         Our value in its place, in SI units, shown without a verdict.
+    readings : tuple of Reading
+        Every way tried to read the text, where the verdict depends on it: some agree with the
+        print and some do not.
     """
 
     missing: str
     stand_in: float | None = None
+    readings: tuple[Reading, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,9 @@ def _full_frame(ledger: Ledger, key: str) -> pd.DataFrame:
         row = record.model_dump()
         for name in ("flags", "equations", "seed", "interval"):
             row[name] = " ".join(map(str, row[name] or ()))
+        row["readings"] = "; ".join(
+            f"{reading.name}: {reading.computed!r} {reading.verdict}" for reading in record.readings
+        )
         row["reason"] = reason(record.cell)
         rows.append(row)
     return pd.DataFrame(rows)

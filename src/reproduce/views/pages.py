@@ -80,6 +80,7 @@ def table(key: str) -> Html:
             rows=rows,
             joint=_joint_sentence(ledger.table(key)),
             details=[_detail(record) for record in ledger.of(key) if record.role == "result"],
+            readings=_readings(ledger.of(key)),
         )
     )
     return Html(text)
@@ -130,7 +131,7 @@ def _computed(record: Record) -> Markup:
 
 
 def _verdict(record: Record) -> Markup:
-    text = reason(record.cell) if record.verdict == "differs" else record.why
+    text = reason(record.cell) or record.why
     marks = ", ".join(flag.replace("_", " ") for flag in _shown_flags(record))
     flags = Markup('<span class="rp-flag">{}</span>').format(marks) if marks else ""
     badge = Markup('<span class="rp-badge rp-badge-{0}" title="{1}">{0}</span>{2}')
@@ -142,9 +143,7 @@ def _shown_flags(record: Record) -> list[str]:
 
 
 def _detail(record: Record) -> dict[str, str]:
-    why = record.why
-    if record.verdict == "differs":
-        why = f"{why}. {reason(record.cell)}"
+    why = ". ".join(part for part in (record.why, reason(record.cell)) if part)
     return {
         "anchor": anchor(record.cell),
         "name": record.cell.partition("#")[2],
@@ -155,8 +154,32 @@ def _detail(record: Record) -> dict[str, str]:
         "share": "" if record.share is None else f"{record.share:.2f}",
         "verdict": record.verdict,
         "why": why,
-        "erratum": erratum(record.cell) if record.verdict == "differs" else "",
+        "erratum": erratum(record.cell),
     }
+
+
+def _readings(records: tuple[Record, ...]) -> list[dict[str, Any]]:
+    """Lay out the readings of blocked cells, one table for cells that share their readings."""
+    groups: dict[tuple[tuple[str, str], ...], list[Record]] = {}
+    for record in records:
+        if record.readings:
+            names = tuple((reading.name, reading.place) for reading in record.readings)
+            groups.setdefault(names, []).append(record)
+    tables = []
+    for names, group in groups.items():
+        ways = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
+        cells = [
+            Markup('<a href="#{}"><code>{}</code></a> {}').format(
+                anchor(record.cell), record.cell.partition("#")[2], words.cell_of(record).shown
+            )
+            for record in group
+        ]
+        grid = [[words.read(record, one) for one in record.readings] for record in group]
+        if len(group) <= len(names):
+            ways, cells, grid = cells, ways, [list(row) for row in zip(*grid, strict=True)]
+        rows = [{"label": label, "cells": row} for label, row in zip(cells, grid, strict=True)]
+        tables.append({"heads": ways, "rows": rows})
+    return tables
 
 
 def _joint_sentence(joint: TableRecord | None) -> str:

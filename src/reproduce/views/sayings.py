@@ -123,6 +123,11 @@ def _of_cell(address: str) -> dict[str, str]:
         "verdict": record.verdict,
         "probability": words.probability(record) or "none",
     }
+    if record.readings:
+        said["readings"] = str(len(record.readings))
+        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
+        for number, reading in enumerate(record.readings, start=1):
+            said[f"reading-{number}"] = words.read(record, reading).partition(",")[0]
     return {f"{cell.anchor}-{what}": text for what, text in said.items()}
 
 

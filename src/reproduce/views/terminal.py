@@ -117,13 +117,19 @@ def remarks(ledger: Ledger, key: str) -> list[str]:
     reasons: dict[str, list[str]] = {}
     for record in records:
         if record.verdict in {"differs", "blocked", "pending"}:
-            text = reason(record.cell) if record.verdict == "differs" else record.why
-            if record.verdict == "differs" and (known := erratum(record.cell)):
+            text = reason(record.cell) or record.why
+            if known := erratum(record.cell):
                 text = f"{text} Erratum {known}."
             reasons.setdefault(f"{record.verdict}: {text}", []).append(
                 record.cell.partition("#")[2]
             )
     lines += [f"{text} ({', '.join(cells)})" for text, cells in reasons.items()]
+    for record in records:
+        lines += [
+            f"{record.cell.partition('#')[2]}, if {reading.name} ({reading.place}): "
+            f"{words.read(record, reading).replace('−', '-')}"
+            for reading in record.readings
+        ]
     return lines
 
 

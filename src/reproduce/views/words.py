@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from reproduce.judge.ledger import Record, TableRecord
+from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
@@ -13,7 +13,7 @@ MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
     "consistent": "inside the central 99 % of what the reproduction predicts",
     "differs": "recomputed and does not agree",
-    "blocked": "needs something the paper does not publish",
+    "blocked": "needs something the paper does not publish, or depends on how the text is read",
     "pending": "belongs to work not done yet",
     "input": "taken from the paper, nothing to compute",
 }
@@ -206,6 +206,31 @@ def joint_chance(joint: TableRecord) -> str:
     if joint.joint_probability * (joint.replicates + 1) < 1.5:
         return f"below 1 in {joint.replicates:,}"
     return chance(joint.joint_probability, joint.mcse)
+
+
+def read(record: Record, reading: ReadingRecord) -> str:
+    """Write what a blocked cell is under one reading of the text.
+
+    Parameters
+    ----------
+    record : Record
+        A record of the ledger.
+    reading : ReadingRecord
+        One of its readings.
+
+    Returns
+    -------
+    str
+        The value with one more decimal than the print where it does not agree, then the verdict
+        that it would get, such as ``57″, differs``.
+    """
+    flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
+    hidden = not reading.agrees or "through_rounding" in reading.flags
+    value = cell_of(record).number.format(reading.computed, extra=int(hidden)).replace("-", "−")
+    symbol_of = unit(record)
+    gap = "" if symbol_of in {"", "°", "″"} else "\u202f"
+    marks = f" ({', '.join(flag.replace('_', ' ') for flag in flags)})" if flags else ""
+    return f"{value}{gap}{symbol_of}, {reading.verdict}{marks}"
 
 
 def unit(record: Record) -> str:
