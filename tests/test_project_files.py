@@ -1,5 +1,6 @@
 """Promises between the project's own files."""
 
+import math
 import os
 import re
 import subprocess
@@ -10,6 +11,7 @@ import pytest
 import yaml
 
 import reproduce
+from reproduce import units
 
 ROOT = Path(__file__).resolve().parents[1]
 # Hosts of package registries, and folders that exist on one machine only.
@@ -113,3 +115,22 @@ def test_no_file_names_a_registry_or_a_machine() -> None:
         text = path.read_text(encoding="utf8", errors="ignore")
         faults += [f"{path.relative_to(ROOT)}: {hit[0]}" for hit in FOREIGN.finditer(text)]
     assert faults == []
+
+
+def test_angle_factors_have_one_home():
+    """A factor typed again, or one name for both directions, is wrong by ten powers unseen."""
+    typed = re.compile(r"\b(206264|206265|3437\.7|648000|4\.848|2\.908)|\b3600\b|\bARC(SEC|MIN)\b")
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path in sorted((ROOT / "src").rglob("*.py"))
+        if path.name != "units.py"
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if typed.search(line) and not line.strip().startswith(">>>")
+    ]
+    assert found == []
+
+
+def test_angle_factors():
+    assert units.ARCSEC_PER_RADIAN * math.radians(1) == pytest.approx(3600, rel=1e-15)
+    assert units.ARCMIN_PER_RADIAN * math.radians(1) == pytest.approx(60, rel=1e-15)
+    assert pytest.approx(1, rel=1e-15) == units.ARCSEC_PER_RADIAN * units.RADIANS_PER_ARCSEC

@@ -7,7 +7,6 @@ import pytest
 
 from reproduce.inference.averaging import predicted_error, scatter_of_averages
 from reproduce.papers.chen2023.consequences import (
-    ARCSEC,
     Averaged,
     NominalTracker,
     OnTheGround,
@@ -16,6 +15,7 @@ from reproduce.papers.chen2023.consequences import (
 from reproduce.papers.chen2023.published import quest_angles
 from reproduce.papers.niu2024.new_stars import NoiseAlone
 from reproduce.papers.posteriors import posteriors
+from reproduce.units import ARCSEC_PER_RADIAN
 
 ALTITUDE = 500e3
 MODELS = list(posteriors())
@@ -36,15 +36,15 @@ def test_every_posterior_has_a_pointing_error(name):
 
 def test_bias_and_noise_of_the_stage_test():
     generator = np.random.default_rng(2)
-    noise, bias = 0.08 / ARCSEC, np.array([0.05, -0.03]) / ARCSEC
+    noise, bias = 0.08 / ARCSEC_PER_RADIAN, np.array([0.05, -0.03]) / ARCSEC_PER_RADIAN
     consequence = StageTest(ALTITUDE, np.array([1e-4, -3e-5]), 2.0)
     found = consequence(np.array([[2.06, noise, *bias, -4.0]]))
     errors = bias + noise * generator.normal(size=(200_000, 2))
     rms = np.sqrt(np.square(errors).sum(axis=1).mean())
-    np.testing.assert_allclose(found["pointing error"].values, rms * ARCSEC, rtol=5e-3)
+    np.testing.assert_allclose(found["pointing error"].values, rms * ARCSEC_PER_RADIAN, rtol=5e-3)
     np.testing.assert_allclose(found["position error"].values, rms * ALTITUDE, rtol=5e-3)
     length = np.hypot(1e-4, 3e-5)
-    wrong = (length / 2.0 - length / 2.06) * ARCSEC
+    wrong = (length / 2.0 - length / 2.06) * ARCSEC_PER_RADIAN
     told = found["last state, nominal focal length"].values
     np.testing.assert_allclose(told, wrong, rtol=1e-6)
 
@@ -61,7 +61,7 @@ def test_a_wrong_tracker_length_scales_the_misalignment_found(platform, ratio):
     error = np.linalg.norm(found) - np.linalg.norm(turn)
     consequence = NominalTracker(ALTITUDE, float(np.linalg.norm(turn)), 0.06)
     told = consequence(np.array([[2.0, ratio * 0.06, 0.02]]))
-    np.testing.assert_allclose(told["pointing error"].values, error * ARCSEC, rtol=0.02)
+    np.testing.assert_allclose(told["pointing error"].values, error * ARCSEC_PER_RADIAN, rtol=0.02)
     np.testing.assert_allclose(told["position error"].values, error * ALTITUDE, rtol=0.02)
 
 
@@ -74,7 +74,7 @@ def test_errors_of_averages_on_the_ground():
     scatter = np.sqrt(np.mean([scatter_of_averages(one, (1, 25)) ** 2 for one in series], axis=0))
     names = ("error of 1 frame", "error of 25 frames")
     for name, one in zip(names, 3 * scatter, strict=True):
-        np.testing.assert_allclose(told[name].values, one * ARCSEC, rtol=0.02)
+        np.testing.assert_allclose(told[name].values, one * ARCSEC_PER_RADIAN, rtol=0.02)
         np.testing.assert_allclose(told[f"{name}, position"].values, one * ALTITUDE, rtol=0.02)
     assert predicted_error(parameters, 25) < predicted_error(parameters, 1)
 
@@ -83,7 +83,7 @@ def test_ground_error_of_a_misalignment():
     angles = np.random.default_rng(4).normal((1e-4, -5e-5, 2e-4), 1e-6, (1000, 3))
     found = OnTheGround(ALTITUDE, 0)(angles)
     off = angles[:, :2] - angles[:, :2].mean(axis=0)
-    np.testing.assert_allclose(found["pointing error"].values, np.hypot(*off.T) * ARCSEC)
+    np.testing.assert_allclose(found["pointing error"].values, np.hypot(*off.T) * ARCSEC_PER_RADIAN)
     np.testing.assert_allclose(found["position error"].values, np.hypot(*off.T) * ALTITUDE)
     ignored = found["position error uncorrected"].values
     np.testing.assert_allclose(ignored.mean(), np.hypot(1e-4, 5e-5) * ALTITUDE, rtol=1e-3)

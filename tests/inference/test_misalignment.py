@@ -9,7 +9,6 @@ from reproduce.inference.directions import directions_model
 from reproduce.inference.evidence import log_evidence
 from reproduce.inference.lasers import SpotStatistics
 from reproduce.inference.misalignment import (
-    ARCSEC,
     drift_model,
     misalignment_model,
 )
@@ -20,10 +19,11 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.physics.lasers import emitted_directions, received_directions
 from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
 from reproduce.physics.stage import stage_angles
+from reproduce.units import ARCSEC_PER_RADIAN
 
 NOISE = 0.017
-TURN = np.array([5.0, -3.0, 20.0]) / ARCSEC
-DRIFT = np.array([4.0, 1.0, 0.0]) / ARCSEC
+TURN = np.array([5.0, -3.0, 20.0]) / ARCSEC_PER_RADIAN
+DRIFT = np.array([4.0, 1.0, 0.0]) / ARCSEC_PER_RADIAN
 
 
 def images(platform, turns, frames=400, seed=3, noise=NOISE):
@@ -157,7 +157,7 @@ def directions(platform, spots):
 
 def test_directions_of_the_lasers_are_found(platform):
     """Lasers set askew come back, each its own way, and the misalignment beside them."""
-    askew = np.array([[3.0, -4.0], [0.0, 6.0], [-5.0, 0.0], [2.0, 2.0]]) / ARCSEC
+    askew = np.array([[3.0, -4.0], [0.0, 6.0], [-5.0, 0.0], [2.0, 2.0]]) / ARCSEC_PER_RADIAN
     lasers = np.broadcast_to(platform.lasers - 2.0 * askew, (1, 4, 2))
     generator = np.random.default_rng(3)
     groups = [

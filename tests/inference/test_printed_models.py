@@ -8,6 +8,7 @@ from reproduce.inference import averaging, censored, reference_angles
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.averaging import scatter_of_averages
+from reproduce.units import ARCSEC_PER_RADIAN
 
 COUNTS = (1, 4, 16, 25, 49, 100)
 
@@ -109,7 +110,7 @@ def stage_points(seed):
     # From noises that tell the two hypotheses apart to those that hide them.
     louder = np.repeat(model.likelihood.start()[0][None], 60, axis=0)
     louder[:, 4] = np.linspace(-3, 0, 60)
-    louder[:, 1] = 10.0 ** louder[:, 4] / reference_angles.ARCSEC
+    louder[:, 1] = 10.0 ** louder[:, 4] / ARCSEC_PER_RADIAN
     return model.likelihood, np.concatenate([truth, model.start(generator, 20), louder])
 
 
@@ -130,7 +131,7 @@ def test_negligible_hypothesis_is_left_out_without_loss(seed):
 def test_bound_of_a_hypothesis_holds(seed):
     likelihood, points = stage_points(seed)
     quiet = points.copy()
-    quiet[:, 1], quiet[:, 4] = 2e-3 / reference_angles.ARCSEC, -3.0
+    quiet[:, 1], quiet[:, 4] = 2e-3 / ARCSEC_PER_RADIAN, -3.0
     points = np.concatenate([points, quiet])
     printed = likelihood.printed(points)
     bounds = likelihood.reference.bounds(points[:, 0], printed)
@@ -152,7 +153,7 @@ def plain_integral(likelihood, point, which):
     """Log probability of Table V, angle by angle, the zero position by adaptive steps."""
     reference, focal = likelihood.reference, point[0]
     half, unit = reference.half_position, reference.half_angle
-    noises = (10.0 ** point[4] / reference_angles.ARCSEC, point[1])
+    noises = (10.0 ** point[4] / ARCSEC_PER_RADIAN, point[1])
     total = 0.0
     for block in (0, 1):
         column = 1 - block if which else block
@@ -181,7 +182,7 @@ def plain_integral(likelihood, point, which):
 
 def test_hypothesis_against_a_plain_integral():
     model = posteriors()["table-5"].model()
-    arcsec = reference_angles.ARCSEC
+    arcsec = ARCSEC_PER_RADIAN
     point = np.array([2.05, 0.004 / arcsec, 0.01 / arcsec, -0.02 / arcsec, np.log10(0.003)])
     likelihood = model.given(model.simulate(point, np.random.default_rng(2))).likelihood
     found = likelihood.both(point[None])[0]
@@ -194,11 +195,11 @@ def test_interchange_is_certain_in_print_and_found_in_simulation():
     centre = model.likelihood.start()[0][None]
     assert model.likelihood.interchanged(centre)[0] > 0.999
     quiet = centre.copy()
-    quiet[0, 1:4] = [1e-3 / reference_angles.ARCSEC, 0, 0]
+    quiet[0, 1:4] = [1e-3 / ARCSEC_PER_RADIAN, 0, 0]
     told = [model.simulate(quiet[0], np.random.default_rng(seed)) for seed in range(12)]
     found = np.array([model.likelihood.given(data).interchanged(quiet)[0] for data in told])
     # Monitored angles stand beside their references in either order: a few thousandths apart.
-    assert max(np.abs(left - right).max() for left, right in told) < 0.006 / reference_angles.ARCSEC
+    assert max(np.abs(left - right).max() for left, right in told) < 0.006 / ARCSEC_PER_RADIAN
     # The simulation draws either order with equal probability, and the data tell which.
     assert ((found < 0.01) | (found > 0.99)).all()
     assert 0 < (found > 0.5).sum() < 12

@@ -8,9 +8,9 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.physics.stage import stage_angles
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
+from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.posterior_data import FORMATS, NONE, READERS, from_file
 
-ARCSEC = 206264.80624709636
 STARS = np.random.default_rng(1).uniform(0, 1000, (40, 2))
 
 
@@ -53,7 +53,7 @@ def stage_positions():
 def stage_angles_arcsec():
     """Angles of a telescope of three metres, about Y and about X."""
     motions = stage_positions()[1:] - stage_positions()[0]
-    return -np.arctan2(motions * 1e-6, 3.0) * ARCSEC
+    return -np.arctan2(motions * 1e-6, 3.0) * ARCSEC_PER_RADIAN
 
 
 def stage(columns):
@@ -111,7 +111,7 @@ def test_users_data_make_a_model_that_starts(tmp_path, name):
         ("misalignment-directions", "angle-y", -20e-6 / 2),
         ("misalignment-drift", "drift-x", 0.0),
         ("misalignment-states", "stage-scale", 1.0),
-        ("frame-averaging", "white", 0.40 / ARCSEC),
+        ("frame-averaging", "white", 0.40 / ARCSEC_PER_RADIAN),
         ("table-5", "focal-length", 3.0),
         ("geometry", "focal-length", 3.0),
     ],
@@ -167,10 +167,14 @@ def test_wrong_files_are_refused_by_line_and_column(tmp_path, name, row, column,
 
 def test_rounding_is_that_of_the_digits_written(tmp_path):
     path = written(tmp_path, READERS["frame-averaging"][0], averages(()))
-    assert from_file("frame-averaging", path).likelihood.half_unit * ARCSEC == pytest.approx(0.005)
+    assert from_file(
+        "frame-averaging", path
+    ).likelihood.half_unit * ARCSEC_PER_RADIAN == pytest.approx(0.005)
     rows = [(n, f"{float(e):.3f}", s) for n, e, s in averages(())]
     path = written(tmp_path, READERS["frame-averaging"][0], rows)
-    assert from_file("frame-averaging", path).likelihood.half_unit * ARCSEC == pytest.approx(5e-4)
+    assert from_file(
+        "frame-averaging", path
+    ).likelihood.half_unit * ARCSEC_PER_RADIAN == pytest.approx(5e-4)
 
 
 def test_priors_follow_the_data_and_not_the_paper(tmp_path):

@@ -22,6 +22,7 @@ from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import HalfNormal, LogUniform
 from reproduce.physics.averaging import averaged_error, scatter_of_averages
 from reproduce.physics.validate import FloatArray
+from reproduce.units import ARCSEC_PER_RADIAN
 
 
 @lru_cache(maxsize=8)
@@ -151,7 +152,7 @@ class AveragingLikelihood:
 def averaging_model(
     likelihood: AveragingLikelihood,
     name: str = "frame-averaging",
-    shown: float = 206264.80624709636,
+    shown: float = ARCSEC_PER_RADIAN,
     derived: Derived | None = None,
 ) -> Model:
     """White noise and floor from printed scatters of running averages.

@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import ARCSEC, AXES, SpotLikelihood, misalignment_model
+from reproduce.inference.misalignment import AXES, SpotLikelihood, misalignment_model
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import Normal
 from reproduce.inference.quest import Quest, none
 from reproduce.physics.validate import FloatArray
+from reproduce.units import ARCSEC_PER_RADIAN
 
 # As the prior of the common scale: the pattern is set to a tenth or so of its size.
 PLACED = 0.1
@@ -84,7 +85,9 @@ def directions_model(
     prior = Normal(0.0, placed(platform), "each laser within a tenth or so of the pattern's size "
                    "of its design; the printed spots lie a twentieth off")  # fmt: skip
     directions = tuple(
-        Parameter(f"direction-{i + 1}-{a}", rf"\delta_{{{i + 1}{a}}}", "arcsec", prior, ARCSEC)
+        Parameter(
+            f"direction-{i + 1}-{a}", rf"\delta_{{{i + 1}{a}}}", "arcsec", prior, ARCSEC_PER_RADIAN
+        )
         for i in range(len(platform.lasers))
         for a in AXES[:2]
     )

@@ -20,7 +20,6 @@ from reproduce.inference.coordinates import from_scores, log_slope, scores, weig
 from reproduce.inference.model import Model, Parameter
 from reproduce.inference.priors import LogNormal, Uniform
 from reproduce.inference.reference_angles import (
-    ARCSEC,
     FOCAL_SPREAD,
     SCATTER,
     Printed,
@@ -31,6 +30,7 @@ from reproduce.inference.reference_angles import (
     scatter_parameter,
 )
 from reproduce.physics.validate import FloatArray
+from reproduce.units import ARCMIN_PER_RADIAN, ARCSEC_PER_RADIAN
 
 # Priors: relative width of tracker focal length and spacing; ends of log10 of the placement in px.
 SPREAD = 0.02
@@ -139,7 +139,7 @@ class GeometryLikelihood:
         size = float(np.abs(factor))
         errors = [focal_error, 0.005 * tracker, 0.005 * spacing, placement / size / 2,
                   placement / 2, placement / 2, 0.1, 0.1]  # fmt: skip
-        logs = [np.log10(placement), np.log10(left * ARCSEC)]
+        logs = [np.log10(placement), np.log10(left * ARCSEC_PER_RADIAN)]
         return np.array([*values, *logs]), np.array(errors)
 
     def square(self) -> tuple[complex, FloatArray, float]:
@@ -285,7 +285,7 @@ def geometry_model(likelihood: GeometryLikelihood, pixels: float) -> Model:
                 "lasers set by hand: a few tenths of a millimetre in the diagonal"), 1e3),
             Parameter("roll", r"\rho", "arcmin", Uniform(-0.3, 0.3,
                 "the pattern is named by its corners: less than half the way to the next"),
-                3437.746770784939),
+                ARCMIN_PER_RADIAN),
             Parameter("centre-x", "x_c", "px", field),
             Parameter("centre-y", "y_c", "px", field),
             Parameter("log-placement", r"\log_{10}\epsilon", "log10 px", Uniform(*PLACEMENT,

@@ -22,8 +22,8 @@ from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.inference.quest import Quest, none
 from reproduce.inference.registration import with_priors
 from reproduce.physics.validate import FloatArray
+from reproduce.units import ARCSEC_PER_RADIAN
 
-ARCSEC = 206264.80624709636
 AXES = "xyz"
 # Steps of the central differences, as shares of each parameter's own scale.
 STEP = 1e-3
@@ -213,7 +213,9 @@ class DriftLikelihood(SpotLikelihood):
 
 
 def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
-    return tuple(Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC) for a in AXES)
+    return tuple(
+        Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC_PER_RADIAN) for a in AXES
+    )
 
 
 def spots_model(
@@ -234,7 +236,9 @@ def spots_model(
     return Model(name, title, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
 
 
-MISALIGNED = Normal(0.0, 100 / ARCSEC, "on orbit the misalignment may reach dozens of arc seconds")
+MISALIGNED = Normal(
+    0.0, 100 / ARCSEC_PER_RADIAN, "on orbit the misalignment may reach dozens of arc seconds"
+)
 
 
 def misalignment_model(

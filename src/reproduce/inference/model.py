@@ -78,7 +78,7 @@ class Parameter:
     prior : Prior
         Its prior, in SI units or px.
     shown : float
-        How many shown units one SI unit is: 206264.8 for an angle shown in arcsec.
+        How many shown units one SI unit is: ARCSEC_PER_RADIAN for an angle shown in arcsec.
     offset : float
         Subtracted before showing, in SI units: 1 for a scale shown as its excess over one.
     """

@@ -20,10 +20,10 @@ from scipy.special import ndtr
 from reproduce.inference.model import Parameter
 from reproduce.inference.priors import LogNormal, Uniform
 from reproduce.physics.validate import FloatArray
+from reproduce.units import ARCSEC_PER_RADIAN
 
 Indices = NDArray[np.int64]
 
-ARCSEC = 206264.80624709636
 HYPOTHESES = ("as printed", "interchanged")
 SMALLEST = 1e-300
 # A hypothesis this much less probable than the other does not change a sum of doubles.
@@ -239,7 +239,7 @@ def scatter_parameter() -> Parameter:
 
 def in_radians(logarithm: FloatArray) -> FloatArray:
     """The angle whose decimal logarithm in arc seconds is given."""
-    return np.asarray(10.0**logarithm / ARCSEC)
+    return np.asarray(10.0**logarithm / ARCSEC_PER_RADIAN)
 
 
 def log_same_hypothesis(both: FloatArray) -> FloatArray:

@@ -26,8 +26,7 @@ from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
 from reproduce.physics.registration import fit_similarity, paired_points
 from reproduce.physics.similarity import Similarity, as_complex, as_points
 from reproduce.physics.validate import FloatArray, finite_array
-
-ARCMIN = 3437.746770784939
+from reproduce.units import ARCMIN_PER_RADIAN
 
 
 def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -177,7 +176,7 @@ def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Par
         Parameter("scale", "k", "1e-6", Uniform(0.5, 2.0, "between half and double: any pair of "
             "channels of one telescope; flat, as the closed form needs"), 1e6, 1.0),
         Parameter("rotation", r"\theta", "arcmin", Uniform(-0.5, 0.5, "half a radian: detectors "
-            "behind one prism are mounted the same way round"), ARCMIN),
+            "behind one prism are mounted the same way round"), ARCMIN_PER_RADIAN),
         Parameter("shift-x", r"\Delta x", "px", Uniform(-extent, extent, field)),
         Parameter("shift-y", r"\Delta y", "px", Uniform(-extent, extent, field)),
         Parameter("noise", r"\sigma", "px", LogUniform(extent * 1e-7, extent * 1e-2,

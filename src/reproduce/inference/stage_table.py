@@ -18,7 +18,6 @@ from reproduce.inference.coordinates import from_scores, log_slope, scores, weig
 from reproduce.inference.model import Model, Parameter
 from reproduce.inference.priors import LogUniform, Normal
 from reproduce.inference.reference_angles import (
-    ARCSEC,
     FOCAL_SPREAD,
     HYPOTHESES,
     SCATTER,
@@ -30,11 +29,12 @@ from reproduce.inference.reference_angles import (
     scatter_parameter,
 )
 from reproduce.physics.validate import FloatArray
+from reproduce.units import ARCSEC_PER_RADIAN
 
 # Ends of the prior of the noise, and the width of that of the biases, in radians.
-NOISE = (1e-3 / ARCSEC, 1 / ARCSEC)
+NOISE = (1e-3 / ARCSEC_PER_RADIAN, 1 / ARCSEC_PER_RADIAN)
 LOG_NOISE = (float(np.log(NOISE[0])), float(np.log(NOISE[1])))
-BIAS_SPREAD = 0.2 / ARCSEC
+BIAS_SPREAD = 0.2 / ARCSEC_PER_RADIAN
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ class StageTableLikelihood:
         noise = max(float((errors - errors.mean(axis=0)).std()), self.reference.half_angle)
         focal_error = focal * left / np.abs(self.reference.angles).max() / 2
         bias = errors.mean(axis=0)[::-1]
-        centre = np.array([focal, noise, *bias, np.log10(left * ARCSEC)])
+        centre = np.array([focal, noise, *bias, np.log10(left * ARCSEC_PER_RADIAN)])
         return centre, np.array([focal_error, noise / 4, noise / 2, noise / 2, 0.1])
 
     def coordinates(self) -> StageTableCoordinates:
@@ -149,8 +149,8 @@ class StageTableLikelihood:
             ordered = angles[:, order]
             slope = (motions * ordered).sum() / (motions * motions).sum()
             rms = np.sqrt(np.square(ordered - slope * motions).mean())
-            found[f"reference off a line, {name} (arcsec)"] = float(rms * ARCSEC)
-        differences = (monitored - angles) * ARCSEC
+            found[f"reference off a line, {name} (arcsec)"] = float(rms * ARCSEC_PER_RADIAN)
+        differences = (monitored - angles) * ARCSEC_PER_RADIAN
         found["monitored less reference, rms (arcsec)"] = float(np.sqrt((differences**2).mean()))
         return found
 
@@ -275,9 +275,10 @@ def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
         (
             focal_parameter(nominal),
             Parameter("noise", r"\sigma", "arcsec", LogUniform(*NOISE,
-                "from the last printed digit to an arc second, no scale preferred"), ARCSEC),
-            Parameter("bias-x", "b_X", "arcsec", bias, ARCSEC),
-            Parameter("bias-y", "b_Y", "arcsec", bias, ARCSEC),
+                "from the last printed digit to an arc second, no scale preferred"),
+                ARCSEC_PER_RADIAN),
+            Parameter("bias-x", "b_X", "arcsec", bias, ARCSEC_PER_RADIAN),
+            Parameter("bias-y", "b_Y", "arcsec", bias, ARCSEC_PER_RADIAN),
             scatter_parameter(),
         ),
         likelihood,

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
 
-ARCSEC_PER_RADIAN = 180 * 3600 / np.pi
-
 
 def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     """The full angle that a row of pixels sees, the boresight at its middle.

@@ -29,10 +29,10 @@ from reproduce.papers.chen2023 import lasers
 from reproduce.papers.chen2023.posteriors import READS, platform
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError
+from reproduce.units import ARCSEC_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
 
-ARCSEC = 206264.80624709636
 AVERAGE_COLUMNS = ("frames", "error_arcsec", "series")
 STAGE_COLUMNS = (
     "position_x_um", "position_y_um", "reference_y_arcsec", "monitored_y_arcsec",
@@ -63,9 +63,11 @@ def averaging(name: str, table: Table, pivot: object) -> Model:
                               f"that of the longest average and at most {LONGEST}")  # fmt: skip
     if len(frames) < 2 or frames[0] != 1:
         raise table.wrong(0, "frames", "expected two or more lines, the first for one frame")
-    half = table.last_digit(["error_arcsec"]) / 2 / ARCSEC
+    half = table.last_digit(["error_arcsec"]) / 2 / ARCSEC_PER_RADIAN
     counts = tuple(int(n) for n in frames)
-    return averaging_model(AveragingLikelihood(counts, errors / ARCSEC, half, int(series[0])), name)
+    return averaging_model(
+        AveragingLikelihood(counts, errors / ARCSEC_PER_RADIAN, half, int(series[0])), name
+    )
 
 
 def stage_table(name: str, table: Table, pivot: object) -> Model:
@@ -73,13 +75,14 @@ def stage_table(name: str, table: Table, pivot: object) -> Model:
     for column in STAGE_COLUMNS[2:]:
         if table.column(column)[0] != 0:
             raise table.wrong(0, column, "expected zero in the first line: the zero state")
-    angles = table.values[1:, 2:] / ARCSEC
+    angles = table.values[1:, 2:] / ARCSEC_PER_RADIAN
     digit = table.last_digit(STAGE_COLUMNS[2:], range(1, len(table.texts)))
     _checked_digit(table, digit)
     reference = _reference(table, table.values[:, :2] * 1e-6, angles[:, [0, 2]],
-                           table.last_digit(STAGE_COLUMNS[:2]) * 1e-6, digit / ARCSEC)  # fmt: skip
+                           table.last_digit(STAGE_COLUMNS[:2]) * 1e-6,
+                           digit / ARCSEC_PER_RADIAN)  # fmt: skip
     model = table_model(StageTableLikelihood(reference, angles[:, [1, 3]]), reference.fitted()[1])
-    digit = digit / ARCSEC
+    digit = digit / ARCSEC_PER_RADIAN
     noise = LogUniform(NOISE[0] * digit, NOISE[1] * digit, "from the last digit to a thousand "
                        "times it, no scale preferred")  # fmt: skip
     bias = Normal(0.0, BIAS * digit, "some hundreds of the last digit")
@@ -107,7 +110,11 @@ def geometry(name: str, table: Table, pivot: object) -> Model:
     digits = [table.last_digit(GEOMETRY_COLUMNS[2:], chosen) if chosen else 1.0 for chosen in rows]
     _checked_digit(table, digits[2])
     reference = _reference(
-        table, positions * 1e-6, angles / ARCSEC, digits[1] * 1e-6, digits[2] / ARCSEC
+        table,
+        positions * 1e-6,
+        angles / ARCSEC_PER_RADIAN,
+        digits[1] * 1e-6,
+        digits[2] / ARCSEC_PER_RADIAN,
     )
     diagonal = given(READS)[lasers.DIAGONAL]
     corners = lasers.designed_positions(spots, diagonal) / (diagonal / 2)

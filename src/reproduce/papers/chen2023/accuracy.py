@@ -21,6 +21,7 @@ from reproduce.physics.averaging import scatter_of_averages
 from reproduce.physics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -187,13 +188,14 @@ def draw(figure: Figure, printed: Mapping[str, float]) -> None:
         for axis, marker, line in (("x", "o", "-"), ("y", "s", "--")):
             names = [f"{count}.{matrix}-{axis}" for count in counts]
             draws = np.stack([_draws(predicted[name]) for name in names])
-            low, middle, high = np.degrees(np.quantile(draws, [0.005, 0.5, 0.995], axis=1)) * 3600
+            ends = np.quantile(draws, [0.005, 0.5, 0.995], axis=1)
+            low, middle, high = ends * ARCSEC_PER_RADIAN
             (drawn,) = axes.loglog(counts, middle, line, label=f"predicted, {axis.upper()}")
             colour = drawn.get_color()
             axes.fill_between(
                 counts, low, high, facecolor=(colour, 0.15), edgecolor=colour, linestyle=line
             )
-            values = [np.degrees(printed[f"{TABLE}#{name}"]) * 3600 for name in names]
+            values = [printed[f"{TABLE}#{name}"] * ARCSEC_PER_RADIAN for name in names]
             axes.plot(counts, values, marker, color=colour, label=f"printed, {axis.upper()}")
         axes.set(xlabel="frames averaged", title=TITLES[matrix])
         axes.set_xticks(counts, [str(count) for count in counts], minor=False)

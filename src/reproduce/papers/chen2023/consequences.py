@@ -12,8 +12,7 @@ from reproduce.papers.chen2023.lasers import SIGMAS
 from reproduce.physics.ground import ground_error
 from reproduce.physics.stage import stage_angles
 from reproduce.physics.validate import FloatArray
-
-ARCSEC = 206264.80624709636
+from reproduce.units import ARCSEC_PER_RADIAN
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,9 @@ class OnTheGround:
         metres = ground_error(self.altitude, error)
         shift = ground_error(self.altitude, np.hypot(*angles.T))
         return {
-            "pointing error": Quantity(error * ARCSEC, "arcsec", "boresight, both axes together"),
+            "pointing error": Quantity(
+                error * ARCSEC_PER_RADIAN, "arcsec", "boresight, both axes together"
+            ),
             "position error": Quantity(metres, "m", "on the ground, misalignment corrected"),
             "position error uncorrected": Quantity(shift, "m", "if the misalignment were ignored"),
         }
@@ -92,10 +93,14 @@ class StageTest:
         believed = stage_angles(motions, np.full(len(parameters), self.nominal))
         wrong = np.linalg.norm(believed - true, axis=-1)
         return {
-            "pointing error": Quantity(error * ARCSEC, "arcsec", "one state, rms, both axes"),
+            "pointing error": Quantity(
+                error * ARCSEC_PER_RADIAN, "arcsec", "one state, rms, both axes"
+            ),
             "position error": Quantity(ground_error(self.altitude, error), "m", "on the ground"),
             "last state, nominal focal length": Quantity(
-                wrong * ARCSEC, "arcsec", "error of its angle, were the focal length nominal"
+                wrong * ARCSEC_PER_RADIAN,
+                "arcsec",
+                "error of its angle, were the focal length nominal",
             ),
         }
 
@@ -126,7 +131,7 @@ class NominalTracker:
         error = self.misalignment * (parameters[:, 1] / self.nominal - 1)
         meaning = "of a misalignment as large as that of the stage's last state, lengths nominal"
         return {
-            "pointing error": Quantity(error * ARCSEC, "arcsec", meaning),
+            "pointing error": Quantity(error * ARCSEC_PER_RADIAN, "arcsec", meaning),
             "position error": Quantity(
                 ground_error(self.altitude, error), "m", "the same on the ground"
             ),
@@ -154,7 +159,7 @@ class Averaged:
         for count in self.counts:
             error = SIGMAS * predicted_error(parameters, count)
             name = f"error of {count} frame{'s' if count > 1 else ''}"
-            found[name] = Quantity(error * ARCSEC, "arcsec", "three sigma")
+            found[name] = Quantity(error * ARCSEC_PER_RADIAN, "arcsec", "three sigma")
             found[f"{name}, position"] = Quantity(
                 ground_error(self.altitude, error), "m", "three sigma, on the ground"
             )

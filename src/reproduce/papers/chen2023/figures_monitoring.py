@@ -20,6 +20,7 @@ from reproduce.physics.stage import stage_angle
 from reproduce.physics.validate import FloatArray
 from reproduce.physics.wahba import mean_rotation
 from reproduce.printed.given import given
+from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,7 +32,6 @@ RATE = ("chen2023/text-accuracy#duration", accuracy.FRAMES)
 READS = (*twin.READS, twin_study.SMOOTHED, "chen2023/text-accuracy#duration")
 STAGE_READS = (*READS, f"{stage.TABLE}#*.position-?", f"{stage.TABLE}#*.motion-?")
 MARGIN = 12
-ARCSEC = float(np.degrees(1.0) * 3600)
 
 
 @cache
@@ -187,7 +187,7 @@ def _series(figure: Figure, angles: FloatArray, accuracies: list[float], name: s
     figure.set_size_inches(7.2, 3.4)
     panels: list[Axes] = list(figure.subplots(1, 2, sharey=True))
     for panel, axis, index in zip(panels, "XY", range(2), strict=True):
-        series = angles[:, index] * ARCSEC
+        series = angles[:, index] * ARCSEC_PER_RADIAN
         smoothed = moving_average(series, count)
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
         panel.plot(
@@ -195,7 +195,7 @@ def _series(figure: Figure, angles: FloatArray, accuracies: list[float], name: s
         )
         for side in (-1, 1):
             panel.axhline(
-                series.mean() + side * accuracies[index] * ARCSEC,
+                series.mean() + side * accuracies[index] * ARCSEC_PER_RADIAN,
                 color=INK,
                 linestyle="--",
                 linewidth=1,
@@ -254,11 +254,22 @@ def draw_about_x(figure: Figure, printed: Mapping[str, float]) -> None:
 def _ridden(figure: Figure, index: int, angles: list[float]) -> None:
     content = ride()
     axes = figure.add_subplot()
-    axes.plot(content.times, content.monitored[:, index] * ARCSEC, label="monitored by the twin")
-    axes.plot(content.times, content.reference[:, index] * ARCSEC, "--", label="reference, (10)")
+    axes.plot(
+        content.times,
+        content.monitored[:, index] * ARCSEC_PER_RADIAN,
+        label="monitored by the twin",
+    )
+    axes.plot(
+        content.times,
+        content.reference[:, index] * ARCSEC_PER_RADIAN,
+        "--",
+        label="reference, (10)",
+    )
     each = len(content.times) // len(stage.STATES)
     middles = content.times[each + each // 2 :: each]
-    axes.plot(middles, np.array(angles) * ARCSEC, "s", color=INK, label="monitored, printed")
+    axes.plot(
+        middles, np.array(angles) * ARCSEC_PER_RADIAN, "s", color=INK, label="monitored, printed"
+    )
     axes.set(xlabel="time (s)", ylabel=f"angle about {'XY'[index]} (arcsec)")
     axes.legend()
 
@@ -278,7 +289,14 @@ def draw_example(figure: Figure, printed: Mapping[str, float]) -> None:
     shown = slice(each // 2, 2 * each)
     figure.set_size_inches(6.4, 3.2)
     axes = figure.add_subplot()
-    axes.plot(content.times[shown], content.monitored[shown, 1] * ARCSEC, label="monitored")
-    axes.plot(content.times[shown], content.reference[shown, 1] * ARCSEC, "--", label="reference")
+    axes.plot(
+        content.times[shown], content.monitored[shown, 1] * ARCSEC_PER_RADIAN, label="monitored"
+    )
+    axes.plot(
+        content.times[shown],
+        content.reference[shown, 1] * ARCSEC_PER_RADIAN,
+        "--",
+        label="reference",
+    )
     axes.set(xlabel="time (s)", ylabel="angle about Y (arcsec)")
     axes.legend()

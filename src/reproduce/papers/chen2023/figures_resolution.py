@@ -22,6 +22,7 @@ from reproduce.physics.phase_study import (
 from reproduce.physics.simulate import spawned_streams
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -150,4 +151,4 @@ def _curves(axes: Axes, angles: FloatArray, scale: FloatArray | float) -> None:
 
 
 def _arcsec(angle: FloatArray | float) -> FloatArray:
-    return np.asarray(np.degrees(angle) * 3600)
+    return np.asarray(angle * ARCSEC_PER_RADIAN)

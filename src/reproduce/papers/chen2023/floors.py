@@ -18,6 +18,7 @@ from reproduce.papers.study import Study
 from reproduce.physics.averaging import averaged_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
+from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 TABLE = accuracy.TABLE
 COLUMNS = tuple((matrix, axis) for matrix in accuracy.MATRICES for axis in "xy")
@@ -229,7 +230,7 @@ def printed_fit() -> JointFit:
     door = given((*accuracy.READS, f"{TABLE}#*"))
     counts = [int(n) for n in door.array(f"{TABLE}#*.frames")]
     printed = np.stack([door.array(f"{TABLE}#*.{m}-{axis}") for m, axis in COLUMNS])
-    return fit(printed, accuracy.replicated_table(counts), float(np.radians(0.01 / 3600)))
+    return fit(printed, accuracy.replicated_table(counts), 0.01 * RADIANS_PER_ARCSEC)
 
 
 def floors() -> Study:
@@ -244,7 +245,7 @@ def floors() -> Study:
     rows = []
     for column, (matrix, axis) in enumerate(COLUMNS):
         said = "needed" if found.among[column] < NEEDED else "not needed"
-        values = np.degrees([found.floors[column], found.upper[column]]) * 3600
+        values = np.array([found.floors[column], found.upper[column]]) * ARCSEC_PER_RADIAN
         rows.append(
             (
                 f"{matrix}, {axis.upper()}",

@@ -23,8 +23,8 @@ from reproduce.physics.imaging_jacobian import GroundJacobian, ground_jacobian
 from reproduce.physics.rotations import rotation_from_vector
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import RADIANS_PER_ARCSEC
 
-ARCSEC = np.pi / 180 / 3600
 POINTING = f"{design.SATELLITE}#tracker-pointing-accuracy.value"
 READS = (
     *lasers.READS,
@@ -217,5 +217,5 @@ def budget() -> Study:
 def _sigma(term: Term) -> str:
     largest = float(term.sigma.max())
     if term.kind == "turn":
-        return f"{largest / ARCSEC:.3g} arcsec"
+        return f"{largest / RADIANS_PER_ARCSEC:.3g} arcsec"
     return f"{largest * 1e6:.3g} µm" if term.kind == "image" else f"{largest:.3g} m"

@@ -17,8 +17,8 @@ from reproduce.physics.light_path import Mirrors
 from reproduce.physics.pixel_angles import field_of_view
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import RADIANS_PER_ARCSEC
 
-ARCSEC = light_study.ARCSEC
 RATIO = f"{design.DESIGN}#focal-ratio"
 FLIGHT = f"{design.SATELLITE}#panchromatic-focal-length.value"
 BENCH = f"{lasers.PLATFORM}#telescope-focal-length.value"
@@ -52,7 +52,7 @@ def heat() -> Study:
                 f"{camera / tracker:.1f}",
                 f"{tracker * 1e3:.0f}",
                 f"{view:.1f}",
-                f"{STEP / camera / ARCSEC:.4f}",
+                f"{STEP / camera / RADIANS_PER_ARCSEC:.4f}",
                 f"{accuracy * camera * 1e6:.1f}",
             )
         )
@@ -103,7 +103,7 @@ def _laser_rows(door: Given, accuracy: float) -> list[tuple[str, ...]]:
         length = accuracy / factor if factor * STEP > 1e-6 * accuracy else np.inf
         kelvin = length / (door[light_study.EXPANSION] * door[lasers.DIAGONAL])
         entries = (_number(length * 1e6, "µm"), _number(kelvin, "K"))
-        rows.append((name, f"{factor * 1e-6 / ARCSEC:.4f} arcsec/µm", *entries))
+        rows.append((name, f"{factor * 1e-6 / RADIANS_PER_ARCSEC:.4f} arcsec/µm", *entries))
     return rows
 
 
@@ -117,7 +117,7 @@ def _mirror_rows(door: Given, accuracy: float) -> list[tuple[str, ...]]:
     ):
         turn = accuracy / factor
         kelvin = turn / door[light_study.EXPANSION]
-        entries = (_number(turn / ARCSEC, "arcsec"), _number(kelvin, "K"))
+        entries = (_number(turn / RADIANS_PER_ARCSEC, "arcsec"), _number(kelvin, "K"))
         rows.append((name, f"{factor:.2f} of its turn", *entries))
     return rows
 

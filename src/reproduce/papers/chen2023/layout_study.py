@@ -21,8 +21,8 @@ from reproduce.physics.errors_on_ground import circular_error
 from reproduce.physics.laser_layout import Field, best_layout, image_error, layout_covariance
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import RADIANS_PER_ARCSEC
 
-ARCSEC = np.pi / 180 / 3600
 READS = (*twin.READS, twin_study.SMOOTHED, *twin_study.SATELLITE)
 COUNTS = range(2, 9)
 HALF_IMAGE = 5e3
@@ -98,7 +98,7 @@ def layouts() -> Study:
         for name, layout in zip(FIELDS, spots, strict=True):
             covariance = noise * layout_covariance(layout, known[name])
             each = 3.0 * float(image_error(covariance, known[name]))
-            roll = 3.0 * float(np.sqrt(covariance[2, 2])) / ARCSEC
+            roll = 3.0 * float(np.sqrt(covariance[2, 2])) / RADIANS_PER_ARCSEC
             entries += [f"{each:.2f}", f"{each * (len(layout) / len(now)) ** 0.5:.2f}",
                         f"{roll:.1f}"]  # fmt: skip
         rows.append((label, *entries))

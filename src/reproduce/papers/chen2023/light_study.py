@@ -23,14 +23,14 @@ from reproduce.physics.raytrace import reflection, turn_response
 from reproduce.physics.rotations import rotation_from_vector
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import RADIANS_PER_ARCSEC
 
-ARCSEC = np.pi / 180 / 3600
 BORESIGHT = f"{design.DESIGN}#boresight-angle"
 EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 ACCURACY = "chen2023/table-4#100.misalignment-?"
 READS = (*lasers.READS, BORESIGHT, EXPANSION, ACCURACY)
 OUT = np.array([0.0, 0.0, 1.0])
-TURN = 10 * ARCSEC
+TURN = 10 * RADIANS_PER_ARCSEC
 # Rays around the edge of the beam, and its radius in metres.
 RAYS, BEAM = 36, 0.1
 # Of each retro-reflector: whether its image is mirrored, as an odd number of reflections does.
@@ -160,7 +160,7 @@ def dichroic() -> Study:
         ("in the plane of the light", "across it", "its normal"), response.T, strict=True
     ):
         factor = float(np.linalg.norm(column))
-        tolerance = "any" if factor < 1e-9 else f"{accuracy / factor / ARCSEC:.3f}"
+        tolerance = "any" if factor < 1e-9 else f"{accuracy / factor / RADIANS_PER_ARCSEC:.3f}"
         kelvin = "any" if factor < 1e-9 else f"{accuracy / factor / heat:.2f}"
         rows.append((name, f"{factor:.3f}", tolerance, kelvin))
     head = (

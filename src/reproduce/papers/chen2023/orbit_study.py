@@ -27,10 +27,10 @@ from reproduce.physics.orbits import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import RADIANS_PER_ARCSEC
 
-ARCSEC = ground_study.ARCSEC
 RATE = "chen2023/text-accuracy#frame-rate"
-CALIBRATION = 0.5 * ARCSEC
+CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
 PER_ORBIT = 64
 # Long enough for the trend of (b) to stand out from what wanders; a week makes it far worse.
 CAMPAIGN_DAYS = 60.0
@@ -124,7 +124,7 @@ def strategies() -> Study:
         One row per correction; radius on the ground that holds 90 %, in metres.
     """
     height = twin_study.altitude(given(twin_study.SATELLITE))
-    found = {amplitude: residuals(amplitude * ARCSEC) for amplitude in AMPLITUDES}
+    found = {amplitude: residuals(amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES}
     rows = tuple(
         (name, *(f"{_ce90(found[amplitude][name], height):.2f}" for amplitude in AMPLITUDES))
         for name in NAMES
@@ -158,7 +158,7 @@ def ages() -> Study:
     """
     height = twin_study.altitude(given(twin_study.SATELLITE))
     spans = [_spans()[name] for *_, name in (*AGES, LAST_DAY)]
-    found = {amplitude: residuals(amplitude * ARCSEC) for amplitude in AMPLITUDES}
+    found = {amplitude: residuals(amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES}
     rows = tuple(
         (
             name,
@@ -185,7 +185,7 @@ def suffices() -> Study:
     height = twin_study.altitude(door)
     spans = _spans()
     # Every correction is linear in what is true and in the noise: two runs tell all amplitudes.
-    noise, whole = residuals(0.0), residuals(ARCSEC)
+    noise, whole = residuals(0.0), residuals(RADIANS_PER_ARCSEC)
     rows = []
     for name in NAMES[1:]:
         for said, limit in _limits(door).items():

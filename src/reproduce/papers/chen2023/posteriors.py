@@ -37,8 +37,8 @@ from reproduce.physics.ground import altitude_for_resolution
 from reproduce.physics.stage import stage_angles
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import ARCSEC_PER_RADIAN
 
-ARCSEC = 206264.80624709636
 DATA_SEED = (ROOT_SEED, 2)
 SATELLITE = "chen2023/table-1"
 AVERAGES = "chen2023/table-4"
@@ -54,8 +54,8 @@ STAGE_READS = (f"{STAGE}#*.position-?", f"{STAGE}#*.reference-?", lasers.READS[2
 # Frames whose errors are predicted: one, the most of the table, and as many as it never tried.
 SHOWN_COUNTS = (1, 100, 1000)
 # The misalignment of the simulation: as large as the text expects on orbit, with a roll.
-TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC
-DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC
+TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
+DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
 
 
 def platform(given: Given) -> Platform:

@@ -39,6 +39,7 @@ from reproduce.physics.simulate import spawned_streams
 from reproduce.physics.spots import window_corners
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+from reproduce.units import RADIANS_PER_ARCSEC
 
 STUDY = "chen2023/text-angular-resolution"
 FOCAL_LENGTH = "chen2023/table-2#tracker-focal-length.value"
@@ -51,7 +52,7 @@ READS = (
     lasers.SPOTS,
     lasers.SCATTER,
 )
-STEP = np.radians(1 / 3600)
+STEP = RADIANS_PER_ARCSEC
 REPLICATES = 2000
 # What counts as significant, in standard errors of a difference.
 SIGNIFICANT = 3.0

@@ -27,6 +27,7 @@ from reproduce.physics.spot_fit import fitted_centre
 from reproduce.physics.spots import spot_windows
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
+from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 STUDY = resolution.STUDY
 TRIALS = 40
@@ -89,8 +90,8 @@ def _row(door: Given, reading: Reading) -> tuple[str, ...]:
     monitoring = attitude_accuracy(error, door.count(f"{STUDY}#lasers"), angles)
     limit = angles[resolution.saturation(monitoring, resolution.relative_error(door))]
     best = int(error.argmin())
-    degrees = np.degrees([angles[best], limit]) * 3600
-    return reading.name, f"{degrees[0]:.0f}", f"{error[best]:.4f}", f"{degrees[1]:.0f}"
+    arcsec = np.array([angles[best], limit]) * ARCSEC_PER_RADIAN
+    return reading.name, f"{arcsec[0]:.0f}", f"{error[best]:.4f}", f"{arcsec[1]:.0f}"
 
 
 def _fixed_travel(door: Given, reading: Reading, phases: FloatArray, radius: float) -> float:
@@ -113,7 +114,7 @@ def errors() -> Study:
     door = given(resolution.READS)
     light, size = resolution.light_for_table(door), resolution.window(door)
     phases = even_phases(door.count(f"{STUDY}#phases"))
-    radius = resolution.radii(door, np.radians(np.array(TAKEN_APART) / 3600))
+    radius = resolution.radii(door, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
     law = predicted_errors(phases, light, radius, size)
     parts, least = predicted_scatter(law), bound(phases, light, radius, size)
     lines = {
@@ -144,7 +145,7 @@ def estimators() -> Study:
     # Half of the variance at the tracker's own pixel from the readout: a middle case.
     light = resolution.light_for_table(door, read_share=0.5)
     size, phases = resolution.window(door), even_phases(door.count(f"{STUDY}#phases"))
-    radius = resolution.radii(door, np.radians(np.array(COMPARED) / 3600))
+    radius = resolution.radii(door, np.array(COMPARED) * RADIANS_PER_ARCSEC)
     streams = list(spawned_streams(seed_of("chen2023/estimators"), len(radius)))
     columns = [
         _errors(phases, light, float(one), size, stream)

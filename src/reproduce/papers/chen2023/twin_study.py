@@ -19,6 +19,7 @@ from reproduce.physics.taste import taste
 from reproduce.physics.validate import FloatArray
 from reproduce.physics.wahba import solve
 from reproduce.printed.given import Given, given
+from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 SATELLITE = (
@@ -136,7 +137,7 @@ def sensors() -> Study:
             lasers.SIGMAS * moving_average(series.misalignment, count, axis=0).std(axis=0)[:2]
             for count in (1, many)
         ]
-        said = [f"{np.degrees(np.hypot(*pair) / np.sqrt(2)) * 3600:.3f}" for pair in angles]
+        said = [f"{np.hypot(*pair) / np.sqrt(2) * ARCSEC_PER_RADIAN:.3f}" for pair in angles]
         rows.append((name, f"{platform.light.mean():.0f}", f"{spread:.4f}", *said))
     printed = lasers.SIGMAS * np.sqrt(
         np.mean([(lasers.scatter(door, group) ** 2).mean() for group in (1, 2)])
@@ -169,7 +170,7 @@ def roll() -> Study:
         spread = lasers.SIGMAS * moving_average(series, count, axis=0).std(axis=0)
         across = float(np.hypot(*spread[:2])) * height
         moved = [f"{np.hypot(across, spread[2] * off):.2f}" for off in OFF_CENTRE]
-        arcsec = np.degrees(spread) * 3600
+        arcsec = spread * ARCSEC_PER_RADIAN
         angles = (f"{np.hypot(*arcsec[:2]) / np.sqrt(2):.2f}", f"{arcsec[2]:.1f}")
         rows.append((f"{count}", *angles, *moved))
     head = (
@@ -286,7 +287,7 @@ def _motions(door: Given, axis: str) -> FloatArray:
 def _rounding(length: float, motion: float, angle: float) -> float:
     """Return half the width of focal lengths that the rounding of both numbers allows."""
     # A motion is the difference of two positions, each printed to a hundredth of a micrometre.
-    half_motion, half_angle = 1e-8, float(np.radians(0.0005 / 3600))
+    half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
     return abs(length) * (half_motion / abs(motion) + half_angle / abs(angle))
 
 

@@ -24,8 +24,8 @@ from reproduce.physics.registration import fit_similarity
 from reproduce.physics.simulate import channel_centroids, noisy_centroids, spawned_angles
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+from reproduce.units import ARCSEC_PER_RADIAN
 
-ARCSEC = 206264.80624709636
 ANGLES, NOISE = (SeedSequence(ROOT_SEED, spawn_key=(3, i)) for i in (0, 1))
 RESULTS = "niu2024/table-3"
 ROWS = ("scale", "rotation", "translation-x", "translation-y")
@@ -89,7 +89,7 @@ def pixel_angle(given: Given) -> float:
     """Return the angle that a pixel of the green channel spans, in arcsec."""
     pitch = given["niu2024/text-optics#pixel-pitch-x"]
     focal_length = given[f"{simulation.IMAGING}#focal-length.green"]
-    return float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC
+    return float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,9 @@
+"""Angle factors, both ways round. Everything inside is in radians; these convert at the edges."""
+
+from __future__ import annotations
+
+from math import pi
+
+ARCSEC_PER_RADIAN = 180 * 3600 / pi
+RADIANS_PER_ARCSEC = pi / 180 / 3600
+ARCMIN_PER_RADIAN = 180 * 60 / pi
