@@ -12,6 +12,7 @@ from reproduce.inference.misalignment import (
     drift_model,
     misalignment_model,
 )
+from reproduce.inference.model import UnsuitableModelError
 from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.small_angle import small_angle_posterior, spot_bound
 from reproduce.inference.states import states_model
@@ -137,7 +138,7 @@ def test_posteriors_are_as_wide_as_the_bound(posterior, directions):
             assert abs(chain.std() / bound[i] - 1) < 5 * mcse_deviation(chain) / bound[i] + 2e-3, (
                 name
             )
-    with pytest.raises(TypeError, match="leave a combination"):
+    with pytest.raises(UnsuitableModelError, match="leave a combination"):
         spot_bound(posteriors()["misalignment-states"].model())
 
 

@@ -11,11 +11,11 @@ from click.testing import CliRunner
 
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior as running
-from reproduce.views import posterior_choice, posterior_pages
+from reproduce.views import posterior_choice, posterior_decision, posterior_pages
 from reproduce.views.cli import main
 
-PAGES = Path(__file__).parents[2] / "book" / "posteriors"
-TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(PAGES.glob("*.md")))
+FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
+PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]
 
 
 def run(*arguments):
@@ -119,13 +119,29 @@ def test_calibrate_redoes_replicates():
 
 @pytest.mark.parametrize("name", list(posteriors()))
 @pytest.mark.parametrize("step", [*posterior_pages.STEPS, "reporting"])
-def test_every_model_has_every_step_on_a_page(name, step):
-    assert TEXT.count(f'posterior_pages.{step}("{name}")') == 1
+def test_every_model_has_every_step_on_the_page_that_links_them(name, step):
+    """The links of `reporting` lead to places on their own page."""
+    (page,) = (text for text in PAGES if f'posterior_pages.reporting("{name}")' in text)
+    assert page.count(f'posterior_pages.{step}("{name}")') == 1
 
 
-def test_page_without_a_step_does_not_build():
-    with pytest.raises(LookupError, match="does not show model"):
-        posterior_pages.reporting("nothing")
+def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one(monkeypatch):
+    """Only a model that has no closed form shows "none"; any other error is told."""
+    found = running.book_posterior("registration")
+    assert float(posterior_choice.exact_evidence(found))
+    joint = running.book_posterior("registration-joint")
+    assert posterior_choice.exact_evidence(joint) == "none"
+    assert posterior_decision.bounded(joint) == ""
+
+    def broken(model):
+        raise TypeError("a fault")
+
+    monkeypatch.setattr(posterior_choice, "registration_log_evidence", broken)
+    monkeypatch.setattr(posterior_decision, "cramer_rao_bound", broken)
+    with pytest.raises(TypeError, match="a fault"):
+        posterior_choice.exact_evidence(found)
+    with pytest.raises(TypeError, match="a fault"):
+        posterior_decision.bounded(found)
 
 
 def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():

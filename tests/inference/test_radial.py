@@ -9,6 +9,7 @@ from scipy import stats
 from scipy.integrate import quad
 from scipy.special import gammaln
 
+from reproduce.inference.model import UnsuitableModelError
 from reproduce.inference.priors import Uniform
 from reproduce.inference.radial import TERMS, WIDTH, WIDTHS, linear_log_evidence, linear_model
 from reproduce.inference.registration import registration_model
@@ -110,7 +111,9 @@ def test_other_priors_are_refused(few):
         wrong = Uniform(0.1, 1.0, "a test") if place else model.parameters[4].prior
         parameters = list(model.parameters)
         parameters[place] = replace(parameters[place], prior=wrong)
-        with pytest.raises(TypeError, match=f"{parameters[place].name}: expected a prior"):
+        with pytest.raises(
+            UnsuitableModelError, match=f"{parameters[place].name}: expected a prior"
+        ):
             linear_log_evidence(replace(model, parameters=tuple(parameters)))
 
 

@@ -16,7 +16,7 @@ from numpy.random import Generator
 from scipy import stats
 from scipy.special import gammaln
 
-from reproduce.inference.model import Model
+from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import LogUniform, Uniform
 from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.registration import fit_similarity
@@ -178,7 +178,7 @@ def cramer_rao_bound(model: Model) -> FloatArray:
 
     Raises
     ------
-    TypeError
+    UnsuitableModelError
         If the model is another one.
 
     Examples
@@ -201,7 +201,7 @@ def cramer_rao_bound(model: Model) -> FloatArray:
 def _plain(model: Model) -> GaussianRegistration:
     plain = model.likelihood
     if not isinstance(plain, GaussianRegistration) or plain.source_noise or plain.pivot_free:
-        raise TypeError(f"{model.name}: expected the plain registration of one channel")
+        raise UnsuitableModelError(f"{model.name}: expected the plain registration of one channel")
     return plain
 
 
@@ -220,17 +220,17 @@ def registration_log_evidence(model: Model) -> float:
 
     Raises
     ------
-    TypeError
+    UnsuitableModelError
         If the model is another one, or has other priors.
     """
     plain = _plain(model)
     flat, noise = [p.prior for p in model.parameters[:4]], model.parameters[4].prior
     if not isinstance(noise, LogUniform):
-        raise TypeError(f"noise prior: expected LogUniform, got {type(noise).__name__}")
+        raise UnsuitableModelError(f"noise prior: expected LogUniform, got {type(noise).__name__}")
     volume = 0.0
     for prior in flat:
         if not isinstance(prior, Uniform):
-            raise TypeError(f"prior: expected Uniform, got {type(prior).__name__}")
+            raise UnsuitableModelError(f"prior: expected Uniform, got {type(prior).__name__}")
         volume += float(np.log(prior.high - prior.low))
     exact = registration_posterior(plain.source, plain.target, plain.pivot)
     return exact.log_evidence(volume, float(np.log(np.log(noise.high / noise.low))))

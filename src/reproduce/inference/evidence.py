@@ -13,6 +13,7 @@ from numpy.random import PCG64, Generator
 from scipy.special import logsumexp
 from scipy.stats import multivariate_t
 
+from reproduce.inference.model import UnsuitableModelError
 from reproduce.inference.pareto import RELIABLE, smoothed
 from reproduce.inference.posterior import Posterior
 from reproduce.inference.priors import Prior
@@ -104,12 +105,12 @@ def small_log_evidence(posterior: Posterior, finer: float = 1) -> float:
 
     Raises
     ------
-    TypeError
+    UnsuitableModelError
         If the model has more parameters.
     """
     model = posterior.model
     if model.dimension not in NODES:
-        raise TypeError(
+        raise UnsuitableModelError(
             f"{model.name}: expected at most {max(NODES)} parameters, got {model.dimension}; use "
             "`log_evidence`"
         )

@@ -24,6 +24,10 @@ OVERDISPERSION = 3.0
 TRIES = 1000
 
 
+class UnsuitableModelError(ValueError):
+    """A closed form, bound or quadrature does not exist for this model."""
+
+
 class Likelihood(Protocol):
     """What a model needs of a likelihood: a picklable object that holds the data."""
 

@@ -17,7 +17,7 @@ from numpy.random import Generator
 from scipy.special import logsumexp
 
 from reproduce.inference.least_squares import fit_checks
-from reproduce.inference.model import Model, Parameter
+from reproduce.inference.model import Model, Parameter, UnsuitableModelError
 from reproduce.inference.priors import LogUniform, Normal, Uniform
 from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.validate import FloatArray
@@ -137,12 +137,12 @@ def linear_log_evidence(model: Model) -> float:
 
     Raises
     ------
-    TypeError
+    UnsuitableModelError
         If the likelihood is another, or a prior of another kind than `linear_model` gives.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, LinearRegistration):
-        raise TypeError(
+        raise UnsuitableModelError(
             f"model: expected a linear registration, got {type(likelihood).__name__}; "
             "use `evidence.log_evidence`"
         )
@@ -193,8 +193,8 @@ def _terms(
     return np.asarray(-0.5 * (squares + np.linalg.slogdet(2 * np.pi * covariance)[1]))
 
 
-def _unexpected(parameter: Parameter, kind: str) -> TypeError:
-    return TypeError(
+def _unexpected(parameter: Parameter, kind: str) -> UnsuitableModelError:
+    return UnsuitableModelError(
         f"{parameter.name}: expected a prior {kind}, got {type(parameter.prior).__name__}"
     )
 

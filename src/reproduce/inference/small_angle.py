@@ -15,7 +15,7 @@ from numpy.random import Generator
 from scipy.special import logsumexp
 
 from reproduce.inference.misalignment import SpotLikelihood
-from reproduce.inference.model import Model
+from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 
@@ -84,15 +84,19 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
 
     Raises
     ------
-    TypeError
+    UnsuitableModelError
         If the model is no misalignment or has other priors.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
-        raise TypeError(f"model: expected a misalignment, got {type(likelihood).__name__}")
+        raise UnsuitableModelError(
+            f"model: expected a misalignment, got {type(likelihood).__name__}"
+        )
     priors = [parameter.prior for parameter in model.parameters[:-1]]
     if not all(isinstance(prior, Normal) for prior in priors):
-        raise TypeError("model: expected Gaussian priors of all parameters but the noise")
+        raise UnsuitableModelError(
+            "model: expected Gaussian priors of all parameters but the noise"
+        )
     sigma = np.array([prior.sigma for prior in priors if isinstance(prior, Normal)])
     middle = np.array([prior.mean for prior in priors if isinstance(prior, Normal)])
     centre, spread = likelihood.start()
@@ -139,17 +143,21 @@ def spot_bound(model: Model) -> FloatArray:
 
     Raises
     ------
-    TypeError
+    UnsuitableModelError
         If the model is no misalignment, or its data leave a combination of parameters open.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
-        raise TypeError(f"model: expected a misalignment, got {type(likelihood).__name__}")
+        raise UnsuitableModelError(
+            f"model: expected a misalignment, got {type(likelihood).__name__}"
+        )
     centre, spread = likelihood.start()
     scale, noise = spread[:-1], centre[-1]
     response = likelihood.linearised(centre, scale)[0] * scale / noise
     if np.linalg.cond(response) > OPEN:
-        raise TypeError(f"{model.name}: the data alone leave a combination of parameters open")
+        raise UnsuitableModelError(
+            f"{model.name}: the data alone leave a combination of parameters open"
+        )
     variances = np.diagonal(np.linalg.inv(response.T @ response))
     of_noise = noise / np.sqrt(2 * likelihood.statistics.size)
     return np.append(scale * np.sqrt(variances), of_noise)

@@ -10,6 +10,7 @@ import numpy as np
 
 from reproduce.inference.closed_form import registration_log_evidence
 from reproduce.inference.evidence import Evidence, log_evidence, small_log_evidence
+from reproduce.inference.model import UnsuitableModelError
 from reproduce.inference.posterior import Posterior, digits
 from reproduce.inference.priors import HalfNormal
 from reproduce.inference.radial import (
@@ -74,7 +75,7 @@ def exact_evidence(one: Posterior) -> str:
     for way in ways:
         try:
             return f"{way(one):.3f}"
-        except TypeError:
+        except UnsuitableModelError:
             continue
     return "none"
 
@@ -82,7 +83,7 @@ def exact_evidence(one: Posterior) -> str:
 def _table_evidence(one: Posterior) -> float:
     """Log evidence of the stage table by quadrature: of one hypothesis, or of both with halves."""
     if not isinstance(one.model.likelihood, StageTableLikelihood):
-        raise TypeError(f"{one.model.name}: expected the stage table")
+        raise UnsuitableModelError(f"{one.model.name}: expected the stage table")
     as_printed, crossed = table_reads()[:2]
     hypothesis = one.model.likelihood.hypothesis
     if hypothesis is not None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reproduce.inference.checks import Range, Share, tail_share
 from reproduce.inference.closed_form import cramer_rao_bound
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean
-from reproduce.inference.model import Model
+from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.posterior import Posterior, digits
 from reproduce.inference.repeats import Repeat, repeats
 from reproduce.inference.small_angle import spot_bound
@@ -132,7 +132,7 @@ def _bounds(model: Model) -> NDArray[np.float64] | None:
     for way in (cramer_rao_bound, spot_bound):
         try:
             return way(model)
-        except TypeError:
+        except UnsuitableModelError:
             continue
     return None
 
