@@ -7,8 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reproduce.audit.quantity import allowed, quantity, rules_that_print
+from reproduce.audit.quantity import Quantity, allowed, quantity, rules_that_print
+from reproduce.printed.cells import library
+from reproduce.printed.given import given as given_cells
 from reproduce.printed.number import PrintedNumber
+from reproduce.printed.units import si_factor
 
 
 @pytest.mark.parametrize(
@@ -20,14 +23,31 @@ from reproduce.printed.number import PrintedNumber
         ("0.0", None, "truncation", (-0.1, 0.1)),
         ("2.0", None, "ceiling", (1.9, 2.0)),
         ("-2.0", None, "ceiling", (-2.1, -2.0)),
-        ("2.0", "about", "nearest", (1.9, 2.1)),
+        ("2.1", "about", "nearest", (2.0, 2.2)),
+        ("2.1", "about", "ceiling", (2.0, 2.2)),
+        ("2.0", "about", "nearest", (1.5, 2.5)),
         ("2.0", "within", "nearest", (2.0, 2.0)),
         ("2.0", "less", "truncation", (2.0, 2.0)),
-        ("2.0", "nominal", "nearest", (2.0, 2.0)),
+        ("2.0", "nominal", "nearest", (1.9, 2.1)),
+        ("2.0", "nominal", "truncation", (1.9, 2.1)),
     ],
 )
 def test_intervals_of_print(text, qualifier, rule, wanted):
     assert allowed(quantity("t#a", text, "1", qualifier), rule) == pytest.approx(wanted)
+
+
+def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_number():
+    cells = [c for t in library().values() for c in t.cells if c.is_number]
+    assert {c.number.qualifier for c in cells} > {None, "about", "nominal"}
+    for cell in cells:
+        if not cell.number.is_bound:
+            low, high = allowed(Quantity(cell.address, cell.number, cell.unit))
+            factor = si_factor(cell.unit)
+            assert (low, high) == tuple(factor * end for end in cell.number.interval())
+            door = given_cells([cell.address])
+            for side, end in ((-1.0, low), (1.0, high)):
+                moved = door.shifted({cell.address: side})[cell.address]
+                assert moved == pytest.approx(end, rel=1e-12)
 
 
 def test_counts_are_exact_and_units_are_si():

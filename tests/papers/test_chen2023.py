@@ -3,14 +3,19 @@
 import numpy as np
 import pytest
 
+from reproduce.judge.ledger import build
+from reproduce.judge.verdicts import judge_prediction
 from reproduce.papers.chen2023 import accuracy, lasers, stage
 from reproduce.physics.averaging import attitude_accuracy
+from reproduce.physics.installation import misalignment_between, transform_error_printed
 from reproduce.physics.lasers import emitted_directions, received_directions
 from reproduce.physics.misalignment import (
     laser_transform,
     misalignment,
     misalignment_angles,
 )
+from reproduce.physics.rotations import vector_from_rotation
+from reproduce.printed.cells import library
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600
@@ -74,14 +79,39 @@ def test_long_averages_are_uncertain_by_themselves(predicted):
         assert low < draws.std() / draws.mean() < high
 
 
+def test_the_orders_of_the_product_are_those_of_simulated_transforms():
+    """Whole solutions of Wahba's problem, multiplied either way, for both principal points."""
+    study = accuracy.orders()
+    assert study.rows[-1] == ("printed", "1.16", "1.14")
+    noise = 3 * np.random.default_rng(6).normal(size=(6000, 4, 2)) * lasers.scatter(DOOR, 1)
+    designed = np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3
+    camera = emitted_directions(designed, 2.0)
+    rows = iter(study.rows)
+    for point in ((511.5, 511.5), SPOTS.mean(axis=0)):
+        tracker = (point, 13e-6, 60e-3)
+        reference = laser_transform(camera, received_directions(SPOTS, *tracker))
+        found = laser_transform(camera, received_directions(SPOTS + noise, *tracker))
+        for error in (
+            misalignment_between(found, reference),
+            transform_error_printed(found, reference),
+        ):
+            spread = vector_from_rotation(error)[:, :2].std(axis=0) / ARCSEC
+            told = [float(value) for value in next(rows)[1:]]
+            assert told == pytest.approx(spread, rel=0.04)
+
+
+def test_the_centre_of_the_detector_is_where_pixels_are_counted_from_zero():
+    np.testing.assert_array_equal(lasers.detector_centre(DOOR), [511.5, 511.5])
+
+
 def test_averages_of_the_same_frames_are_correlated(predicted):
     near = [predicted[f"{count}.transform-x"].draws for count in (49, 100)]
     assert np.corrcoef(near)[0, 1] > 0.6
 
 
 def test_the_zero_state_is_shared_by_all_monitored_angles():
-    found = stage.monitored_angle(given(stage.monitored_angle.given), 4000)
-    one, two = (found[f"{state}.monitoring-x"].draws for state in (2, 3))
+    door = given(stage.monitored_angle.given)
+    one, two = stage.monitoring_errors(door, np.random.SeedSequence(5), 4000)[:, :2, 0].T
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
     scatter = np.sqrt((lasers.scatter(DOOR, 2)[:, 1] ** 2).mean())
     expected = np.sqrt(2) * scatter / 2 / 20 * np.arctan2(13e-6, 60e-3)
@@ -90,8 +120,87 @@ def test_the_zero_state_is_shared_by_all_monitored_angles():
 
 def test_the_reference_angle_by_hand():
     """20.27 um at 2 m is 2.0905 arcsec; the paper prints 2.006."""
-    found = stage.reference_angle(given(stage.reference_angle.given))
-    assert found["2.reference-y"] / ARCSEC == pytest.approx(-2.09049, abs=1e-5)
+    found = stage.reference_angle(given(stage.reference_angle.given))["2.reference-y"]
+    assert found.stand_in / ARCSEC == pytest.approx(-2.09049, abs=1e-5)
+
+
+def readings(computation, name, replicates=None):
+    """Return the results of a blocked cell by the name of their reading."""
+    found = computation(given(computation.given), replicates)[name]
+    return {reading.name: reading.result for reading in found.readings}
+
+
+def test_the_readings_of_a_reference_angle_by_hand():
+    """Motions and angles of Table V as printed; one length from 79.88 or 79.91 um and 8.017."""
+    found = readings(stage.reference_angle, "3.reference-x")
+    as_printed, exchanged = (motion / np.tan(8.017 * ARCSEC) for motion in (79.88e-6, 79.91e-6))
+    by_hand = {
+        "columns as printed; 2000 mm": 40.38e-6 / 2.0,
+        "columns as printed; nominal 2000 mm": 40.38e-6 / 2.0,
+        "columns as printed; one focal length": 40.38e-6 / as_printed,
+        "positions and motions interchanged; one focal length": 40.29e-6 / exchanged,
+        "reference angles interchanged; one focal length": 40.29e-6 / exchanged,
+    }
+    assert found == pytest.approx({n: -np.arctan(a) for n, a in by_hand.items()}, rel=1e-9)
+
+
+def test_the_slip_of_one_digit_enters_as_printed_alone():
+    found = readings(stage.reference_angle, "4.reference-x")
+    assert found["columns as printed; 2000 mm"] == pytest.approx(-60.66e-6 / 2.0, rel=1e-6)
+    found = readings(stage.reference_angle, "4.reference-y")
+    length = 79.91e-6 / np.tan(8.017 * ARCSEC)
+    interchanged = found["positions and motions interchanged; one focal length"]
+    assert interchanged == pytest.approx(-60.36e-6 / length, rel=1e-6)
+
+
+def test_a_monitored_angle_goes_with_the_motion_that_the_reading_gives_it():
+    motions = {"columns as printed; 2000 mm": 40.29e-6 / 2.0}
+    length = 79.91e-6 / np.tan(8.017 * ARCSEC)
+    motions["positions and motions interchanged; one focal length"] = 40.38e-6 / length
+    motions["reference angles interchanged; one focal length"] = 40.29e-6 / length
+    found = readings(stage.monitored_angle, "3.monitoring-y", 400)
+    spread = found["columns as printed; 2000 mm"].draws.std()
+    for name, angle in motions.items():
+        middle = found[name].draws.mean()
+        assert middle == pytest.approx(-angle, abs=4 * spread / 20)
+    few = "positions and motions interchanged; one focal length; means of 100 images"
+    assert found[few].draws.std() == pytest.approx(2 * spread, rel=1e-6), "400 images or 100"
+    assert "columns as printed; nominal 2000 mm" not in found
+
+
+@pytest.mark.parametrize("name", stage.DECIDED)
+def test_a_cell_that_is_not_blocked_agrees_with_every_reading(name, monkeypatch):
+    number = library()[stage.TABLE][name].number
+    monkeypatch.setattr(stage, "DECIDED", ())
+    found = readings(stage.monitored_angle, name, 4000)
+    assert len(found) == 6
+    for result in found.values():
+        assert judge_prediction(number, result.draws / ARCSEC).verdict == "consistent"
+
+
+def test_no_other_monitored_angle_agrees_with_every_reading():
+    verdicts = {}
+    for record in build([stage.TABLE]).records:
+        if "monitoring" in record.cell and record.readings:
+            verdicts[record.cell] = {reading.agrees for reading in record.readings}
+    assert len(verdicts) == 8 - len(stage.DECIDED)
+    assert all(found == {True, False} for found in verdicts.values())
+
+
+def test_interchanged_columns_and_one_focal_length_give_every_reference_angle_to_its_last_digit():
+    """And no focal length does so for the columns as printed, whatever the nominal one."""
+    records = [r for r in build([stage.TABLE]).records if ".reference-" in r.cell and r.readings]
+    assert len(records) == 8
+    for record in records:
+        found = {reading.name: reading for reading in record.readings}
+        assert found["columns as printed; 2000 mm"].verdict == "differs"
+        assert found["columns as printed; nominal 2000 mm"].flags == ("through_rounding",)
+        if record.cell == stage.LAST:
+            continue
+        for name in ("positions and motions", "reference angles"):
+            interchanged = found[f"{name} interchanged; one focal length"]
+            assert (interchanged.verdict, interchanged.flags) == ("exact", ())
+        assert found["columns as printed; one focal length"].verdict == "differs"
 
 
 def test_one_focal_length_fits_once_the_columns_are_interchanged():

@@ -111,6 +111,19 @@ def test_the_designed_pattern_is_a_twentieth_too_large():
     assert found["after_scale"] < 0.1 * found["residual"]
 
 
+def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open():
+    """Similar triangles: 48.25 px behind 60 mm against the diagonal behind the telescope."""
+    rows = [[float(value) for value in row[1:]] for row in twin_study.misfit().rows]
+    across = 48.25 * 13e-6 / 60e-3
+    scales = [across / (22e-3 / f) for f in (2.0, 2.056)] + [across / (21.5e-3 / 2.056)]
+    assert [row[0] for row in rows] == pytest.approx(scales, abs=2e-3)
+    radius = 48.25 / 2
+    for (scale, distance, _), whole in zip(rows, scales, strict=True):
+        assert distance == pytest.approx(np.hypot(radius * (1 / whole - 1), 0.10), abs=0.02), scale
+    assert rows[2][1] < 0.12
+    assert rows[2][2] == pytest.approx(rows[2][1] * 13e-6 / 60e-3 * 2056, abs=0.006)
+
+
 def test_the_ride_follows_the_reference_one_average_later():
     content = figures_monitoring.ride()
     each = 400
@@ -128,11 +141,13 @@ def test_the_ride_follows_the_reference_one_average_later():
 def test_the_twin_monitors_states_as_the_ledger_predicts():
     """Means over a state, from rendered frames, less the reference: within the predicted noise."""
     content = figures_monitoring.ride()
-    found = stage.monitored_angle(given(stage.monitored_angle.given), 4000)
+    door = given(stage.monitored_angle.given)
+    errors = stage.monitoring_errors(door, np.random.SeedSequence(5), 4000)
     for state in (2, 3, 4, 5):
-        for index, axis in enumerate("xy"):
+        for index, axis in enumerate("yx"):  # the motion along Y turns about X
+            motion = door[f"{stage.TABLE}#{state}.motion-{axis}"]
             last = content.monitored[state * 400 - 1, index]
-            draws = found[f"{state}.monitoring-{axis}"].draws
+            draws = -np.arctan(motion / 2.0) + errors[:, state - 2, index]
             # The last average holds a quarter of the state's frames.
             assert abs(last - draws.mean()) < 4 * 2 * draws.std()
 

@@ -152,7 +152,7 @@ def test_only_numbers_whose_rounding_can_move_a_result_are_moved():
                 continue
             low, high = cell.number.interval()
             # A count is a point, and a limit has no end on one side or is even around zero.
-            rounded = np.isclose(high - low, 2 * cell.number.half_unit) and high > low
+            rounded = np.isclose(high - low, 2 * cell.number.reach) and high > low
             assert (address in movable) == rounded, address
             kept, left = kept + rounded, left + (not rounded)
     assert min(kept, left) > 10

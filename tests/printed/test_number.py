@@ -41,7 +41,10 @@ def test_a_count_computed_in_floating_point_is_met_but_for_its_last_bits():
         ("greater", 1.1, 0.9),
         ("at-least", 1.0, 0.9),
         ("within", -0.9, -1.1),
-        ("about", 1.04, 1.06),
+        ("about", 1.49, 1.51),
+        ("about", 0.51, 0.49),
+        ("nominal", 1.04, 1.06),
+        ("nominal", 0.96, 0.94),
         (None, 0.96, 0.94),
     ],
 )
@@ -49,6 +52,29 @@ def test_qualifiers_shape_the_interval(qualifier, inside, outside):
     number = PrintedNumber("1.0", qualifier=qualifier)
     assert number.meets(inside, inside)
     assert not number.meets(outside, outside)
+
+
+@pytest.mark.parametrize(
+    ("text", "qualifier", "reach"),
+    [
+        ("0.060", "about", 0.005),  # 0.06, filled up with a zero
+        ("0.045", "about", 0.001),
+        ("22", "about", 1.0),
+        ("90", "about", 5.0),
+        ("483.940", "about", 0.005),
+        ("3.78e-3", "about", 0.01e-3),
+        ("0", "about", 1.0),
+        ("2000", "nominal", 100.0),
+        ("2000.0", "nominal", 100.0),  # more digits do not make an instrument truer
+        ("-2000", "nominal", 100.0),
+        ("0.060", None, 0.0005),
+        ("0.1", "within", 0.0),
+    ],
+)
+def test_what_a_qualifier_leaves_open(text, qualifier, reach):
+    number = PrintedNumber(text, qualifier=qualifier)
+    assert number.reach == pytest.approx(reach, rel=1e-12)
+    assert (number.low, number.high) == pytest.approx((number.value - reach, number.value + reach))
 
 
 @pytest.mark.parametrize("text", ["", "-", "1,5", "0x1", "nan", "inf", "about 3"])

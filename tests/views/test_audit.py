@@ -1,6 +1,7 @@
 """The audit as a reader meets it: in the terminal, as JSON, and on the book's pages."""
 
 import json
+import math
 import re
 
 import pytest
@@ -58,7 +59,8 @@ def test_the_audit_of_a_paper_fits_the_terminal():
     found = " ".join(result.stdout.split())
     assert "contradicts: motion-4-y" in found
     assert "columns position-x ↔ position-y; table-5#4.motion-x: 60.66 → 60.36" in found
-    assert "equation (10): fails as printed" in found
+    assert "equation (10): fails as extracted" in found
+    assert "rest on suppositions of ours and are not counted" in found
     assert "niu2024" not in found
 
 
@@ -98,24 +100,33 @@ def test_the_score_counts_what_the_audit_found():
     text = audit_pages.score().text
     for paper in ("niu2024", "chen2023"):
         audit = audit_paper(paper)
-        numbers = (len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.findings))
+        numbers = (len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.read))
         row = re.search(rf"<code>{paper}</code></th>(.*?)</tr>", text).group(1)
-        assert [int(n) for n in re.findall(r"<td>(\d+)</td>", row)[:4]] == list(numbers)
+        counts = [int(n) for n in re.findall(r"<td>(\d+)</td>", row)]
+        assert counts[:4] == list(numbers)
+        assert sum(counts[4:7]) == len(audit.read)
+        supposing = [shown for shown in audit.equations if shown.supposition]
+        assert counts[-1] == len(audit.supposed) + len(supposing)
 
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
     anchors = re.findall(r'<tr id="([^"]+)"', audit_pages.relations(paper).text)
     assert len(anchors) == len(set(anchors)) == len(audit_paper(paper).findings)
-    links = re.findall(r'href="relations.html#([^"]+)"', audit_pages.errata().text)
+    shown = audit_pages.errata().text + audit_pages.errata(supposed=True).text
+    links = re.findall(r'href="relations.html#([^"]+)"', shown)
     assert {link for link in links if f"-{paper}-" in link} <= set(anchors)
     assert any(f"-{paper}-" in link for link in links)
 
 
 def test_every_erratum_has_its_anchor():
-    anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', audit_pages.errata().text)
-    assert anchors == [entry.id for entry in audit_pages.errata_register()]
-    assert len(anchors) == len(set(anchors))
+    register = audit_pages.errata_register()
+    for supposed in (False, True):
+        text = audit_pages.errata(supposed).text
+        anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', text)
+        assert anchors == [entry.id for entry in register if bool(entry.supposition) == supposed]
+        assert len(anchors) == len(set(anchors)) > 0
+        assert text.count("<dt>Supposing that</dt>") == len(anchors) * supposed
 
 
 def test_a_differs_links_to_its_erratum():
@@ -135,7 +146,7 @@ def test_pages_show_corrections_equations_and_pictures(paper):
     assert audit_pages.equations(paper).text.count("<tr>") == 1 + len(audit_paper(paper).equations)
     sets = audit_pages.smallest_sets(paper).text
     assert sets.count("<tr>") == 1 + len(audit_paper(paper).conflicts)
-    wrong = {f.relation.name for f in audit_paper(paper).findings if f.outcome == "contradicts"}
+    wrong = {f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"}
     joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
     assert sets.count(audit_pages.JOINT) == len(joint)
     svg = audit_picture.picture(paper, "what it shows").text
@@ -163,5 +174,25 @@ def test_the_two_readings_are_counted():
 
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():
     text = audit_pages.errata().text
-    section = re.search(r'id="chen2023-optimum".*?</section>', text, flags=re.DOTALL).group()
-    assert "text-angular-resolution#optimum</code>: 43 printed, " in section
+    section = re.search(r'id="chen2023-table-5-motion".*?</section>', text, flags=re.DOTALL).group()
+    assert "table-5#4.motion-y</code>: 60.66 printed, 60.36 computed" in section
+    section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, flags=re.DOTALL)
+    assert "2.reference-y</code>: −2.006 printed, blocked: agrees with 3 of 5" in (
+        section.group().replace("-2.006", "−2.006")
+    )
+
+
+def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():
+    """20.27 um and 2.006 arcsec ask for 2084.3 mm, with the rounding of both, and for no other."""
+    text = audit_pages.errata().text
+    section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, flags=re.DOTALL)
+    told = re.search(
+        r"reference-2-x-y</code></a>: asks for a focal length of the telescope from "
+        r"([\d.]+) to ([\d.]+) mm",
+        section.group(),
+    )
+    ends = [
+        (20.27 + side * 0.005) * 1e-3 / math.tan((2.006 - side * 0.0005) * math.pi / 648000)
+        for side in (-1, 1)
+    ]
+    assert [float(end) for end in told.groups()] == pytest.approx(ends, rel=1e-5)

@@ -2,9 +2,10 @@
 
 The text has three parts: ``[unknown]`` names numbers that are not printed, ``[tolerance]`` names
 departures with their reasons, and ``[relations]`` holds topics, each a list of
-``{ name, formula, cells, source, kind, each, unknown, tolerance, claim, reading }``. ``cells``
-binds the names of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``; ``each`` gives
-values to the placeholders in braces, and a key such as ``"i,j"`` gives them together.
+``{ name, formula, cells, source, kind, each, unknown, tolerance, claim, reading, supposition }``.
+``supposition`` is what a relation supposes that the paper does not say. ``cells`` binds the names
+of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``; ``each`` gives values to the
+placeholders in braces, and a key such as ``"i,j"`` gives them together.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from reproduce.audit.quantity import Sheet
 from reproduce.audit.relation import Book, Relation, Tolerance, Unknown
 
 _KEYS = {"name", "formula", "cells", "source", "kind", "each"}
-_KEYS |= {"unknown", "tolerance", "claim", "reading"}
+_KEYS |= {"unknown", "tolerance", "claim", "reading", "supposition"}
 
 
 def relations_of(paper: str, cells: Sheet) -> list[Relation]:
@@ -92,6 +93,7 @@ def declared(text: str, cells: Sheet, prefix: str = "") -> list[Relation]:
                 claim=line.get("claim"),
                 reading=line.get("reading", ""),
                 line=line["name"],
+                supposition=line.get("supposition", ""),
             )
     return book.relations
 

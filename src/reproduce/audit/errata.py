@@ -21,7 +21,9 @@ class Erratum(BaseModel):
 
     The numbers of its evidence are not written in it: they come from the relations and equations
     that it names. Where words stand against words, `evidence` says which. `reading` tells which
-    of two independent readings of the paper found it, as for a relation.
+    of two independent readings of the paper found it, as for a relation. An entry that holds only
+    if we suppose something that the paper does not say names it as its `supposition`, and is
+    counted apart. `extraction` marks what rests on a formula of the machine text.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -37,6 +39,7 @@ class Erratum(BaseModel):
     status: Literal["open", "one reading of several", "reported", "confirmed"]
     reading: Reading
     extraction: bool = False
+    supposition: str = ""
     evidence: str = ""
     relations: list[str] = []
     equations: list[str] = []

@@ -1,15 +1,9 @@
 """A printed number as the audit sees it, and the values that print so under each rounding rule.
 
-What the print may mean:
-
-* a plain number was rounded: half up and half to even differ on a tie alone, so both give the
-  closed interval of half a unit of the last digit to either side; truncation (towards zero) and
-  ceiling (upwards) give one unit to one side;
-* ``about`` leaves open which way it was rounded: one unit of the last digit to either side;
-* a bound (``within``, ``less``, ...) is the limit itself, as stated, not a value;
-* a ``nominal`` value is the label itself; how far the true one may lie from it is up to the
-  relation, which says so with its reason;
-* a count is exact.
+What a print means is said in `reproduce.printed.number`. Here a plain number may also have been
+rounded by other rules: half up and half to even differ on a tie alone, so both give the closed
+interval of half a unit of the last digit to either side; truncation (towards zero) and ceiling
+(upwards) give one unit to one side.
 """
 
 from __future__ import annotations
@@ -142,15 +136,11 @@ def sheet(cells: Iterable[Cell]) -> dict[str, Quantity]:
 @functools.lru_cache(maxsize=200_000)
 def _printed(number: PrintedNumber, rule: Rule) -> Interval:
     value, step = number.value, 2 * number.half_unit
-    if number.is_bound or number.qualifier == "nominal" or not step:
-        return value, value
-    if number.qualifier == "about":
-        return value - step, value + step
+    if number.qualifier or not step or rule == "nearest":
+        return number.low, number.high
     if rule == "ceiling":
         return value - step, value
-    if rule == "truncation":
-        return (value - step if value <= 0 else value), (value + step if value >= 0 else value)
-    return value - step / 2, value + step / 2
+    return (value - step if value <= 0 else value), (value + step if value >= 0 else value)
 
 
 def allowed(printed: Quantity, rule: Rule = "nearest") -> Interval:

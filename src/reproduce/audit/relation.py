@@ -107,6 +107,9 @@ class Relation:
         empty where nobody counts.
     line : str
         The name of the declaration that it comes from.
+    supposition : str
+        What it supposes that the paper does not say; empty where it supposes nothing. Such a
+        relation is counted apart, and no contradiction of the paper follows from it.
     """
 
     name: str
@@ -119,6 +122,7 @@ class Relation:
     claim: str | None = None
     reading: Reading = ""
     line: str = ""
+    supposition: str = ""
 
     @property
     def compares(self) -> bool:
@@ -219,6 +223,7 @@ class Book:
         claim: str | None = None,
         reading: Reading = "",
         line: str = "",
+        supposition: str = "",
     ) -> None:
         """Declare a relation.
 
@@ -234,7 +239,7 @@ class Book:
             What sort of relation it is.
         cells : mapping of str to str
             The address behind each name of the formula; with ``*`` it stands for a list of cells.
-        unknown, within, claim, reading, line : optional
+        unknown, within, claim, reading, line, supposition : optional
             See `Relation`.
 
         Raises
@@ -248,7 +253,7 @@ class Book:
         if reading not in READINGS:
             raise FormulaError(f"{name!r}: unknown reading {reading!r}; expected one of {READINGS}")
         bound = {symbol: self._cells(where) for symbol, where in cells.items()}
-        given = (bound, source, kind, unknown, within, claim, reading, line or name)
+        given = (bound, source, kind, unknown, within, claim, reading, line or name, supposition)
         relation = Relation(name, read(formula), *given)
         self._refuse(relation)
         self.relations.append(relation)

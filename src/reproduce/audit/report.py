@@ -53,7 +53,7 @@ class Audit:
     cells : mapping of str to Quantity
         The printed numbers.
     findings : tuple of Finding
-        One for each relation.
+        One for each relation, those that rest on a supposition of ours included.
     conflicts : tuple of Conflict
         The smallest sets of cells that cannot all be right.
     groups : tuple of Group
@@ -85,9 +85,24 @@ class Audit:
         found = {a for finding in self.findings for a in finding.relation.addresses}
         return tuple(a for a in self.cells if a in found and a not in self.examined)
 
+    @property
+    def read(self) -> tuple[Finding, ...]:
+        """The findings on what the paper says, without those that rest on a supposition of ours."""
+        return tuple(f for f in self.findings if not f.relation.supposition)
+
+    @property
+    def supposed(self) -> tuple[Finding, ...]:
+        """The findings that rest on a supposition of ours."""
+        return tuple(f for f in self.findings if f.relation.supposition)
+
+    @property
+    def failing(self) -> tuple[Demonstration, ...]:
+        """The equations that fail as extracted, without those that rest on a supposition."""
+        return tuple(e for e in self.equations if not (e.holds or e.supposition))
+
     def tally(self) -> dict[Outcome, int]:
-        """Count the relations by outcome, every outcome present."""
-        return {o: sum(f.outcome == o for f in self.findings) for o in OUTCOMES}
+        """Count the relations without suppositions by outcome, every outcome present."""
+        return {o: sum(f.outcome == o for f in self.read) for o in OUTCOMES}
 
     def blamed(self) -> dict[str, int]:
         """Count, for each cell in a contradiction, the smallest sets that hold it."""
@@ -148,15 +163,16 @@ def audit_table(name: str, cells: Sheet, relations: Sequence[Relation] | str) ->
     """
     lines = declared(relations, cells) if isinstance(relations, str) else list(relations)
     findings = examine(cells, lines)
-    found = [part for names in groups(cells, lines) for part in _parts(cells, lines, names)]
+    told = [relation for relation in lines if not relation.supposition]
+    found = [part for names in groups(cells, told) for part in _parts(cells, told, names)]
     return Audit(
         name=name,
         cells=cells,
         findings=tuple(findings),
-        conflicts=tuple(conflicts(cells, lines)),
+        conflicts=tuple(conflicts(cells, told)),
         groups=tuple(found),
         unknowns=fix_unknowns(cells, lines),
-        votes=rounding_votes(findings),
+        votes=rounding_votes(f for f in findings if not f.relation.supposition),
     )
 
 

@@ -75,10 +75,10 @@ class Record(BaseModel):
     verdict: Verdict = Field(description="what became of the cell; see the book's page on verdicts")
     flags: tuple[Flag, ...] = Field(description="what qualifies the verdict")
     tolerance: float | None = Field(
-        description="half the last printed digit, or half the width of the predicted interval"
+        description="half the printed interval, or half the width of the predicted one"
     )
     share: float | None = Field(
-        description="|computed - printed| over half the last digit (exact), "
+        description="|computed - printed| over half the printed interval (exact), "
         "(1 - probability)/0.99 (consistent)"
     )
     probability: float | None = Field(description="two-sided mid-p over the printed interval")

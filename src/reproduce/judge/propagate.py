@@ -39,11 +39,11 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     """
     if computation.replicates:
         raise ValueError(f"{computation.name}: expected a deterministic computation")
-    centre = _numbers(computation, given)
+    centre = numbers(computation, given)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for cell in given.numbers():
         for side in (1.0, -1.0):
-            moved = _numbers(computation, given.shifted({cell.address: side}))
+            moved = numbers(computation, given.shifted({cell.address: side}))
             for name, value in moved.items():
                 if value != centre[name]:
                     slopes[name][cell.address] = side if value > centre[name] else -side
@@ -62,13 +62,14 @@ def _corners(
     computation: Computation, given: Given, name: str, signs: Mapping[str, float]
 ) -> Interval:
     ends = [
-        _numbers(computation, given.shifted({a: side * s for a, s in signs.items()}))[name]
+        numbers(computation, given.shifted({a: side * s for a, s in signs.items()}))[name]
         for side in (-1.0, 1.0)
     ]
     return min(ends), max(ends)
 
 
-def _numbers(computation: Computation, given: Given) -> dict[str, float]:
+def numbers(computation: Computation, given: Given) -> dict[str, float]:
+    """Return the numbers that a computation makes, those of every reading under their own name."""
     found: dict[str, float] = {}
     for name, result in computation(given).items():
         if isinstance(result, int | float):

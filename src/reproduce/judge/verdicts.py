@@ -33,7 +33,7 @@ class Judgement:
     flags : tuple of str
         ``through_rounding``, ``uninformative``, ``bound``.
     tolerance : float
-        Half the last printed digit, or half the width of the predicted interval.
+        Half the printed interval, or half the width of the predicted one.
     share : float, optional
         The part of the tolerance that is used up; none for differs and for bounds.
     probability, mcse : float, optional
@@ -85,7 +85,7 @@ def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, flo
     flags: tuple[str, ...] = ("bound",) if printed.is_bound else ()
     if agrees and not rounds:
         flags += ("through_rounding",)
-    half = printed.half_unit
+    half = printed.reach
     share = abs(value - printed.value) / half if agrees and half and not printed.is_bound else None
     if agrees and not half and not printed.is_bound:
         share = 0.0  # a count is met or missed; there is no digit to round
@@ -218,7 +218,7 @@ def joint_probability(
         observed += float(_surprise(tail_mid_p(ordered, *number.interval()), size))
         step = 2.0 * number.half_unit
         rounded = np.round(values / step) * step if step else values
-        half = number.half_unit
+        half = number.reach
         simulated += _surprise(tail_mid_p(ordered, rounded - half, rounded + half), size)
     # A relative slack of rounding error, so that tables equal cell by cell count as equal.
     as_bad = int((simulated >= observed * (1 - 1e-12)).sum())

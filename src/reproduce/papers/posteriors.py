@@ -97,7 +97,7 @@ def published_cells(
         With names and units of the print.
     """
     cells = [given.cells[address] for address in addresses]
-    half = np.array([given.shifted({a: 1.0})[a] - given[a] for a in addresses])
+    half = np.array([given.half_unit(address) for address in addresses])
     return Published(
         tuple(cell.label for cell in cells),
         tuple(cell.unit for cell in cells),

@@ -29,8 +29,8 @@ class Given:
     cells : mapping of str to Cell
         The declared cells by address.
     shifts : mapping of str to float
-        For interval propagation: cells moved off their printed value, in units of half their
-        last digit.
+        For interval propagation: cells moved off their printed value, in shares of what the
+        print leaves open (`PrintedNumber.reach`, half the last digit of a plain number).
     """
 
     cells: Mapping[str, Cell]
@@ -40,12 +40,17 @@ class Given:
         """Return the number at `address` in SI units (pixels stay pixels)."""
         cell = self._cell(address)
         number = cell.number
-        moved = number.value + self.shifts.get(address, 0.0) * number.half_unit
+        moved = number.value + self.shifts.get(address, 0.0) * number.reach
         return moved * si_factor(cell.unit)
 
     def __contains__(self, address: str) -> bool:
         """Tell whether `address` was declared."""
         return address in self.cells
+
+    def half_unit(self, address: str) -> float:
+        """Return half a unit of the last digit of the number at `address`, in SI units."""
+        cell = self._cell(address)
+        return cell.number.half_unit * si_factor(cell.unit)
 
     def count(self, address: str) -> int:
         """Return the whole number at `address`.
@@ -110,7 +115,7 @@ class Given:
         Parameters
         ----------
         shifts : mapping of str to float
-            Address to shift in half units of the last digit, from -1 to 1.
+            Address to shift in shares of the interval to either side, from -1 to 1.
 
         Returns
         -------

@@ -1,4 +1,17 @@
-"""A printed number: the digits on the page and the interval of values that print so."""
+"""A printed number: the digits on the page and the interval of values that print so.
+
+What a print may mean is said here alone, for the ledger and the audit alike:
+
+* a number without a qualifier was rounded to its last digit: half a unit of it to either side;
+* ``about`` leaves open how it was rounded. Either its last digit counts, and it was rounded up or
+  down: one unit to either side. Or zeros at its end fill up a format ("about 0.060" is 0.06,
+  "about 90 s" is nine tens): half a unit of the last digit that is not zero. The wider one holds;
+* ``nominal`` is a design value. An instrument keeps its own to a few per cent, so it stands for
+  `NOMINAL` of itself to either side, however many digits it has;
+* a limit (``less``, ``greater``, ``at-least``, ``within``) is the limit itself where it is used,
+  and agrees with all that lies on its side;
+* a count is exact.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +24,8 @@ from functools import cached_property
 _FLOAT_SLACK = 1e-9
 
 BOUNDS = ("less", "greater", "at-least", "within")
+# How far an instrument may lie from its design value, as a share of that.
+NOMINAL = 0.05
 
 
 @dataclass(frozen=True)
@@ -66,15 +81,28 @@ class PrintedNumber:
         """Half a unit of the last printed digit; zero for a count."""
         return 0.0 if self.exact else float(Decimal(5).scaleb(self.exponent - 1))
 
+    @cached_property
+    def reach(self) -> float:
+        """How far a value may lie from the number and still be meant by it; zero for a limit."""
+        if self.is_bound or self.exact:
+            return 0.0
+        if self.qualifier == "nominal":
+            return NOMINAL * abs(self.value)
+        if self.qualifier == "about":
+            filled = Decimal(self.text).normalize().as_tuple().exponent
+            least = filled if isinstance(filled, int) and self.value else self.exponent
+            return max(2 * self.half_unit, float(Decimal(5).scaleb(least - 1)))
+        return self.half_unit
+
     @property
     def low(self) -> float:
         """The smallest value that prints so, bounds not considered."""
-        return self.value - self.half_unit
+        return self.value - self.reach
 
     @property
     def high(self) -> float:
         """The largest value that prints so, bounds not considered."""
-        return self.value + self.half_unit
+        return self.value + self.reach
 
     @property
     def is_bound(self) -> bool:
@@ -94,6 +122,8 @@ class PrintedNumber:
         --------
         >>> PrintedNumber("0.1", qualifier="within").interval()
         (-0.1, 0.1)
+        >>> PrintedNumber("2000", qualifier="nominal").interval()
+        (1900.0, 2100.0)
         """
         if self.qualifier == "less":
             return float("-inf"), self.value
@@ -122,7 +152,7 @@ class PrintedNumber:
         True
         """
         ours, theirs = self.interval()
-        slack = _FLOAT_SLACK * max(self.half_unit, abs(self.value) * 1e-3, 1e-12)
+        slack = _FLOAT_SLACK * max(self.reach, abs(self.value) * 1e-3, 1e-12)
         return low <= theirs + slack and high >= ours - slack
 
     def format(self, value: float, extra: int = 0) -> str:

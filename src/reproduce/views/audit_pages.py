@@ -12,7 +12,7 @@ from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group, audit_paper
 from reproduce.judge.expected import frozen
-from reproduce.judge.ledger import build
+from reproduce.judge.ledger import Record, build
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
 from reproduce.views import audit_words as words
@@ -47,12 +47,13 @@ def score() -> Html:
     """
     heads = ["Paper", "Numbers", "Held against others", "Only bounded", "Relations", "Agree"]
     heads += ["Only through rounding"]
-    heads += ["Contradict", "Equations run", "Fail as printed"]
+    heads += ["Contradict", "Equations run", "Fail as extracted", "Rest on suppositions of ours"]
     rows = []
     for audit in map(audit_paper, PAPERS):
-        failing = sum(not shown.holds for shown in audit.equations)
-        counts = [len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.findings)]
-        counts += [*audit.tally().values(), len(audit.equations), failing]
+        ours = sum(bool(shown.supposition) for shown in audit.equations)
+        counts = [len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.read)]
+        counts += [*audit.tally().values(), len(audit.equations) - ours, len(audit.failing)]
+        counts.append(len(audit.supposed) + ours)
         rows.append([_code(audit.name), *(Markup("{}").format(count) for count in counts)])
     return Html(
         html_table(heads, rows, "The cross-examination of both papers", "rp-table rp-score")
@@ -70,17 +71,19 @@ def relations(paper: str) -> Html:
     Returns
     -------
     Html
-        Two tables; the relations that agree are folded away.
+        Three tables; the relations that agree are folded away, and so are those that rest on a
+        supposition of ours.
     """
     audit = audit_paper(paper)
-    loud = [f for f in audit.findings if f.outcome != "agrees"]
-    quiet = [f for f in audit.findings if f.outcome == "agrees"]
-    caption = "Relations that do not simply agree"
-    folded = Markup(
-        '<details class="rp-fold"><summary>The {} relations that agree</summary>{}</details>'
-    )
-    agreeing = _relations_table(quiet, audit, "Relations that agree")
-    return Html(_relations_table(loud, audit, caption) + folded.format(len(quiet), agreeing))
+    loud = [f for f in audit.read if f.outcome != "agrees"]
+    quiet = [f for f in audit.read if f.outcome == "agrees"]
+    shown = _relations_table(loud, audit, "Relations that do not simply agree")
+    for findings, what in ((quiet, "agree"), (audit.supposed, "rest on a supposition of ours")):
+        caption = f"Relations that {what}"
+        shown += Markup(
+            '<details class="rp-fold"><summary>The {} relations that {}</summary>{}</details>'
+        ).format(len(findings), what, _relations_table(findings, audit, caption))
+    return Html(shown)
 
 
 def _relations_table(findings: Iterable[Finding], audit: Audit, caption: str) -> Markup:
@@ -92,8 +95,10 @@ def _relations_table(findings: Iterable[Finding], audit: Audit, caption: str) ->
         if relation.tolerance:
             told = f"{relation.tolerance.text}: {relation.tolerance.reason}"
             source += Markup("; tolerance {}").format(told)
+        if relation.supposition:
+            source += Markup("; supposing that {}").format(relation.supposition)
         row = [_code(relation.name), _code(relation.formula.text)]
-        row += [Markup("{}").format(words.sides(finding, audit.cells)), _badge(finding)]
+        row += [Markup("{}").format(words.sides(finding, audit)), _badge(finding)]
         rows.append([*row, source])
     anchors = [relation_anchor(audit.name, f.relation.name) for f in findings]
     return html_table(heads, rows, caption, "rp-table rp-small rp-audit", anchors)
@@ -129,7 +134,7 @@ def smallest_sets(paper: str) -> Html:
     """
     rows = []
     audit = audit_paper(paper)
-    wrong = {f.relation.name for f in audit.findings if f.outcome == "contradicts"}
+    wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
     for conflict in audit.conflicts:
         sets = Markup("<br>").join(_code(words.short(address)) for address in conflict.cells)
         because = Markup("<br>").join(_code(name) for name in conflict.relations)
@@ -183,7 +188,7 @@ def _correction_rows(group: Group, audit: Audit) -> list[list[Markup]]:
 
 
 def equations(paper: str) -> Html:
-    """Show the equations of a paper, run as printed.
+    """Show the equations of a paper, run as extracted.
 
     Parameters
     ----------
@@ -193,38 +198,47 @@ def equations(paper: str) -> Html:
     Returns
     -------
     Html
-        What each must do, what it does as printed, what the library's form does.
+        What each must do, what it does as extracted, what the library's form does.
     """
     heads = (
         "Equation",
         "What must hold",
         "What is shown",
-        "As printed",
+        "As extracted",
         "In the library",
         "Wanted",
     )
     rows = []
     for shown in audit_paper(paper).equations:
         values = (shown.printed, shown.right, shown.wanted)
-        texts = [shown.place, shown.asked, shown.meaning]
+        asked = shown.asked
+        if shown.supposition:
+            asked += f" (supposing that {shown.supposition})"
+        texts = [shown.place, asked, shown.meaning]
         texts += [_digits(value) for value in values]
         rows.append([Markup("{}").format(text) for text in texts])
-    return Html(html_table(heads, rows, "Equations run as printed", "rp-table rp-small rp-audit"))
+    return Html(html_table(heads, rows, "Equations run as extracted", "rp-table rp-small rp-audit"))
 
 
 def _digits(value: float) -> str:
     return f"{0.0 if abs(value) < 1e-9 else value:.5g}".replace("-", "−")
 
 
-def errata() -> Html:
+def errata(supposed: bool = False) -> Html:
     """Show the register of errata, each entry with its own anchor and citation.
+
+    Parameters
+    ----------
+    supposed : bool
+        Show the entries that rest on a supposition of ours in place of those that do not.
 
     Returns
     -------
     Html
         One section for each entry.
     """
-    return Html(Markup("").join(_erratum(entry) for entry in errata_register()))
+    chosen = [entry for entry in errata_register() if bool(entry.supposition) == supposed]
+    return Html(Markup("").join(_erratum(entry) for entry in chosen))
 
 
 def _evidence(entry: Erratum, audit: Audit) -> Markup:
@@ -233,12 +247,12 @@ def _evidence(entry: Erratum, audit: Audit) -> Markup:
         Markup('<a href="relations.html#{}"><code>{}</code></a>: {}').format(
             relation_anchor(entry.paper, found.relation.name),
             found.relation.name,
-            words.sides(found, audit.cells),
+            words.sides(found, audit),
         )
         for found in entry.findings(audit)
     ]
     shown = [
-        Markup("{}: {}: {} as printed, {} wanted").format(
+        Markup("{}: {}: {} as extracted, {} wanted").format(
             run.place, run.meaning, _digits(run.printed), _digits(run.wanted)
         )
         for run in entry.demonstrations(audit)
@@ -252,12 +266,20 @@ def _verdicts(entry: Erratum) -> Markup:
     resting = [a for a, expected in frozen().items() if expected.erratum == entry.id]
     if not resting:
         return Markup("")
-    told = Markup("{}: {} printed, {} computed")
     records = {r.cell: r for r in build(sorted({a.partition("#")[0] for a in resting})).records}
     return Markup("<br>").join(
-        told.format(_code(words.short(a)), records[a].printed, _digits(records[a].computed or 0.0))
+        Markup("{}: {} printed, {}").format(
+            _code(words.short(a)), records[a].printed, _outcome(records[a])
+        )
         for a in resting
     )
+
+
+def _outcome(record: Record) -> str:
+    if record.readings:
+        agreeing = sum(reading.agrees for reading in record.readings)
+        return f"blocked: agrees with {agreeing} of {len(record.readings)} readings"
+    return f"{_digits(record.computed or 0.0)} computed"
 
 
 def _erratum(entry: Erratum) -> Markup:
@@ -270,6 +292,7 @@ def _erratum(entry: Erratum) -> Markup:
         "What the library does": Markup("{}").format(entry.library),
         "The paper's conclusion": Markup("{}: {}").format(entry.conclusion, entry.because),
         "Status": Markup("{}").format(entry.status),
+        "Supposing that": Markup("{}").format(entry.supposition),
         "Caution": Markup("{}").format(fault if entry.extraction else ""),
         "Cite as": Markup(
             "Erratum <code>{}</code>, <em>Pointing, reproduced</em>, version {}"
@@ -288,7 +311,10 @@ def glue() -> None:
     """Make the audit's numbers available to the sentences of a page.
 
     For each paper: ``NAME-relations``, ``-agreeing``, ``-rounding``, ``-contradicting``,
-    ``-examined``, ``-numbers``; over both: ``audit-…`` likewise, and ``audit-errata``.
+    ``-examined``, ``-numbers``, ``-groups`` (contradictions that hang together), ``-supposed``
+    (relations that rest on a supposition of ours, in none of the other counts); over both:
+    ``audit-…`` likewise, and ``audited-errata`` with ``audited-errata-extraction`` among them,
+    ``audited-errata-supposed`` apart.
     """
     from myst_nb import glue as glue_one
 
@@ -305,9 +331,18 @@ def glue() -> None:
         said["relations"] = sum(said.values())
         said["examined"] = sum(len(audit.examined) for audit in group)
         said["numbers"] = sum(len(audit.cells) for audit in group)
+        said["groups"] = sum(len(audit.groups) for audit in group)
+        said["supposed"] = sum(len(audit.supposed) for audit in group)
         for label, count in said.items():
             glue_one(f"audited-{name}-{label}", str(count), display=False)
-    glue_one("audited-errata", str(len(errata_register())), display=False)
+    told = [entry for entry in errata_register() if not entry.supposition]
+    errata_said = {
+        "errata": len(told),
+        "errata-extraction": sum(entry.extraction for entry in told),
+        "errata-supposed": len(errata_register()) - len(told),
+    }
+    for label, count in errata_said.items():
+        glue_one(f"audited-{label}", str(count), display=False)
 
 
 def _code(text: str) -> Markup:

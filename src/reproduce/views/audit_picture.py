@@ -55,7 +55,7 @@ def draw(audit: Audit) -> Figure:
     counts = audit.blamed()
     cells = sorted(counts, key=lambda address: (-counts[address], list(audit.cells).index(address)))
     cells = cells[:MOST]
-    every = [f.relation for f in audit.findings if f.outcome == "contradicts"]
+    every = [f.relation for f in audit.read if f.outcome == "contradicts"]
     wrong = [relation for relation in every if set(cells) & set(relation.addresses)]
     others = len(every) - len(wrong)
     with style.context(STYLE):

@@ -24,13 +24,15 @@ def lines(audit: Audit) -> Iterator[str]:
     """
     tally = audit.tally()
     yield (
-        f"{audit.name}: {len(audit.findings)} relations over {len(audit.examined)} of "
+        f"{audit.name}: {len(audit.read)} relations over {len(audit.examined)} of "
         f"{len(audit.cells)} numbers"
     )
     for outcome, count in tally.items():
         yield f"  {count:4d} {'agree' if outcome.startswith('agree') else 'contradict'}" + (
             " only through rounding" if "rounding" in outcome else ""
         )
+    if audit.supposed:
+        yield f"  {len(audit.supposed):4d} more rest on suppositions of ours and are not counted"
     yield ""
     for group in audit.groups:
         yield from _group(group, audit)
@@ -49,7 +51,7 @@ def _group(group: Group, audit: Audit) -> Iterator[str]:
         finding = audit.finding(name)
         relation = finding.relation
         yield f"contradicts: {name}: {relation.formula.text}"
-        yield f"    {words.sides(finding, audit.cells)}   [{relation.source}]"
+        yield f"    {words.sides(finding, audit)}   [{relation.source}]"
     for unknown in words.unknowns_of(group, audit):
         yield f"    {unknown}"
     if not group.corrections:
@@ -88,6 +90,8 @@ def _together(audit: Audit) -> Iterator[str]:
 
 def _equations(audit: Audit) -> Iterator[str]:
     for shown in audit.equations:
-        verdict = "holds" if shown.holds else "fails as printed"
+        verdict = "holds" if shown.holds else "fails as extracted"
+        if shown.supposition:
+            verdict += f", supposing that {shown.supposition}"
         yield f"equation {shown.place}: {verdict}: {shown.asked}"
-        yield f"    {shown.meaning}: {shown.printed:.6g} as printed, {shown.wanted:.6g} wanted"
+        yield f"    {shown.meaning}: {shown.printed:.6g} as extracted, {shown.wanted:.6g} wanted"

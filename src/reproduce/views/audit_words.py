@@ -9,7 +9,7 @@ from typing import Any
 from reproduce.audit.corrections import Correction
 from reproduce.audit.equations import Demonstration
 from reproduce.audit.examine import Finding, Fixed
-from reproduce.audit.quantity import Quantity, Sheet, sheet
+from reproduce.audit.quantity import Quantity, sheet
 from reproduce.audit.report import Audit, Group, audit_paper, audit_table
 from reproduce.printed.cells import PAPERS, read
 from reproduce.printed.units import si_factor, symbol
@@ -64,24 +64,34 @@ def number(printed: Quantity) -> str:
     return f"{printed.number.text.replace('-', '−')}{gap}{unit}"
 
 
-def sides(finding: Finding, cells: Sheet) -> str:
+def sides(finding: Finding, audit: Audit) -> str:
     """Write both sides of a relation with the printed values inserted.
+
+    A relation that shares a number which is not printed is not worked out with some value of it:
+    what it asks of that number, by itself, is written instead.
 
     Parameters
     ----------
     finding : Finding
         The finding.
-    cells : mapping of str to Quantity
-        The printed numbers.
+    audit : Audit
+        The audit that it comes from.
 
     Returns
     -------
     str
-        Such as ``60.66 µm against 60.36 µm``; a word where nothing fixes the unknown.
+        Such as ``60.66 µm against 60.36 µm``, or ``asks for a focal length of the telescope from
+        2083.5 to 2085.1 mm``.
     """
-    relation = finding.relation
-    if finding.left is None or finding.right is None:
-        return f"no one {relation.unknown.label if relation.unknown else 'value'} fits"
+    relation, cells = finding.relation, audit.cells
+    if relation.unknown is not None:
+        ends = audit.unknowns[relation.unknown.name].by_relation.get(relation.name)
+        if ends is None:
+            return f"no {relation.unknown.label} fits"
+        low, high = (f"{end / si_factor(relation.unknown.unit):.6g}" for end in ends)
+        return f"asks for a {relation.unknown.label} from {low} to {high} " + symbol(
+            relation.unknown.unit
+        )
     # In the unit of the result, or of a cell of the same unit throughout; else as it stands.
     units = {cells[address].unit for address in relation.addresses}
     unit = (
@@ -180,6 +190,7 @@ def as_json(audit: Audit) -> dict[str, Any]:
     return {
         "name": audit.name,
         "outcomes": audit.tally(),
+        "rest_on_suppositions": len(audit.supposed),
         "cells": len(audit.cells),
         "cells_examined": len(audit.examined),
         "cells_only_bounded": len(audit.bounded),
@@ -201,7 +212,8 @@ def as_json(audit: Audit) -> dict[str, Any]:
 
 
 def _equation(shown: Demonstration) -> dict[str, Any]:
-    names = ("name", "place", "asked", "printed", "right", "wanted", "meaning", "holds")
+    names = ["name", "place", "asked", "printed", "right", "wanted", "meaning", "holds"]
+    names.append("supposition")
     return {name: getattr(shown, name) for name in names}
 
 
@@ -217,8 +229,9 @@ def _relation(finding: Finding, audit: Audit) -> dict[str, Any]:
         and f"{relation.tolerance.text}: {relation.tolerance.reason}",
         "claim": relation.claim,
         "reading": relation.reading,
+        "supposition": relation.supposition,
         "outcome": finding.outcome,
-        "sides": sides(finding, audit.cells),
+        "sides": sides(finding, audit),
         "rounding_rules": sorted(finding.rules),
         "rescued_by": finding.rescued_by,
     }

@@ -79,7 +79,13 @@ ITEMS = (
     Item("chen2023/table-4", (accuracy.frame_averaging,), accuracy.draw),
     Item(
         "chen2023/table-5",
-        (stage.motion, stage.reference_angle, stage.monitored_angle, stage.difference),
+        (
+            stage.motion,
+            stage.reference_angle,
+            stage.last_reference_angle,
+            stage.monitored_angle,
+            stage.difference,
+        ),
         stage.draw,
     ),
     Item(
@@ -124,6 +130,7 @@ STUDIES = {
     "chen2023/ages": orbit_study.ages,
     "chen2023/suffices": orbit_study.suffices,
     "chen2023/floors": floors.floors,
+    "chen2023/orders": accuracy.orders,
     "chen2023/misfit": twin_study.misfit,
     "chen2023/believable": twin_study.believable,
     "chen2023/sensors": twin_study.sensors,

@@ -55,7 +55,7 @@ def draw_structure(axes: Axes) -> None:
     mirror(axes, (4.5, 1.2), 1.4, -45)
     mirror(axes, (9.4, 1.2), 1.4, 45)
     path(axes, [(4.5, 1.2), (9.4, 1.2), (9.4, 4.6)], LASER)
-    label(axes, (6.95, 1.6), "retro-reflector")
+    label(axes, (6.95, 1.6), "retro-reflector, in section")
     path(axes, [(2.2, 0.6), (2.2, 6.1)], SCENE)
     label(axes, (2.2, 0.25), "from the Earth")
     box(axes, (9.4, 5.6), (2.8, 2.0), "star and laser\ntracker")

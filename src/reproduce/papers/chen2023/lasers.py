@@ -2,7 +2,8 @@
 
 What the paper leaves open, and what stands in for it:
 
-* the principal point of the tracker is not printed: the centre of the detector stands in;
+* the principal point of the tracker is not printed: the centre of the detector stands in, where
+  the centre of the first pixel is at zero;
 * which laser sits at which corner is read from the spots: each at the corner of the designed
   square that lies towards its spot. The image of the square is about a twentieth smaller than
   designed, which moves the angles of a centroid error by far less than a digit of print.
@@ -13,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.physics.lasers import emitted_directions, received_directions, received_jacobian
-from reproduce.physics.misalignment import angle_jacobian
+from reproduce.physics.misalignment import angle_jacobian, laser_transform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -62,12 +63,33 @@ def turn_response(given: Given) -> FloatArray:
     ndarray, shape (3, 4, 2)
         In rad/px.
     """
+    return responses(given, detector_centre(given))[0]
+
+
+def detector_centre(given: Given) -> FloatArray:
+    """Return the centre of the tracker's detector, in px; that of the first pixel is at zero."""
+    return np.asarray((given.array(f"{PLATFORM}#tracker-pixels-*.value") - 1) / 2)
+
+
+def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the response of the error of the laser transform, in two frames.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells of `READS`.
+    principal_point : ndarray, shape (2,)
+        Of the tracker, in px.
+
+    Returns
+    -------
+    tuple of ndarray, each of shape (3, 4, 2)
+        About the axes of the camera, and about those of the tracker, in rad/px.
+    """
     spots = given.array(SPOTS).reshape(-1, 2)
-    pixels = given.array(f"{PLATFORM}#tracker-pixels-*.value")
-    centre = (pixels - 1) / 2  # the centre of the first pixel is at zero
     tracker = (
         spots,
-        centre,
+        principal_point,
         given[f"{PLATFORM}#tracker-pixel-size.value"],
         given[f"{PLATFORM}#tracker-focal-length.value"],
     )
@@ -75,7 +97,11 @@ def turn_response(given: Given) -> FloatArray:
         designed_positions(spots, given[DIAGONAL]),
         given[f"{PLATFORM}#telescope-focal-length.value"],
     )
-    return angle_jacobian(camera, received_directions(*tracker), received_jacobian(*tracker))
+    received = received_directions(*tracker)
+    response = angle_jacobian(camera, received, received_jacobian(*tracker))
+    # One small rotation, told in the other frame: its vector turns with the laser transform.
+    turned = np.tensordot(laser_transform(camera, received), response, axes=1)
+    return response, np.asarray(turned)
 
 
 def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:

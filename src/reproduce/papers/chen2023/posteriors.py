@@ -174,7 +174,7 @@ def frame_averaging(given: Given, column: str, floor: bool = True) -> Model:
     counts = tuple(int(n) for n in given.array(f"{AVERAGES}#*.frames"))
     addresses = [f"{AVERAGES}#{count}.{column}" for count in counts]
     printed = np.array([given[a] for a in addresses]) / lasers.SIGMAS
-    half = _half_unit(given, addresses[0]) / lasers.SIGMAS
+    half = given.half_unit(addresses[0]) / lasers.SIGMAS
     likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), floor)
     name = "frame-averaging" if column == COLUMNS[0] else f"frame-averaging-{column}"
     derived = Averaged(SHOWN_COUNTS, _ground(given).altitude) if floor else None
@@ -187,8 +187,8 @@ def reference_angles(given: Given) -> ReferenceAngles:
     return ReferenceAngles(
         stage_positions(given),
         angles,
-        _half_unit(given, f"{STAGE}#2.position-x"),
-        _half_unit(given, f"{STAGE}#2.reference-y"),
+        given.half_unit(f"{STAGE}#2.position-x"),
+        given.half_unit(f"{STAGE}#2.reference-y"),
     )
 
 
@@ -212,7 +212,7 @@ def readings() -> list[Reading]:
     door = given((f"{STAGE}#*.position-?", f"{STAGE}#*.motion-?"))
     printed = stage_positions(door)
     motions = np.stack([door.array(f"{STAGE}#*.motion-{a}") for a in "xy"], axis=-1)
-    return hypotheses(printed, printed[0] + motions, _half_unit(door, f"{STAGE}#2.motion-x"))
+    return hypotheses(printed, printed[0] + motions, door.half_unit(f"{STAGE}#2.motion-x"))
 
 
 def geometry(given: Given) -> Model:
@@ -221,7 +221,7 @@ def geometry(given: Given) -> Model:
     likelihood = GeometryLikelihood(
         design.spots,
         design.lasers / (given[lasers.DIAGONAL] / 2),
-        _half_unit(given, "chen2023/text-extraction#spot-1-x"),
+        given.half_unit("chen2023/text-extraction#spot-1-x"),
         design.pixel_pitch,
         reference_angles(given),
         (design.camera_focal_length, design.tracker_focal_length, given[lasers.DIAGONAL]),
@@ -230,10 +230,6 @@ def geometry(given: Given) -> Model:
     largest = float(np.linalg.norm(stage_angles(_last_motion(given), camera)))
     model = geometry_model(likelihood, float(2 * design.principal_point[0] + 1))
     return replace(model, derived=NominalTracker(_ground(given).altitude, largest, tracker))
-
-
-def _half_unit(given: Given, address: str) -> float:
-    return abs(given.shifted({address: 1.0})[address] - given[address])
 
 
 COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")

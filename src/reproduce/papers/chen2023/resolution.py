@@ -1,21 +1,25 @@
 """The study of the angular resolution: how large a pixel should be (chen2023, section V-D).
 
-The readings, fixed before their result was known:
+What all readings share:
 
-* the Gaussian radius is the standard deviation of the spot, the same on the detector for every
-  angular resolution; the tracker's focal length stays, so the pixel pitch is resolution times
-  focal length;
+* the spot is a Gaussian, the same on the detector for every angular resolution; the tracker's focal
+  length stays, so the pixel pitch is resolution times focal length;
 * the window has 5 by 5 pixels of that pitch, around the pixel that holds the spot; the centre of
   gravity takes all of them, without a threshold;
 * the spot moves along x over one pixel of that pitch (the printed ends are those of one pixel of
   the tracker), to the middles of 50 equal parts; y stays at the middle of a pixel;
-* the text names the Poisson noise and no other, so there is photon noise and no read noise;
-* the light is not printed. "Close to those measured" is taken at its word: the light is the one
-  that gives the mean variance of Table III, at the printed spots and the tracker's pixel;
+* the light is not printed. The parameters are said to be close to those measured, so the light is
+  the one that gives the mean variance of Table III, at the printed spots and the tracker's pixel;
 * the centroiding accuracy (1 sigma) of a resolution is the standard deviation of the errors of all
   phases and trials together; the optimum is where it is least, at steps of one arc second;
-* the monitoring accuracy is (11) with that accuracy. Refining "is not significant" below the
-  coarsest resolution that no finer one beats by more than three standard errors of the study.
+* the monitoring accuracy is (11) with that accuracy.
+
+What the text leaves open, and the results depend on, are the `CASES`: what the radius of a Gaussian
+is, and how much of the noise of EMVA 1288 is read noise. How large a gain is significant is open
+too: refining stops to pay below the coarsest resolution that no finer one beats by more than some
+standard errors of the study, `THRESHOLDS`. The first case and three standard errors were chosen
+first and came into the history together with their verdicts; the others were added when their
+results were known. All of them are judged side by side.
 
 A study of the printed size is itself random. Its distribution follows from the closed-form bias
 and variance: the Monte Carlo beside it agrees within its error.
@@ -23,13 +27,15 @@ and variance: the Monte Carlo beside it agrees within its error.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import lasers
-from reproduce.papers.declare import Prediction, Results, reproduces
+from reproduce.papers.declare import Blocked, Prediction, Reading, Results, reproduces
 from reproduce.physics.averaging import attitude_accuracy
-from reproduce.physics.centroid_theory import centre_of_gravity_error
+from reproduce.physics.centroid_theory import CentroidError, centre_of_gravity_error
 from reproduce.physics.phase_study import (
     Light,
     even_phases,
@@ -54,8 +60,54 @@ READS = (
 )
 STEP = RADIANS_PER_ARCSEC
 REPLICATES = 2000
-# What counts as significant, in standard errors of a difference.
-SIGNIFICANT = 3.0
+# What may count as significant, in standard errors of a difference; the first one chosen.
+THRESHOLDS, CHOSEN = (1.0, 2.0, 3.0, 5.0), 3.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One reading of what the study takes as its spot and its noise.
+
+    Attributes
+    ----------
+    name : str
+        In a few words.
+    place : str
+        Where the text leaves room for it.
+    width : float
+        The printed radius over the standard deviation of the Gaussian.
+    read_share : float
+        Share of the variance of Table III that is read noise.
+    brighter : float
+        The light over that which gives the variance of Table III.
+    """
+
+    name: str
+    place: str
+    width: float = 1.0
+    read_share: float = 0.0
+    brighter: float = 1.0
+
+
+ONE_OVER_E, HALF_HEIGHT = float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(2.0)))
+RADIUS = "V-D does not say which radius of the Gaussian is meant"
+NOISE = "V-D draws noise after EMVA 1288, which has read noise too, and prints no parameters"
+CASES = (
+    Case("radius: one standard deviation; photon noise", RADIUS),
+    Case("radius: light down to 1/e; photon noise", RADIUS, ONE_OVER_E),
+    Case("radius: light down to one half; photon noise", RADIUS, HALF_HEIGHT),
+    Case("radius: light down to 1/e²; photon noise", RADIUS, 2.0),
+    Case("radius: one standard deviation; 90 % read noise", NOISE, read_share=0.9),
+    Case("radius: light down to one half; 90 % read noise", NOISE, HALF_HEIGHT, 0.9),
+    Case(
+        "radius: light down to one half; 90 % read noise; 1.1 times the light",
+        "V-D: parameters close to those measured, not equal",
+        HALF_HEIGHT,
+        0.9,
+        1.1,
+    ),
+)
+LITERAL = CASES[0]
 
 
 @reproduces(
@@ -85,14 +137,52 @@ def spot(given: Given) -> Results:
 def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
     angles = resolutions(given)
-    scatter = replicated_scatter(given, seed, replicates)
+    scatter = replicated_scatter(given, seed, replicates, CASES)
     monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
-    best = scatter.argmin(axis=-1)
-    return {
-        "optimum": Prediction(angles[best]),
-        "optimum-accuracy": Prediction(scatter.min(axis=-1)),
-        "saturation": Prediction(angles[saturation(monitoring, relative_error(given))]),
+    relative = relative_error(given)
+
+    def by_case(results: FloatArray) -> tuple[Reading, ...]:
+        return tuple(
+            Reading(case.name, case.place, Prediction(draws))
+            for case, draws in zip(CASES, results, strict=True)
+        )
+
+    by_threshold = tuple(
+        Reading(
+            f"gain counts beyond {errors:g} standard error{'s' * (errors > 1)}; as the first below",
+            "V-D does not say which gain is significant",
+            Prediction(angles[saturation(monitoring[0], relative, errors)]),
+        )
+        for errors in THRESHOLDS
+    )
+    others = by_case(angles[saturation(monitoring, relative, CHOSEN)])[1:]
+    found = {
+        "optimum": by_case(angles[scatter.argmin(axis=-1)]),
+        "optimum-accuracy": by_case(scatter.min(axis=-1)),
+        "saturation": (*by_threshold, *others),
     }
+    literal = {
+        "optimum": found["optimum"][0],
+        "optimum-accuracy": found["optimum-accuracy"][0],
+        "saturation": by_threshold[THRESHOLDS.index(CHOSEN)],
+    }
+    return {
+        name: Blocked(MISSING[name], _median(literal[name]), readings)
+        for name, readings in found.items()
+    }
+
+
+MISSING = {
+    "optimum": "what the radius of the spot means, and on the light and the noise of the study",
+    "optimum-accuracy": "what the radius of the spot means, and on the light and the noise",
+    "saturation": "which gain counts as significant, and on the spot and the noise",
+}
+
+
+def _median(reading: Reading) -> float:
+    if not isinstance(reading.result, Prediction):
+        raise TypeError(f"expected a Prediction, got {type(reading.result).__name__}")
+    return float(np.median(reading.result.draws))
 
 
 def resolutions(given: Given) -> FloatArray:
@@ -101,21 +191,21 @@ def resolutions(given: Given) -> FloatArray:
     return np.asarray(np.linspace(low, high, round((high - low) / STEP) + 1))
 
 
-def radii(given: Given, angles: FloatArray) -> FloatArray:
-    """Return the radius of the spot in pixels that see the given angles."""
-    return np.asarray(given[f"{STUDY}#spot-radius"] / (angles * given[FOCAL_LENGTH]))
+def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
+    """Return the standard deviation of the spot in pixels that see the given angles."""
+    sigma = given[f"{STUDY}#spot-radius"] / case.width
+    return np.asarray(sigma / (angles * given[FOCAL_LENGTH]))
 
 
-def light_for_table(given: Given, read_share: float = 0.0) -> Light:
-    """Return the light that gives the mean variance of Table III.
+def light_for_table(given: Given, case: Case = LITERAL) -> Light:
+    """Return the light that gives the mean variance of Table III, or as much more as a case says.
 
     Parameters
     ----------
     given : Given
         Holds Table III, the spots, and the sizes of spot, pixel and window.
-    read_share : float
-        Share of that variance that is read noise, from 0 to below 1. The study's literal reading
-        has none; other shares are shown beside it.
+    case : Case
+        What the radius is, and which share of that variance is read noise, from 0 to below 1.
 
     Returns
     -------
@@ -125,14 +215,22 @@ def light_for_table(given: Given, read_share: float = 0.0) -> Light:
     printed = (given.array(lasers.SCATTER) / lasers.SIGMAS) ** 2
     spots = given.array(lasers.SPOTS).reshape(-1, 2)
     size = window(given)
-    radius = given[f"{STUDY}#spot-radius"] / given[PIXEL]
+    radius = given[f"{STUDY}#spot-radius"] / case.width / given[PIXEL]
     corners = window_corners(spots, size)
     # Photon variance goes as one over the light, read variance as one over its square.
     photon = centre_of_gravity_error(spots, 1.0, radius, corners, size).variance.mean()
     both = centre_of_gravity_error(spots, 1.0, radius, corners, size, 1.0).variance.mean()
     target = printed.mean()
-    signal = photon / ((1.0 - read_share) * target)
-    return Light(float(signal), float(signal * np.sqrt(read_share * target / (both - photon))))
+    signal = photon / ((1.0 - case.read_share) * target)
+    read = signal * np.sqrt(case.read_share * target / (both - photon))
+    return Light(float(case.brighter * signal), float(read))
+
+
+def law(given: Given, case: Case = LITERAL) -> CentroidError:
+    """Return bias and variance of every resolution and phase, shape (resolutions, phases)."""
+    phases = even_phases(given.count(f"{STUDY}#phases"))
+    radius = radii(given, resolutions(given), case)
+    return predicted_errors(phases, light_for_table(given, case), radius, window(given))
 
 
 def window(given: Given) -> int:
@@ -147,7 +245,9 @@ def relative_error(given: Given) -> float:
     )
 
 
-def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
+def replicated_scatter(
+    given: Given, seed: SeedSequence, replicates: int, cases: tuple[Case, ...] = CASES
+) -> FloatArray:
     """Return what studies of the printed size would find, from the closed form.
 
     Parameters
@@ -155,28 +255,31 @@ def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Flo
     given : Given
         Holds the cells of `READS`.
     seed : numpy.random.SeedSequence
-        One child for each study.
+        One child for each study; all cases share its noise.
     replicates : int
         How many studies.
+    cases : tuple of Case
+        The readings of spot and noise.
 
     Returns
     -------
-    ndarray, shape (replicates, resolutions)
+    ndarray, shape (cases, replicates, resolutions)
         Standard deviation of the errors of all phases and trials, in px.
     """
-    phases, trials = even_phases(given.count(f"{STUDY}#phases")), given.count(f"{STUDY}#trials")
-    radius = radii(given, resolutions(given))
-    law = predicted_errors(phases, light_for_table(given), radius, window(given))
-    found = np.empty((replicates, len(radius)))
-    for row, stream in zip(found, spawned_streams(seed, replicates), strict=True):
+    trials, laws = given.count(f"{STUDY}#trials"), [law(given, case) for case in cases]
+    shape = laws[0].bias.shape
+    found = np.empty((len(cases), replicates, shape[0]))
+    for place, stream in enumerate(spawned_streams(seed, replicates)):
         # Mean and variance of normal errors within a phase are independent.
-        means = law.bias + np.sqrt(law.variance / trials) * stream.standard_normal(law.bias.shape)
-        inside = law.variance * stream.chisquare(trials - 1, law.bias.shape) / trials
-        row[...] = np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
+        noise, spread = stream.standard_normal(shape), stream.chisquare(trials - 1, shape)
+        for row, one in zip(found[:, place], laws, strict=True):
+            means = one.bias + np.sqrt(one.variance / trials) * noise
+            inside = one.variance * spread / trials
+            row[...] = np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
     return found
 
 
-def saturation(monitoring: FloatArray, relative: float) -> FloatArray:
+def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) -> FloatArray:
     """Return the index of the coarsest resolution that no finer one beats significantly.
 
     Parameters
@@ -185,6 +288,8 @@ def saturation(monitoring: FloatArray, relative: float) -> FloatArray:
         Monitoring accuracy from fine to coarse, in any unit.
     relative : float
         Relative standard error of each.
+    errors : float
+        How many standard errors of a difference are significant.
 
     Returns
     -------
@@ -192,6 +297,6 @@ def saturation(monitoring: FloatArray, relative: float) -> FloatArray:
         Index along the last axis.
     """
     finer = np.minimum.accumulate(monitoring, axis=-1)
-    error = SIGNIFICANT * relative * np.hypot(monitoring, finer)
+    error = errors * relative * np.hypot(monitoring, finer)
     unbeaten = monitoring - finer <= error
     return np.asarray(monitoring.shape[-1] - 1 - unbeaten[..., ::-1].argmax(axis=-1))

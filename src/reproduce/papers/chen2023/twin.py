@@ -2,7 +2,8 @@
 
 Every frame is made as the bench makes it: four spots at their places, light integrated over
 pixels, photon noise and read noise drawn, centres of gravity taken, and (2) to (9) solved. What
-the paper leaves open, and how the twin reads it (fixed before its result was known):
+the paper leaves open, and how the twin reads it (a choice that came into the history together with
+its results):
 
 * light: each laser of each group has the light that gives the mean variance of its two cells of
   Table III, with photon noise alone; nothing else is fitted. What photons cannot explain, such as
@@ -12,8 +13,10 @@ the paper leaves open, and how the twin reads it (fixed before its result was kn
 * the spot's radius is the printed one; it is the same for all lasers;
 * places: the printed centroids, with the bias of their own 5 by 5 window taken off, stand still
   within a group, and are the same in both groups: the paper does not print how they differ;
-* laser directions are the designed ones, as the calibration takes them. They do not fit the printed
-  spots (see `misfit`); the misfit is the same in all frames and goes into the zero point.
+* laser directions are the designed ones, as the calibration takes them, with the nominal focal
+  length and the printed diagonal as they stand. Within the rounding of the diagonal and a few per
+  cent of the focal length they fit the printed spots (see `misfit`); what is left is the same in
+  all frames and goes into the zero point.
 """
 
 from __future__ import annotations
@@ -216,7 +219,7 @@ def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
 
 
 def misfit(platform: Bench) -> dict[str, float]:
-    """Return by how much the designed lasers miss the printed spots.
+    """Return how far the printed spots lie from where the designed lasers would put them.
 
     Parameters
     ----------
@@ -226,9 +229,9 @@ def misfit(platform: Bench) -> dict[str, float]:
     Returns
     -------
     dict
-        ``residual``: root-mean-square miss of a spot after the best rotation, in px; ``scale``:
-        size of the printed pattern over the designed one; ``after_scale``: the miss that is left
-        when the pattern may also shrink, in px.
+        ``residual``: root-mean-square distance of a spot from its laser after the best rotation, in
+        px; ``scale``: size of the printed pattern over the designed one; ``after_scale``: the
+        distance that is left when the pattern may also shrink, in px.
     """
     rest, designed = platform.directions(platform.spots), platform.camera_directions
     pixel = platform.tracker[1] / platform.tracker[2]
