@@ -143,3 +143,23 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
         off = (found.mean(axis=0) - implied.parameters) / bound
         assert np.abs(off).max() < 0.5  # distortion, and the luck of 400
         assert abs(door[f"niu2024/table-4#scale.{channel}"] - implied.scale) > 10 * bound[0]
+
+
+def test_both_axes_together_are_as_large_as_the_printed_values_of_red_and_not_of_blue(before):
+    """A coincidence that the page mentions: the paper prints them axis by axis."""
+    for channel, fits in (("red", True), ("blue", False)):
+        both = np.hypot(*(before[f"rmse-before-{channel}-{axis}"].draws for axis in "xy"))
+        low, high = np.quantile(both, [0.005, 0.995])
+        for value in PRINTED[channel]:
+            assert (low < value < high) == fits
+
+
+def test_the_printed_residuals_leave_the_scale_close_to_the_focal_lengths():
+    """What the page says of the fit: with centroid errors so large, blue would still be close."""
+    door = given([*laboratory.INSTRUMENT, *angles.READS, "niu2024/table-4#scale.*"])
+    error = float(laboratory.centroid_errors(DOOR).max())
+    fits = alone.registered(door, np.random.SeedSequence(4), 400, error)
+    for channel, times in (("red", 2), ("blue", 10)):
+        scatter = fits[channel].parameters[:, 0]
+        apart = abs(door[f"niu2024/table-4#scale.{channel}"] - scatter.mean())
+        assert apart > times * scatter.std(), (channel, apart / scatter.std())

@@ -21,7 +21,7 @@ FACTORS = (1.0, 1e3, 1.0, 1.0, 1.0, 1.0)
 
 
 def chosen() -> dict[str, tuple[int, str]]:
-    """Return readings to show: the ledger's, and each other choice made in it alone.
+    """Return readings to show: the literal one, and each other choice made in it alone.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def chosen() -> dict[str, tuple[int, str]]:
         "shifts of Table 2": replace(literal, shifts=simulation.SHIFTS[1]),
         "tests among angles": replace(literal, tests=simulation.TESTS[1]),
     }
-    readings = {"the ledger's": literal} | others
+    readings = {"the literal one": literal} | others
     found = {name: (every.index(reading), both) for name, reading in readings.items()}
     found |= {f"RMSE of {way}": (every.index(literal), way) for way in ways}
     nearest = replace(literal, shifts=simulation.SHIFTS[1], tests=simulation.TESTS[1])
