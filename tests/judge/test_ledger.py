@@ -89,6 +89,17 @@ def test_stochastic_tables_get_a_joint_probability(whole):
         assert table.replicates >= 2000
 
 
+def test_what_repeats_another_cell_is_flagged(whole):
+    """Each flagged cell prints what some other cell of its paper prints, in its own rounding."""
+    flagged = [record for record in whole.records if "repeated" in record.flags]
+    assert flagged
+    for record in flagged:
+        assert record.verdict == "exact", record.cell
+        others = [c for t in library().values() for c in t.cells if c.is_number]
+        values = [c.number.value for c in others if c.unit == record.unit and c.key != record.key]
+        assert any(record.computed == pytest.approx(value) for value in values), record.cell
+
+
 def test_only_work_not_done_is_pending(whole):
     """The Monte Carlo of Figure 11 is still to come."""
     pending = {record.key for record in whole.records if record.verdict == "pending"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.judge.propagate import numbers, result_intervals
+from reproduce.judge.propagate import numbers, plain_results, result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import reproduces
 from reproduce.printed.given import given
@@ -25,6 +25,45 @@ def test_the_corners_of_a_ratio():
 
 def test_a_result_without_inputs_is_a_point():
     assert result_intervals(ratio, given(ratio.given))["scale.blue"] == (1.0, 1.0)
+
+
+BLUE, PER_CHANNEL = (
+    "niu2024/table-1#focal-length.blue",
+    "niu2024/text-approximations#parameters-per-channel",
+)
+
+
+@reproduces("niu2024/table-2", given=[RED, GREEN, BLUE, PER_CHANNEL])
+def plain(door):
+    """Copies and differences, and what only looks like them."""
+    red, green, blue = door[RED], door[GREEN], door[BLUE]
+    return {
+        "copy": green,
+        "largest": max(red, green, blue),
+        "count": float(door.count(PER_CHANNEL)),
+        "difference": red - blue,
+        "nothing": green - green,
+        "negative": -green,
+        "written in another way": (2 * green + red - red) / 2,
+        "half": green / 2,
+        "with an offset": green + 0.001,
+        "equal by chance": 0.025,
+        "equal, but moved by another": green + (blue - 0.02495),
+        "a tie": max(green, 0.025),
+        "ratio": green / red,
+    }
+
+
+def test_copies_and_differences_are_told_from_computations():
+    """By how a result moves with its inputs, whatever the function looks like."""
+    assert plain_results(plain, given(plain.given)) == {
+        "copy": "repeated",
+        "largest": "repeated",
+        "written in another way": "repeated",
+        "count": "repeated",
+        "difference": "difference",
+        "nothing": "difference",
+    }
 
 
 def test_stochastic_computations_are_refused():

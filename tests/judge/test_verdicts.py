@@ -125,6 +125,14 @@ def test_the_joint_probability_sees_what_single_cells_do_not():
     assert joint_probability(printed, draws)[0] < 0.01
 
 
+def test_simulated_tables_are_rounded_like_the_print():
+    """A print of 1 to the unit is as surprising as every table that prints 1, -1 or beyond."""
+    half = normal(0.0, 0.6)
+    draws = np.concatenate([half, -half])
+    found, mcse = joint_probability([PrintedNumber("1")], [draws])
+    assert found == pytest.approx(2 * stats.norm.sf(0.5 / 0.6), abs=5 * mcse)
+
+
 def test_the_joint_probability_refuses_unequal_lists():
     with pytest.raises(ValueError, match="as many predictions as cells"):
         joint_probability([PrintedNumber("1")], [])

@@ -1,14 +1,22 @@
 """The two papers' numbers: complete, entered twice, guarded by a checksum."""
 
 import csv
-import hashlib
 import re
+import shutil
 
 import numpy as np
 import pytest
 
 from reproduce.locate import data_folder
-from reproduce.printed.cells import PAPERS, anchor, find, library
+from reproduce.printed import cells
+from reproduce.printed.cells import (
+    PAPERS,
+    PrintedFileError,
+    altered_files,
+    anchor,
+    find,
+    library,
+)
 from reproduce.printed.given import UndeclaredInputError, given
 from reproduce.printed.units import UNITS, si_factor
 
@@ -41,15 +49,17 @@ def test_a_second_entry_agrees_cell_by_cell():
 
 
 def test_the_checksums_hold():
-    recorded = dict(
-        reversed(line.split("  ", 1))
-        for line in (PRINTED / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
-    )
-    found = {
-        path.relative_to(PRINTED).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(PRINTED.rglob("*.[tc][os][mv]*"))
-    }
-    assert found == recorded, "a printed number changed: check it, then run `make checksums`"
+    assert altered_files() == (), "a printed number changed: check it, then `make checksums`"
+
+
+def test_files_that_are_missing_or_of_no_checksum_are_altered(tmp_path, monkeypatch):
+    shutil.copytree(PRINTED, tmp_path / "printed")
+    (tmp_path / "printed" / "niu2024" / "table-1.toml").rename(tmp_path / "printed" / "more.toml")
+    monkeypatch.setattr(cells, "data_folder", lambda: tmp_path)
+    assert altered_files() == ("more.toml", "niu2024/table-1.toml")
+    (tmp_path / "printed" / "SHA256SUMS").unlink()
+    with pytest.raises(PrintedFileError, match="expected lines of a checksum"):
+        altered_files()
 
 
 def test_anchors_are_unique():

@@ -1,6 +1,7 @@
 """The command line: what it prints, and with which exit code it ends."""
 
 import json
+import shutil
 import subprocess
 import sys
 
@@ -8,7 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from reproduce.judge import expected
+from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
+from reproduce.printed import cells
 from reproduce.views.cli import main
 
 FIELDS = (
@@ -66,6 +69,36 @@ def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
     assert result.exit_code == 1
     assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stderr
     assert result.stderr.count("expected") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "digits", "changed"),
+    [
+        ("niu2024/table-4", '"25.0304"', '"25.0305"'),
+        ("chen2023/table-3", '"0.057"', '"0.058"'),
+    ],
+)
+def test_check_names_the_file_with_a_changed_input(tmp_path, monkeypatch, name, digits, changed):
+    """Both are inputs: no verdict notices such a digit."""
+    shutil.copytree(data_folder() / "printed", tmp_path / "printed")
+    path = tmp_path / "printed" / f"{name}.toml"
+    content = path.read_text(encoding="utf-8")
+    assert digits in content
+    path.write_text(content.replace(digits, changed, 1), encoding="utf-8")
+    monkeypatch.setattr(cells, "data_folder", lambda: tmp_path)
+    result = run("check", "niu2024/table-2")
+    assert result.exit_code == 1
+    assert f"data/printed/{name}.toml: not the file of its checksum" in result.stderr
+    as_json = run("check", "niu2024/table-2", "--json")
+    assert as_json.exit_code == 1
+    assert json.loads(as_json.stdout)["altered"] == [f"{name}.toml"]
+
+
+def test_check_counts_weak_agreement_apart():
+    """Table V's motions are differences of the positions beside them, its first less itself."""
+    output = run("check", "chen2023/table-5").stdout
+    assert "Weak agreement, counted apart: 17 difference." in output
+    assert output.splitlines()[3].split()[-1] == "17"
 
 
 @pytest.mark.parametrize("command", [["check"], ["show"], ["export", "--format", "csv"], ["cite"]])

@@ -62,7 +62,7 @@ def test_computed_and_verdict_stand_beside_the_print():
     assert "0.3\u202fpx" in cell
     assert "1.90" in cell
     assert ">differs<" in cell
-    assert "follow from Table 1" in cell, "the reason stands in the title"
+    assert "calculated according to Table 1" in cell, "the reason stands in the title"
 
 
 def test_unknown_keys_are_refused():

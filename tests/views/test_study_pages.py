@@ -49,7 +49,7 @@ def test_every_reading_has_its_row_and_every_cell_its_probability():
     readings = study.readings(given(study.READS))
     assert len(rows) == len(readings) * len(counting.COUNTED)
     assert {row.count("<td>") for row in rows} == {5 + 12 + 5 + 1}
-    assert html.count("(the ledger&#39;s)") + html.count("(the ledger's)") == 1
+    assert html.count("(the literal one)") == 1
     assert html.count("rp-used") == 1
 
 

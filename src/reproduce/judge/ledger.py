@@ -8,7 +8,12 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from reproduce.judge.propagate import Interval, reading_name, result_intervals
+from reproduce.judge.propagate import (
+    Interval,
+    plain_results,
+    reading_name,
+    result_intervals,
+)
 from reproduce.judge.verdicts import (
     CENTRAL,
     Judgement,
@@ -27,11 +32,20 @@ from reproduce.papers.declare import (
     Reading,
     Result,
 )
-from reproduce.printed.cells import Cell, PrintedTable, library
+from reproduce.printed.cells import Cell, PrintedTable, altered_files, library
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
 
-Flag = Literal["through_rounding", "uninformative", "bound", "stand_in", "about", "nominal"]
+Flag = Literal[
+    "through_rounding",
+    "repeated",
+    "difference",
+    "uninformative",
+    "bound",
+    "stand_in",
+    "about",
+    "nominal",
+]
 
 
 class ReadingRecord(BaseModel):
@@ -115,6 +129,9 @@ class Ledger(BaseModel):
 
     records: tuple[Record, ...]
     tables: tuple[TableRecord, ...]
+    altered: tuple[str, ...] = Field(
+        default=(), description="files of printed numbers that are not those of their checksums"
+    )
 
     def of(self, key: str) -> tuple[Record, ...]:
         """Return the records of one item, in the order of print."""
@@ -167,7 +184,7 @@ def build(
         tables += joint
         if progress is not None:
             progress(key)
-    return Ledger(records=tuple(records), tables=tuple(tables))
+    return Ledger(records=tuple(records), tables=tuple(tables), altered=altered_files())
 
 
 @cache
@@ -204,6 +221,11 @@ def _run(
         name: _record(computation, table[name], result, intervals)
         for name, result in results.items()
     }
+    plain = {} if computation.replicates else plain_results(computation, door)
+    for name, flag in plain.items():
+        if name in records and records[name].verdict == "exact":
+            flags = (*records[name].flags, flag)
+            records[name] = records[name].model_copy(update={"flags": flags})
     return records, {n: r for n, r in results.items() if isinstance(r, Prediction)}
 
 

@@ -1,10 +1,14 @@
-"""The interval of results that rounded inputs allow."""
+"""How results follow their inputs: the interval that rounding allows, and plain copies."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
+from decimal import Decimal
 
 from reproduce.papers.declare import Blocked, Computation
+from reproduce.printed.cells import Cell
 from reproduce.printed.given import Given
 
 Interval = tuple[float, float]
@@ -51,6 +55,57 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
         name: _corners(computation, given, name, slopes[name]) if slopes[name] else (value, value)
         for name, value in centre.items()
     }
+
+
+def plain_results(computation: Computation, given: Given) -> dict[str, str]:
+    """Find the results that hardly compute anything: copies and differences of two cells.
+
+    Every input is moved by one unit of its last digit, up and down, to see which results follow
+    it and by how much.
+
+    Parameters
+    ----------
+    computation : Computation
+        A deterministic computation.
+    given : Given
+        Its inputs at their printed values.
+
+    Returns
+    -------
+    dict
+        Cell name to ``repeated`` (the result is one input, moves one to one with it and with no
+        other) or ``difference`` (one input less another, or less itself); no other names.
+    """
+    centre = numbers(computation, given)
+    follows: dict[str, dict[str, set[float]]] = {name: {} for name in centre}
+    for cell in given.cells.values():
+        if not cell.is_number:
+            continue
+        for steps in (1, -1):
+            moved = Given({**given.cells, cell.address: _moved(cell, steps)})
+            step = moved[cell.address] - given[cell.address]
+            for name, value in numbers(computation, moved).items():
+                follows[name].setdefault(cell.address, set()).add(
+                    round((value - centre[name]) / step, 9)
+                )
+    found = {}
+    for name, value in centre.items():
+        slopes = {address: seen for address, seen in follows[name].items() if seen != {0.0}}
+        rising, falling = ([a for a, s in slopes.items() if s == {side}] for side in (1.0, -1.0))
+        if len(slopes) == len(rising) == 1 and given[rising[0]] == value:
+            found[name] = "repeated"
+        elif (len(slopes), len(rising), len(falling)) == (2, 1, 1):
+            if math.isclose(value, given[rising[0]] - given[falling[0]], rel_tol=1e-9):
+                found[name] = "difference"
+        elif given.cells and not slopes and value == 0:
+            found[name] = "difference"
+    return found
+
+
+def _moved(cell: Cell, steps: int) -> Cell:
+    number = cell.number
+    text = Decimal(number.text) + steps * Decimal(1).scaleb(number.exponent)
+    return replace(cell, content=replace(number, text=str(text)))
 
 
 def reading_name(cell: str, reading: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import hashlib
 import tomllib
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -295,6 +296,38 @@ def library() -> dict[str, PrintedTable]:
             key = f"{paper}/{path.stem}"
             tables[key] = read(path, key)
     return tables
+
+
+def altered_files() -> tuple[str, ...]:
+    """Return the files of printed numbers that are not those of their checksums.
+
+    Returns
+    -------
+    tuple of str
+        Names below ``data/printed/`` of files that were changed, are missing, or stand in no
+        line of ``SHA256SUMS``; empty when all is as it was entered.
+
+    Raises
+    ------
+    PrintedFileError
+        If the checksums themselves are missing or cannot be read.
+    """
+    folder = data_folder() / "printed"
+    try:
+        lines = (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
+        recorded = {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
+    except (FileNotFoundError, ValueError) as error:
+        raise PrintedFileError(
+            f"{folder / 'SHA256SUMS'}: expected lines of a checksum and a file's name, got "
+            f"{error}; restore the file"
+        ) from error
+    found = {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in folder.rglob("*")
+        if path.suffix in {".toml", ".csv"}
+    }
+    names = sorted(recorded.keys() | found.keys())
+    return tuple(name for name in names if recorded.get(name) != found.get(name))
 
 
 def find(pattern: str) -> tuple[Cell, ...]:

@@ -84,7 +84,8 @@ def list_items(as_json: bool) -> None:
 def check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
 
-    Exits with 0 only if every verdict is as frozen, else with 1.
+    Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
+    checksum, else with 1.
     """
     from reproduce.judge.expected import surprises
     from reproduce.views import terminal
@@ -95,6 +96,8 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
         click.echo(ledger.model_dump_json(indent=2))
     else:
         Console().print(terminal.score_table(ledger))
+        if line := terminal.weak_line(ledger.records):
+            click.echo(line)
     for surprise in found:
         click.echo(
             f"{surprise.cell}: expected {surprise.expected}, found {surprise.found}", err=True
@@ -105,6 +108,13 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
             "that file with the reason",
             err=True,
         )
+    for name in ledger.altered:
+        click.echo(
+            f"data/printed/{name}: not the file of its checksum in data/printed/SHA256SUMS; "
+            "restore the printed digits, or enter them twice and renew the checksum",
+            err=True,
+        )
+    if found or ledger.altered:
         sys.exit(1)
     if not as_json:
         click.echo(f"All {len(ledger.records)} verdicts are as frozen.")

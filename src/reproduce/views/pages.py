@@ -139,7 +139,7 @@ def _verdict(record: Record) -> Markup:
 
 
 def _shown_flags(record: Record) -> list[str]:
-    return [f for f in record.flags if f in {"through_rounding", "uninformative", "stand_in"}]
+    return [f for f in record.flags if f in {*words.WEAK, "stand_in"}]
 
 
 def _detail(record: Record) -> dict[str, str]:
@@ -259,7 +259,8 @@ def score(paper: str | None = None) -> Html:
         for item in catalogue().values():
             if item.paper == paper and ledger.of(item.key):
                 groups[item.key.partition("/")[2]] = ledger.of(item.key)
-    return Html(_templates().get_template("score.html").render(rows=_score_rows(groups)))
+    template = _templates().get_template("score.html")
+    return Html(template.render(rows=_score_rows(groups), meanings=words.FLAG_MEANINGS))
 
 
 def _score_rows(groups: dict[str, tuple[Record, ...]]) -> list[dict[str, Any]]:

@@ -145,6 +145,10 @@ def _of_paper(name: str) -> dict[str, str]:
     chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
     tally = words.tally(chosen)
     said = {f"{name}-{verdict}": str(count) for verdict, count in tally.items()}
+    said |= {f"{name}-{flag.replace('_', '-')}": str(n) for flag, n in words.weak(chosen).items()}
+    strong = words.strong(chosen)
+    said[f"{name}-strong"] = str(strong)
+    said[f"{name}-weak"] = str(tally["exact"] + tally["consistent"] - strong)
     said[f"{name}-cells"] = str(len(chosen))
     said[f"{name}-judged"] = str(sum(tally[v] for v in ("exact", "consistent", "differs")))
     return said

@@ -53,7 +53,7 @@ def readings() -> Html:
     Returns
     -------
     Html
-        A table for each arrangement of angles; the ledger's is open, the others fold out.
+        A table for each arrangement of angles; the literal one is open, the others fold out.
     """
     door = given(study.READS)
     every, used = study.readings(door), study.literal(door)
@@ -167,16 +167,16 @@ def corrected(probability: float) -> str:
 
 
 def closest() -> Html:
-    """Show the ledger's reading beside those that come closest to the print.
+    """Show the literal reading beside those that come closest to the print.
 
     Returns
     -------
     Html
-        A row for the ledger's reading, for the one that leaves the fewest cells outside, and for
+        A row for the literal reading, for the one that leaves the fewest cells outside, and for
         the one of the largest joint probability of each group.
     """
     every = study.readings(given(study.READS))
-    picked = {"the ledger's": (every.index(study.literal(given(study.READS))), 0)}
+    picked = {"the literal one": (every.index(study.literal(given(study.READS))), 0)}
     picked["fewest cells outside"] = _fewest()[0]
     for place, group in enumerate(judged.GROUPS):
         log = _study().arrays["law_joint"][..., place]
@@ -206,7 +206,7 @@ def _fewest() -> list[tuple[int, int]]:
 
 
 def precision_table() -> Html:
-    """Show bias, scatter, Cramér-Rao bound and efficiency of the ledger's reading.
+    """Show bias, scatter, Cramér-Rao bound and efficiency of the literal reading.
 
     Returns
     -------
@@ -234,7 +234,7 @@ def precision_table() -> Html:
                 ]
             )
     heads = ["Parameter (px, rad)", "Bias", "Bias by theory", "Scatter", "Bound", "Efficiency"]
-    caption = f"The calibration scheme over {replicates:,} replicates of the ledger's reading."
+    caption = f"The calibration scheme over {replicates:,} replicates of the literal reading."
     return plain_table(caption, heads, lines)
 
 

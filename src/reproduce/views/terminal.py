@@ -144,8 +144,9 @@ def score_table(ledger: Ledger) -> Table:
     Returns
     -------
     rich.table.Table
-        One row per item, grouped by paper, and one for the sum; agreement that is weak (through
-        rounding alone, or with an uninformative prediction) is counted once more, apart.
+        One row per item, grouped by paper, and one for the sum; agreement that is weak (a copy,
+        a difference of two printed cells, through rounding alone, or with an uninformative
+        prediction) is counted once more, apart.
     """
     # Without a box the table fits 80 columns with every word whole.
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
@@ -166,5 +167,24 @@ def score_table(ledger: Ledger) -> Table:
 
 
 def _counts(records: tuple[Record, ...]) -> list[str]:
-    counts = [*words.tally(records).values(), words.weak(records)]
-    return [str(count) if count else "·" for count in counts]
+    tally = words.tally(records)
+    weak = tally["exact"] + tally["consistent"] - words.strong(records)
+    return [str(count) if count else "·" for count in (*tally.values(), weak)]
+
+
+def weak_line(records: tuple[Record, ...]) -> str:
+    """Return what makes agreement weak, and how often, in one sentence.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Any records.
+
+    Returns
+    -------
+    str
+        Empty where all agreement is strong.
+    """
+    counts = {flag: count for flag, count in words.weak(records).items() if count}
+    listed = ", ".join(f"{count} {flag.replace('_', ' ')}" for flag, count in counts.items())
+    return f"Weak agreement, counted apart: {listed}." if counts else ""

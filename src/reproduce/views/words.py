@@ -20,6 +20,8 @@ MEANINGS: dict[str, str] = {
 
 FLAG_MEANINGS: dict[str, str] = {
     "through_rounding": "agrees only because the printed inputs are rounded",
+    "repeated": "the print repeats another printed cell",
+    "difference": "one printed number less another",
     "uninformative": "the predicted interval is wider than the number itself",
     "bound": "the print states a limit, not a value",
     "stand_in": "the value shown stands in for something unpublished",
@@ -265,8 +267,29 @@ def tally(records: tuple[Record, ...]) -> dict[str, int]:
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
-def weak(records: tuple[Record, ...]) -> int:
-    """Count the records whose agreement is weak, which are counted apart.
+WEAK = ("repeated", "difference", "through_rounding", "uninformative")
+
+
+def weak(records: tuple[Record, ...]) -> dict[str, int]:
+    """Count the records whose agreement says little, by what makes it weak.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Any records.
+
+    Returns
+    -------
+    dict
+        Flag to count, each of `WEAK`, among the exact and consistent records. A record with two
+        flags counts in both.
+    """
+    agreeing = _agreeing(records)
+    return {flag: sum(flag in r.flags for r in agreeing) for flag in WEAK}
+
+
+def strong(records: tuple[Record, ...]) -> int:
+    """Count the records that agree and carry no flag of weak agreement.
 
     Parameters
     ----------
@@ -276,7 +299,10 @@ def weak(records: tuple[Record, ...]) -> int:
     Returns
     -------
     int
-        Those exact through rounding alone, or consistent with an uninformative prediction.
+        Exact or consistent, with none of `WEAK`.
     """
-    agreeing = [r for r in records if r.verdict in {"exact", "consistent"}]
-    return sum(bool({"through_rounding", "uninformative"} & set(r.flags)) for r in agreeing)
+    return sum(not set(WEAK) & set(r.flags) for r in _agreeing(records))
+
+
+def _agreeing(records: tuple[Record, ...]) -> list[Record]:
+    return [r for r in records if r.verdict in {"exact", "consistent"}]

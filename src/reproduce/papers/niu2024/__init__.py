@@ -18,12 +18,15 @@ ITEMS = (
     Item("niu2024/text-approximations", (model.scale_near_one, model.parameter_count)),
     Item("niu2024/fig-2", (), figures_method.draw_planes),
     Item("niu2024/fig-3", (), figures_setup.draw_calibration),
-    Item("niu2024/text-optics", (camera.field_of_view, camera.centre_wavelengths)),
+    Item(
+        "niu2024/text-optics",
+        (camera.field_of_view, camera.centre_wavelength, camera.centre_wavelengths),
+    ),
     Item("niu2024/table-1"),
     Item("niu2024/table-2", (model.true_scale, model.true_translation)),
     Item("niu2024/text-simulation", (simulation.registration_rmse,)),
     Item("niu2024/fig-4", (), angles.draw),
-    Item("niu2024/table-3", (simulation.calibrated_parameters,)),
+    Item("niu2024/table-3", (simulation.calibrated_parameters, simulation.calibrated_translations)),
     Item(
         "niu2024/text-registration",
         (experiment.pointing_errors, laboratory.rmse_before, laboratory.rmse_after),

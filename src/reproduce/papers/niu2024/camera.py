@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import Results, reproduces
+from reproduce.papers.declare import Blocked, Reading, Results, reproduces
 from reproduce.physics import pixel_angles
 from reproduce.printed.given import Given
 
 OPTICS = "niu2024/text-optics"
+OUTCOME = "niu2024/text-registration"
 
 
 @reproduces(
@@ -29,13 +30,51 @@ def field_of_view(given: Given) -> Results:
     }
 
 
-@reproduces(OPTICS, cells=["centre-wavelength-*"], given=[f"{OPTICS}#band-*"])
+def middles(given: Given, band: str) -> tuple[float, float]:
+    """Return the centre wavelength of a channel as the text can be read.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the channel's band and that of the starlight.
+    band : str
+        blue, green or red.
+
+    Returns
+    -------
+    tuple of float
+        The middle of the channel's band, and that of its third of the starlight's band, in metres.
+    """
+    low, high = (given[f"{OUTCOME}#simulator-band-{end}"] for end in ("low", "high"))
+    third = ("blue", "green", "red").index(band)
+    middle = (given[f"{OPTICS}#band-{band}-low"] + given[f"{OPTICS}#band-{band}-high"]) / 2
+    return middle, low + (high - low) * (2 * third + 1) / 6
+
+
+@reproduces(
+    OPTICS,
+    cells=["centre-wavelength-blue"],
+    given=[f"{OPTICS}#band-blue-*", f"{OUTCOME}#simulator-band-*"],
+)
+def centre_wavelength(given: Given) -> Results:
+    """Centre wavelength of blue as the middle of its band, which is a third of the starlight's."""
+    return {"centre-wavelength-blue": middles(given, "blue")[0]}
+
+
+@reproduces(
+    OPTICS,
+    cells=["centre-wavelength-green", "centre-wavelength-red"],
+    given=[f"{OPTICS}#band-*", f"{OUTCOME}#simulator-band-*"],
+)
 def centre_wavelengths(given: Given) -> Results:
-    """Centre wavelengths as the middles of the printed bands."""
-    return {
-        f"centre-wavelength-{band}": (
-            given[f"{OPTICS}#band-{band}-low"] + given[f"{OPTICS}#band-{band}-high"]
+    """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
+    missing = "what a centre wavelength is: the middle of the band, or a nominal colour"
+    results = {}
+    for band in ("green", "red"):
+        middle, nominal = middles(given, band)
+        readings = (
+            Reading("middle of the channel's band", "section 4.3", middle),
+            Reading("middle of a third of the starlight's band", "section 4.3", nominal),
         )
-        / 2
-        for band in ("blue", "green", "red")
-    }
+        results[f"centre-wavelength-{band}"] = Blocked(missing, readings=readings)
+    return results

@@ -20,11 +20,16 @@ AXES = "xy"
     equations=["6"],
 )
 def scale_factors(given: Given) -> Results:
-    """Scale factors as ratios of the focal lengths calibrated beside them."""
+    """Scale factors: fitted to unpublished centroids; the ratios of focal lengths stand in."""
+    centroids = (
+        "the star centroids measured on the three detectors, to which scale factors and focal "
+        "lengths are fitted apart; our stand-in is the ratio of the focal lengths"
+    )
     green = given[f"{CALIBRATION}#focal-length.green"]
     return {
-        f"scale.{channel}": float(
-            chromatic.scale_factor(green, given[f"{CALIBRATION}#focal-length.{channel}"])
+        f"scale.{channel}": Blocked(
+            centroids,
+            float(chromatic.scale_factor(green, given[f"{CALIBRATION}#focal-length.{channel}"])),
         )
         for channel in CHANNELS
     }

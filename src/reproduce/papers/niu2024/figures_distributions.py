@@ -21,7 +21,7 @@ FACTORS = (1.0, 1e3, 1.0, 1.0, 1.0, 1.0)
 
 
 def chosen() -> dict[str, tuple[int, str]]:
-    """Return readings to show: the ledger's, and each other choice made in it alone.
+    """Return readings to show: the literal one, and each other choice made in it alone.
 
     Returns
     -------
@@ -35,13 +35,13 @@ def chosen() -> dict[str, tuple[int, str]]:
         "noise in red and blue": replace(literal, noisy="red and blue"),
         "noise in green": replace(literal, noisy="green"),
         "ten draws": replace(literal, repeats=study.REPEATS[1]),
-        "shifts of Table 2": replace(literal, shifts=study.SHIFTS[1]),
-        "tests among angles": replace(literal, tests=study.TESTS[1]),
+        "shifts of Table 2": replace(literal, shifts=simulation.SHIFTS[1]),
+        "tests among angles": replace(literal, tests=simulation.TESTS[1]),
     }
-    readings = {"the ledger's": literal} | others
+    readings = {"the literal one": literal} | others
     found = {name: (every.index(reading), both) for name, reading in readings.items()}
     found |= {f"RMSE of {way}": (every.index(literal), way) for way in ways}
-    nearest = replace(literal, shifts=study.SHIFTS[1], tests=study.TESTS[1])
+    nearest = replace(literal, shifts=simulation.SHIFTS[1], tests=simulation.TESTS[1])
     return found | {"Table 2, angles, y": (every.index(nearest), counting.COUNTED[-1])}
 
 

@@ -1,8 +1,9 @@
 """The simulation under every reading that the text leaves open (niu2024, sections 4.1 and 4.2).
 
-`reproduce.papers.niu2024.simulation` has the one reading that the ledger uses. Here are all of
-them, on common random numbers, so that two readings differ by their choices and not by their luck.
-Each choice, the ledger's first:
+`reproduce.papers.niu2024.simulation` has the literal reading and those that decide a verdict. Here
+are all of them, on common random numbers, so that two readings differ by their choices and not by
+their luck.
+Each choice, the literal one first:
 
 * repeats: the noise of one draw, or the average of ten, at calibration and test points alike;
 * noise: in every channel, in red and blue alone, or in green alone;
@@ -28,7 +29,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers.niu2024 import angles, simulation
 from reproduce.papers.niu2024.counting import MEASURED
-from reproduce.physics.camera import Camera
+from reproduce.papers.niu2024.simulation import SHIFTS, TESTS
 from reproduce.physics.registration import fit_similarity, rmse_per_axis
 from reproduce.physics.similarity import Similarity
 from reproduce.physics.simulate import channel_centroids, spawned_angles, spawned_normals
@@ -41,8 +42,6 @@ CHUNK = 500
 REPEATS = (1, 10)
 # Where there is noise, and how much of it in green and in the channel that is registered.
 NOISY = {"every channel": (1.0, 1.0), "red and blue": (0.0, 1.0), "green": (1.0, 0.0)}
-SHIFTS = ("Table 1", "Table 2")
-TESTS = ("over the range", "among the angles")
 READS = (
     *simulation.READS,
     f"{simulation.TRUTH}#translation-*",
@@ -89,7 +88,7 @@ def readings(door: Given) -> list[Reading]:
 
 
 def literal(door: Given) -> Reading:
-    """Return the reading that the ledger uses.
+    """Return the literal reading, the one that the ledger uses where all give one verdict.
 
     Parameters
     ----------
@@ -104,41 +103,6 @@ def literal(door: Given) -> Reading:
     names = [found.name for found in angles.candidates(door)]
     place = names.index(angles.literal(door).name)
     return Reading(place, SHIFTS[0], REPEATS[0], next(iter(NOISY)), TESTS[0])
-
-
-def cameras(door: Given, shifts: str) -> list[Camera]:
-    """Return the cameras under one reading of the principal points.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    shifts : str
-        One of `SHIFTS`.
-
-    Returns
-    -------
-    list of Camera
-        Green, red, blue.
-
-    Raises
-    ------
-    ValueError
-        If `shifts` is none of them.
-    """
-    if shifts not in SHIFTS:
-        raise ValueError(f"shifts: expected one of {SHIFTS}, got {shifts!r}")
-    printed = simulation.cameras(door)
-    if shifts == SHIFTS[0]:
-        return printed
-    green, *others = printed
-    moved = [green]
-    for camera, channel in zip(others, simulation.REGISTERED, strict=True):
-        shift = [door[f"{simulation.TRUTH}#translation-{axis}.{channel}"] for axis in "xy"]
-        point = green.principal_point + shift
-        pitch = camera.pixel_pitch
-        moved.append(Camera(camera.focal_length, point, camera.radial_distortion, pitch))
-    return moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +217,7 @@ def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[Floa
     turns = simulation.rotations(door)
     sigma = door[f"{simulation.SETTINGS}#noise"]
     for found, shifts in product(angles.candidates(door), SHIFTS):
-        used, turned = [cameras(door, shifts)[i] for i in pair], [turns[i] for i in pair]
+        used, turned = [simulation.cameras(door, shifts)[i] for i in pair], [turns[i] for i in pair]
         true = channel_centroids(used, turned, found.angles)
         zero = channel_centroids(used, turned, np.zeros((1, 2)))
         at_random = np.moveaxis(channel_centroids(used, turned, drawn.positions), -3, 1)
