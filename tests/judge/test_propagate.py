@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.judge.propagate import _numbers, plain_results, result_intervals
+from reproduce.judge.propagate import numbers, plain_results, result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import reproduces
 from reproduce.printed.given import given
@@ -92,7 +92,7 @@ def test_no_point_inside_the_rounding_box_leaves_the_interval(computation):
     addresses = [cell.address for cell in door.numbers()]
     for _ in range(40):
         shifts = dict(zip(addresses, rng.uniform(-1, 1, len(addresses)), strict=True))
-        results = _numbers(computation, door.shifted(shifts))
+        results = numbers(computation, door.shifted(shifts))
         for name, (low, high) in intervals.items():
             slack = 1e-12 * max(abs(low), abs(high))
             assert low - slack <= results[name] <= high + slack, name

@@ -43,11 +43,11 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     """
     if computation.replicates:
         raise ValueError(f"{computation.name}: expected a deterministic computation")
-    centre = _numbers(computation, given)
+    centre = numbers(computation, given)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for cell in given.numbers():
         for side in (1.0, -1.0):
-            moved = _numbers(computation, given.shifted({cell.address: side}))
+            moved = numbers(computation, given.shifted({cell.address: side}))
             for name, value in moved.items():
                 if value != centre[name]:
                     slopes[name][cell.address] = side if value > centre[name] else -side
@@ -76,7 +76,7 @@ def plain_results(computation: Computation, given: Given) -> dict[str, str]:
         Cell name to ``repeated`` (the result is one input, moves one to one with it and with no
         other) or ``difference`` (one input less another, or less itself); no other names.
     """
-    centre = _numbers(computation, given)
+    centre = numbers(computation, given)
     follows: dict[str, dict[str, set[float]]] = {name: {} for name in centre}
     for cell in given.cells.values():
         if not cell.is_number:
@@ -84,7 +84,7 @@ def plain_results(computation: Computation, given: Given) -> dict[str, str]:
         for steps in (1, -1):
             moved = Given({**given.cells, cell.address: _moved(cell, steps)})
             step = moved[cell.address] - given[cell.address]
-            for name, value in _numbers(computation, moved).items():
+            for name, value in numbers(computation, moved).items():
                 follows[name].setdefault(cell.address, set()).add(
                     round((value - centre[name]) / step, 9)
                 )
@@ -117,13 +117,14 @@ def _corners(
     computation: Computation, given: Given, name: str, signs: Mapping[str, float]
 ) -> Interval:
     ends = [
-        _numbers(computation, given.shifted({a: side * s for a, s in signs.items()}))[name]
+        numbers(computation, given.shifted({a: side * s for a, s in signs.items()}))[name]
         for side in (-1.0, 1.0)
     ]
     return min(ends), max(ends)
 
 
-def _numbers(computation: Computation, given: Given) -> dict[str, float]:
+def numbers(computation: Computation, given: Given) -> dict[str, float]:
+    """Return the numbers that a computation makes, those of every reading under their own name."""
     found: dict[str, float] = {}
     for name, result in computation(given).items():
         if isinstance(result, int | float):
