@@ -86,7 +86,7 @@ def _shown_frame(ledger: Ledger, key: str, *, ascii_units: bool) -> pd.DataFrame
                 "printed": record.printed,
                 "computed": words.computed(record).replace("−", "-"),
                 "unit": record.unit if ascii_units else words.unit(record),
-                "verdict": record.verdict,
+                "verdict": words.qualified(record),
                 "probability": words.probability(record).replace("\u00a0", " "),
             }
             for record in ledger.of(key)

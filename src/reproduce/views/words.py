@@ -304,5 +304,22 @@ def strong(records: tuple[Record, ...]) -> int:
     return sum(not set(WEAK) & set(r.flags) for r in _agreeing(records))
 
 
+def qualified(record: Record) -> str:
+    """Write a verdict with what makes it weak.
+
+    Parameters
+    ----------
+    record : Record
+        A record of the ledger.
+
+    Returns
+    -------
+    str
+        Such as ``exact (repeated)``.
+    """
+    flags = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in WEAK)
+    return f"{record.verdict} ({flags})" if flags else record.verdict
+
+
 def _agreeing(records: tuple[Record, ...]) -> list[Record]:
     return [r for r in records if r.verdict in {"exact", "consistent"}]
