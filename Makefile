@@ -4,9 +4,17 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book test check browser-test bench mutants lock checksums clean
+.PHONY: help book test check browser-test bench same mutants lock checksums clean
 
 export PYTHON
+# Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
+# cannot be written to is no obstacle.
+unexport PYTHONPATH PYTHONHOME
+export MPLCONFIGDIR := $(CURDIR)/.venv/own/matplotlib
+export IPYTHONDIR := $(CURDIR)/.venv/own/ipython
+export JUPYTER_CONFIG_DIR := $(CURDIR)/.venv/own/jupyter
+export JUPYTER_DATA_DIR := $(CURDIR)/.venv/own/jupyter
+export JUPYTER_RUNTIME_DIR := $(CURDIR)/.venv/own/jupyter
 PY := .venv/bin/python
 STAMP := .venv/.installed
 UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
@@ -34,6 +42,9 @@ browser-test: $(STAMP)  ## read the built pages in a headless Chromium
 
 bench: $(STAMP)  ## time what the project promises to be fast
 	@$(PY) -m pytest benchmarks --benchmark-only --benchmark-columns=min,median,rounds
+
+same: $(STAMP)  ## compute every number of the book under other arithmetic, and compare
+	@$(PY) tools/same_numbers.py
 
 mutants: $(STAMP)  ## change the code in many places and see whether the tests notice
 	@$(PY) tools/mutation.py

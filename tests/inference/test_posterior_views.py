@@ -1,7 +1,10 @@
 """The command line and the pages of the posteriors."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -160,3 +163,19 @@ def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():
         expected, error = ratio.mean(), ratio.std() / np.sqrt(len(ratio))
         assert abs(np.exp(value - ours) - expected) < 4 * error + 0.012
     assert max(shown) - min(shown) > 0.5
+
+
+LOADED = """
+from reproduce.inference import posterior
+from reproduce.views import posterior_figures
+posterior_figures._load_corner(), posterior.load_arviz()
+"""
+
+
+def test_nothing_is_said_or_written_where_the_home_cannot_be_written_to(tmp_path):
+    """What ArviZ says is a warning of the build, and what it writes would stop it."""
+    folders = {"HOME": os.devnull, "XDG_CACHE_HOME": os.devnull, "MPLCONFIGDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED], env={**os.environ, **folders}, capture_output=True
+    )
+    assert (done.returncode, done.stderr) == (0, b"")

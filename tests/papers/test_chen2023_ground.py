@@ -8,7 +8,6 @@ import pytest
 from reproduce.papers.chen2023 import (
     ground_study,
     heat_study,
-    layout_study,
     light_study,
     orbit_study,
     stray_study,
@@ -17,7 +16,6 @@ from reproduce.papers.chen2023 import (
 from reproduce.physics.centroids import centre_of_gravity
 from reproduce.physics.errors_on_ground import circular_error
 from reproduce.physics.imaging_jacobian import ground_jacobian
-from reproduce.physics.laser_layout import layout_covariance
 from reproduce.physics.spots import spot_windows
 from reproduce.printed.given import given
 
@@ -156,31 +154,6 @@ def test_shares_of_stray_light_follow_from_table_2():
     assert rows["starlight that the mirror loses"] == "10.0%"
     # Ten nanometres of the band from 840, where the mirror begins, to 1000, where the sensor ends.
     assert [v for k, v in rows.items() if "filter of 10 nm" in k] == ["6.2%"]
-
-
-def test_the_printed_layout_is_that_of_the_spots_and_errs_as_the_roll_study_says():
-    door = given(layout_study.READS)
-    printed = layout_study.printed_layout(door)
-    field = layout_study.fields(door)[layout_study.FIELDS[0]]
-    sigma = np.sqrt(layout_study.variance(door) * layout_covariance(printed, field).diagonal())
-    expected = ground_study.monitoring_sigma(DOOR, 100)
-    # The study takes one scatter for all spots, the budget each its own.
-    np.testing.assert_allclose(sigma, expected, rtol=0.02)
-
-
-def test_the_best_layouts_beat_the_printed_one_and_stand_in_the_corners():
-    rows = {row[0]: np.array(row[1:], float) for row in layout_study.layouts().rows}
-    printed, four, eight, two = (rows[name] for name in ("4, as printed", "4", "8", "2"))
-    assert (four[:3] < printed[:3]).all()
-    # A box's corners are the root of two further out than the middles of its sides.
-    assert printed[2] / four[2] == pytest.approx(np.sqrt(2), abs=0.02)
-    assert (eight[[0, 3]] < four[[0, 3]]).all()
-    assert two[0] > printed[0]
-    np.testing.assert_allclose([two[4], eight[4]], four[4], atol=0.011)
-    assert four[3] < 0.75 * printed[3], "a wide field gains more than any number in a narrow one"
-    placed = {row[0]: row[1] for row in layout_study.placements().rows}
-    assert placed["printed"] == "0 of 4"
-    assert all(count.split()[0] == count.split()[-1] for count in list(placed.values())[1:])
 
 
 def test_the_limits_of_the_corrections_are_where_their_error_crosses():

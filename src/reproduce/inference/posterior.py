@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import tempfile
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -179,8 +181,12 @@ def summarised(name: str, unit: str, values: FloatArray) -> Row:
 
 
 def load_arviz() -> Any:
-    """Import ArviZ, without the announcement it makes on import."""
-    with warnings.catch_warnings():
+    """Import ArviZ, without its announcement and its note in the user's own folders."""
+    with (
+        warnings.catch_warnings(),
+        tempfile.TemporaryDirectory() as folder,
+        mock.patch("platformdirs.user_cache_dir", return_value=folder),
+    ):
         warnings.simplefilter("ignore", FutureWarning)
         import arviz
     return arviz

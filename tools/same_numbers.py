@@ -1,0 +1,212 @@
+"""Compute every number that the book shows under different arithmetic, and compare.
+
+``make same`` runs this. Each setting computes the ledger and runs the cells of all pages in fresh
+processes: with another processor's linear algebra, without the wide instructions, on one thread,
+and from another place, with another locale, time zone and order of sets, and no home to write to.
+Words and tables must be the same letter by letter, drawings to a thousandth of a pixel, the
+ledger's own numbers to `CLOSE`. The pages that sample take most of the time; they run under the
+settings of `SAMPLED` alone, or under all with ``--all``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import locale
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy._core import _multiarray_umath  # type: ignore[attr-defined]
+
+from page_cells import BOOK, notebooks, run
+
+ROOT = BOOK.parent
+CLOSE = 1e-12
+DRAWN = 1e-3
+USUAL, PLAIN, ELSEWHERE = "as it is", "plain instructions", "some where"
+SAMPLED = (USUAL, PLAIN)
+# What a process needs of the checkout to make the pages.
+NEEDED = ("src", "data", "book", "tools")
+# What a setting may change is not taken over from outside.
+CHANGED = ("LC_", "LANG", "TZ", "OPENBLAS_", "OMP_", "NPY_", "PYTHONHASHSEED", "PYTHONUTF8")
+NUMBER = re.compile(r"(?<![\w#.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
+SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
+# Matplotlib names markers and clipping paths by a hash of their coordinates.
+HASH = re.compile(r"\b[mp][0-9a-f]{10}\b|(?<=-)[mp][0-9a-f]{10}\b")
+
+
+def settings() -> dict[str, dict[str, str]]:
+    """Return the settings by name: what each puts into the environment."""
+    features = _multiarray_umath.__cpu_features__
+    found = {
+        USUAL: {},
+        PLAIN: {
+            "OPENBLAS_CORETYPE": "Prescott",
+            "NPY_DISABLE_CPU_FEATURES": " ".join(arithmetic()["instructions"]),
+        },
+        ELSEWHERE: {
+            "LC_ALL": "C",
+            "PYTHONCOERCECLOCALE": "0",
+            "PYTHONUTF8": "0",
+            "TZ": "Pacific/Chatham",
+            "PYTHONHASHSEED": "1",
+            "HOME": os.devnull,
+            "XDG_CACHE_HOME": os.devnull,
+            "XDG_CONFIG_HOME": os.devnull,
+        },
+    }
+    if (os.cpu_count() or 1) > 1:
+        found["one thread"] = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    for core, feature in (("Haswell", "AVX2"), ("SkylakeX", "X86_V4")):
+        if features.get(feature) and core != arithmetic()["core"]:
+            found[core] = {"OPENBLAS_CORETYPE": core}
+    return found
+
+
+def arithmetic() -> dict[str, Any]:
+    """Return what a setting may change, as it is in this process."""
+    import reproduce
+
+    features = _multiarray_umath.__cpu_features__
+    core, threads = "", 0
+    for path in Path(np.__file__).parent.parent.glob("numpy.libs/*openblas64*"):
+        library = ctypes.CDLL(str(path))
+        name = library.scipy_openblas_get_corename64_
+        name.restype = ctypes.c_char_p
+        core, threads = name().decode(), library.scipy_openblas_get_num_threads64_()
+    return {
+        "core": core,
+        "threads": threads,
+        "instructions": [f for f in _multiarray_umath.__cpu_dispatch__ if features[f]],
+        "package": reproduce.__file__,
+        "encoding": locale.getpreferredencoding(),
+    }
+
+
+def computed(pages: list[str]) -> dict[str, Any]:
+    """Return the ledger and what the given pages show, computed in this process."""
+    from reproduce.judge.ledger import build
+
+    shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}
+    ledger = json.loads(build().model_dump_json()) if not pages else {}
+    return {"arithmetic": arithmetic(), "pages": shown, "ledger": ledger}
+
+
+def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[str, Any]:
+    """Return what `computed` does in a process of its own, in a checkout at `root`."""
+    known = {k: v for k, v in os.environ.items() if not k.startswith(CHANGED)}
+    process = subprocess.run(
+        [sys.executable, str(root / "tools/same_numbers.py"), "--here", *pages],
+        env={**known, **environment, "PYTHONPATH": str(root / "src")},
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    if process.returncode or process.stderr:
+        raise RuntimeError(f"{' '.join(pages) or 'the ledger'}: {process.stderr}")
+    answer: dict[str, Any] = json.loads(process.stdout)
+    return answer
+
+
+def differences(one: Any, other: Any, place: str = "") -> Iterator[str]:
+    """Yield where two results differ, by the kind of what stands there.
+
+    Parameters
+    ----------
+    one, other : object
+        Results as JSON has them.
+    place : str
+        Where they stand.
+
+    Yields
+    ------
+    str
+        Place, and both values.
+    """
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        for key in one:
+            yield from differences(one[key], other[key], f"{place} {key}")
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for index, pair in enumerate(zip(one, other, strict=True)):
+            yield from differences(*pair, f"{place} {index}")
+    elif isinstance(one, float) and isinstance(other, float):
+        if not math.isclose(one, other, rel_tol=CLOSE):
+            yield f"{place}: {one!r}, {other!r}"
+    elif isinstance(one, str) and isinstance(other, str):
+        yield from _in_texts(one, other, place)
+    elif type(one) is not type(other) or one != other:
+        yield f"{place}: {one!r}, {other!r}"
+
+
+def _in_texts(one: str, other: str, place: str) -> Iterator[str]:
+    """Yield where two texts differ; only the coordinates of a drawing may, by next to nothing."""
+    lines, others = (SVG.sub("<svg>", text).splitlines() for text in (one, other))
+    if lines != others:
+        pairs = zip(lines, others, strict=False)
+        yield f"{place}: {next((p for p in pairs if p[0] != p[1]), 'another length')}"
+    for drawn, again in zip(SVG.findall(one), SVG.findall(other), strict=False):
+        drawn, again = HASH.sub("", drawn), HASH.sub("", again)
+        numbers = [np.array(NUMBER.findall(svg), float) for svg in (drawn, again)]
+        if NUMBER.sub("", drawn) != NUMBER.sub("", again):
+            yield f"{place}: a drawing has other parts"
+        elif (moved := np.abs(np.subtract(*numbers)).max(initial=0.0)) > DRAWN:
+            yield f"{place}: a drawing moves by {moved:.2g}"
+
+
+def compared(*, everything: bool) -> int:
+    """Compute under all settings, print what differs, and return how many places do."""
+    names = [page.relative_to(BOOK).as_posix() for page in notebooks()]
+    slow = [name for name in names if name.startswith("posteriors/")]
+    quick = [name for name in names if name not in slow]
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
+        away = Path(folder) / ELSEWHERE
+        for part in NEEDED:
+            shutil.copytree(ROOT / part, away / part, ignore=shutil.ignore_patterns("_build"))
+        parts = {
+            name: [
+                pool.submit(apart, environment, away if name == ELSEWHERE else ROOT, pages)
+                for pages in ([[page] for page in slow] if everything or name in SAMPLED else [])
+                + [quick, []]
+            ]
+            for name, environment in settings().items()
+        }
+        results = {name: [part.result() for part in each] for name, each in parts.items()}
+    usual = {page: shown for part in results[USUAL] for page, shown in part["pages"].items()}
+    wrong = 0
+    for name, found in results.items():
+        setting, ledger = found[-1]["arithmetic"], found[-1]["ledger"]
+        if name != USUAL and setting == results[USUAL][-1]["arithmetic"]:
+            raise RuntimeError(f"{name}: expected to change something, got {setting} as usual")
+        pages = {page: shown for part in found for page, shown in part["pages"].items()}
+        places = [
+            *differences({page: usual[page] for page in pages}, pages),
+            *differences(results[USUAL][-1]["ledger"], ledger, "ledger"),
+        ]
+        print(f"{name}: {len(pages)} pages, {len(places)} differences, {setting}")
+        print(*places, sep="\n", end="\n" if places else "", flush=True)
+        wrong += len(places)
+    return wrong
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--all", action="store_true", help="sample under every setting")
+    parser.add_argument("--here", nargs="*", help="print what these pages show, and no more")
+    asked = parser.parse_args()
+    if asked.here is not None:
+        sys.stdout.reconfigure(encoding="utf-8")  # type: ignore[union-attr]
+        json.dump(computed(asked.here), sys.stdout)
+    else:
+        sys.exit(1 if compared(everything=asked.all) else 0)
