@@ -162,6 +162,13 @@ class SpotLikelihood(ABC):
         ]
         return np.concatenate(parts, axis=1)
 
+    def residual(self) -> float:
+        """Standard deviation of a coordinate about least squares, the misfit in it, in px."""
+        centre = np.append(self.start()[0][:-1], 1.0)
+        # At a noise of one pixel the log likelihood is minus half the squares, and a constant.
+        squares = -2 * float(self(centre[None])[0]) - self.statistics.size * np.log(2 * np.pi)
+        return float(np.sqrt(squares / self.statistics.size))
+
     def checks(self, data: SpotStatistics | None = None) -> dict[str, float]:
         """Scatter, shape of the pattern and motion of its centre, in px."""
         data = data or self.statistics
