@@ -15,8 +15,16 @@ import numpy as np
 
 from reproduce.inference.pareto import smoothed
 from reproduce.inference.posterior import Posterior
-from reproduce.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
-from reproduce.inference.priors import flat_place, in_unit
+from reproduce.inference.priors import (
+    HalfNormal,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Prior,
+    Uniform,
+    flat_place,
+    in_unit,
+)
 from reproduce.physics.validate import FloatArray
 
 POWERS = (0.8, 1.25)
@@ -175,9 +183,9 @@ def leanings(posterior: Posterior) -> list[Leaning]:
 
 def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]]:
     if isinstance(prior, Normal | LogNormal):
-        normal = isinstance(prior, Normal)
-        centre = prior.mean if normal else np.log(prior.median)
-        out = float(abs((draws if normal else np.log(draws)).mean() - centre) / prior.sigma)
+        place = prior.mean if isinstance(prior, Normal) else np.log(prior.median)
+        values = draws if isinstance(prior, Normal) else np.log(draws)
+        out = float(abs(values.mean() - place) / prior.sigma)
         return [(None, out)] if out > CONTRADICTED else []
     ends: tuple[float, ...] = ()
     if isinstance(prior, Uniform | LogUniform):

@@ -278,7 +278,8 @@ def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
         (
             focal_parameter(nominal),
             Parameter("noise", r"\sigma", "arcsec", LogUniform(*NOISE,
-                "from the last printed digit to an arc second, no scale preferred"), ARCSEC_PER_RADIAN),
+                "from the last printed digit to an arc second, no scale preferred"),
+                ARCSEC_PER_RADIAN),
             Parameter("bias-x", "b_X", "arcsec", bias, ARCSEC_PER_RADIAN),
             Parameter("bias-y", "b_Y", "arcsec", bias, ARCSEC_PER_RADIAN),
             scatter_parameter(likelihood.reference.scatter),

@@ -89,7 +89,8 @@ def stage_table(name: str, table: Table, pivot: object) -> Model:
     digit = table.last_digit(STAGE_COLUMNS[2:], range(1, len(table.texts)))
     _checked_digit(table, digit)
     reference = _reference(table, table.values[:, :2] * 1e-6, angles[:, [0, 2]],
-                           table.last_digit(STAGE_COLUMNS[:2]) * 1e-6, digit / ARCSEC_PER_RADIAN)  # fmt: skip
+                           table.last_digit(STAGE_COLUMNS[:2]) * 1e-6,
+                           digit / ARCSEC_PER_RADIAN)  # fmt: skip
     likelihood = StageTableLikelihood(reference, angles[:, [1, 3]])
     _, noise, *biases, _ = likelihood.start()[0].tolist()
     digit = digit / ARCSEC_PER_RADIAN
@@ -98,8 +99,8 @@ def stage_table(name: str, table: Table, pivot: object) -> Model:
     wide = max(BIAS * digit, FARTHER * float(np.abs(biases).max()))
     bias = Normal(0.0, wide, "some hundreds of the last digit, or ten times the mean difference")
     priors: dict[str, Prior] = {
-        "noise": LogUniform(*ends, "from the last digit to a thousand times it, or times what least "
-                            "squares leaves; no scale preferred"),
+        "noise": LogUniform(*ends, "from the last digit to a thousand times it, or times what "
+                            "least squares leaves; no scale preferred"),
         "bias-x": bias, "bias-y": bias,
     }  # fmt: skip
     model = table_model(likelihood, reference.fitted()[1])

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from reproduce.inference.directions import directions_model
 from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import SpotLikelihood, drift_model, misalignment_model
+from reproduce.inference.misalignment import (
+    AXES,
+    MOUNT,
+    SpotLikelihood,
+    drift_model,
+    misalignment_model,
+)
 from reproduce.inference.model import Model
 from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.inference.states import states_model
@@ -143,14 +149,17 @@ def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:
 
 
 def _noisy(model: Model) -> Model:
-    """The same, the noise free on both sides of what least squares leaves."""
+    """The same, noise and zero attitude free on both sides of what least squares leaves."""
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
         raise TypeError(f"model: expected spots, got {type(likelihood).__name__}")
     residual = likelihood.residual()
-    prior = LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
+    noise = LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
                        "millionth of what least squares leaves to a thousand times it")  # fmt: skip
-    return _wider(model, {"noise": prior})
+    turn = GENEROUS * residual / float(np.ptp(likelihood.statistics.means[0], axis=0).max())
+    mount = Normal(0.0, max(MOUNT, turn), "the zero attitude is laid over the spots to begin with: "
+                   "a quarter of a degree, or twenty times what their noise turns it")  # fmt: skip
+    return _wider(model, {"noise": noise, **{f"mount-{axis}": mount for axis in AXES}})
 
 
 def _wider(model: Model, priors: dict[str, Prior]) -> Model:
