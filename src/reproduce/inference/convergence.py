@@ -9,6 +9,10 @@ import numpy as np
 from reproduce.inference import diagnostics
 from reproduce.physics.validate import FloatArray
 
+# Steps advised: so many times those that the gates need, since short chains look better than they
+# are; and how many times more where ensembles differ, which no size tells.
+MARGIN, MIXING = 1.25, 2.0
+
 
 @dataclass(frozen=True)
 class Gates:
@@ -58,20 +62,39 @@ class Diagnosis:
 
 
 class ConvergenceError(ArithmeticError):
-    """Chains that miss the gates; `diagnoses`, `acceptance` and `missed` carry the numbers."""
+    """Chains that miss the gates; the message is short, the attributes carry all numbers.
+
+    Parameters
+    ----------
+    missed : list of str
+        Every gate that was missed, the worst first.
+    diagnoses : tuple of Diagnosis
+        Of each parameter.
+    acceptance : tuple of float
+        Of each ensemble.
+    steps : int, optional
+        How many kept steps would do, by the autocorrelation found; none where more steps do not
+        help.
+    """
 
     def __init__(
-        self, missed: list[str], diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...]
+        self,
+        missed: list[str],
+        diagnoses: tuple[Diagnosis, ...],
+        acceptance: tuple[float, ...],
+        steps: int | None = None,
     ) -> None:
         self.missed, self.diagnoses, self.acceptance = missed, diagnoses, acceptance
-        super().__init__(
-            "the chains are refused: " + "; ".join(missed) + "; take more steps, or find out what "
-            "keeps the ensembles from mixing"
-        )
+        self.steps = steps
+        more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
+        advice = "find out what keeps the ensembles from mixing"
+        if steps is not None:
+            advice = f"take about {steps} steps"
+        super().__init__(f"the chains are refused: {missed[0]}{more}; {advice}")
 
     def __reduce__(self) -> tuple[object, ...]:
         """Survive the way back from a worker process."""
-        return (type(self), (self.missed, self.diagnoses, self.acceptance))
+        return (type(self), (self.missed, self.diagnoses, self.acceptance, self.steps))
 
 
 def thinned(chains: FloatArray, time: float) -> FloatArray:
@@ -143,20 +166,34 @@ def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gat
     ConvergenceError
         If a gate is missed, or a number is not finite.
     """
-    missed = []
+    # How many times more steps each gate needs, and which it is; NaN misses and comes first.
+    missed: list[tuple[float, str]] = []
     for one in diagnoses:
-        # Written so that NaN misses.
         if not one.rhat <= gates.rhat:
-            missed.append(f"{one.name}: R-hat {one.rhat:.4f}, at most {gates.rhat:g} allowed")
+            words = f"{one.name}: R-hat {one.rhat:.4f}, at most {gates.rhat:g} allowed"
+            missed.append((MIXING if np.isfinite(one.rhat) else np.inf, words))
         if not one.times >= gates.times:
-            missed.append(
+            words = (
                 f"{one.name}: {one.times:.1f} autocorrelation times (one is {one.time:.1f} steps), "
                 f"at least {gates.times:g} required"
             )
+            missed.append((_short(gates.times, one.times), words))
         for kind, size in (("bulk", one.bulk), ("tail", one.tail)):
             if not size >= gates.size:
-                missed.append(f"{one.name}: {kind} ESS {size:.0f}, at least {gates.size:g} needed")
+                words = f"{one.name}: {kind} ESS {size:.0f}, at least {gates.size:g} needed"
+                missed.append((_short(gates.size, size), words))
     if not min(acceptance) >= gates.acceptance:
-        missed.append(f"acceptance {min(acceptance):.3f}, at least {gates.acceptance:g} required")
+        words = f"acceptance {min(acceptance):.3f}, at least {gates.acceptance:g} required"
+        missed.append((np.inf, words))
     if missed:
-        raise ConvergenceError(missed, diagnoses, acceptance)
+        missed.sort(key=lambda miss: -miss[0])
+        factor, steps = missed[0][0], None
+        if np.isfinite(factor):
+            kept = diagnoses[0].time * diagnoses[0].times
+            steps = int(np.ceil(MARGIN * factor * kept / 100)) * 100
+        raise ConvergenceError([words for _, words in missed], diagnoses, acceptance, steps)
+
+
+def _short(needed: float, found: float) -> float:
+    """How many times more steps are needed; infinite where that cannot be told."""
+    return needed / found if found > 0 else np.inf

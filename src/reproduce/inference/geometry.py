@@ -21,7 +21,6 @@ from reproduce.inference.model import Model, Parameter
 from reproduce.inference.priors import LogNormal, Uniform
 from reproduce.inference.reference_angles import (
     FOCAL_SPREAD,
-    SCATTER,
     Printed,
     ReferenceAngles,
     focal_parameter,
@@ -225,7 +224,7 @@ class GeometryCoordinates:
                 (x - middle_x) / centre,
                 (y - middle_y) / centre,
                 scores(placement, PLACEMENT),
-                scores(scatter, SCATTER),
+                scores(scatter, self.likelihood.reference.scatter),
             ],
             axis=-1,
         )
@@ -234,7 +233,7 @@ class GeometryCoordinates:
         """Parameter vectors at coordinates, shape (n, 8)."""
         factor, (middle_x, middle_y), _ = self._square
         placement = from_scores(straight[:, 6], PLACEMENT)
-        scatter = from_scores(straight[:, 7], SCATTER)
+        scatter = from_scores(straight[:, 7], self.likelihood.reference.scatter)
         centre, turn = self._errors(placement)
         focal, focal_error = self._camera(scatter)
         camera = focal + focal_error * straight[:, 0]
@@ -253,7 +252,8 @@ class GeometryCoordinates:
         centre, turn = self._errors(placement)
         widths = self._camera(scatter)[1] * self._product(camera, turn)[1] * turn * centre**2
         lengths = np.log(parameters[:, :3]).sum(axis=1) + np.log(SPREAD / np.sqrt(2))
-        ends = log_slope(placement, PLACEMENT) + log_slope(scatter, SCATTER)
+        ends = log_slope(placement, PLACEMENT)
+        ends = ends + log_slope(scatter, self.likelihood.reference.scatter)
         return np.asarray(lengths + np.log(widths) + ends)
 
 
@@ -290,7 +290,7 @@ def geometry_model(likelihood: GeometryLikelihood, pixels: float) -> Model:
             Parameter("centre-y", "y_c", "px", field),
             Parameter("log-placement", r"\log_{10}\epsilon", "log10 px", Uniform(*PLACEMENT,
                 "from the last printed digit to a tenth of the pattern, no scale preferred")),
-            scatter_parameter(),
+            scatter_parameter(likelihood.reference.scatter),
         ),
         likelihood,
         {"focal-length": camera, "tracker-focal-length": tracker, "spacing": spacing},

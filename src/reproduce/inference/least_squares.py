@@ -1,11 +1,28 @@
-"""What niu2024 itself makes of a registration: the least-squares similarity, and what it leaves."""
+"""What niu2024 itself makes of a registration: the least-squares similarity, and what it leaves.
+
+The same of the stars that fit alone, where some are wrongly matched.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.validate import FloatArray
+import numpy as np
+from numpy.typing import NDArray
+
+from reproduce.physics.fit import fit_registration
+from reproduce.physics.registration import SimilarityFit, fit_similarity
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray
+
+# The robust fit takes all pairs of so many stars; its residuals are then those of all stars.
+PAIRED = 300
+# A star further off than so many standard deviations of a coordinate is taken for wrongly matched:
+# of honest ones with Gaussian noise that is one in 270,000.
+FAR = 5.0
+# The median length of a two-dimensional Gaussian residual, in standard deviations of a coordinate.
+MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
+# Residuals below this share of the coordinates are rounding.
+ROUNDING = 1e-12
 
 
 def least_squares(
@@ -55,3 +72,79 @@ def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dic
             (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()
         ),
     }
+
+
+@dataclass(frozen=True, eq=False)
+class RobustFit:
+    """The least-squares similarity of the stars that fit.
+
+    Parameters
+    ----------
+    fit : SimilarityFit
+        Of those alone.
+    noise : float
+        Standard deviation of a residual coordinate of those, in px.
+    off : ndarray, shape (n,)
+        Length of every star's residual in such standard deviations.
+    suspects : ndarray of int
+        The stars that do not fit, the furthest first.
+    """
+
+    fit: SimilarityFit
+    noise: float
+    off: FloatArray
+    suspects: NDArray[np.intp]
+
+    def estimate(self) -> tuple[FloatArray, FloatArray]:
+        """(k, theta, shift x, shift y, noise) and their standard errors, both of shape (5,)."""
+        freedom = max(float(self.fit.degrees_of_freedom), 1.0)
+        errors = self.noise * np.sqrt(np.diagonal(self.fit.cofactor))
+        centre = np.append(self.fit.parameters, self.noise)
+        return centre, np.append(errors, self.noise / np.sqrt(2 * freedom))
+
+
+def robust_similarity(source: FloatArray, target: FloatArray, pivot: FloatArray) -> RobustFit:
+    """Fit the similarity though up to almost half of the stars are wrongly matched.
+
+    Where half of them or more coincide there are no medians to start from: least squares starts.
+
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 2)
+        Four or more stars, in px.
+    pivot : ndarray, shape (2,)
+        The source's principal point, in px.
+
+    Returns
+    -------
+    RobustFit
+        With the stars that do not fit.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If the points do not fix a similarity.
+
+    Examples
+    --------
+    >>> source = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9], [4, 7], [6, 2]])
+    >>> target = source + [[3, 0], [3.1, 0], [3, 0.1], [3, 0], [66, 0], [3, -0.1]]
+    >>> robust_similarity(source, target, np.zeros(2)).suspects
+    array([4])
+    """
+    count = len(source)
+    some = np.linspace(0, count - 1, min(count, PAIRED)).astype(int)
+    try:
+        start = fit_registration(source[some], target[some], pivot, robust=True)
+    except DegenerateGeometryError:
+        start = fit_registration(source, target, pivot)
+    length = np.hypot(*(target - start.transform.apply(source)).T)
+    # Few stars: the fit leaves less of their scatter (Rousseeuw and Leroy, 1987, chapter 5).
+    spread = float(np.median(length)) / MEDIAN_LENGTH * (1 + 5 / (count - 2))
+    rounding = ROUNDING * float(np.abs([source, target]).max())
+    good = length <= FAR * max(spread, rounding)
+    fit = fit_similarity(source[good], target[good], pivot)
+    freedom = max(float(fit.degrees_of_freedom), 1.0)
+    noise = max(float(np.sqrt(fit.chi_square / freedom)), rounding)
+    furthest = np.argsort(-length)
+    return RobustFit(fit, noise, length / noise, furthest[~good[furthest]])

@@ -25,6 +25,8 @@ from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
 AXES = "xyz"
+# Width of the prior of the zero attitude, in radians.
+MOUNT = 5e-3
 # Steps of the central differences, as shares of each parameter's own scale.
 STEP = 1e-3
 
@@ -162,6 +164,13 @@ class SpotLikelihood(ABC):
         ]
         return np.concatenate(parts, axis=1)
 
+    def residual(self) -> float:
+        """Standard deviation of a coordinate about least squares, the misfit in it, in px."""
+        centre = np.append(self.start()[0][:-1], 1.0)
+        # At a noise of one pixel the log likelihood is minus half the squares, and a constant.
+        squares = -2 * float(self(centre[None])[0]) - self.statistics.size * np.log(2 * np.pi)
+        return float(np.sqrt(squares / self.statistics.size))
+
     def checks(self, data: SpotStatistics | None = None) -> dict[str, float]:
         """Scatter, shape of the pattern and motion of its centre, in px."""
         data = data or self.statistics
@@ -226,8 +235,8 @@ def spots_model(
     priors: Mapping[str, Prior] | None,
     derived: Derived | None,
 ) -> Model:
-    mount = Normal(0.0, 5e-3, "the zero attitude is laid over the spots to begin with, so only the "
-                   "misfit of the design is left: a quarter of a degree is generous")  # fmt: skip
+    mount = Normal(0.0, MOUNT, "the zero attitude is laid over the spots to begin with, so only "
+                   "the misfit of the design is left: a quarter of a degree is generous")  # fmt: skip
     scale = Parameter("laser-scale", "s", "1", Normal(1.0, 0.1, "a pattern within a tenth or so of "
                       "its design; the printed spots lie a twentieth off"))  # fmt: skip
     noise = Parameter("noise", r"\sigma", "px", LogUniform(1e-4, 1.0, "from far finer than any "

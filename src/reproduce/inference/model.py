@@ -16,7 +16,7 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.coordinates import Coordinates, Declared, Straightened
-from reproduce.inference.priors import Prior
+from reproduce.inference.priors import Prior, in_unit
 from reproduce.physics.validate import FloatArray
 
 # A start is this many times wider than the posterior is expected to be.
@@ -26,6 +26,10 @@ TRIES = 1000
 
 class UnsuitableModelError(ValueError):
     """A closed form, bound or quadrature does not exist for this model."""
+
+
+class StartError(ValueError):
+    """No starting points with a finite posterior: the message says which prior excludes them."""
 
 
 class Likelihood(Protocol):
@@ -186,11 +190,11 @@ class Model:
 
         Raises
         ------
-        ValueError
+        StartError
             If hardly any starting point has a finite posterior.
         """
-        centre, spread = self.likelihood.start()
-        centre = centre + OVERDISPERSION * spread * generator.normal(size=self.dimension)
+        rough, spread = self.likelihood.start()
+        centre = rough + OVERDISPERSION * spread * generator.normal(size=self.dimension)
         points = np.empty((0, self.dimension))
         for attempt in range(TRIES):
             # A displaced centre may lie outside the support: let the scatter grow back to it.
@@ -199,9 +203,20 @@ class Model:
             points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
             if len(points) >= walkers:
                 return points[:walkers]
-        raise ValueError(
-            f"{self.name}: expected starting points with a finite posterior, got {len(points)} of "
-            f"{walkers} after {TRIES} tries; check the data against the priors"
+        raise StartError(f"{self.name}: nowhere to start from: {self._excluded(rough)}")
+
+    def _excluded(self, rough: FloatArray) -> str:
+        """Why a rough estimate, shape (d,), has no finite posterior, and what to do."""
+        for value, one in zip(rough.tolist(), self.parameters, strict=True):
+            if not np.isfinite(one.prior.log_density(np.array([value]))[0]):
+                prior = in_unit(one.prior, one.shown, one.offset)
+                return (
+                    f"the rough estimate of {one.name} is {(value - one.offset) * one.shown:.6g} "
+                    f"{one.unit}, its prior {prior}; check the data, or widen the prior"
+                )
+        return (
+            "hardly any point near the rough estimate has a finite posterior; check the data for "
+            "values that are alike, far off or without noise"
         )
 
 

@@ -204,16 +204,21 @@ def digits(value: float, mcse: float) -> str:
     -------
     str
         The last digit is the first that is larger than two standard errors, so that a second run
-        changes it by one at most, nearly always.
+        changes it by one at most, nearly always; but a number that is larger than its error keeps
+        its first digit, and a zero has no sign.
 
     Examples
     --------
     >>> digits(1.23456, 0.002), digits(1234.5, 3.0), digits(0.5, 0.0)
     ('1.23', '1230', '0.5')
+    >>> digits(-0.23, 0.06), digits(7.0, 4.0), digits(-0.0003, 0.002)
+    ('-0.2', '7', '0.00')
     """
     if not np.isfinite(mcse) or mcse <= 0:
-        return f"{value:.6g}"
+        return f"{value:z.6g}"
     decimals = -int(np.ceil(np.log10(2 * mcse)))
+    if abs(value) > mcse:
+        decimals = max(decimals, -int(np.floor(np.log10(abs(value)))))
     if decimals >= 0:
-        return f"{value:.{min(decimals, 12)}f}"
-    return f"{round(value, decimals):.0f}"
+        return f"{value:z.{min(decimals, 12)}f}"
+    return f"{round(value, decimals):z.0f}"

@@ -116,12 +116,15 @@ class ReferenceAngles:
         Printed reference angles, in radians.
     half_position, half_angle : float
         Half the last printed digits.
+    scatter : tuple of float
+        Ends of the prior of log10 of the scatter in arcsec.
     """
 
     positions: FloatArray
     angles: FloatArray
     half_position: float
     half_angle: float
+    scatter: tuple[float, float] = SCATTER
 
     def predicted(self, focal: FloatArray) -> FloatArray:
         """Angles of the moved states by (10), shape (n, nodes, states, blocks)."""
@@ -230,9 +233,9 @@ def focal_parameter(nominal: float) -> Parameter:
     return Parameter("focal-length", "f", "mm", prior, 1e3)
 
 
-def scatter_parameter() -> Parameter:
+def scatter_parameter(ends: tuple[float, float]) -> Parameter:
     """Scatter of the reference angles, as the decimal logarithm of its size in arc seconds."""
-    prior = Uniform(*SCATTER, "from a tenth of the last printed digit to an arc second, no scale "
+    prior = Uniform(*ends, "from a tenth of the last printed digit to an arc second, no scale "
                     "preferred: what the formula leaves unexplained")  # fmt: skip
     return Parameter("log-reference-scatter", r"\log_{10}\tau", "log10 arcsec", prior)
 

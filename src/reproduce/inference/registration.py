@@ -26,7 +26,7 @@ from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
 from reproduce.physics.registration import fit_similarity, paired_points
 from reproduce.physics.similarity import Similarity, as_complex, as_points
 from reproduce.physics.validate import FloatArray, finite_array
-from reproduce.units import ARCMIN_PER_RADIAN
+from reproduce.units import DEGREES_PER_RADIAN
 
 
 def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -173,10 +173,10 @@ def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Par
     extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
     field = "the field itself: with a larger shift the channels would share no star"
     return (
-        Parameter("scale", "k", "1e-6", Uniform(0.5, 2.0, "between half and double: any pair of "
-            "channels of one telescope; flat, as the closed form needs"), 1e6, 1.0),
-        Parameter("rotation", r"\theta", "arcmin", Uniform(-0.5, 0.5, "half a radian: detectors "
-            "behind one prism are mounted the same way round"), ARCMIN_PER_RADIAN),
+        Parameter("scale", "k", "1", Uniform(0.5, 2.0, "between half and double: any pair of "
+            "channels of one telescope; flat, as the closed form needs")),
+        Parameter("rotation", r"\theta", "deg", Uniform(-0.5, 0.5, "half a radian: detectors "
+            "behind one prism are mounted the same way round"), DEGREES_PER_RADIAN),
         Parameter("shift-x", r"\Delta x", "px", Uniform(-extent, extent, field)),
         Parameter("shift-y", r"\Delta y", "px", Uniform(-extent, extent, field)),
         Parameter("noise", r"\sigma", "px", LogUniform(extent * 1e-7, extent * 1e-2,

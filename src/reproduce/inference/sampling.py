@@ -220,7 +220,13 @@ def _claim(folder: Path, model: Model, plan: Plan) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "plan.json"
     if path.exists():
-        found = json.loads(path.read_text(encoding="utf-8"))
+        try:
+            found = dict(json.loads(path.read_text(encoding="utf-8")))
+        except ValueError as error:
+            raise ResumeError(
+                f"{path}: expected the plan of a stored run in JSON, got something else; choose "
+                "another folder"
+            ) from error
         if found != note:
             different = sorted(k for k in note if found.get(k) != note[k])
             raise ResumeError(

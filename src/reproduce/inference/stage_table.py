@@ -20,7 +20,6 @@ from reproduce.inference.priors import LogUniform, Normal
 from reproduce.inference.reference_angles import (
     FOCAL_SPREAD,
     HYPOTHESES,
-    SCATTER,
     Printed,
     ReferenceAngles,
     focal_parameter,
@@ -49,11 +48,14 @@ class StageTableLikelihood:
         Printed monitored angles, in radians.
     hypothesis : int, optional
         0: as printed, 1: interchanged, None: both, summed with equal weights.
+    log_noise : tuple of float
+        Ends of the prior of the noise, as logarithms of radians.
     """
 
     reference: ReferenceAngles
     monitored: FloatArray
     hypothesis: int | None = None
+    log_noise: tuple[float, float] = LOG_NOISE
 
     def printed(self, parameters: FloatArray) -> tuple[Printed, Printed]:
         """Reference and monitored angles under these parameters."""
@@ -217,16 +219,16 @@ class StageTableCoordinates:
         return np.column_stack(
             [
                 (camera - focal) / focal_error,
-                scores(log_noise, LOG_NOISE),
+                scores(log_noise, self.likelihood.log_noise),
                 (parameters[:, 2:4] - bias) / bias_error,
-                scores(parameters[:, 4], SCATTER),
+                scores(parameters[:, 4], self.likelihood.reference.scatter),
             ]
         )
 
     def parameters(self, straight: FloatArray) -> FloatArray:
         """Parameter vectors at coordinates, shape (n, 5)."""
-        log_noise = from_scores(straight[:, 1], LOG_NOISE)
-        scatter = from_scores(straight[:, 4], SCATTER)
+        log_noise = from_scores(straight[:, 1], self.likelihood.log_noise)
+        scatter = from_scores(straight[:, 4], self.likelihood.reference.scatter)
         focal, focal_error = self._focal(log_noise, scatter)
         camera = focal + focal_error * straight[:, 0]
         bias, bias_error = self._bias(camera, log_noise)
@@ -248,7 +250,8 @@ class StageTableCoordinates:
         camera, log_noise = np.log(parameters[:, 0]), np.log(parameters[:, 1])
         widths = self._focal(log_noise, parameters[:, 4])[1]
         widths = widths * self._bias(camera, log_noise)[1][:, 0] ** 2
-        ends = log_slope(log_noise, LOG_NOISE) + log_slope(parameters[:, 4], SCATTER)
+        ends = log_slope(log_noise, self.likelihood.log_noise)
+        ends = ends + log_slope(parameters[:, 4], self.likelihood.reference.scatter)
         return np.asarray(camera + log_noise + np.log(widths) + ends)
 
 
@@ -279,7 +282,7 @@ def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
                 ARCSEC_PER_RADIAN),
             Parameter("bias-x", "b_X", "arcsec", bias, ARCSEC_PER_RADIAN),
             Parameter("bias-y", "b_Y", "arcsec", bias, ARCSEC_PER_RADIAN),
-            scatter_parameter(),
+            scatter_parameter(likelihood.reference.scatter),
         ),
         likelihood,
         {"focal-length": nominal},

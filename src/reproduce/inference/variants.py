@@ -14,6 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model, Parameter
 from reproduce.inference.priors import Normal, Uniform
 from reproduce.inference.registration import GaussianRegistration
@@ -36,12 +37,15 @@ class PointwiseRegistration:
         The source channel's principal point, in px.
     edge : float, optional
         Radius of the field, in px; by default that of the outermost star.
+    robust : bool
+        Whether the start is that of the stars that fit, for data with wrong matches.
     """
 
     source: FloatArray
     target: FloatArray
     pivot: FloatArray
     edge: float | None = None
+    robust: bool = False
 
     # Centre and spread of the parameters that a subclass adds.
     extra_centre: ClassVar[tuple[float, ...]] = (0.0,)
@@ -105,8 +109,11 @@ class PointwiseRegistration:
         return replace(self, target=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """The least-squares fit and its standard errors, and what the subclass adds."""
-        centre, spread = self.plain.start()
+        """The least-squares or robust fit and its standard errors, and what the subclass adds."""
+        if self.robust:
+            centre, spread = robust_similarity(self.source, self.target, self.pivot).estimate()
+        else:
+            centre, spread = self.plain.start()
         return np.append(centre, self.extra_centre), np.append(spread, self.extra_spread)
 
     def estimate(self) -> tuple[FloatArray, FloatArray]:

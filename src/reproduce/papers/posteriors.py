@@ -37,6 +37,8 @@ class Declared:
         prints no estimate.
     compared : tuple of str
         The printed cells that are compared with the posterior only: they do not reach the model.
+    truth : callable, optional
+        The parameters with which the data were simulated, by name, of the door; SI units or px.
     """
 
     name: str
@@ -47,10 +49,15 @@ class Declared:
     rivals: tuple[Callable[[Given], Model], ...] = ()
     published: Callable[[Given, Model], Published] | None = None
     compared: tuple[str, ...] = ()
+    truth: Callable[[Given], dict[str, float]] | None = None
 
     def model(self) -> Model:
         """Return the model with its data."""
         return self.build(given(self.given))
+
+    def true_values(self) -> dict[str, float]:
+        """Return the parameters with which the data were simulated; none where they were not."""
+        return {} if self.truth is None else self.truth(given(self.given))
 
     def rival_models(self) -> list[Model]:
         """Return the models that model choice compares this one with."""

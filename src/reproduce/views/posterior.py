@@ -15,6 +15,7 @@ from rich.table import Table
 from reproduce.inference.model import Model
 from reproduce.inference.posterior import Posterior, Row, digits
 from reproduce.inference.sampling import Plan, sample
+from reproduce.inference.sensitivity import leanings
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import posteriors
 
@@ -113,7 +114,8 @@ def summary_table(posterior: Posterior) -> Table:
     for head in ("mean", "sd", "2.5 %", "97.5 %", "MCSE", "R-hat", "bulk", "tail"):
         table.add_column(head, justify="right", no_wrap=True)
     for row in all_rows(posterior):
-        table.add_row(f"{row.name} ({row.unit})", *numbers(row))
+        label = row.name if row.unit == "1" else f"{row.name} ({row.unit})"
+        table.add_row(label, *numbers(row))
     return table
 
 
@@ -131,6 +133,35 @@ def numbers(row: Row) -> list[str]:
     ]
 
 
+def provenance(name: str) -> tuple[dict[str, Any], str]:
+    """Return what the data of a model of the book are, for programs and in one line.
+
+    Parameters
+    ----------
+    name : str
+        The model.
+
+    Returns
+    -------
+    dict
+        Kind and paper; the truth of what is simulated, by parameter, in the units shown.
+    str
+        The same in words.
+    """
+    declared = posteriors()[name]
+    if not declared.simulated:
+        return {"kind": "printed", "paper": declared.paper}, f"as printed in {declared.paper}"
+    parameters = {one.name: one for one in declared.model().parameters}
+    truth = {key: (value - parameters[key].offset) * parameters[key].shown
+             for key, value in declared.true_values().items()}  # fmt: skip
+    shown = ", ".join(
+        f"{key} {value:.6g}" + ("" if parameters[key].unit == "1" else f" {parameters[key].unit}")
+        for key, value in truth.items()
+    )
+    words = f"simulated by us with printed settings of {declared.paper}; truth: {shown}"
+    return {"kind": "simulated", "paper": declared.paper, "truth": truth}, words
+
+
 def record(posterior: Posterior) -> dict[str, Any]:
     """Return everything of a summary for other programs."""
     return {
@@ -140,6 +171,7 @@ def record(posterior: Posterior) -> dict[str, Any]:
         "steps": posterior.chain.shape[1],
         "walkers": posterior.chain.shape[2],
         "acceptance": list(posterior.acceptance),
+        "at_prior_end": [asdict(one) for one in leanings(posterior)],
         "parameters": [asdict(row) for row in posterior.rows()],
         "consequences": [asdict(row) for row, _ in posterior.consequences()],
     }

@@ -3,16 +3,57 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+if TYPE_CHECKING:
+    from reproduce.inference.model import Model
+    from reproduce.inference.posterior import Posterior
 
-@click.command()
+
+class Spoken(click.Command):
+    """A command whose refusals are JSON too where JSON is asked for: an object with "error"."""
+
+    def make_context(
+        self,
+        info_name: str | None,
+        args: list[str],
+        parent: click.Context | None = None,
+        **extra: Any,
+    ) -> click.Context:
+        """Read the arguments."""
+        with self._speaking("--json" in args):
+            return super().make_context(info_name, args, parent, **extra)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run."""
+        with self._speaking(bool(ctx.params.get("as_json"))):
+            return super().invoke(ctx)
+
+    @contextmanager
+    def _speaking(self, as_json: bool) -> Iterator[None]:
+        try:
+            yield
+        except click.ClickException as error:
+            if as_json:
+                more = error.record if isinstance(error, RefusedError) else {}
+                click.echo(json.dumps({"error": error.format_message(), **more}, indent=2))
+            raise
+
+
+class RefusedError(click.ClickException):
+    """Chains that miss a gate: exit status one, and all numbers for programs."""
+
+    def __init__(self, message: str, record: dict[str, Any]) -> None:
+        super().__init__(message)
+        self.record = record
+
+
+@click.command(cls=Spoken)
 @click.argument("model", required=False)
 @click.option("--list", "list_models", is_flag=True, help="Name all models.")
 @click.option(
@@ -30,14 +71,17 @@ import click
 def posterior(model: str | None, list_models: bool, as_json: bool, **options: Any) -> None:
     """Sample the posterior of MODEL and print its summary.
 
-    A chain that misses the gates (R-hat, autocorrelation times, effective sample sizes) is refused:
-    the numbers are printed and the exit status is 1.
+    The first line says what the data are. A chain that misses a gate (R-hat, autocorrelation times,
+    effective sample sizes) is refused: the exit status is 1, and the steps needed are told. Where
+    the posterior leans on an end of a prior, a line says so; in JSON it is "at_prior_end".
     """
     if list_models:
         _list_models(as_json)
         return
     name = _known(model)
     out, resume = options["out"], options["resume"]
+    if options["pivot"] is not None and options["data"] is None:
+        raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
     if resume and out is None:
         raise click.UsageError("--resume needs --out: the folder of the run to continue")
     if out is not None and (out / "plan.json").exists() and not resume:
@@ -46,29 +90,48 @@ def posterior(model: str | None, list_models: bool, as_json: bool, **options: An
 
 
 def _sample(name: str, as_json: bool, options: dict[str, Any]) -> None:
-    from rich.console import Console
-
     from reproduce.inference.convergence import ConvergenceError
+    from reproduce.inference.model import StartError
     from reproduce.inference.sampling import ResumeError
     from reproduce.views import posterior as running
 
-    built = _build(name, options["data"], options["pivot"])
+    built, data, words, remarks = _build(name, options["data"], options["pivot"])
     plan = running.plan_for(name, options["steps"], options["ensembles"])
     try:
         with _bar("sampling") as advance:
             found = running.run(
                 built, plan, workers=options["workers"], folder=options["out"], progress=advance
             )
+        # Consequences are held to the gates too, when they are first asked for.
+        record = running.record(found)
     except ConvergenceError as error:
-        click.echo(f"{name}: {error}", err=True)
-        sys.exit(1)
-    except ResumeError as error:
+        steps = {} if error.steps is None else {"steps_needed": error.steps}
+        record = {"model": name, "data": data, "steps": plan.steps, **steps, "missed": error.missed}
+        advice = "" if error.steps is None else f" (--steps; there were {plan.steps})"
+        raise RefusedError(f"{name}: {error}{advice}", record) from error
+    except (ResumeError, StartError) as error:
         raise click.UsageError(str(error)) from error
+    except OSError as error:
+        if options["out"] is None:
+            raise
+        reason = error.strerror or "a file in it is damaged"
+        raise click.UsageError(f"--out: cannot use {options['out']}: {reason}") from error
     if as_json:
-        click.echo(json.dumps(running.record(found), indent=2, ensure_ascii=False))
+        click.echo(json.dumps({**record, "data": data, "remarks": remarks}, indent=2,
+                              ensure_ascii=False))  # fmt: skip
         return
+    _show(found, words, remarks)
+
+
+def _show(found: Posterior, words: str, remarks: list[str]) -> None:
+    from rich.console import Console
+
+    from reproduce.inference.sensitivity import leanings
+    from reproduce.views import posterior as running
+
     console = Console()
-    console.print(f"{built.name}: {built.title}", style="bold", highlight=False)
+    console.print(f"Data: {words}", highlight=False, markup=False)
+    console.print(f"{found.model.name}: {found.model.title}", style="bold", highlight=False)
     console.print(running.summary_table(found))
     console.print(
         f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
@@ -77,19 +140,28 @@ def _sample(name: str, as_json: bool, options: dict[str, Any]) -> None:
         f"seed {found.seed}",
         highlight=False,
     )
+    for line in [*map(str, leanings(found)), *remarks]:
+        console.print(f"Beware: {line}.", style="bold", highlight=False, markup=False)
 
 
-def _build(name: str, data: Path | None, pivot: tuple[float, float] | None) -> Any:
+def _build(
+    name: str, path: Path | None, pivot: tuple[float, float] | None
+) -> tuple[Model, dict[str, Any], str, list[str]]:
+    """Return the model, what its data are (for programs and in words), and remarks on them."""
     from reproduce.papers.posteriors import posteriors
+    from reproduce.views import posterior as running
 
-    if data is None:
-        return posteriors()[name].model()
-    from reproduce.views.posterior_data import from_file
+    if path is None:
+        return posteriors()[name].model(), *running.provenance(name), []
+    from reproduce.views.posterior_data import supplied
 
     try:
-        return from_file(name, data, pivot)
+        found = supplied(name, path, pivot)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.UsageError(f"--data: cannot read {path}: {error.strerror}") from error
+    return found.model, found.data, found.words, list(found.remarks)
 
 
 def _list_models(as_json: bool) -> None:

@@ -8,7 +8,12 @@ What is printed, rounded, is taken as rounded to the last digit that the file wr
 
 from __future__ import annotations
 
+import csv
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from reproduce.inference.model import Model
 from reproduce.store.points import TableFileError, read_table
@@ -66,8 +71,35 @@ NONE = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class Supplied:
+    """A user's file as a model, and what to say of it.
+
+    Parameters
+    ----------
+    model : Model
+        With priors on the scale of the data.
+    data : dict
+        What the data are, for programs: kind, file, rows, pivot where there is one.
+    words : str
+        The same in one line.
+    remarks : tuple of str
+        What a user should hear of the data.
+    """
+
+    model: Model
+    data: dict[str, Any]
+    words: str
+    remarks: tuple[str, ...]
+
+
 def from_file(name: str, path: Path, pivot: tuple[float, float] | None = None) -> Model:
-    """Return a model with a user's data.
+    """Return a model with a user's data; arguments and errors are those of `supplied`."""
+    return supplied(name, path, pivot).model
+
+
+def supplied(name: str, path: Path, pivot: tuple[float, float] | None = None) -> Supplied:
+    """Return a model with a user's data, and what to say of them.
 
     Parameters
     ----------
@@ -80,15 +112,37 @@ def from_file(name: str, path: Path, pivot: tuple[float, float] | None = None) -
 
     Returns
     -------
-    Model
+    Supplied
         With priors on the scale of the data.
 
     Raises
     ------
     TableFileError
-        If the file is wrong, or the model takes none.
+        If the file is wrong, or the model takes none, or no pivot.
     """
     if name not in READERS:
         raise TableFileError(f"{name} takes no file: {NONE[name]}")
     columns, reader = READERS[name]
-    return reader(name, read_table(path, columns), pivot)
+    starry = columns in (stars.COLUMNS, stars.JOINT_COLUMNS)
+    if pivot is not None and not starry:
+        raise TableFileError(f"{name} takes no --pivot: only registrations turn about one")
+    try:
+        # A number that overflows or divides by nothing is an error of the file, not a warning.
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            table = read_table(path, columns)
+            model = reader(name, table, pivot)
+            remarks = stars.remarks(table, pivot) if starry else []
+    except csv.Error as error:
+        raise TableFileError(f"{path}: expected a CSV file of numbers, got a {error}") from error
+    except FloatingPointError as error:
+        raise TableFileError(
+            f"{path}: the numbers lead to an {error}; look for values that are huge, zero or alike"
+        ) from error
+    data: dict[str, Any] = {"kind": "file", "file": str(path), "rows": len(table.values)}
+    words = f"your file {path}, {len(table.values)} lines"
+    if starry:
+        data["pivot"] = [point.tolist() for point in stars.pivots(table, pivot)]
+        places = dict.fromkeys("({:.6g}, {:.6g})".format(*one) for one in data["pivot"])
+        words += f", pivot {' and '.join(places)} px"
+        words += "" if pivot else ", the mean of the stars"
+    return Supplied(model, data, words, tuple(remarks))

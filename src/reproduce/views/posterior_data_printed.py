@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from reproduce.inference.averaging import AveragingLikelihood, averaging_model
 from reproduce.inference.geometry import GeometryLikelihood, geometry_model
 from reproduce.inference.model import Model
-from reproduce.inference.priors import LogUniform, Normal, Prior
+from reproduce.inference.priors import HalfNormal, LogUniform, Normal, Prior
 from reproduce.inference.reference_angles import ReferenceAngles
+from reproduce.inference.registration import with_priors
 from reproduce.inference.stage_table import StageTableLikelihood, table_model
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.chen2023.posteriors import READS, platform
@@ -44,6 +45,9 @@ LONGEST = 2000
 LEAST_STATES = 3
 # The noise may be from the last digit to so many times it; the bias up to some hundreds.
 NOISE, BIAS = (1.0, 1000.0), 200.0
+# How many times what least squares leaves a reference scatter and a bias may be; how many times the
+# error of one frame, and its inverse, the white noise.
+SCATTER, FARTHER, SINGLE = 100.0, 10.0, 1000.0
 # Rounding of angles, in arcsec, for which the prior of the reference scatter is wide enough.
 FINEST, COARSEST = 1e-4, 1e-2
 
@@ -64,10 +68,16 @@ def averaging(name: str, table: Table, pivot: object) -> Model:
     if len(frames) < 2 or frames[0] != 1:
         raise table.wrong(0, "frames", "expected two or more lines, the first for one frame")
     half = table.last_digit(["error_arcsec"]) / 2 / ARCSEC_PER_RADIAN
-    counts = tuple(int(n) for n in frames)
-    return averaging_model(
-        AveragingLikelihood(counts, errors / ARCSEC_PER_RADIAN, half, int(series[0])), name
-    )
+    counts, single = tuple(int(n) for n in frames), float(errors[0]) / ARCSEC_PER_RADIAN
+    likelihood = AveragingLikelihood(counts, errors / ARCSEC_PER_RADIAN, half, int(series[0]))
+    model = averaging_model(likelihood, name)
+    priors: dict[str, Prior] = {
+        "white": LogUniform(single / SINGLE, single * SINGLE, "within a thousand times of the "
+                            "error of one frame, no scale preferred"),
+        "floor": HalfNormal(single, "a floor that may well be nothing, up to the error of one "
+                            "frame or so"),
+    }  # fmt: skip
+    return replace(model, parameters=with_priors(model.parameters, priors))
 
 
 def stage_table(name: str, table: Table, pivot: object) -> Model:
@@ -81,14 +91,20 @@ def stage_table(name: str, table: Table, pivot: object) -> Model:
     reference = _reference(table, table.values[:, :2] * 1e-6, angles[:, [0, 2]],
                            table.last_digit(STAGE_COLUMNS[:2]) * 1e-6,
                            digit / ARCSEC_PER_RADIAN)  # fmt: skip
-    model = table_model(StageTableLikelihood(reference, angles[:, [1, 3]]), reference.fitted()[1])
+    likelihood = StageTableLikelihood(reference, angles[:, [1, 3]])
+    _, noise, *biases, _ = likelihood.start()[0].tolist()
     digit = digit / ARCSEC_PER_RADIAN
-    noise = LogUniform(NOISE[0] * digit, NOISE[1] * digit, "from the last digit to a thousand "
-                       "times it, no scale preferred")  # fmt: skip
-    bias = Normal(0.0, BIAS * digit, "some hundreds of the last digit")
-    wider: dict[str, Prior] = {"noise": noise, "bias-x": bias, "bias-y": bias}
-    parameters = tuple(replace(p, prior=wider.get(p.name, p.prior)) for p in model.parameters)
-    return replace(model, parameters=parameters, estimate={})
+    ends = NOISE[0] * digit, NOISE[1] * max(digit, noise)
+    likelihood = replace(likelihood, log_noise=(float(np.log(ends[0])), float(np.log(ends[1]))))
+    wide = max(BIAS * digit, FARTHER * float(np.abs(biases).max()))
+    bias = Normal(0.0, wide, "some hundreds of the last digit, or ten times the mean difference")
+    priors: dict[str, Prior] = {
+        "noise": LogUniform(*ends, "from the last digit to a thousand times it, or times what "
+                            "least squares leaves; no scale preferred"),
+        "bias-x": bias, "bias-y": bias,
+    }  # fmt: skip
+    model = table_model(likelihood, reference.fitted()[1])
+    return replace(model, parameters=with_priors(model.parameters, priors), estimate={})
 
 
 def geometry(name: str, table: Table, pivot: object) -> Model:
@@ -139,7 +155,9 @@ def _reference(
             f"ones, each with its angles, got {len(positions)} positions and {len(angles)} lines "
             "of angles"
         )
-    return ReferenceAngles(positions, angles, position_digit / 2, angle_digit / 2)
+    found = ReferenceAngles(positions, angles, position_digit / 2, angle_digit / 2)
+    widest = float(np.log10(SCATTER * max(found.fitted()[2], angle_digit) * ARCSEC_PER_RADIAN))
+    return replace(found, scatter=(found.scatter[0], max(found.scatter[1], widest)))
 
 
 def _checked_digit(table: Table, digit: float) -> None:

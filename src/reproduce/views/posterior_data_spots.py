@@ -15,11 +15,18 @@ from numpy.typing import NDArray
 
 from reproduce.inference.directions import directions_model
 from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import drift_model, misalignment_model
+from reproduce.inference.misalignment import (
+    AXES,
+    MOUNT,
+    SpotLikelihood,
+    drift_model,
+    misalignment_model,
+)
 from reproduce.inference.model import Model
-from reproduce.inference.priors import Normal, Prior
+from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.inference.states import states_model
 from reproduce.papers.chen2023.posteriors import READS, platform
+from reproduce.physics.similarity import as_complex
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError
 
@@ -30,20 +37,24 @@ STATE_COLUMNS = ("state", "laser", "x", "y", "motion_x_um", "motion_y_um")
 GROUPS = 2
 # A prior this many times as wide as what the data show is hardly felt, yet proper.
 GENEROUS = 20.0
+# Of the residual of least squares: ends of the noise, as good as none.
+NOISE = (1e-6, 1e3)
+# Spots are mirrored if the mirrored lasers explain so many times more of them.
+MIRRORED = 3.0
 
 
 def constant(name: str, table: Table, pivot: object) -> Model:
     """A constant misalignment."""
     instrument, images = _measured(table, "group", GROUPS)
     statistics = SpotStatistics.of(images, (False, False))
-    return misalignment_model(instrument, statistics, priors=_priors(instrument, images))
+    return _noisy(misalignment_model(instrument, statistics, priors=_priors(instrument, images)))
 
 
 def directions(name: str, table: Table, pivot: object) -> Model:
     """The same with every laser's direction free."""
     instrument, images = _measured(table, "group", GROUPS)
     model = directions_model(instrument, SpotStatistics.of(images, (False, False)))
-    return _wider(model, _priors(instrument, images))
+    return _noisy(_wider(model, _priors(instrument, images)))
 
 
 def drift(name: str, table: Table, pivot: object) -> Model:
@@ -52,12 +63,12 @@ def drift(name: str, table: Table, pivot: object) -> Model:
     angles = _priors(instrument, images)
     drifts = {key.replace("angle", "drift"): prior for key, prior in angles.items()}
     statistics = SpotStatistics.of(images, (False, True))
-    return drift_model(instrument, statistics, priors=angles | drifts)
+    return _noisy(drift_model(instrument, statistics, priors=angles | drifts))
 
 
 def states(name: str, table: Table, pivot: object) -> Model:
     """States of a stage, jointly."""
-    count = int(table.column("state").max()) + 1
+    count = max(1, int(min(table.column("state").max(), len(table.values))) + 1)
     instrument, images = _measured(table, "state", count)
     motions = np.zeros((count, 2))
     for row, state in enumerate(table.column("state").astype(int)):
@@ -74,13 +85,32 @@ def states(name: str, table: Table, pivot: object) -> Model:
         row = int(np.argmax(table.column("state") == 0))
         raise table.wrong(row, STATE_COLUMNS[4 + int(motions[0, 0] == 0)],
                           "expected no motion in state 0: motions count from there")  # fmt: skip
-    return states_model(instrument, SpotStatistics.of(images, (False,) * count), motions)
+    return _noisy(states_model(instrument, SpotStatistics.of(images, (False,) * count), motions))
 
 
 def _measured(table: Table, group: str, groups: int) -> tuple[Platform, list[FloatArray]]:
     instrument = platform(given(READS))
     images = _images(table, group, groups, len(instrument.lasers))
-    return replace(instrument, spots=images[0].mean(axis=0)), images
+    if not any(np.ptp(one, axis=0).any() for one in images):
+        raise TableFileError(
+            f"{table.path}: expected spots that scatter from image to image, got the same ones in "
+            "all images of a group: without noise there is nothing to sample"
+        )
+    spots = images[0].mean(axis=0)
+    _refuse_mirrored(table, instrument, spots)
+    return replace(instrument, spots=spots), images
+
+
+def _refuse_mirrored(table: Table, instrument: Platform, spots: FloatArray) -> None:
+    """Refuse spots whose mirror image fits the lasers, as they stand in the order of the file."""
+    lasers, pattern = (as_complex(one - one.mean(axis=0)) for one in (instrument.lasers, spots))
+    # The share of the pattern that a similarity of the lasers, or of their mirror image, explains.
+    straight, mirrored = abs(lasers.conj() @ pattern), abs(lasers @ pattern)
+    if mirrored > MIRRORED * straight:
+        raise TableFileError(
+            f"{table.path}: the spots are mirrored: in the order of the lasers they turn the other "
+            "way round; change the sign of x, or correct the numbers of the lasers"
+        )
 
 
 def _images(table: Table, group: str, groups: int, count: int) -> list[FloatArray]:
@@ -116,6 +146,20 @@ def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:
     across = Normal(0.0, GENEROUS * motion * pixel, reason)
     roll = Normal(0.0, GENEROUS * motion / size, reason + ", as a roll of the pattern")
     return {"angle-x": across, "angle-y": across, "angle-z": roll}
+
+
+def _noisy(model: Model) -> Model:
+    """The same, noise and zero attitude free on both sides of what least squares leaves."""
+    likelihood = model.likelihood
+    if not isinstance(likelihood, SpotLikelihood):
+        raise TypeError(f"model: expected spots, got {type(likelihood).__name__}")
+    residual = likelihood.residual()
+    noise = LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
+                       "millionth of what least squares leaves to a thousand times it")  # fmt: skip
+    turn = GENEROUS * residual / float(np.ptp(likelihood.statistics.means[0], axis=0).max())
+    mount = Normal(0.0, max(MOUNT, turn), "the zero attitude is laid over the spots to begin with: "
+                   "a quarter of a degree, or twenty times what their noise turns it")  # fmt: skip
+    return _wider(model, {"noise": noise, **{f"mount-{axis}": mount for axis in AXES}})
 
 
 def _wider(model: Model, priors: dict[str, Prior]) -> Model:

@@ -11,32 +11,67 @@ from dataclasses import replace
 
 import numpy as np
 
-from reproduce.inference.joint import joint_model
+from reproduce.inference.joint import CHANNELS, joint_model
+from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model
-from reproduce.inference.priors import Normal
-from reproduce.inference.registration import principal_point_model, registration_model
-from reproduce.inference.variants import distortion_model, field_noise_model, student_model
-from reproduce.store.points import Table
+from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
+from reproduce.inference.registration import (
+    principal_point_model,
+    registration_model,
+    with_priors,
+)
+from reproduce.inference.variants import (
+    PointwiseRegistration,
+    distortion_model,
+    field_noise_model,
+    student_model,
+)
+from reproduce.physics.registration import SimilarityFit, fit_similarity
+from reproduce.physics.validate import FloatArray
+from reproduce.store.points import Table, TableFileError
 
 Pivot = tuple[float, float] | None
 Reader = Callable[[str, Table, Pivot], Model]
 
 COLUMNS = ("x", "y", "x_reference", "y_reference")
 JOINT_COLUMNS = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
-# Of the field: how far a principal point or a distortion may move a star, beforehand.
-SHARE = 1e-3
+# Of the field: how far a principal point or a distortion may move a star, beforehand; a distortion
+# also so many times the residuals, but never so far that it cannot be undone.
+SHARE, RESIDUALS, MOST = 1e-3, 10.0, 0.03
+# Of the residual of least squares: ends of the noise, as good as none.
+NOISE = (1e-9, 1e3)
+# The shift may lie so many fields or standard errors, the scale so many times, from the fit.
+FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
+# Log10 of the degrees of freedom: from tails of gross mismatches to hardly any.
+FREEDOM = (-1.0, 2.3)
+# Residuals below this share of the coordinates are rounding; a pivot further away, in fields, takes
+# the digits of the shift.
+ROUNDING, FURTHEST = 1e-11, 100.0
+# Coordinates beyond this are no px; their squares would overflow.
+LARGEST = 1e12
+# Points are mirrored if their mirror image leaves less than this share of the residuals.
+MIRRORED = 1 / 3
+# Fewer stars do not tell a wrong match from noise.
+FEW = 10
 
 
 def plain(name: str, table: Table, pivot: Pivot) -> Model:
     """Registration of one channel."""
     source, target = table.values[:, :2], table.values[:, 2:]
-    centre = source.mean(axis=0) if pivot is None else np.array(pivot)
-    return registration_model(source, target, centre, name=name)
+    centre = pivots(table, pivot)[0]
+    priors = free(table, source, target, centre)
+    return registration_model(source, target, centre, name=name, priors=priors)
 
 
 def student(name: str, table: Table, pivot: Pivot) -> Model:
-    """The same with Student-t noise."""
-    return student_model(plain(name, table, pivot))
+    """The same with Student-t noise, from a start that wrong matches do not move."""
+    model = student_model(plain(name, table, pivot))
+    likelihood = model.likelihood
+    if isinstance(likelihood, PointwiseRegistration):
+        model = replace(model, likelihood=replace(likelihood, robust=True))
+    tails = Uniform(*FREEDOM, "from a tenth, the tails of gross mismatches, to two hundred, which "
+                    "no sample tells from Gaussian")  # fmt: skip
+    return replace(model, parameters=with_priors(model.parameters, {"log-freedom": tails}))
 
 
 def field_noise(name: str, table: Table, pivot: Pivot) -> Model:
@@ -46,8 +81,12 @@ def field_noise(name: str, table: Table, pivot: Pivot) -> Model:
 
 def distortion(name: str, table: Table, pivot: Pivot) -> Model:
     """The same with both distortions free, up to some thousandths of the field."""
-    model = distortion_model(plain(name, table, pivot))
-    prior = Normal(0.0, _share(table), "some thousandths of the field at its edge")
+    base = plain(name, table, pivot)
+    residual = base.likelihood.start()[0][4]
+    reach = min(max(_share(table), RESIDUALS * residual), MOST * _share(table) / SHARE)
+    prior = Normal(0.0, float(reach), "some thousandths of the field at its edge, or ten times the "
+                   "residuals where these are larger")  # fmt: skip
+    model = distortion_model(base)
     extra = tuple(replace(parameter, prior=prior) for parameter in model.parameters[5:])
     return replace(model, parameters=model.parameters[:5] + extra)
 
@@ -60,8 +99,138 @@ def principal_point(name: str, table: Table, pivot: Pivot) -> Model:
 def joint(name: str, table: Table, pivot: Pivot) -> Model:
     """Both channels at once."""
     red, blue, green = (table.values[:, i : i + 2] for i in (0, 2, 4))
-    pivots = [points.mean(axis=0) if pivot is None else np.array(pivot) for points in (red, blue)]
-    return joint_model((red, blue), green, (pivots[0], pivots[1]))
+    centres = pivots(table, pivot)
+    priors: dict[str, Prior] = {}
+    for channel, source, centre in zip(CHANNELS, (red, blue), centres, strict=True):
+        own = free(table, source, green, centre)
+        # Both channels share one noise, and its prior is that of the channel with more of it.
+        widest = max((own.pop("noise"), priors.get("noise")), key=_high)
+        priors |= {f"{channel}-{key}": prior for key, prior in own.items()}
+        if widest is not None:
+            priors["noise"] = widest
+    model = joint_model((red, blue), green, (centres[0], centres[1]))
+    return replace(model, parameters=with_priors(model.parameters, priors))
+
+
+def _high(prior: Prior | None) -> float:
+    return prior.high if isinstance(prior, LogUniform) else 0.0
+
+
+def pivots(table: Table, pivot: Pivot) -> list[FloatArray]:
+    """The principal point of each channel: as given, or the mean of its stars."""
+    channels = [table.values[:, i : i + 2] for i in range(0, len(table.columns) - 2, 2)]
+    if pivot is None:
+        return [points.mean(axis=0) for points in channels]
+    for points in channels:
+        away = float(np.abs(points.mean(axis=0) - pivot).max())
+        if not away <= FURTHEST * float(np.ptp(points, axis=0).max()):
+            raise TableFileError(
+                f"--pivot: expected a point within {FURTHEST:g} fields of the stars, got "
+                f"{pivot[0]:g}, {pivot[1]:g}; give the channel's principal point, in px"
+            )
+    return [np.array(pivot)] * len(channels)
+
+
+def free(
+    table: Table, source: FloatArray, target: FloatArray, pivot: FloatArray
+) -> dict[str, Prior]:
+    """Flat priors whose ends are as far from the fit as the data's own scale allows.
+
+    Parameters
+    ----------
+    table : Table
+        The file, for messages.
+    source, target : ndarray, shape (n, 2)
+        In px.
+    pivot : ndarray, shape (2,)
+        In px.
+
+    Returns
+    -------
+    dict
+        For scale, rotation, shift-x, shift-y and noise.
+
+    Raises
+    ------
+    TableFileError
+        If the points are few or mirrored, fit without any error, or hold huge numbers.
+    """
+    largest = float(np.abs([source, target]).max())
+    if not largest < LARGEST:
+        row, column = np.unravel_index(np.abs(table.values).argmax(), table.values.shape)
+        raise table.wrong(int(row), table.columns[column], f"expected px below {LARGEST:g}")
+    if len(source) < 4:
+        raise TableFileError(f"{table.path}: expected four or more stars, got {len(source)}")
+    straight, flipped = (
+        robust_similarity(points, target, pivot) for points in (source, source * [-1, 1])
+    )
+    if flipped.noise < MIRRORED * straight.noise:
+        raise TableFileError(
+            f"{table.path}: the points are mirrored: with the sign of x changed they fit to "
+            f"{flipped.noise:.2g} px, as they stand to {straight.noise:.2g} px; change the sign "
+            "of x, or exchange x and y, in one channel"
+        )
+    fit = fit_similarity(source, target, pivot)
+    if _residual(fit) < ROUNDING * max(largest, float(np.abs(pivot).max())):
+        k, theta, x, y = fit.parameters.tolist()
+        raise TableFileError(
+            f"{table.path}: the points fit without any error, so there is no noise to sample; "
+            f"exactly: scale {k:.10g}, rotation {np.degrees(theta):.10g} deg, shift {x:.10g} and "
+            f"{y:.10g} px"
+        )
+    residual = _residual(fit)
+    theta, x, y = fit.parameters[1:].tolist()
+    # No least-squares scale exceeds the ratio of both patterns' sizes.
+    size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() / fit.spread))
+    size = max(size, float(straight.fit.parameters[0]))
+    error = residual * float(np.sqrt(fit.cofactor[2, 2]))
+    reach = max(FIELDS * float(np.ptp(target, axis=0).max()), ERRORS * error)
+    place = "ten fields, or a thousand standard errors, on both sides of least squares"
+    return {
+        "scale": Uniform(0.0, SCALES * size, "up to ten times the ratio of the sizes of "
+                         "both patterns; flat"),
+        "rotation": Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to "
+                            "least squares"),
+        "shift-x": Uniform(x - reach, x + reach, place),
+        "shift-y": Uniform(y - reach, y + reach, place),
+        "noise": LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
+                            "billionth of the residuals of least squares to a thousand times them"),
+    }  # fmt: skip
+
+
+def _residual(fit: SimilarityFit) -> float:
+    """Standard deviation of a residual coordinate, in px."""
+    return float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
+
+
+def remarks(table: Table, pivot: Pivot) -> list[str]:
+    """What a user should hear of the stars: repeated lines, likely mismatches."""
+    found = []
+    _, first, where = np.unique(table.values, axis=0, return_index=True, return_inverse=True)
+    again = [i for i in range(len(table.values)) if first[where.ravel()[i]] != i]
+    if again:
+        found.append(
+            f"{len(again)} of {len(table.values)} lines repeat an earlier one "
+            f"({_lines(table, again)}): each counts as a star of its own"
+        )
+    target = table.values[:, -2:]
+    for i, centre in enumerate(pivots(table, pivot)):
+        if len(target) < FEW:
+            continue
+        fit = robust_similarity(table.values[:, 2 * i : 2 * i + 2], target, centre)
+        if len(fit.suspects):
+            furthest = fit.off[fit.suspects[0]]
+            found.append(
+                f"{len(fit.suspects)} of {len(target)} stars do not fit the others "
+                f"({_lines(table, fit.suspects.tolist())}; up to {furthest:.3g} standard "
+                "deviations off): wrong matches? registration-student tolerates them"
+            )
+    return found
+
+
+def _lines(table: Table, rows: list[int]) -> str:
+    shown = ", ".join(str(table.lines[row]) for row in rows[:5])
+    return f"line{'s' if len(rows) > 1 else ''} {shown}{', ...' if len(rows) > 5 else ''}"
 
 
 def _share(table: Table) -> float:

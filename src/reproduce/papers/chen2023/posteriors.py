@@ -127,6 +127,18 @@ def _still(given: Given) -> SpotStatistics:
     return SpotStatistics.of(spots, (False, False))
 
 
+def truth(given: Given, drift: bool = False) -> dict[str, float]:
+    """The misalignment of the simulation, and how much it drifts through the group."""
+    turns = {"angle": TRUTH, "drift": DRIFT} if drift else {"angle": TRUTH}
+    return {f"{name}-{axis}": float(angle) for name, angles in turns.items()
+            for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
+
+
+def states_truth(given: Given) -> dict[str, float]:
+    """The focal length and the stage of the simulation: as designed."""
+    return {"focal-length": platform(given).camera_focal_length, "stage-scale": 1.0}
+
+
 def misalignment(given: Given) -> Model:
     """A constant misalignment after a calibration group."""
     return misalignment_model(platform(given), _still(given), derived=_ground(given))
@@ -235,12 +247,13 @@ def geometry(given: Given) -> Model:
 COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")
 POSTERIORS = (
     Declared("misalignment", "chen2023", READS, misalignment, True, (directions,),
-             published.scatter),
+             published.scatter, truth=truth),
     Declared("misalignment-directions", "chen2023", READS, directions, True,
-             published=published.scatter),
+             published=published.scatter, truth=truth),
     Declared("misalignment-states", "chen2023", READS, states, True,
-             published=published.monitored, compared=published.MONITORED),
-    Declared("misalignment-drift", "chen2023", READS, drift, True, published=published.scatter),
+             published=published.monitored, compared=published.MONITORED, truth=states_truth),
+    Declared("misalignment-drift", "chen2023", READS, drift, True, published=published.scatter,
+             truth=partial(truth, drift=True)),
     *(
         Declared(
             "frame-averaging" if column == COLUMNS[0] else f"frame-averaging-{column}",

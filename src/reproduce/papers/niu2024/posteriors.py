@@ -33,6 +33,7 @@ from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.niu2024 import angles, simulation
 from reproduce.papers.niu2024.new_stars import (
     COMPARED,
+    ESTIMATES,
     JOINT_COLUMNS,
     RESULTS,
     ROWS,
@@ -46,6 +47,7 @@ from reproduce.papers.niu2024.new_stars import (
 from reproduce.papers.posteriors import OWN_DATA, Declared, published_cells, simulated
 from reproduce.physics.chromatic import scale_factor
 from reproduce.physics.registration import fit_similarity
+from reproduce.physics.similarity import similarity_between
 from reproduce.physics.simulate import channel_centroids, noisy_centroids
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -64,6 +66,23 @@ def true_centroids(given: Given) -> FloatArray:
     """Noise-free centroids of green, red and blue, shape (3, n, 2), in px."""
     table = angles.literal(given).angles
     return channel_centroids(simulation.cameras(given), simulation.rotations(given), table)
+
+
+def truth(given: Given, channels: tuple[str, ...]) -> dict[str, float]:
+    """The transforms that the simulation stands for, its distortions left aside, and its noise.
+
+    One channel alone has the noise of both its images in `noise`; two have that of one image.
+    """
+    cameras = dict(zip(simulation.CHANNELS, simulation.cameras(given), strict=True))
+    turns = dict(zip(simulation.CHANNELS, simulation.rotations(given), strict=True))
+    found, noise = {}, given[f"{simulation.SETTINGS}#noise"]
+    for channel in channels:
+        prefix = f"{channel}-" if len(channels) > 1 else ""
+        similarity = similarity_between(cameras[channel], turns[channel], cameras["green"])
+        pairs = zip(ESTIMATES, similarity.parameters.tolist(), strict=True)
+        found.update({prefix + name: value for name, value in pairs})
+    both = 1.0 if len(channels) > 1 else float(np.hypot(1, found["scale"]))
+    return {**found, "noise": noise * both}
 
 
 def registration(given: Given) -> Model:
@@ -177,15 +196,18 @@ def published_table(given: Given, model: Model) -> Published:
 
 def _red(name: str, build: Callable[[Given], Model], *rivals: Callable[[Given], Model]) -> Declared:
     published = partial(one_channel, channel="red")
-    return Declared(name, "niu2024", READS, build, True, rivals, published, COMPARED)
+    true = partial(truth, channels=("red",))
+    return Declared(name, "niu2024", READS, build, True, rivals, published, COMPARED, true)
 
 
 POSTERIORS = (
     _red("registration", registration, student, field_noise),
     Declared("registration-blue", "niu2024", READS, registration_blue, True,
-             published=partial(one_channel, channel="blue"), compared=COMPARED),
+             published=partial(one_channel, channel="blue"), compared=COMPARED,
+             truth=partial(truth, channels=("blue",))),
     Declared("registration-joint", "niu2024", READS, joint, True,
-             published=both_channels, compared=COMPARED),
+             published=both_channels, compared=COMPARED,
+             truth=partial(truth, channels=simulation.REGISTERED)),
     _red("registration-student", student),
     _red("registration-field-noise", field_noise),
     _red("registration-distortion", distortion),
