@@ -101,8 +101,8 @@ def test_estimators_agree_on_a_wide_clean_spot():
     for found in (
         centre_of_gravity(window, (0, 9)),
         windowed_centre(window, (0, 9), 1.2),
-        fitted_centre(window, (0, 9), 1.2),
-        fitted_centre(window, (0, 9), 1.2, 5.0, "uniform"),
+        fitted_centre(window, (0, 9), 1.2).centre,
+        fitted_centre(window, (0, 9), 1.2, 5.0, "uniform").centre,
     ):
         np.testing.assert_allclose(found, [10.23, 19.81], atol=1e-4)
 
@@ -165,8 +165,8 @@ def test_likelihood_reaches_the_bound_and_nothing_beats_it(trials):
     bound = cramer_rao_variance(point, 3000.0, 0.6, corners, 5, 4.0)
     margin = 4 * np.sqrt(2 / len(noisy))
     found = {
-        "likelihood": fitted_centre(noisy, corners, 0.6, 4.0),
-        "uniform": fitted_centre(noisy, corners, 0.6, 4.0, "uniform"),
+        "likelihood": fitted_centre(noisy, corners, 0.6, 4.0).centre,
+        "uniform": fitted_centre(noisy, corners, 0.6, 4.0, "uniform").centre,
         "windowed": windowed_centre(noisy, corners, 0.6),
     }
     ratio = {name: centres.var(axis=0) / bound for name, centres in found.items()}

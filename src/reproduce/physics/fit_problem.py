@@ -85,12 +85,15 @@ class Solution:
         What was made least, see `fit_steps`.
     cofactor : ndarray, shape (..., p, p)
         Inverse of the sum of J^T W J.
+    points : ndarray, shape (..., n, 2)
+        Where the source points truly are, as far as their errors are known, in px.
     """
 
     parameters: FloatArray
     residuals: FloatArray
     chi_square: FloatArray
     cofactor: FloatArray
+    points: FloatArray
 
 
 def prepare(

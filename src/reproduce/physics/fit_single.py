@@ -64,6 +64,7 @@ def single_similarity(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -
         left[:, None].view(np.float64),
         np.asarray(np.vdot(left, left).real),
         _cofactor(factor / scale * (centre - origin), spread, scale, count),
+        rows[:, None].view(np.float64),
     )
 
 

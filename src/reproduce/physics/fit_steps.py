@@ -68,7 +68,7 @@ def solve(problem: Problem, start: FloatArray | None = None) -> Solution:
     left = combined_residuals(problem, parameters, points, carry)
     weight = _weighted(problem, information(problem, carry))
     chi_square = np.asarray((left * (weight @ left[..., None])[..., 0]).sum(axis=(-2, -1)))
-    return Solution(parameters, target_residuals(problem, parameters), chi_square, cofactor)
+    return Solution(parameters, target_residuals(problem, parameters), chi_square, cofactor, points)
 
 
 def starting_point(problem: Problem) -> FloatArray:

@@ -95,13 +95,40 @@ def pixel_share_slopes(
     >>> pixel_share_slopes(0.0, 0.5, -1, 3).round(4)
     array([-0.4751, -0.    ,  0.4751])
     """
-    centre, size = finite_array("position", position), positive("radius", radius)
-    start = finite_array("first", first)
-    common_batch(position=centre.shape, radius=size.shape, first=start.shape)
-    edges = np.arange(whole_number("count", count) + 1) - 0.5
-    offset = ((start - centre)[..., np.newaxis] + edges) / size[..., np.newaxis]
-    density = np.exp(-0.5 * offset**2) / (np.sqrt(2 * np.pi) * size[..., np.newaxis])
+    _, density = _edge_densities(position, radius, first, count)
     return np.asarray(-np.diff(density, axis=-1))
+
+
+def pixel_share_curvatures(
+    position: ArrayLike, radius: ArrayLike, first: ArrayLike, count: int
+) -> FloatArray:
+    """Return the second derivatives of the light in each pixel of a row by the spot's position.
+
+    Parameters
+    ----------
+    position, radius, first, count
+        As for `pixel_shares`.
+
+    Returns
+    -------
+    ndarray, shape (..., count)
+        In 1/px^2.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `pixel_shares`.
+
+    Examples
+    --------
+    A spot in the middle of a pixel gives away light wherever it moves.
+
+    >>> pixel_share_curvatures(0.0, 0.5, -1, 3).round(4)
+    array([ 0.9147, -1.9358,  0.9147])
+    """
+    offset, density = _edge_densities(position, radius, first, count)
+    size = positive("radius", radius)[..., np.newaxis]
+    return np.asarray(-np.diff(density * offset / size, axis=-1))
 
 
 def window_corners(positions: ArrayLike, size: int | tuple[int, int]) -> IntArray:
@@ -288,3 +315,15 @@ def render_frame(
 def _sides(size: int | tuple[int, int]) -> tuple[int, int]:
     columns, rows = size if isinstance(size, tuple) else (size, size)
     return whole_number("size", columns), whole_number("size", rows)
+
+
+def _edge_densities(
+    position: ArrayLike, radius: ArrayLike, first: ArrayLike, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return where pixel edges lie, in standard deviations, and the Gaussian there, in 1/px."""
+    centre, size = finite_array("position", position), positive("radius", radius)
+    start = finite_array("first", first)
+    common_batch(position=centre.shape, radius=size.shape, first=start.shape)
+    edges = np.arange(whole_number("count", count) + 1) - 0.5
+    offset = ((start - centre)[..., np.newaxis] + edges) / size[..., np.newaxis]
+    return offset, np.exp(-0.5 * offset**2) / (np.sqrt(2 * np.pi) * size[..., np.newaxis])

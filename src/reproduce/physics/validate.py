@@ -11,6 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 
+# What NumPy's kinds of arrays that hold no numbers are called.
+_KINDS = {"U": "text", "S": "bytes", "m": "time differences", "M": "dates"}
+
+
 class DegenerateGeometryError(ValueError):
     """The observations leave a parameter free, so no unique answer exists."""
 
@@ -45,21 +49,7 @@ def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
     >>> finite_array("points", [[1, 2]], shape=(None, 2))
     array([[1., 2.]])
     """
-    if np.iscomplexobj(value):
-        raise TypeError(f"{name}: expected real numbers, got complex ones; pass the real part")
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(
-            f"{name}: expected an array of numbers, got {type(value).__name__} that NumPy cannot "
-            f"convert ({error}); pass numbers in rows of equal length"
-        ) from error
-    _check_shape(name, array, shape)
-    if array.size == 0:
-        raise ValueError(
-            f"{name}: expected at least one value, got shape {array.shape}; "
-            "check what was selected before this call"
-        )
+    array = number_array(name, value, shape=shape)
     finite = np.isfinite(array)
     if not finite.all():
         bad = ~finite
@@ -67,6 +57,57 @@ def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
         raise ValueError(
             f"{name}: expected finite numbers, got {int(bad.sum())} that are NaN or infinite, "
             f"the first at index {first}; remove or mask these rows first"
+        )
+    return array
+
+
+def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] = ()) -> FloatArray:
+    """Return `value` as a float array after checking its trailing shape, not its finiteness.
+
+    Parameters
+    ----------
+    name, value, shape
+        As for `finite_array`.
+
+    Returns
+    -------
+    ndarray
+        A float64 array; not a copy when `value` already is one.
+
+    Raises
+    ------
+    TypeError
+        If `value` is not numeric.
+    ValueError
+        If it has the wrong shape or is empty.
+
+    Examples
+    --------
+    >>> number_array("windows", [[1, float("nan")]], shape=(None, None))
+    array([[ 1., nan]])
+    """
+    try:
+        raw = np.asarray(value)
+    except ValueError:
+        raise TypeError(
+            f"{name}: expected an array of numbers, got rows of unequal length; "
+            "give every row as many numbers"
+        ) from None
+    if raw.dtype.kind == "c":
+        raise TypeError(f"{name}: expected real numbers, got complex ones; pass the real part")
+    if raw.dtype.kind in "USmM":
+        raise TypeError(f"{name}: expected numbers, got {_KINDS[raw.dtype.kind]}; convert them")
+    try:
+        array = np.asarray(raw, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"{name}: expected an array of numbers, got an entry that is none; remove or convert it"
+        ) from None
+    _check_shape(name, array, shape)
+    if array.size == 0:
+        raise ValueError(
+            f"{name}: expected at least one value, got shape {array.shape}; "
+            "check what was selected before this call"
         )
     return array
 

@@ -180,11 +180,11 @@ def _errors(
     found: dict[str, Callable[[], FloatArray]] = {
         "centre of gravity": lambda: centre_of_gravity(seen, corner),
         "Gaussian weight that follows": lambda: windowed_centre(seen, corner, radius, STEPS),
-        "matched filter": lambda: fitted_centre(
-            seen, corner, radius, light.read_noise, "uniform", STEPS
+        "matched filter": lambda: (
+            fitted_centre(seen, corner, radius, light.read_noise, "uniform").centre
         ),
-        "maximum likelihood": lambda: fitted_centre(
-            seen, corner, radius, light.read_noise, "likelihood", STEPS
+        "maximum likelihood": lambda: (
+            fitted_centre(seen, corner, radius, light.read_noise, "likelihood").centre
         ),
     }
     return {

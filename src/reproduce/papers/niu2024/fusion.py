@@ -254,7 +254,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     found = []
     for image, layers in zip(made, (1, 3, 3), strict=True):
         noise = dark * np.sqrt(layers)
-        likely = fitted_centre(image, first, images.RADIUS, read_noise=noise)
+        likely = fitted_centre(image, first, images.RADIUS, read_noise=noise).centre
         found.append([_gravity(image, first), likely])
     return np.array(found)
 

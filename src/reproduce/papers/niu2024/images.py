@@ -248,7 +248,7 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
     -------
     ndarray, shape (n, 2)
         Maximum-likelihood centres, the brightest spot first, in px; spots whose window would reach
-        over the edge are left out.
+        over the edge are left out, and those whose fit does not converge.
     """
     noise = SENSOR.noise_electrons() * np.sqrt(layers)
     found = detect_spots(image, significance * noise)
@@ -260,7 +260,8 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
         return np.empty((0, 2))
     corners = window_corners(kept, WINDOW)
     windows = cut_windows(image, corners, WINDOW)
-    return fitted_centre(windows, corners, RADIUS, read_noise=noise)
+    fit = fitted_centre(windows, corners, RADIUS, read_noise=noise)
+    return fit.centre[fit.converged]
 
 
 def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) -> FloatArray:
