@@ -47,7 +47,7 @@ def export(ledger: Ledger, key: str, form: str) -> str:
         )
         return chosen.model_dump_json(indent=2)
     if form == "csv":
-        return _full_frame(ledger, key).to_csv(index=False)
+        return full_frame(ledger, key).to_csv(index=False)
     shown = _shown_frame(ledger, key, ascii_units=form == "latex")
     if form == "markdown":
         return shown.to_markdown(index=False, disable_numparse=True)
@@ -59,7 +59,8 @@ def export(ledger: Ledger, key: str, form: str) -> str:
     )
 
 
-def _full_frame(ledger: Ledger, key: str) -> pd.DataFrame:
+def full_frame(ledger: Ledger, key: str) -> pd.DataFrame:
+    """Return one row per cell of an item, with every field of the ledger and the reason."""
     import pandas as pd
 
     rows = []
