@@ -10,7 +10,7 @@ SOURCE = Path(__file__).parent.parent / "src" / "reproduce"
 # Folder -> what it may import from the project. A dotted name allows that module alone.
 ARROWS = {
     "physics": {"physics", "units"},
-    "printed": {"printed", "locate"},
+    "printed": {"printed", "locate", "units"},
     "store": {"store", "locate"},
     "inference": {"inference", "physics", "units"},
     "papers": {"papers", "inference", "physics", "store", "printed.given", "units"},
