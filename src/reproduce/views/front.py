@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -39,16 +39,29 @@ if TYPE_CHECKING:
 WIDTH = 80
 
 
-def _written(*parts: RenderableType) -> str:
-    """Write tables and sentences as a terminal shows them, without colour."""
-    console = Console(file=io.StringIO(), width=WIDTH, no_color=True, highlight=False)
-    for part in parts:
-        console.print(part, markup=False) if isinstance(part, str) else console.print(part)
-    file = console.file
-    return file.getvalue().rstrip() if isinstance(file, io.StringIO) else ""
+class _Shown:
+    """What shows itself in a terminal by its parts, without colour in a notebook's text."""
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield what a terminal of this many columns shows."""
+        raise NotImplementedError
+
+    def print(self, console: Console) -> None:
+        """Write the parts on a terminal."""
+        for part in self.parts(console.width):
+            if isinstance(part, str):
+                console.print(part, markup=False, highlight=False)
+            else:
+                console.print(part)
+
+    def __repr__(self) -> str:
+        """Return the parts as text."""
+        text = io.StringIO()
+        self.print(Console(file=text, width=WIDTH, no_color=True))
+        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
 
-class _Item:
+class _Item(_Shown):
     """What tables, cells and figures share: where they come from."""
 
     def __init__(self, key: str) -> None:
@@ -129,7 +142,7 @@ class Table(_Item):
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
-        return exporting.full_frame(self._ledger, self.key)
+        return exporting.full_frame(self._ledger.of(self.key))
 
     def rerun(
         self,
@@ -166,21 +179,19 @@ class Table(_Item):
     def _repr_html_(self) -> str:
         return pages.table(self.key)._repr_html_()
 
-    def __repr__(self) -> str:
-        """Return the table as the terminal shows it."""
-        return _written(
-            f"{self.key}: {self.title}",
-            self.place,
-            terminal.records_table(self._ledger.of(self.key), WIDTH),
-            *terminal.remarks(self._ledger, self.key),
-        )
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield what a terminal of this many columns shows."""
+        yield f"{self.key}: {self.title}"
+        yield self.place
+        yield terminal.records_table(self._ledger.of(self.key), width)
+        yield from terminal.remarks(self._ledger, self.key)
 
 
 def _entry(record: Record) -> tuple[str, str, str]:
     return record.printed, words.computed(record), record.verdict
 
 
-class Cell:
+class Cell(_Shown):
     """One printed number: what the paper prints, what we compute, the verdict and why.
 
     Parameters
@@ -270,15 +281,14 @@ class Cell:
     def _repr_html_(self) -> str:
         return html_table(("", self.address), self._lines(), self._cell.label)
 
-    def __repr__(self) -> str:
-        """Return the cell with all that is known of it, a line each."""
-        lines = [f"{self.address}: {self._cell.label}"]
-        lines += [f"  {name}: {text}" for name, text in self._lines()]
-        return _written(*lines)
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the cell with all that is known of it, a line each."""
+        yield f"{self.address}: {self._cell.label}"
+        yield from (f"  {name}: {text}" for name, text in self._lines())
 
 
-@dataclass(frozen=True)
-class Changed:
+@dataclass(frozen=True, repr=False)
+class Changed(_Shown):
     """A table or cell computed again under a reader's own change. It has no verdict.
 
     Parameters
@@ -352,9 +362,10 @@ class Changed:
                 for row in self._shown()]  # fmt: skip
         return f'<div class="rp-table">{html_table(self._HEAD, rows, self._told())}</div>'
 
-    def __repr__(self) -> str:
-        """Return the table as the terminal shows it."""
-        return _written(terminal.aligned(self._HEAD, self._shown()), self._told())
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the cells and what was changed."""
+        yield terminal.aligned(self._HEAD, self._shown())
+        yield self._told()
 
 
 class Figure(_Item):
@@ -390,16 +401,15 @@ class Figure(_Item):
     def _repr_html_(self) -> str:
         return pages.figure(self.key, self.title)._repr_html_()
 
-    def __repr__(self) -> str:
-        """Return what the figure shows and how to look at it."""
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield what the figure shows and how to look at it."""
         curves = self.data["curve"].nunique() if len(self.data) else 0
-        return (
-            f"{self.key}: {self.title}\n{self.place}; {curves} curves, {len(self.data)} points in "
-            f".data\nsave it with figure({self.key!r}).save('figure.svg')"
-        )
+        yield f"{self.key}: {self.title}"
+        yield f"{self.place}; {curves} curves, {len(self.data)} points in .data"
+        yield f"Draw it with `reproduce figure {self.key} --out FILE.svg`."
 
 
-class Contents:
+class Contents(_Shown):
     """All items of both papers, in order of print, with the verdicts of their cells."""
 
     def frame(self) -> pd.DataFrame:
@@ -414,10 +424,10 @@ class Contents:
     def _repr_html_(self) -> str:
         return pages.score()._repr_html_()
 
-    def __repr__(self) -> str:
-        """Return the list of items and the score."""
-        items = terminal.items_table(list(catalogue().values()), WIDTH)
-        return _written(items, terminal.score_table(whole_ledger()))
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the list of items and the score."""
+        yield terminal.items_table(list(catalogue().values()), width)
+        yield terminal.score_table(whole_ledger())
 
 
 class Check:
@@ -486,7 +496,7 @@ def cite(address: str, form: str = "bibtex") -> str:
     return citing.citation(keys.check_key(key), form, address if name else "")
 
 
-class Posterior:
+class Posterior(_Shown):
     """A posterior of the book, or the same model on a reader's data. Sampled when looked at.
 
     Parameters
@@ -616,11 +626,12 @@ class Posterior:
         table_of = html_table(head, rows, f"Posterior {self.name}, {self.where}.")
         return f'<div class="rp-table">{table_of}</div>'
 
-    def __repr__(self) -> str:
-        """Return the summary as the terminal shows it."""
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the summary."""
         from reproduce.views.posterior import summary_table
 
-        return _written(f"posterior {self.name}, {self.where}", summary_table(self.draws_of))
+        yield f"posterior {self.name}, {self.where}"
+        yield summary_table(self.draws_of)
 
 
 class Contradictions:
