@@ -1,12 +1,49 @@
 """Every printed number of two papers on optical pointing, recomputed and judged.
 
-The papers are niu2024 (registration of a three-detector star sensor) and
-chen2023 (camera misalignment seen by a star tracker). The subpackages are
-verbs: `physics` derives, `printed` holds what the papers print, `papers`
-declares which function makes which item, `judge` compares, `views` shows.
+The papers are niu2024 (registration of a three-detector star sensor) and chen2023 (camera
+misalignment seen by a star tracker). This module is the front door::
 
-This module imports nothing, so that ``import reproduce`` stays cheap.
+    import reproduce as rp
+
+    rp.contents()                        # both papers, item by item, with the score
+    rp.table("niu2024/table-3")          # printed beside computed; also one cell, KEY#CELL
+    rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
+    rp.figure("chen2023/fig-11a")        # draws itself
+    rp.posterior("registration")         # sampled when it is looked at
+    rp.contradictions("chen2023")        # what contradicts what, and the register of errata
+    rp.register(source, target)          # a user's own stars
+    rp.check()                           # all verdicts against the frozen ones
+    rp.cite("chen2023/table-5")
+
+The names load when they are used, so that ``import reproduce`` stays cheap.
 """
+
+from typing import Any
 
 __version__ = "0.1.0"
 RELEASED = "2026-11-21"
+
+__all__ = [
+    "check",
+    "cite",
+    "contents",
+    "contradictions",
+    "figure",
+    "posterior",
+    "register",
+    "table",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name of the front door."""
+    if name in __all__:
+        from reproduce.views import front
+
+        return getattr(front, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {__all__}")
+
+
+def __dir__() -> list[str]:
+    """Return the names of the front door."""
+    return [*globals(), *__all__]

@@ -5,6 +5,7 @@ import re
 import shutil
 
 import numpy as np
+import pint
 import pytest
 
 from reproduce.locate import data_folder
@@ -103,8 +104,12 @@ def test_conversions_to_si(unit, factor):
     assert si_factor(unit) == pytest.approx(factor, rel=1e-14)
 
 
-def test_every_unit_converts():
-    assert all(si_factor(unit) > 0 for unit in UNITS)
+@pytest.mark.parametrize("unit", UNITS)
+def test_every_unit_has_the_value_that_pint_gives(unit):
+    quantity = pint.application_registry.Quantity(1.0, UNITS[unit][0])
+    kept = {"px": "pixel", "percent": "dimensionless"}
+    value = quantity.to(kept[unit]) if unit in kept else quantity.to_base_units()
+    assert si_factor(unit) == pytest.approx(value.magnitude, rel=1e-15)
 
 
 def test_unknown_units_are_refused():

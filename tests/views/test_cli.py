@@ -182,3 +182,44 @@ def test_the_version_is_told():
     import reproduce
 
     assert run("--version").stdout.strip() == f"reproduce, version {reproduce.__version__}"
+
+
+def test_show_takes_a_cell():
+    result = run("show", "niu2024/table-2#scale.red")
+    assert result.exit_code == 0
+    assert "printed: 0.9976" in result.output
+    assert "verdict: exact" in result.output
+
+
+def test_show_reruns_under_a_change():
+    noise = "niu2024/text-simulation#noise=0.2 px"
+    result = run("show", "niu2024/table-3", "--set", noise, "--seed", "7", "--replicates", "50")
+    assert result.exit_code == 0, result.output
+    assert "noise = 0.2 px, seed = 7, replicates = 50" in " ".join(result.output.split())
+    assert max(map(len, result.output.splitlines())) <= 80
+    for verdict in ("differs", "consistent"):
+        assert verdict not in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["show", "niu2024/table-3#scale.green"], "has no cell 'scale.green'"),
+        (["show", "niu2024/table-3", "--set", "noise"], "expected CELL=VALUE"),
+        (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
+        (["show", "niu2024/fig-4", "--seed", "1"], "is a figure"),
+        (["export", "niu2024/table-3#x", "--format", "csv"], "has no cell 'x'"),
+    ],
+)
+def test_slips_in_addresses_and_changes_are_told(arguments, message):
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize("form", ["csv", "json", "latex", "markdown"])
+def test_one_cell_is_exported(form):
+    result = run("export", "niu2024/table-2#scale.red", "--format", form)
+    assert result.exit_code == 0
+    assert result.output.count("0.9976") >= 1
+    assert "scale.blue" not in result.output

@@ -139,11 +139,17 @@ class Computation:
         """Tell whether the cell called `name` is one that this computation makes."""
         return any(fnmatch.fnmatchcase(name, pattern) for pattern in self.cells)
 
-    def __call__(self, given: Given, replicates: int | None = None) -> Results:
-        """Run the function through the door, with its own seed if it draws random numbers."""
+    def __call__(
+        self, given: Given, replicates: int | None = None, root: int | None = None
+    ) -> Results:
+        """Run the function through the door, with its own seed if it draws random numbers.
+
+        A root seed other than the project's gives other random numbers.
+        """
         if not self.replicates:
             return self.function(given)
-        seed = np.random.SeedSequence(self.entropy[0], spawn_key=self.entropy[1:])
+        project, own = self.entropy
+        seed = np.random.SeedSequence(project if root is None else root, spawn_key=(own,))
         return self.function(given, seed, replicates or self.replicates)
 
 

@@ -31,14 +31,19 @@ class Given:
     shifts : mapping of str to float
         For interval propagation: cells moved off their printed value, in shares of what the
         print leaves open (`PrintedNumber.reach`, half the last digit of a plain number).
+    values : mapping of str to float
+        For what-if questions: values in SI units that take the place of printed ones, exact.
     """
 
     cells: Mapping[str, Cell]
     shifts: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, address: str) -> float:
         """Return the number at `address` in SI units (pixels stay pixels)."""
         cell = self._cell(address)
+        if address in self.values:
+            return self.values[address]
         number = cell.number
         moved = number.value + self.shifts.get(address, 0.0) * number.reach
         return moved * si_factor(cell.unit)
@@ -73,7 +78,7 @@ class Given:
         cell = self._cell(address)
         if cell.unit != "count":
             raise TypeError(f"{address}: expected a count, the cell has the unit {cell.unit!r}")
-        return int(cell.number.value)
+        return round(self[address])
 
     def array(self, pattern: str) -> NDArray[np.float64]:
         """Return the numbers that match `pattern`, in order of print and SI units.
@@ -106,7 +111,10 @@ class Given:
         return [
             cell
             for cell in self.cells.values()
-            if cell.is_number and not cell.number.exact and not cell.number.is_bound
+            if cell.is_number
+            and not cell.number.exact
+            and not cell.number.is_bound
+            and cell.address not in self.values
         ]
 
     def shifted(self, shifts: Mapping[str, float]) -> Given:
@@ -122,7 +130,23 @@ class Given:
         Given
             A new door; this one stays as it is.
         """
-        return Given(self.cells, dict(shifts))
+        return Given(self.cells, dict(shifts), self.values)
+
+    def changed(self, values: Mapping[str, float]) -> Given:
+        """Return the same inputs with other values in place of some printed ones.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Address to value in SI units; addresses that were not declared are left out.
+
+        Returns
+        -------
+        Given
+            A new door; this one stays as it is.
+        """
+        declared = {address: value for address, value in values.items() if address in self.cells}
+        return Given(self.cells, self.shifts, {**self.values, **declared})
 
     def _cell(self, address: str) -> Cell:
         if address not in self.cells:

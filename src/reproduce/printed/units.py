@@ -1,37 +1,37 @@
-"""The units that occur in print, and their conversion to SI by pint."""
+"""The units that occur in print, and their conversion to SI."""
 
 from __future__ import annotations
 
-from functools import cache
+from math import pi
 
-# Unit as written in the data files -> (its name in pint, how a page shows it).
-# A count is exact; "1" is a pure number that was rounded when printed.
-UNITS: dict[str, tuple[str, str]] = {
-    "1": ("dimensionless", ""),
-    "count": ("dimensionless", ""),
-    "percent": ("percent", "%"),
-    "px": ("pixel", "px"),
-    "nm": ("nanometer", "nm"),
-    "um": ("micrometer", "µm"),
-    "mm": ("millimeter", "mm"),
-    "m": ("meter", "m"),
-    "km": ("kilometer", "km"),
-    "mm^-2": ("millimeter**-2", "mm⁻²"),
-    "deg": ("degree", "°"),
-    "arcsec": ("arcsecond", "″"),
-    "ms": ("millisecond", "ms"),
-    "s": ("second", "s"),
-    "min": ("minute", "min"),
-    "Hz": ("hertz", "Hz"),
-    "1/K": ("kelvin**-1", "K⁻¹"),
+from reproduce.units import RADIANS_PER_ARCSEC
+
+# Unit as written in the data files -> (its name in pint, how a page shows it, its SI value).
+# A count is exact; "1" is a pure number that was rounded when printed; pixels stay pixels. A test
+# holds the values against pint, whose import costs more than everything else in the package.
+UNITS: dict[str, tuple[str, str, float]] = {
+    "1": ("dimensionless", "", 1.0),
+    "count": ("dimensionless", "", 1.0),
+    "percent": ("percent", "%", 0.01),
+    "px": ("pixel", "px", 1.0),
+    "nm": ("nanometer", "nm", 1e-9),
+    "um": ("micrometer", "µm", 1e-6),
+    "mm": ("millimeter", "mm", 1e-3),
+    "m": ("meter", "m", 1.0),
+    "km": ("kilometer", "km", 1e3),
+    "mm^-2": ("millimeter**-2", "mm⁻²", 1e6),
+    "deg": ("degree", "°", pi / 180),
+    "arcsec": ("arcsecond", "″", RADIANS_PER_ARCSEC),
+    "ms": ("millisecond", "ms", 1e-3),
+    "s": ("second", "s", 1.0),
+    "min": ("minute", "min", 60.0),
+    "Hz": ("hertz", "Hz", 1.0),
+    "1/K": ("kelvin**-1", "K⁻¹", 1.0),
     # A magnitude is a logarithm; nothing here computes with it, so it is carried as a bare number.
-    "mag": ("dimensionless", "mag"),
+    "mag": ("dimensionless", "mag", 1.0),
 }
 
-_BASE = {"pixel": "pixel", "percent": "dimensionless"}
 
-
-@cache
 def si_factor(unit: str) -> float:
     """Return the SI value of one `unit`; pixels stay pixels.
 
@@ -57,13 +57,7 @@ def si_factor(unit: str) -> float:
     """
     if unit not in UNITS:
         raise ValueError(f"unit {unit!r}: expected one of {', '.join(UNITS)}; check the spelling")
-    import pint  # here, because importing it costs more than everything else in the package
-
-    name = UNITS[unit][0]
-    quantity = pint.application_registry.Quantity(1.0, name)
-    target = _BASE.get(name)
-    converted = quantity.to(target) if target else quantity.to_base_units()
-    return float(converted.magnitude)
+    return UNITS[unit][2]
 
 
 def symbol(unit: str) -> str:

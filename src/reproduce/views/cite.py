@@ -16,7 +16,7 @@ FORMATS = ("bibtex", "csl", "text")
 _DEVELOPERS = "The reproduce-pointing developers"
 
 
-def citation(key: str, form: str) -> str:
+def citation(key: str, form: str, address: str = "") -> str:
     """Return how to cite an item and the paper it comes from.
 
     Parameters
@@ -25,6 +25,8 @@ def citation(key: str, form: str) -> str:
         A known key.
     form : str
         bibtex, csl (JSON) or text.
+    address : str
+        One cell of the item, if the citation is to name it.
 
     Returns
     -------
@@ -40,8 +42,8 @@ def citation(key: str, form: str) -> str:
         raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
     paper = key.partition("/")[0]
     source = parse_file(str(data_folder() / "references.bib")).entries[paper]
-    ours = _reproduction(key, source)
-    entries = {f"reproduce-{anchor(key)}": ours, paper: source}
+    ours = _reproduction(key, source, address or key)
+    entries = {f"reproduce-{anchor(address or key)}": ours, paper: source}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
     if form == "csl":
@@ -50,7 +52,7 @@ def citation(key: str, form: str) -> str:
     return _text(BibliographyData(entries))
 
 
-def _reproduction(key: str, source: Entry) -> Entry:
+def _reproduction(key: str, source: Entry, address: str) -> Entry:
     first = source.persons["author"][0].last_names[-1]
     year = source.fields["year"]
     place = keys.place(key).partition(",")[0]
@@ -60,7 +62,7 @@ def _reproduction(key: str, source: Entry) -> Entry:
         "title": f"{{Reproduction of {what} of {first} et al. ({year}): {keys.title(key)}}}",
         "year": reproduce.RELEASED[:4],
         "howpublished": f"reproduce-pointing, version {reproduce.__version__}",
-        "note": f"Item {key}, anchor {anchor(key)}",
+        "note": f"{'Item' if address == key else 'Cell'} {address}, anchor {anchor(address)}",
     }
     # Here they keep BibTeX from taking the group's name for a first and a last name.
     return Entry("misc", fields=fields, persons={"author": [Person("{" + _DEVELOPERS + "}")]})

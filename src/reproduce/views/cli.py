@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
-from rich.padding import Padding
 
 import reproduce
 from reproduce.views.keys import UnknownKeyError, check_key
@@ -31,7 +30,24 @@ class _Key(click.ParamType[str]):
             self.fail(str(error), param, ctx)
 
 
+class _Address(_Key):
+    name = "address"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from reproduce.printed.cells import library
+
+        key, mark, name = str(value).partition("#")
+        key = super().convert(key, param, ctx)
+        if not mark:
+            return key
+        try:
+            return library()[key][name].address
+        except KeyError as error:
+            self.fail(str(error.args[0]), param, ctx)
+
+
 KEY = _Key()
+ADDRESS = _Address()
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
@@ -121,25 +137,44 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("key", type=KEY)
-def show(key: str) -> None:
-    """Show an item, computed beside printed."""
-    from reproduce.views import keys, terminal
+@click.argument("address", type=ADDRESS, metavar="KEY[#CELL]")
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="CELL=VALUE",
+    help='Another value for a printed cell, such as niu2024/text-simulation#noise="0.2 px".',
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
+@click.option("--replicates", type=click.IntRange(min=2), help="Of a table that draws some.")
+def show(address: str, changes: tuple[str, ...], seed: int | None, replicates: int | None) -> None:
+    """Show an item or a cell, computed beside printed; or computed again with a change."""
+    import reproduce as rp
+    from reproduce.judge.rerun import CannotChangeError
+    from reproduce.printed.cells import library
 
-    ledger = _ledger((key,))
-    console = Console()
-    console.print(f"{key}: {keys.title(key)}", style="bold", highlight=False)
-    console.print(f"{keys.place(key)}", highlight=False)
-    if not ledger.of(key):
-        console.print(f"A figure: draw it with `reproduce figure {key} --out FILE.svg`.")
-        return
-    console.print(terminal.records_table(ledger.of(key), console.width))
-    for line in terminal.remarks(ledger, key):
-        console.print(Padding(line, (0, 0, 1, 0)), highlight=False, markup=False)
+    key = address.partition("#")[0]
+    found = rp.table(address) if key in library() else rp.figure(address)
+    if changes or seed is not None or replicates is not None:
+        if key not in library():
+            raise click.UsageError(f"{key} is a figure; only tables and quoted numbers are rerun")
+        values = dict(_change(text) for text in changes)
+        try:
+            found = found.rerun(values, seed=seed, replicates=replicates)
+        except CannotChangeError as error:
+            raise click.UsageError(str(error)) from error
+    found.print(Console())
+
+
+def _change(text: str) -> tuple[str, str]:
+    address, equals, value = text.partition("=")
+    if not equals:
+        raise click.UsageError(f"--set {text}: expected CELL=VALUE")
+    return address.strip(), value.strip()
 
 
 @main.command("export")
-@click.argument("key", type=KEY)
+@click.argument("address", type=ADDRESS, metavar="KEY[#CELL]")
 @click.option(
     "--format",
     "form",
@@ -147,12 +182,12 @@ def show(key: str) -> None:
     required=True,
     help="csv and json carry every field.",
 )
-def export_item(key: str, form: str) -> None:
-    """Write an item's records to standard output."""
+def export_item(address: str, form: str) -> None:
+    """Write the records of an item or a cell to standard output."""
     from reproduce.views.export import export
 
     try:
-        click.echo(export(_ledger((key,)), key, form))
+        click.echo(export(_ledger((address.partition("#")[0],)), address, form))
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
@@ -179,7 +214,7 @@ def figure(key: str, out: Path) -> None:
 
 
 @main.command()
-@click.argument("key", type=KEY)
+@click.argument("address", type=ADDRESS, metavar="KEY[#CELL]")
 @click.option(
     "--format",
     "form",
@@ -187,11 +222,11 @@ def figure(key: str, out: Path) -> None:
     default="bibtex",
     show_default=True,
 )
-def cite(key: str, form: str) -> None:
-    """Print how to cite a reproduced item and its paper."""
-    from reproduce.views.cite import citation
+def cite(address: str, form: str) -> None:
+    """Print how to cite a reproduced item or cell and its paper."""
+    import reproduce as rp
 
-    click.echo(citation(key, form))
+    click.echo(rp.cite(address, form))
 
 
 @main.command()

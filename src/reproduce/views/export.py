@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reproduce.judge.expected import reason
-from reproduce.judge.ledger import Ledger
+from reproduce.judge.ledger import Ledger, Record
 from reproduce.views import keys, words
 
 if TYPE_CHECKING:
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "json", "latex", "markdown")
 
 
-def export(ledger: Ledger, key: str, form: str) -> str:
-    """Write one item's records in a format that other programs read.
+def export(ledger: Ledger, address: str, form: str) -> str:
+    """Write the records of an item or a cell in a format that other programs read.
 
     Parameters
     ----------
     ledger : Ledger
         A ledger that holds the item.
-    key : str
-        The item.
+    address : str
+        The item's key, or one cell of it.
     form : str
         csv and json carry every field at full precision; latex and markdown carry the table as
         a reader sees it.
@@ -39,16 +39,17 @@ def export(ledger: Ledger, key: str, form: str) -> str:
     """
     if form not in FORMATS:
         raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
-    if not ledger.of(key):
+    key, _, name = address.partition("#")
+    records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
+    if not records:
         raise ValueError(f"{key} has no printed cells to export; try `reproduce figure {key}`")
     if form == "json":
-        chosen = Ledger(
-            records=ledger.of(key), tables=tuple(t for t in ledger.tables if t.key == key)
-        )
+        tables = tuple(t for t in ledger.tables if t.key == key and not name)
+        chosen = Ledger(records=records, tables=tables)
         return chosen.model_dump_json(indent=2)
     if form == "csv":
-        return _full_frame(ledger, key).to_csv(index=False)
-    shown = _shown_frame(ledger, key, ascii_units=form == "latex")
+        return full_frame(records).to_csv(index=False)
+    shown = _shown_frame(records, ascii_units=form == "latex")
     if form == "markdown":
         return shown.to_markdown(index=False, disable_numparse=True)
     return shown.to_latex(
@@ -59,11 +60,12 @@ def export(ledger: Ledger, key: str, form: str) -> str:
     )
 
 
-def _full_frame(ledger: Ledger, key: str) -> pd.DataFrame:
+def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
+    """Return one row per cell, with every field of the ledger and the reason."""
     import pandas as pd
 
     rows = []
-    for record in ledger.of(key):
+    for record in records:
         row = record.model_dump()
         for name in ("flags", "equations", "seed", "interval"):
             row[name] = " ".join(map(str, row[name] or ()))
@@ -75,7 +77,7 @@ def _full_frame(ledger: Ledger, key: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _shown_frame(ledger: Ledger, key: str, *, ascii_units: bool) -> pd.DataFrame:
+def _shown_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFrame:
     """Lay out what a reader sees; a plain LaTeX document has no glyph for the signs of units."""
     import pandas as pd
 
@@ -89,7 +91,7 @@ def _shown_frame(ledger: Ledger, key: str, *, ascii_units: bool) -> pd.DataFrame
                 "verdict": words.qualified(record),
                 "probability": words.probability(record).replace("\u00a0", " "),
             }
-            for record in ledger.of(key)
+            for record in records
         ],
         dtype=str,
     )

@@ -9,6 +9,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import find, library
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 STYLE = Path(__file__).parent / "figures.mplstyle"
@@ -57,6 +58,35 @@ def draw(key: str) -> Figure:
         figure = Figure(layout="constrained")
         item.draw(figure, printed)
     return figure
+
+
+def data(figure: Figure) -> pd.DataFrame:
+    """Return the lines and points of a figure.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        A drawn figure.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Panel, curve (its label, or its number), x and y, in the units of the axes.
+    """
+    import numpy as np
+    import pandas as pd
+
+    parts = []
+    for panel, axes in enumerate(figure.axes, start=1):
+        drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
+        drawn += [(one.get_label(), one.get_offsets()) for one in axes.collections]
+        for number, (label, points) in enumerate(drawn, start=1):
+            x, y = np.asarray(points, dtype=float).reshape(-1, 2).T
+            named = str(label)
+            curve = f"curve {number}" if named.startswith("_") else named
+            parts.append(pd.DataFrame({"panel": panel, "curve": curve, "x": x, "y": y}))
+    columns = ["panel", "curve", "x", "y"]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
 
 
 def save(key: str, out: Path) -> None:

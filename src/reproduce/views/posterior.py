@@ -32,7 +32,13 @@ OTHER_STEPS = {
 WALKERS = {"registration": 160, "registration-blue": 160, "registration-joint": 160}
 
 
-def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
+def plan_for(
+    name: str,
+    steps: int | None = None,
+    ensembles: int = 4,
+    walkers: int | None = None,
+    seed: int | None = None,
+) -> Plan:
     """Return how a model of the book is sampled.
 
     Parameters
@@ -43,15 +49,25 @@ def plan_for(name: str, steps: int | None = None, ensembles: int = 4) -> Plan:
         Kept steps in place of the usual number.
     ensembles : int
         Independent ensembles.
+    walkers : int, optional
+        Walkers of each ensemble in place of the usual number.
+    seed : int, optional
+        In place of the project's seed.
 
     Returns
     -------
     Plan
-        With the project's seed.
+        How many of everything, and the seed.
     """
     steps = steps or next((n for key, n in OTHER_STEPS.items() if name.startswith(key)), STEPS)
-    walkers, warmup = WALKERS.get(name, 0), max(150, steps // 4)
-    return Plan(ROOT_SEED, ensembles=ensembles, walkers=walkers, steps=steps, warmup=warmup)
+    walkers, warmup = walkers or WALKERS.get(name, 0), max(150, steps // 4)
+    return Plan(
+        ROOT_SEED if seed is None else seed,
+        ensembles=ensembles,
+        walkers=walkers,
+        steps=steps,
+        warmup=warmup,
+    )
 
 
 def run(

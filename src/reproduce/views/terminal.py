@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 from rich import box
 from rich.table import Table
 from rich.text import Text
@@ -82,6 +84,16 @@ def records_table(records: tuple[Record, ...], width: int) -> Table:
         if wide:
             cells += [words.interval(record).replace("−", "-"), words.probability(record)]
         table.add_row(*cells)
+    return table
+
+
+def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return any rows under their heads, numbers to the right."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for i, name in enumerate(head):
+        table.add_column(name, justify="right" if i else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

@@ -1,0 +1,124 @@
+"""An item computed again under a reader's change."""
+
+import numpy as np
+import pytest
+
+from reproduce.judge import rerun
+from reproduce.judge.ledger import build
+from reproduce.judge.rerun import CannotChangeError
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import find
+from reproduce.printed.given import given
+
+NOISE = "niu2024/text-simulation#noise"
+TABLE = "chen2023/table-5"
+
+
+def cells(found):
+    return {one.cell.name: one for one in found.cells}
+
+
+def test_four_times_the_noise_widens_table_3_fourfold():
+    found = cells(rerun.rerun("niu2024/table-3", {NOISE: "0.2 px"}))
+    before = cells(rerun.rerun("niu2024/table-3", {NOISE: "0.05 px"}))
+    for name, one in found.items():
+        width = np.diff(one.interval) / np.diff(before[name].interval)
+        assert width.item() == pytest.approx(4, rel=2e-3), name
+        assert one.value != one.unchanged
+
+
+def test_the_print_itself_changes_nothing():
+    """A value written as in print gives the ledger's numbers, to the last bit."""
+    found = cells(rerun.rerun("niu2024/table-3", {NOISE: "0.05 px"}))
+    ledger = build(["niu2024/table-3"])
+    for name, one in found.items():
+        assert one.value == one.unchanged == ledger.cell(f"niu2024/table-3#{name}").computed
+
+
+def test_recomputed_values_take_the_place_of_printed_ones():
+    """The motion follows the position, the angle the motion, the difference both angles."""
+    address = f"{TABLE}#2.position-x"
+    printed = find(address)[0].number.value
+    found = rerun.rerun(TABLE, {address: f"{printed + 10} um"})
+    told = cells(found)
+    assert told["2.motion-x"].value == pytest.approx(told["2.motion-x"].unchanged + 10)
+    ratio = told["2.reference-y"].value / told["2.reference-y"].unchanged
+    assert ratio == pytest.approx(told["2.motion-x"].value / told["2.motion-x"].unchanged, rel=1e-4)
+    assert f"{TABLE}#2.motion-x" in found.replaced
+    assert f"{TABLE}#2.reference-y" in found.replaced
+    untouched = {f"{TABLE}#2.motion-y", f"{TABLE}#3.motion-x", f"{TABLE}#4.motion-y"}
+    assert not untouched & set(found.replaced), "no change reaches these: the print stands"
+    assert told["4.reference-x"].value == told["4.reference-x"].unchanged
+
+
+def test_an_item_reads_through_other_items():
+    reads = rerun.changeable("chen2023/text-effectiveness")
+    assert f"{TABLE}#2.difference-x" in reads
+    assert f"{TABLE}#2.monitoring-x" in reads, "through the difference"
+    assert f"{TABLE}#2.position-x" in reads, "through motion, angle and difference"
+
+
+@pytest.mark.parametrize("key", [key for key, item in catalogue().items() if item.computations])
+def test_only_what_an_item_reads_can_be_changed(key):
+    allowed = rerun.changeable(key)
+    assert allowed
+    assert set(allowed) >= {
+        cell.address
+        for computation in catalogue()[key].computations
+        for pattern in computation.given
+        for cell in find(pattern)
+        if cell.is_number
+    }
+    with pytest.raises(CannotChangeError, match=f"{key} does not read .*; it reads: {allowed[0]}"):
+        rerun.rerun(key, {"niu2024/text-context#matched-stars": "4"})
+
+
+def test_seed_and_replicates_are_changes():
+    first = rerun.rerun("niu2024/table-3", seed=7, replicates=500)
+    again = rerun.rerun("niu2024/table-3", seed=7, replicates=500)
+    other = rerun.rerun("niu2024/table-3", seed=8, replicates=500)
+    assert first == again
+    assert first.changes == {"seed": "7", "replicates": "500"}
+    assert cells(first)["scale.red"].value != cells(other)["scale.red"].value
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("0.2", "expected px as in the print"),
+        ("0.2 mm", "expected px as in the print"),
+        ("0.2 parsec", "expected px as in the print"),
+        ("much", "expected a number as in the print"),
+        ("", "expected a number as in the print"),
+        ("1e999 px", "expected a finite number"),
+    ],
+)
+def test_values_that_do_not_fit_are_refused(value, message):
+    with pytest.raises(CannotChangeError, match=f"{NOISE}: {message}"):
+        rerun.rerun("niu2024/table-3", {NOISE: value})
+
+
+def test_values_are_read_in_any_unit_of_their_kind():
+    (focal,) = find("niu2024/table-1#focal-length.red")
+    for text in ("60.1 mm", "0.0601 m", "60100 µm", "60100 um", "6.01e1mm"):
+        assert rerun.in_si(focal, text) == pytest.approx(0.0601, rel=1e-12)
+    assert rerun.in_si(focal, 60.1) == pytest.approx(0.0601, rel=1e-12), "a bare float: as printed"
+    (count,) = find("niu2024/text-simulation#angle-count")
+    assert rerun.in_si(count, "12") == 12
+    with pytest.raises(CannotChangeError, match="whole number"):
+        rerun.in_si(count, "12.5")
+    (angle,) = find("niu2024/table-2#rotation.red")
+    assert rerun.in_si(angle, "−0.07°") == pytest.approx(np.radians(-0.07))
+
+
+def test_a_changed_value_is_exact():
+    """It has no rounding interval: nothing was printed."""
+    door = given(["niu2024/table-1#focal-length.red"]).changed(
+        {"niu2024/table-1#focal-length.red": 0.03, "niu2024/table-1#focal-length.blue": 1.0}
+    )
+    assert door["niu2024/table-1#focal-length.red"] == 0.03
+    assert door.numbers() == []
+    assert "niu2024/table-1#focal-length.blue" not in door
+    assert door.shifted({"niu2024/table-1#focal-length.red": 1.0})[
+        "niu2024/table-1#focal-length.red"
+    ] == 0.03  # fmt: skip
