@@ -44,12 +44,15 @@ class ChangedCell:
         nothing is computed.
     interval : tuple of float, optional
         Central 99 % of a prediction.
+    reading : str
+        For a cell that depends on how the text is read: which reading this is.
     """
 
     cell: Cell
     unchanged: float | None
     value: float | None
     interval: Interval | None = None
+    reading: str = ""
 
 
 @dataclass(frozen=True)
@@ -227,18 +230,27 @@ def rerun(
     for computation in makers(key):
         after, before = run.results(computation), plain.results(computation)
         for name, result in after.items():
-            cell = library()[key][name]
-            cells.append(
-                ChangedCell(
-                    cell, _shown(cell, before[name]), _shown(cell, result), _central(cell, result)
-                )
-            )
+            cells += _changed(library()[key][name], before[name], result)
     told = {address: str(value) for address, value in changes.items()}
     told |= {} if seed is None else {"seed": str(seed)}
     told |= {} if replicates is None else {"replicates": str(replicates)}
     order = list(library()[key].by_name)
     cells.sort(key=lambda one: order.index(one.cell.name))
     return Rerun(key, told, tuple(cells), run.replaced)
+
+
+def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:
+    """Return a cell once, or once for every reading of the text that it depends on."""
+    pairs = [("", before, after)]
+    if isinstance(before, Blocked) and isinstance(after, Blocked) and after.readings:
+        pairs = [
+            (one.name, one.result, other.result)
+            for one, other in zip(before.readings, after.readings, strict=True)
+        ]
+    return [
+        ChangedCell(cell, _shown(cell, one), _shown(cell, other), _central(cell, other), reading)
+        for reading, one, other in pairs
+    ]
 
 
 class _Run:

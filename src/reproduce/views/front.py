@@ -321,12 +321,15 @@ class Changed(_Shown):
             One row per computed cell, in the unit of print, with the central 99 % where it is a
             prediction.
         """
-        rows = {
-            one.cell.name: {
+        rows = [
+            {
+                "cell": one.cell.name,
+                "reading": one.reading,
                 "printed": one.cell.text,
                 "unchanged": one.unchanged,
                 "changed": one.value,
-                "changed - printed": None if one.value is None or not one.cell.is_number
+                "changed - printed": None
+                if one.value is None or not one.cell.is_number
                 else one.value - one.cell.number.value,
                 "low": one.interval[0] if one.interval else None,
                 "high": one.interval[1] if one.interval else None,
@@ -334,8 +337,9 @@ class Changed(_Shown):
             }
             for one in self.result.cells
             if self.name in {"", one.cell.name}
-        }  # fmt: skip
-        return pd.DataFrame.from_dict(rows, orient="index")
+        ]
+        frame = pd.DataFrame(rows).set_index("cell")
+        return frame if frame["reading"].any() else frame.drop(columns="reading")
 
     def _told(self) -> str:
         changed = ", ".join(f"{name} = {text}" for name, text in self.changes.items()) or "nothing"
@@ -352,7 +356,8 @@ class Changed(_Shown):
             number = one.cell.number
             values = [one.unchanged, one.value, *(one.interval or (None, None))]
             digits = ["" if v is None else number.format(v, extra=1) for v in values]
-            rows.append((one.cell.name, one.cell.text, *digits, symbol(one.cell.unit)))
+            name = f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
+            rows.append((name, one.cell.text, *digits, symbol(one.cell.unit)))
         return rows
 
     _HEAD = ("cell", "printed", "from the print", "changed", "from", "to", "unit")
