@@ -10,11 +10,11 @@ export PYTHON
 # Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
 # cannot be written to is no obstacle.
 unexport PYTHONPATH PYTHONHOME
-export MPLCONFIGDIR := $(CURDIR)/.venv/own/matplotlib
-export IPYTHONDIR := $(CURDIR)/.venv/own/ipython
-export JUPYTER_CONFIG_DIR := $(CURDIR)/.venv/own/jupyter
-export JUPYTER_DATA_DIR := $(CURDIR)/.venv/own/jupyter
-export JUPYTER_RUNTIME_DIR := $(CURDIR)/.venv/own/jupyter
+export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
+export IPYTHONDIR := $(CURDIR)/.venv/ipython
+export JUPYTER_CONFIG_DIR := $(CURDIR)/.venv/jupyter
+export JUPYTER_DATA_DIR := $(CURDIR)/.venv/jupyter
+export JUPYTER_RUNTIME_DIR := $(CURDIR)/.venv/jupyter
 PY := .venv/bin/python
 STAMP := .venv/.installed
 UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
@@ -29,7 +29,8 @@ book: $(STAMP)  ## build the book and say where it is
 	@printf '\nThe book is ready. Open %s\n' "$(CURDIR)/book/_build/html/index.html"
 
 test: $(STAMP)  ## run the tests, with line coverage
-	@$(PY) -m pytest -m "not browser" --cov --cov-report=term --benchmark-disable
+	@$(PY) -m pytest -m "not browser" --numprocesses auto --maxprocesses 4 --dist worksteal \
+		--cov --cov-report=term --benchmark-disable
 
 check: $(STAMP)  ## lint, format, types, citation file
 	@$(PY) -m ruff check .
@@ -70,4 +71,5 @@ $(STAMP): environment.txt pyproject.toml
 	@$(PY) -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)"
 	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) environment.txt
 	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(PY) -c "import matplotlib.font_manager"  # says so on a page where it takes long
 	@touch $@
