@@ -9,9 +9,9 @@ import numpy as np
 from reproduce.inference import diagnostics
 from reproduce.physics.validate import FloatArray
 
-# Steps advised: so many times those that the gates need, since short chains look better than they
-# are; and how many times more where ensembles differ, which no size tells.
-MARGIN, MIXING = 1.25, 2.0
+# Steps advised: so many times those that the gates need, since short chains tell of too short a
+# time; and how many times more where ensembles differ, which no size tells.
+MARGIN, MIXING = 2.0, 2.0
 
 
 @dataclass(frozen=True)

@@ -236,7 +236,8 @@ def spots_model(
     derived: Derived | None,
 ) -> Model:
     mount = Normal(0.0, MOUNT, "the zero attitude is laid over the spots to begin with, so only "
-                   "the misfit of the design is left: a quarter of a degree is generous")  # fmt: skip
+                   "the misfit of the design is left: a quarter of a degree is "
+                   "generous")  # fmt: skip
     scale = Parameter("laser-scale", "s", "1", Normal(1.0, 0.1, "a pattern within a tenth or so of "
                       "its design; the printed spots lie a twentieth off"))  # fmt: skip
     noise = Parameter("noise", r"\sigma", "px", LogUniform(1e-4, 1.0, "from far finer than any "

@@ -26,7 +26,6 @@ from reproduce.inference.model import Model
 from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.inference.states import states_model
 from reproduce.papers.chen2023.posteriors import READS, platform
-from reproduce.physics.similarity import as_complex
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError
 
@@ -103,7 +102,9 @@ def _measured(table: Table, group: str, groups: int) -> tuple[Platform, list[Flo
 
 def _refuse_mirrored(table: Table, instrument: Platform, spots: FloatArray) -> None:
     """Refuse spots whose mirror image fits the lasers, as they stand in the order of the file."""
-    lasers, pattern = (as_complex(one - one.mean(axis=0)) for one in (instrument.lasers, spots))
+    lasers, pattern = (
+        (one - one.mean(axis=0)) @ np.array([1, 1j]) for one in (instrument.lasers, spots)
+    )
     # The share of the pattern that a similarity of the lasers, or of their mirror image, explains.
     straight, mirrored = abs(lasers.conj() @ pattern), abs(lasers @ pattern)
     if mirrored > MIRRORED * straight:

@@ -10,7 +10,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from reproduce.inference.free_priors import free_priors
 from reproduce.inference.joint import CHANNELS, joint_model
 from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model
@@ -26,10 +28,9 @@ from reproduce.inference.variants import (
     field_noise_model,
     student_model,
 )
-from reproduce.physics.registration import SimilarityFit, fit_similarity
-from reproduce.physics.validate import FloatArray
 from reproduce.store.points import Table, TableFileError
 
+FloatArray = NDArray[np.float64]
 Pivot = tuple[float, float] | None
 Reader = Callable[[str, Table, Pivot], Model]
 
@@ -38,19 +39,10 @@ JOINT_COLUMNS = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
 # Of the field: how far a principal point or a distortion may move a star, beforehand; a distortion
 # also so many times the residuals, but never so far that it cannot be undone.
 SHARE, RESIDUALS, MOST = 1e-3, 10.0, 0.03
-# Of the residual of least squares: ends of the noise, as good as none.
-NOISE = (1e-9, 1e3)
-# The shift may lie so many fields or standard errors, the scale so many times, from the fit.
-FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
 # Log10 of the degrees of freedom: from tails of gross mismatches to hardly any.
 FREEDOM = (-1.0, 2.3)
-# Residuals below this share of the coordinates are rounding; a pivot further away, in fields, takes
-# the digits of the shift.
-ROUNDING, FURTHEST = 1e-11, 100.0
-# Coordinates beyond this are no px; their squares would overflow.
-LARGEST = 1e12
-# Points are mirrored if their mirror image leaves less than this share of the residuals.
-MIRRORED = 1 / 3
+# A pivot further away, in fields, takes the digits of the shift.
+FURTHEST = 100.0
 # Fewer stars do not tell a wrong match from noise.
 FEW = 10
 
@@ -59,7 +51,7 @@ def plain(name: str, table: Table, pivot: Pivot) -> Model:
     """Registration of one channel."""
     source, target = table.values[:, :2], table.values[:, 2:]
     centre = pivots(table, pivot)[0]
-    priors = free(table, source, target, centre)
+    priors = _free(table, source, target, centre)
     return registration_model(source, target, centre, name=name, priors=priors)
 
 
@@ -102,7 +94,7 @@ def joint(name: str, table: Table, pivot: Pivot) -> Model:
     centres = pivots(table, pivot)
     priors: dict[str, Prior] = {}
     for channel, source, centre in zip(CHANNELS, (red, blue), centres, strict=True):
-        own = free(table, source, green, centre)
+        own = _free(table, source, green, centre)
         # Both channels share one noise, and its prior is that of the channel with more of it.
         widest = max((own.pop("noise"), priors.get("noise")), key=_high)
         priors |= {f"{channel}-{key}": prior for key, prior in own.items()}
@@ -131,76 +123,13 @@ def pivots(table: Table, pivot: Pivot) -> list[FloatArray]:
     return [np.array(pivot)] * len(channels)
 
 
-def free(
+def _free(
     table: Table, source: FloatArray, target: FloatArray, pivot: FloatArray
 ) -> dict[str, Prior]:
-    """Flat priors whose ends are as far from the fit as the data's own scale allows.
-
-    Parameters
-    ----------
-    table : Table
-        The file, for messages.
-    source, target : ndarray, shape (n, 2)
-        In px.
-    pivot : ndarray, shape (2,)
-        In px.
-
-    Returns
-    -------
-    dict
-        For scale, rotation, shift-x, shift-y and noise.
-
-    Raises
-    ------
-    TableFileError
-        If the points are few or mirrored, fit without any error, or hold huge numbers.
-    """
-    largest = float(np.abs([source, target]).max())
-    if not largest < LARGEST:
-        row, column = np.unravel_index(np.abs(table.values).argmax(), table.values.shape)
-        raise table.wrong(int(row), table.columns[column], f"expected px below {LARGEST:g}")
-    if len(source) < 4:
-        raise TableFileError(f"{table.path}: expected four or more stars, got {len(source)}")
-    straight, flipped = (
-        robust_similarity(points, target, pivot) for points in (source, source * [-1, 1])
-    )
-    if flipped.noise < MIRRORED * straight.noise:
-        raise TableFileError(
-            f"{table.path}: the points are mirrored: with the sign of x changed they fit to "
-            f"{flipped.noise:.2g} px, as they stand to {straight.noise:.2g} px; change the sign "
-            "of x, or exchange x and y, in one channel"
-        )
-    fit = fit_similarity(source, target, pivot)
-    if _residual(fit) < ROUNDING * max(largest, float(np.abs(pivot).max())):
-        k, theta, x, y = fit.parameters.tolist()
-        raise TableFileError(
-            f"{table.path}: the points fit without any error, so there is no noise to sample; "
-            f"exactly: scale {k:.10g}, rotation {np.degrees(theta):.10g} deg, shift {x:.10g} and "
-            f"{y:.10g} px"
-        )
-    residual = _residual(fit)
-    theta, x, y = fit.parameters[1:].tolist()
-    # No least-squares scale exceeds the ratio of both patterns' sizes.
-    size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() / fit.spread))
-    size = max(size, float(straight.fit.parameters[0]))
-    error = residual * float(np.sqrt(fit.cofactor[2, 2]))
-    reach = max(FIELDS * float(np.ptp(target, axis=0).max()), ERRORS * error)
-    place = "ten fields, or a thousand standard errors, on both sides of least squares"
-    return {
-        "scale": Uniform(0.0, SCALES * size, "up to ten times the ratio of the sizes of "
-                         "both patterns; flat"),
-        "rotation": Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to "
-                            "least squares"),
-        "shift-x": Uniform(x - reach, x + reach, place),
-        "shift-y": Uniform(y - reach, y + reach, place),
-        "noise": LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
-                            "billionth of the residuals of least squares to a thousand times them"),
-    }  # fmt: skip
-
-
-def _residual(fit: SimilarityFit) -> float:
-    """Standard deviation of a residual coordinate, in px."""
-    return float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
+    try:
+        return free_priors(source, target, pivot)
+    except ValueError as error:
+        raise TableFileError(f"{table.path}: {error}") from error
 
 
 def remarks(table: Table, pivot: Pivot) -> list[str]:

@@ -1,0 +1,350 @@
+"""Posteriors of a user's own data: never narrower than they are, and never a traceback."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from reproduce.inference import free_priors
+from reproduce.inference.posterior import Posterior
+from reproduce.inference.priors import LogUniform
+from reproduce.inference.registration import registration_model
+from reproduce.inference.sampling import Job, Plan, run_ensemble
+from reproduce.inference.sensitivity import leanings
+from reproduce.papers.chen2023.posteriors import READS, platform
+from reproduce.physics.registration import fit_similarity
+from reproduce.physics.similarity import Similarity
+from reproduce.printed.given import given
+from reproduce.units import ARCSEC_PER_RADIAN
+from reproduce.views import posterior as running
+from reproduce.views.cli import main
+from reproduce.views.posterior_data import from_file, supplied
+from reproduce.views.posterior_decision import Range, ranged
+
+FIELD = np.array([2064.0, 1544.0])
+STAR_COLUMNS = "x,y,x_reference,y_reference"
+
+
+def stars(noise=0.05, scale=1.0006, rotation=0.002, wrong=0, count=81):
+    """Stars of known truth about the middle of the field, some wrongly matched."""
+    generator = np.random.default_rng(7)
+    source = generator.uniform((0, 0), FIELD, (count, 2))
+    target = Similarity(scale, rotation, (3, 1), FIELD / 2).transform(source)
+    target = target + noise * generator.normal(size=target.shape)
+    target[:wrong] = generator.uniform((0, 0), FIELD, (wrong, 2))
+    return source, target
+
+
+def written(tmp_path, *columns, head=STAR_COLUMNS, fmt="%.6f"):
+    path = tmp_path / "data.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt=fmt)
+    return path
+
+
+def spots(tmp_path, noise, flip=1):
+    """Fifty images in each of two groups; between them the camera turns by (20, -20, 0) arcsec."""
+    instrument = platform(given(READS))
+    generator = np.random.default_rng(3)
+    rows = []
+    for group, turn in enumerate(np.array([[0, 0, 0], [20, -20, 0]]) / ARCSEC_PER_RADIAN):
+        at = instrument.predicted(np.zeros((1, 3)), turn[None, None], np.ones(1), 2.0)[0, 0]
+        for image in at + noise * generator.normal(size=(50, *at.shape)):
+            rows += [(group, i + 1, flip * x, y) for i, (x, y) in enumerate(image)]
+    return written(tmp_path, rows, head="group,laser,x,y", fmt=["%d", "%d", "%.6f", "%.6f"])
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["posterior", *map(str, arguments)])
+
+
+def sampled(name, path, *arguments):
+    """Return the whole JSON of a run that succeeds, and its rows by name."""
+    result = run(name, "--data", path, "--json", *arguments)
+    assert result.exit_code == 0, result.output
+    record = json.loads(result.stdout)
+    return record, {row["name"]: row for row in record["parameters"]}
+
+
+def drawn(model, steps=250):
+    """Return the draws of one ensemble, ungated: for widths to a few per cent."""
+    chain, log, acceptance = run_ensemble(Job(model, Plan(1, 1, 0, steps, 150), 0))
+    return Posterior(model, 1, chain[None], log[None], (acceptance,), ())
+
+
+def moments(found, name):
+    """Mean and standard deviation of one parameter, as shown."""
+    i = found.model.names.index(name)
+    values = found.chain[..., i] * found.model.parameters[i].shown
+    return values.mean(), values.std()
+
+
+@pytest.mark.parametrize(
+    ("name", "noise", "wrong", "steps"),
+    [
+        ("registration", 0.05, 1, 280),
+        ("registration", 0.05 * 2064, 0, 280),
+    ],
+)
+def test_widths_are_those_of_least_squares_however_large_the_noise(
+    tmp_path, name, noise, wrong, steps
+):
+    source, target = stars(noise=noise, wrong=wrong)
+    record, rows = sampled(name, written(tmp_path, source, target), "--steps", steps)
+    fit = fit_similarity(source, target, source.mean(axis=0))
+    freedom = float(fit.degrees_of_freedom)
+    expected = np.sqrt(np.diagonal(fit.covariance) * freedom / (freedom - 2))
+    # The density of the scale k exp(i theta) is flat in k and theta: as good as Student's here.
+    assert rows["scale"]["deviation"] == pytest.approx(expected[0], rel=0.04)
+    assert np.radians(rows["rotation"]["deviation"]) == pytest.approx(expected[1], rel=0.04)
+    assert rows["noise"]["mean"] == pytest.approx(np.sqrt(fit.chi_square / freedom), rel=0.02)
+    assert record["at_prior_end"] == []
+    assert len(record["remarks"]) == (wrong > 0)
+
+
+def test_a_free_pivot_does_not_bound_the_noise(tmp_path):
+    source, target = stars(wrong=8)
+    found = drawn(from_file("registration-principal-point", written(tmp_path, source, target)))
+    fit = fit_similarity(source, target, source.mean(axis=0))
+    assert moments(found, "scale")[1] == pytest.approx(np.sqrt(fit.covariance[0, 0]), rel=0.1)
+    assert leanings(found) == []
+
+
+def test_the_noise_of_spots_is_that_of_the_spots(tmp_path):
+    """Three pixels lie beyond the end of the prior that the book's own spots have."""
+    found = drawn(from_file("misalignment", spots(tmp_path, 3.0)))
+    assert moments(found, "noise")[0] == pytest.approx(3.0, abs=0.2)
+    # One axis: 3 px over the root of 200 spot coordinates, at both ends of the turn.
+    pixel = 13e-6 / 0.06 * ARCSEC_PER_RADIAN
+    angle, deviation = moments(found, "angle-y")
+    assert deviation == pytest.approx(3 * pixel / np.sqrt(100), rel=0.15)
+    assert abs(angle + 20) < 3 * deviation
+    assert leanings(found) == []
+
+
+def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
+    path = written(tmp_path, *stars())
+    monkeypatch.setattr(free_priors, "NOISE", (1e-9, 1.0))
+    record, rows = sampled("registration", path, "--steps", 400)
+    (leaning,) = record["at_prior_end"]
+    assert (leaning["parameter"], leaning["unit"]) == ("noise", "px")
+    assert rows["noise"]["high"] <= leaning["end"] < 1.01 * rows["noise"]["high"]
+    shown = run("registration", "--data", path, "--steps", 400)
+    assert "Beware: noise leans on the end" in shown.stdout
+    assert shown.stdout.startswith("Data: your file")
+
+
+def test_a_free_posterior_leans_on_nothing_and_a_cut_one_does():
+    """Beyond four standard deviations of the noise a cut no longer matters."""
+    source, target = stars()
+    free = registration_model(source, target, FIELD / 2)
+    found = drawn(free)
+    assert leanings(found) == []
+    mean, deviation = moments(found, "noise")
+    for reach, named in ((1.0, ["noise"]), (4.5, [])):
+        cut = {"noise": LogUniform(1e-6, mean + reach * deviation, "cut")}
+        cut_model = registration_model(source, target, FIELD / 2, priors=cut)
+        assert [one.parameter for one in leanings(drawn(cut_model))] == named
+
+
+def test_no_start_says_which_prior_excludes_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(free_priors, "NOISE", (1e-9, 1e-3))
+    result = run("registration", "--data", written(tmp_path, *stars()))
+    assert result.exit_code == 2
+    assert "the rough estimate of noise is 0.04" in result.stderr
+    assert "its prior log-uniform from" in result.stderr
+
+
+@pytest.mark.parametrize(("scale", "rotation"), [(1.0006, 3.1415), (10.0, 1.0), (0.1, -2.0)])
+def test_any_rotation_and_scale_is_sampled_and_given_as_it_is(tmp_path, scale, rotation):
+    path = written(tmp_path, *stars(scale=scale, rotation=rotation))
+    record, rows = sampled("registration", path, "--steps", 220, "--pivot", *(FIELD / 2))
+    truth = {"scale": scale, "rotation": np.degrees(rotation), "shift-x": 3.0, "shift-y": 1.0}
+    for name, value in truth.items():
+        assert abs(rows[name]["mean"] - value) < 4 * rows[name]["deviation"]
+    assert (rows["scale"]["unit"], rows["rotation"]["unit"]) == ("1", "deg")
+    assert rows["scale"]["deviation"] < 1e-5
+    assert record["data"] == {
+        "kind": "file", "file": str(path), "rows": 81, "pivot": [(FIELD / 2).tolist()]
+    }  # fmt: skip
+
+
+def test_a_joint_registration_takes_any_rotation(tmp_path):
+    red, green = stars(rotation=3.0)
+    blue = stars(noise=0.0)[0] + 0.05 * np.random.default_rng(8).normal(size=red.shape)
+    head = "x_red,y_red,x_blue,y_blue,x_green,y_green"
+    path = written(tmp_path, red, blue, green, head=head)
+    model = from_file("registration-joint", path)
+    start = model.start(np.random.default_rng(1), 50)
+    assert np.isfinite(model.log_posterior(start)).all()
+    assert abs(np.median(start[:, 1]) - 3.0) < 1e-3
+    ends = [model.parameters[i].prior for i in (1, 5)]
+    np.testing.assert_allclose([one.high - one.low for one in ends], 2 * np.pi)
+
+
+def test_the_robust_model_tolerates_a_tenth_of_mismatches(tmp_path):
+    path = written(tmp_path, *stars(wrong=8))
+    stated = supplied("registration-student", path, tuple(FIELD / 2))
+    found = drawn(stated.model, 300)
+    scale, deviation = moments(found, "scale")
+    assert abs(scale - 1.0006) < 4 * deviation
+    assert deviation < 2e-5
+    assert leanings(found) == []
+    assert "8 of 81 stars do not fit" in stated.remarks[0]
+
+
+def test_honest_stars_are_not_suspected_and_repeated_lines_are_named(tmp_path):
+    source, target = stars(count=40)
+    assert supplied("registration", written(tmp_path, source, target)).remarks == ()
+    twice = [np.vstack([one, one[:2]]) for one in (source, target)]
+    (remark,) = supplied("registration", written(tmp_path, *twice)).remarks
+    assert remark.startswith("2 of 42 lines repeat an earlier one (lines 42, 43)")
+
+
+def test_noiseless_stars_give_the_exact_answer(tmp_path):
+    path = written(tmp_path, *stars(noise=0, scale=1.5, rotation=0.5), fmt="%.17g")
+    result = run("registration", "--data", path, "--pivot", *(FIELD / 2))
+    assert result.exit_code == 2
+    exact = f"exactly: scale 1.5, rotation {np.degrees(0.5):.10g} deg, shift 3 and 1 px"
+    assert exact in result.stderr
+
+
+def mirrored(tmp_path):
+    source, target = stars(wrong=8)
+    return ["registration", "--data", written(tmp_path, source * [-1, 1], target)]
+
+
+def exchanged(tmp_path):
+    source, target = stars()
+    return ["registration-student", "--data", written(tmp_path, source[:, ::-1], target)]
+
+
+def text(name, lines):
+    def arguments(tmp_path):
+        path = tmp_path / "data.csv"
+        path.write_text("\n".join(lines))
+        return [name, "--data", str(path)]
+
+    return arguments
+
+
+def with_stars(*more, name="registration"):
+    return lambda tmp_path: [name, "--data", written(tmp_path, *stars()), *more]
+
+
+HUGE = [f"{i * i},{i % 5},{i * i}e200,{i % 3}" for i in range(9)]
+REFUSED = {
+    "mirrored": (mirrored, "the points are mirrored"),
+    "exchanged": (exchanged, "the points are mirrored"),
+    "mirrored spots": (
+        lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02, -1)],
+        "the spots are mirrored",
+    ),
+    "still spots": (
+        lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.0)],
+        "expected spots that scatter",
+    ),
+    "negative state": (
+        text("misalignment-states", ["state,laser,x,y,motion_x_um,motion_y_um", "-1,1,2,3,0,0"]),
+        r"column 1 (state): expected a whole number",
+    ),
+    "long field": (text("registration", [STAR_COLUMNS, "1" * 200_000 + ",1,2,3"]), "data.csv"),
+    "huge numbers": (text("registration", [STAR_COLUMNS, *HUGE]), "expected px below 1e+12"),
+    "one place": (text("registration", [STAR_COLUMNS, *["1,2,3,4"] * 9]), "coincident points"),
+    "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "four or more stars"),
+    "huge pivot": (with_stars("--pivot", "1e9", "1e9"), "within 100 fields of the stars"),
+    "endless pivot": (with_stars("--pivot", "inf", "0"), "within 100 fields of the stars"),
+    "no number": (with_stars("--pivot", "nan", "0"), "within 100 fields of the stars"),
+    "pivot alone": (lambda tmp_path: ["registration", "--pivot", "1", "1"], "--pivot needs --data"),
+    "pivot of spots": (
+        lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
+        "misalignment takes no --pivot",
+    ),
+    "no folder": (with_stars("--out", "/dev/null/nothing"), "--out: cannot use /dev/null/nothing"),
+    "no steps": (with_stars("--steps", "0"), "--steps"),
+}
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_sampled_is_refused_in_one_line(tmp_path, case, as_json):
+    arguments, message = REFUSED[case]
+    result = run(*arguments(tmp_path), *(["--json"] if as_json else []))
+    assert result.exit_code == 2
+    assert isinstance(result.exception, SystemExit)
+    last = result.stderr.strip().splitlines()[-1]
+    assert last.startswith("Error: ")
+    assert message in last
+    assert len(last) < 300 + len(str(tmp_path))
+    assert "Warning" not in result.stderr
+    stdout = f'"{last.removeprefix("Error: ")}"' if as_json else ""
+    assert stdout in (json.dumps(json.loads(result.stdout)["error"]), "") if as_json else True
+    assert bool(result.stdout) == as_json
+
+
+def test_a_damaged_run_is_refused(tmp_path):
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / "plan.json").write_text("[]x")
+    result = run("registration", "--out", out, "--resume")
+    assert result.exit_code == 2
+    assert "expected the plan of a stored run" in result.stderr
+
+
+def test_refused_chains_tell_the_steps_that_would_do(tmp_path):
+    path = written(tmp_path, *stars())
+    result = run("registration", "--data", path, "--steps", 60, "--json")
+    assert result.exit_code == 1
+    record = json.loads(result.stdout)
+    assert len(record["error"]) < 300
+    assert f"take about {record['steps_needed']} steps (--steps; there were 60)" in record["error"]
+    assert len(record["missed"]) == 5
+    _, rows = sampled("registration", path, "--steps", record["steps_needed"])
+    assert rows["scale"]["rhat"] < 1.01
+
+
+def test_what_the_data_are_is_said():
+    _, words = running.provenance("registration")
+    assert words.startswith("simulated by us with printed settings of niu2024; truth: scale 0.9976")
+    record = json.loads(run("registration", "--steps", 280, "--json").stdout)
+    truth = record["data"].pop("truth")
+    assert record["data"] == {"kind": "simulated", "paper": "niu2024"}
+    rows = {row["name"]: row for row in record["parameters"]}
+    for name in ("rotation", "shift-x", "shift-y", "noise"):
+        assert abs(rows[name]["mean"] - truth[name]) < 4 * rows[name]["deviation"]
+    printed = {"kind": "printed", "paper": "chen2023"}
+    assert running.provenance("table-5") == (printed, "as printed in chen2023")
+
+
+def test_printed_tables_of_any_scatter_and_digits_have_room(tmp_path):
+    """Averages with more digits than the book's, and a stage test with three arc seconds of noise.
+
+    The ends of the priors are those of the coordinates in which the ensembles move.
+    """
+    path = tmp_path / "averages.csv"
+    path.write_text("frames,error_arcsec,series\n1,1.40046,400\n4,0.71023,400\n16,0.36011,400\n")
+    model = from_file("frame-averaging", path)
+    assert np.isfinite(model.log_posterior(model.start(np.random.default_rng(1), 8))).all()
+
+    positions = np.array([[10.0, 10.0], [30.0, 31.0], [50.0, 49.0], [70.0, 72.0], [90.0, 88.0]])
+    angles = -np.arctan2((positions - positions[0]) * 1e-6, 3.0) * ARCSEC_PER_RADIAN
+    noisy = angles[1:, [0, 0, 1, 1]] + 3 * np.random.default_rng(1).normal(size=(4, 4))
+    rows = np.column_stack([positions, np.vstack([np.zeros(4), noisy])])
+    head = ("position_x_um,position_y_um,reference_y_arcsec,monitored_y_arcsec,"
+            "reference_x_arcsec,monitored_x_arcsec")  # fmt: skip
+    path = written(tmp_path, rows, head=head, fmt=["%.1f", "%.1f", *["%.3f"] * 4])
+    model = from_file("table-5", path)
+    draws = model.draw_prior(np.random.default_rng(1), 200)
+    draws = draws[np.isfinite(model.log_posterior(draws))]
+    coordinates = model.coordinates()
+    back = coordinates.parameters(coordinates.straight(draws))
+    np.testing.assert_allclose(back, draws, rtol=1e-6, atol=1e-9)
+    high = {one.name: one.prior.high for one in model.parameters if hasattr(one.prior, "high")}
+    assert high["noise"] * ARCSEC_PER_RADIAN > 100
+    assert 10 ** high["log-reference-scatter"] > 30
+
+
+def test_a_range_keeps_its_ends():
+    """A wide error takes the digits of an end, but not the first one, nor adds a sign to zero."""
+    assert ranged(Range(-0.23, 0.16, (0.06, 0.02))) == "−0.2 to 0.2"
+    assert ranged(Range(-0.00004, 3.2, (0.002, 0.04))) == "0.00 to 3.2"
