@@ -116,9 +116,9 @@ def last_place(text: str) -> int:
     if not isinstance(place, int):
         raise ValueError(f"expected a finite number, got {text!r}")
     if (len(digits) if number else 1 - place) > DIGITS:
-        shortest = Decimal(repr(float(text))).normalize().as_tuple().exponent
-        place = min(0, int(shortest))
-    return place
+        shortest = Decimal(repr(float(text))).normalize()
+        return min(0, int(shortest.as_tuple().exponent))
+    return int(place)
 
 
 def read_columns(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
