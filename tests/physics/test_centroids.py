@@ -96,6 +96,31 @@ def test_every_spot_is_found_once_even_when_it_is_saturated():
     assert detect_spots(frame, 1e9).shape == (0, 2)
 
 
+def test_a_flat_patch_is_one_spot_at_its_middle_whatever_its_size():
+    frame = np.zeros((200, 300))
+    frame[20:101, 30:141] = 4095.0
+    frame[150:153, 200] = 4095.0
+    frame[150, 250] = frame[152, 252] = 4095.0
+    assert detect_spots(frame, 10.0).tolist() == [[85, 60], [250, 150], [200, 151]]
+
+
+@pytest.mark.parametrize("separation", [1, 2, 5])
+def test_spots_are_those_that_nothing_near_outshines(separation):
+    frame = np.random.default_rng(separation).standard_normal((40, 50))
+    brute = [
+        (x, y)
+        for y in range(40)
+        for x in range(50)
+        if frame[y, x] > 0.5
+        and frame[y, x]
+        == frame[
+            max(y - separation + 1, 0) : y + separation, max(x - separation + 1, 0) : x + separation
+        ].max()
+    ]
+    brute.sort(key=lambda at: -frame[at[1], at[0]])
+    assert detect_spots(frame, 0.5, separation).tolist() == [list(at) for at in brute]
+
+
 def test_estimators_agree_on_a_wide_clean_spot():
     window = spot_windows([10.23, 19.81], 1e5, 1.2, [0, 9], 21)
     for found in (

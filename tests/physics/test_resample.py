@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from reproduce.physics.centroids import centre_of_gravity
+from reproduce.physics.fit import fit_registration
+from reproduce.physics.registration import fit_similarity
 from reproduce.physics.resample import fused_image, registered_image
 from reproduce.physics.similarity import Similarity
 from reproduce.physics.spots import render_frame
+from reproduce.physics.transforms import Registration
 
 TRANSFORM = Similarity(1.01, 0.02, (1.3, -0.7), (30.0, 20.0))
 SPOT = np.array([[33.3, 27.8]])
@@ -19,6 +22,45 @@ def test_a_spot_arrives_with_its_light_where_the_transform_says(order):
     assert found.sum() == pytest.approx(1e5, rel=2e-3)
     expected = TRANSFORM.transform(SPOT)[0]
     np.testing.assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters"),
+    [
+        ("shift", [3.2, -1.4]),
+        ("rigid", [0.05, 3.2, -1.4]),
+        ("similarity", [1.05, 0.05, 3.2, -1.4]),
+        ("similarity+radial", [1.05, 0.05, 3.2, -1.4, 2e-4]),
+        ("affine", [1.05, 0.03, -0.06, 0.97, 3.2, -1.4]),
+        ("affine", [-1.0, 0.0, 0.0, 1.0, 3.2, -1.4]),  # a mirror image
+    ],
+)
+def test_what_a_fit_returns_carries_an_image(model, parameters):
+    """The light too, though the radial term enlarges the spot where it is."""
+    pivot = np.array([30.0, 22.0])
+    truth = Registration(model, np.array(parameters), pivot)
+    source = np.random.default_rng(2).uniform(0, 60, (12, 2))
+    fit = fit_registration(source, truth.apply(source), pivot, model=model)
+    image = render_frame(SPOT, 1e5, 1.2, (64, 48))
+    found = registered_image(image, fit)
+    assert found.sum() == pytest.approx(1e5, rel=3e-3)
+    expected = truth.apply(SPOT)[0]
+    np.testing.assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.02)
+    np.testing.assert_array_equal(registered_image(image, fit.transform), found)
+    part = registered_image(image[10:46, 12:60], fit, order=1, corner=(12, 10))
+    whole = registered_image(image, fit, order=1)
+    np.testing.assert_allclose(part[5:-5, 5:-5], whole[15:41, 17:55], rtol=1e-9, atol=1e-6)
+
+
+def test_all_forms_of_one_similarity_give_one_image():
+    source = np.random.default_rng(2).uniform(0, 60, (12, 2))
+    image = render_frame(SPOT, 1e5, 1.2, (64, 48))
+    fit = fit_similarity(source, TRANSFORM.transform(source), TRANSFORM.pivot)
+    for form in (fit, fit.similarity, fit_registration(source, TRANSFORM.transform(source),
+                                                       TRANSFORM.pivot)):  # fmt: skip
+        np.testing.assert_allclose(
+            registered_image(image, form), registered_image(image, TRANSFORM), atol=1e-6
+        )
 
 
 def test_a_window_is_a_part_of_the_whole():

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reproduce.physics.lasers import emitted_directions, received_directions
+from reproduce.physics.validate import DegenerateGeometryError
 from reproduce.physics.wahba import METHODS, attitude, solve
 
 EPSILON = np.finfo(float).eps
@@ -145,3 +146,50 @@ def test_each_solver_keeps_its_stated_multiple_over_random_sets(seed):
         twist = np.swapaxes(attitude(target, source, weights, method), -1, -2) @ direct.rotation
         axial = [(twist[:, j, i] - twist[:, i, j]) / 2 for i, j in CYCLE]
         assert (np.linalg.norm(axial, axis=0) < multiple * EPSILON / gap).all(), method
+
+
+def heavy_and_light(seed):
+    """Noisy directions all over the sky whose weights span 24 decades."""
+    rng = np.random.default_rng(seed)
+    size = int(rng.integers(2, 7))
+    source = rng.standard_normal((size, 3))
+    target = Rotation.random(random_state=rng).apply(source) + 1e-4 * rng.standard_normal((size, 3))
+    weights = 10 ** rng.uniform(-12, 12, size)
+    weights[:2] = 1e12, 1e-12
+    sides = (rows / np.linalg.norm(rows, axis=1, keepdims=True) for rows in (target, source))
+    return (*sides, weights)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_solver_that_is_used_unless_another_is_named_bears_weights_over_24_decades(seed):
+    target, source, weights = heavy_and_light(seed)
+    found = solve(target, source, weights)
+    exact = exact_attitude(target, source, weights, found.rotation)
+    assert away(found.rotation, exact) < 1e-8
+    np.testing.assert_array_equal(attitude(target, source, weights), found.rotation)
+    assert found.eigenvalue_gap > 0
+
+
+@pytest.mark.parametrize("angle", [1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
+def test_narrow_cones_are_solved_as_well_as_their_directions_are_written(angle):
+    rng = np.random.default_rng(3)
+    middle = np.array([2.0, -1.0, 2.0]) / 3
+    for _ in range(3):
+        source = middle + angle * rng.standard_normal((4, 3))
+        target = Rotation.random(random_state=rng).apply(source)
+        source, target = (r / np.linalg.norm(r, axis=1, keepdims=True) for r in (source, target))
+        found = attitude(target, source)
+        exact = exact_attitude(target, source, np.ones(4), found)
+        assert away(found, exact) < 100 * EPSILON / angle
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_parallel_directions_and_mirror_images_are_refused_however_they_are_rounded(method):
+    rng = np.random.default_rng(4)
+    line = np.outer([1.0, -2.0, 3.0, 0.1], rng.standard_normal(3))
+    turned = Rotation.random(random_state=rng).apply(line)
+    with pytest.raises(DegenerateGeometryError, match="fix all three axes"):
+        attitude(turned, line, method=method)
+    axes = Rotation.random(random_state=rng).as_matrix()
+    with pytest.raises(DegenerateGeometryError, match="fix all three axes"):
+        attitude(-axes, axes, method=method)

@@ -9,8 +9,8 @@ fit the shape of the spot are in `spot_fit`, what the errors should be in `centr
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.ndimage import maximum_filter
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import label, maximum_filter
 
 from reproduce.physics.spots import IntArray
 from reproduce.physics.validate import (
@@ -29,6 +29,10 @@ STEPS = 30
 def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> IntArray:
     """Return the brightest pixel of every spot in a frame.
 
+    A spot is a pixel that no other one within `separation` outshines. Touching pixels that are
+    equally bright, as in a saturated star, are one spot together, however large: the pixel nearest
+    to their middle stands for it.
+
     Parameters
     ----------
     frame : array_like, shape (height, width)
@@ -36,7 +40,7 @@ def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> Int
     threshold : float
         What a pixel must exceed.
     separation : int
-        Least distance between two spots along x or y, in px.
+        Least distance between two spots along x or y, in px; with 1 every pixel is a spot.
 
     Returns
     -------
@@ -60,14 +64,33 @@ def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> Int
         raise ValueError(f"frame: expected one image, got shape {image.shape}; pass them singly")
     reach = whole_number("separation", separation)
     highest = maximum_filter(image, size=2 * reach - 1, mode="nearest")
-    rows, columns = np.nonzero((image == highest) & (image > threshold))
+    peaks = (image == highest) & (image > threshold)
+    # From two pixels on, peaks that touch are equally bright.
+    rows, columns = np.nonzero(peaks) if reach == 1 else _plateaus(peaks)
     order = np.argsort(-image[rows, columns], kind="stable")
-    kept: list[tuple[int, int]] = []
-    # Neighbouring pixels of a saturated spot are equally bright: the first one stands for it.
-    for x, y in zip(columns[order], rows[order], strict=True):
-        if all(max(abs(int(x) - a), abs(int(y) - b)) >= reach for a, b in kept):
-            kept.append((int(x), int(y)))
-    return np.array(kept, dtype=np.int64).reshape(-1, 2)
+    # Only equally bright spots can still be too close to each other: the first one stands for both.
+    kept: dict[tuple[int, int], tuple[int, int]] = {}
+    for x, y in zip(columns[order].tolist(), rows[order].tolist(), strict=True):
+        column, row = x // reach, y // reach
+        near = (kept.get((column + i, row + j)) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        if all(max(abs(x - at[0]), abs(y - at[1])) >= reach for at in near if at):
+            kept[column, row] = (x, y)
+    return np.array(list(kept.values()), dtype=np.int64).reshape(-1, 2)
+
+
+def _plateaus(peaks: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+    """Return row and column of the pixel in the middle of each group of touching peaks."""
+    labels, count = label(peaks, structure=np.ones((3, 3)))
+    rows, columns = np.nonzero(peaks)
+    group = labels[rows, columns] - 1
+    size = np.bincount(group, minlength=count)
+    middle = [np.bincount(group, weights=axis, minlength=count) / size for axis in (rows, columns)]
+    off = (rows - middle[0][group]) ** 2 + (columns - middle[1][group]) ** 2
+    # Sorted by group, then by distance: the first of each group is the one in its middle.
+    order = np.lexsort((off, group))
+    first = order[np.searchsorted(group[order], np.arange(count))]
+    first.sort()
+    return rows[first], columns[first]
 
 
 def cut_windows(frames: ArrayLike, corners: ArrayLike, size: int | tuple[int, int]) -> FloatArray:

@@ -11,9 +11,12 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.ndimage import affine_transform
+from scipy.ndimage import affine_transform, map_coordinates
 
+from reproduce.physics.fit import RegistrationFit
+from reproduce.physics.registration import SimilarityFit
 from reproduce.physics.similarity import Similarity
+from reproduce.physics.transforms import Registration
 from reproduce.physics.validate import FloatArray, finite_array
 
 ORDERS = (0, 1, 3)
@@ -21,7 +24,7 @@ ORDERS = (0, 1, 3)
 
 def registered_image(
     image: ArrayLike,
-    similarity: Similarity,
+    transform: Similarity | Registration | SimilarityFit | RegistrationFit,
     *,
     order: Literal[0, 1, 3] = 3,
     corner: tuple[int, int] = (0, 0),
@@ -29,14 +32,14 @@ def registered_image(
     """Return a source image on the pixels of the target.
 
     The value of a target pixel is read off the source where the transform comes from, between the
-    pixels by splines. It is divided by the square of the scale: a spot that is stretched over more
-    pixels keeps its light.
+    pixels by splines. It is divided by how much the transform enlarges an area there: a spot that
+    is stretched over more pixels keeps its light.
 
     Parameters
     ----------
     image : array_like, shape (height, width)
         In any unit of light, background taken away: outside the image there is nothing.
-    similarity : Similarity
+    transform : Similarity, Registration, or what `fit_similarity` or `fit_registration` returns
         From source to target; a single one.
     order : int
         0 for the nearest pixel, 1 for straight lines, 3 for cubic splines.
@@ -52,6 +55,8 @@ def registered_image(
     ------
     ValueError
         If the image is not one finite image, the transform a batch, or the order another one.
+    DegenerateGeometryError
+        If the transform cannot be undone on some pixel.
 
     Examples
     --------
@@ -67,18 +72,45 @@ def registered_image(
     light = finite_array("image", image, shape=(None, None))
     if light.ndim != 2:
         raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
-    if similarity.batch:
-        raise ValueError(f"similarity: expected one, got a batch of shape {similarity.batch}")
     if order not in ORDERS:
         raise ValueError(f"order: expected one of {ORDERS}, got {order!r}")
-    matrix, origin = similarity.inverse().affine()
+    if isinstance(transform, SimilarityFit):
+        transform = transform.similarity
+    elif isinstance(transform, RegistrationFit):
+        transform = transform.transform
+    if transform.batch:
+        raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
     first = np.asarray(corner, dtype=np.float64)
+    if isinstance(transform, Registration) and transform.model == "similarity+radial":
+        return _bent(light, transform, order, first)
+    if isinstance(transform, Similarity):
+        matrix, origin = transform.inverse().affine()
+        enlarged = float(transform.scale) ** 2
+    else:
+        matrix = np.asarray(np.linalg.inv(transform.matrix), dtype=np.float64)
+        origin = transform.undo([[0.0, 0.0]])[0]
+        enlarged = abs(float(np.linalg.det(transform.matrix)))
     # Source position of target pixel p: matrix (p + corner) + origin - corner; y before x below.
     offset = (matrix @ first + origin - first)[::-1]
     resampled = affine_transform(
         light, matrix[::-1, ::-1], offset, order=order, mode="constant", cval=0.0
     )
-    return np.asarray(resampled / float(similarity.scale) ** 2)
+    return np.asarray(resampled / enlarged)
+
+
+def _bent(
+    light: FloatArray, transform: Registration, order: Literal[0, 1, 3], first: FloatArray
+) -> FloatArray:
+    """Return an image registered by a transform with a radial term."""
+    y, x = np.indices(light.shape)
+    points = transform.undo(np.stack([x.ravel(), y.ravel()], axis=-1) + first)
+    resampled = map_coordinates(
+        light, (points - first).T[::-1], order=order, mode="constant", cval=0.0
+    )
+    # A length along the radius grows by 1 + 3 c r^2, one across it by 1 + c r^2.
+    bend = transform.radial * np.square(points - transform.pivot).sum(axis=-1)
+    enlarged = np.abs(np.linalg.det(transform.matrix) * (1 + bend) * (1 + 3 * bend))
+    return np.asarray((resampled / enlarged).reshape(light.shape))
 
 
 def fused_image(images: Sequence[ArrayLike], weights: ArrayLike | None = None) -> FloatArray:

@@ -96,6 +96,11 @@ class Registration:
         return registration
 
     @property
+    def batch(self) -> tuple[int, ...]:
+        """The batch shape; () for a single transform."""
+        return np.broadcast_shapes(self.parameters.shape[:-1], self.pivot.shape[:-1])
+
+    @property
     def matrix(self) -> FloatArray:
         """The linear part about the pivot, shape (..., 2, 2)."""
         return linear_part(self.model, self.parameters)
@@ -181,8 +186,7 @@ class Registration:
 
     def _offsets(self, points: ArrayLike, origin: FloatArray) -> FloatArray:
         points = finite_array("points", points, shape=(None, 2))
-        batch = np.broadcast_shapes(self.parameters.shape[:-1], self.pivot.shape[:-1])
-        common_batch(points=points.shape[:-2], registration=batch)
+        common_batch(points=points.shape[:-2], registration=self.batch)
         return points - origin[..., None, :]
 
 

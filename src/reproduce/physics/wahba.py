@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import wahba_direct, wahba_solvers
 from reproduce.physics.rotations import rotations, transpose, unit
@@ -31,9 +31,11 @@ SOLVERS = {
 }
 METHODS = (*SOLVERS, "direct")
 
-# Relative eigenvalue gap below which rounding alone turns the answer by a milliradian. It
-# belongs to directions about a microradian apart.
+# Relative eigenvalue gap below which rounding in the profile matrix alone turns the answer by a
+# milliradian. It belongs to directions about a microradian apart, or to a share of the weights.
 SMALLEST_GAP = 1e-12
+# For the direct solver, which knows what rounding does to its answer: radians.
+LARGEST_BLUR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,7 @@ def attitude(
     target_vectors: ArrayLike,
     source_vectors: ArrayLike,
     weights: ArrayLike | None = None,
-    method: str = "svd",
+    method: str = "direct",
 ) -> FloatArray:
     """Return the rotation that minimises ``sum w |target - rotation @ source|^2``.
 
@@ -125,10 +127,11 @@ def attitude(
         length. Leading axes broadcast.
     weights : array_like, shape (..., n), optional
         Relative weights, such as inverse variances; all one where none are given.
-    method : {"svd", "q-method", "quest", "direct"}
-        The solver. The first three agree to a few roundings over the eigenvalue gap; "quest" is
-        the fastest over many frames. "direct" keeps to a few roundings over the root of the gap,
-        for which it takes several times as long.
+    method : {"direct", "svd", "q-method", "quest"}
+        The solver. "direct" keeps to a few roundings over the root of the eigenvalue gap, also
+        where the weights differ by 24 decades. The others lose a few roundings over the gap
+        itself, up to a milliradian before they refuse, and are several times as fast; "quest" is
+        the fastest over many frames.
 
     Returns
     -------
@@ -161,7 +164,7 @@ def solve(
     target_vectors: ArrayLike,
     source_vectors: ArrayLike,
     weights: ArrayLike | None = None,
-    method: str = "svd",
+    method: str = "direct",
 ) -> WahbaSolution:
     """Return the best rotation with its loss, attitude profile, gap and covariance.
 
@@ -188,8 +191,7 @@ def solve(
     """
     target, source, share = _prepared(target_vectors, source_vectors, weights)
     profile = _profile(target, source, share)
-    rotation, _ = _best(target, source, share, method)
-    values = np.linalg.eigvalsh(wahba_solvers.davenport_matrix(profile))
+    rotation, gap = _best(target, source, share, method)
     kept = weights_for(weights, target.shape[-2])
     total = kept.sum(axis=-1)
     carried = source @ transpose(rotation)
@@ -198,7 +200,7 @@ def solve(
         rotation=rotation,
         loss=total * np.einsum("...n,...ni,...ni->...", share, misses, misses),
         attitude_profile=total[..., np.newaxis, np.newaxis] * profile,
-        eigenvalue_gap=total * (values[..., -1] - values[..., -2]),
+        eigenvalue_gap=total * gap,
         directions=carried,
         weights=kept,
     )
@@ -250,7 +252,8 @@ def attitude_covariance(
         )
     common_batch(directions=rows.shape[:-2], weights=share.shape[:-1], sigma=error.shape[:-1])
     stiffness = _across(rows, share)
-    _refuse_free_rotation(np.asarray(np.linalg.eigvalsh(stiffness)[..., 0]))
+    softest = np.asarray(np.linalg.eigvalsh(stiffness)[..., 0])
+    _refuse_free_rotation(softest, softest < SMALLEST_GAP)
     freedom = np.linalg.inv(stiffness)
     result: FloatArray = freedom @ _across(rows, (share * error) ** 2) @ freedom
     return result
@@ -283,7 +286,7 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     """
     array = rotations("matrices", finite_array("matrices", matrices, shape=(None, 3, 3)))
     mean, gap = SOLVERS["svd"](array.mean(axis=-3))
-    _refuse_free_rotation(gap)
+    _refuse_free_rotation(gap, gap < SMALLEST_GAP)
     return mean
 
 
@@ -332,15 +335,15 @@ def _best(
     if method not in METHODS:
         raise ValueError(f"method: expected one of {sorted(METHODS)}, got {method!r}; choose one")
     if method == "direct":
-        rotation, gap = wahba_direct.by_turning(target, source, share)
+        rotation, gap, blur = wahba_direct.by_turning(target, source, share)
+        _refuse_free_rotation(gap, blur > LARGEST_BLUR)
     else:
         rotation, gap = SOLVERS[method](_profile(target, source, share))
-    _refuse_free_rotation(gap)
+        _refuse_free_rotation(gap, gap < SMALLEST_GAP)
     return rotation, gap
 
 
-def _refuse_free_rotation(gap: FloatArray) -> None:
-    free = gap < SMALLEST_GAP
+def _refuse_free_rotation(gap: FloatArray, free: NDArray[np.bool_]) -> None:
     if free.any():
         first = tuple(int(i) for i in np.argwhere(free)[0])
         where = f"in {int(free.sum())} of {free.size} sets, the first at index {first}, "

@@ -21,13 +21,14 @@ from reproduce.physics.validate import FloatArray
 # and each step squares what is left. Two or three dozen are enough from anywhere.
 MOST_STEPS = 100
 SMALL = 0.5
+ROUNDING = float(np.finfo(np.float64).eps)
 # The step after one as small as this is down to rounding.
 LAST = 1e-9
 
 
 def by_turning(
     target: FloatArray, source: FloatArray, share: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the best rotation by turning until the misses pull no more.
 
     About an axis, the gain ``sum w t . A s`` is a constant plus h cos(phi) + tau sin(phi), with
@@ -48,10 +49,12 @@ def by_turning(
         The rotation target_from_source.
     gap : ndarray, shape (...)
         The distance between the two largest eigenvalues of Davenport's matrix.
+    blur : ndarray, shape (...)
+        About how far rounding alone may turn the answer about its softest axis, in radians.
 
     Examples
     --------
-    >>> rotation, gap = by_turning(np.eye(3), np.eye(3), np.array([0.5, 0.3, 0.2]))
+    >>> rotation, gap, _ = by_turning(np.eye(3), np.eye(3), np.array([0.5, 0.3, 0.2]))
     >>> bool(np.allclose(rotation, np.eye(3))), round(float(gap), 12)
     (True, 1.0)
     """
@@ -67,8 +70,13 @@ def by_turning(
         rotation = rotation_from_vector(np.einsum("...ij,...j->...i", axes, angles)) @ rotation
         if np.abs(angles).max() < LAST:
             break
-    stiffness, _, _ = _pull(target, source @ transpose(rotation), share)
-    return rotation, np.asarray(2.0 * stiffness[..., 0])
+    rows = source @ transpose(rotation)
+    stiffness, axes, _ = _pull(target, rows, share)
+    softest = stiffness[..., 0]
+    lever = np.linalg.norm(np.cross(rows, axes[..., np.newaxis, :, 0]), axis=-1)
+    torque = ROUNDING * (share * (lever + ROUNDING)).sum(axis=-1)
+    blur = np.where(softest > 0, torque / np.where(softest > 0, softest, 1.0), np.inf)
+    return rotation, np.asarray(2.0 * softest), blur
 
 
 def _pull(
@@ -79,7 +87,11 @@ def _pull(
     torque = np.cross(weighted, target - rows).sum(axis=-2)
     product = transpose(weighted) @ target
     trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
-    values, axes = np.linalg.eigh(trace * np.eye(3) - 0.5 * (product + transpose(product)))
+    _, axes = np.linalg.eigh(trace * np.eye(3) - 0.5 * (product + transpose(product)))
+    # An eigenvalue has lost its digits where all rows are near its axis; levers keep theirs.
+    levers = (np.cross(side[..., np.newaxis, :], np.swapaxes(axes, -1, -2)[..., np.newaxis, :, :])
+              for side in (weighted, target))  # fmt: skip
+    values = np.einsum("...njk,...njk->...j", *levers)
     return values, axes, np.einsum("...ji,...j->...i", axes, torque)
 
 

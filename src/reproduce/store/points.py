@@ -11,10 +11,16 @@ import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+# Significant digits that tell any two doubles apart.
+DIGITS = 17
+# Beyond this, squares of squares overflow; no length in px or angle in arcsec comes near.
+LARGEST = 1e30
 
 
 class TableFileError(ValueError):
@@ -73,15 +79,46 @@ class Table:
         Returns
         -------
         float
-            In the unit of the columns: 0.01 if no number has more than two decimals.
+            In the unit of the columns: 0.01 if no number has more than two decimals; see
+            `last_place` for numbers with an exponent.
         """
         chosen = range(len(self.texts)) if rows is None else rows
-        decimals = [
-            len(self.texts[row][self.columns.index(name)].partition(".")[2])
-            for row in chosen
-            for name in names
-        ]
-        return float(10.0 ** -max(decimals))
+        places = [self.columns.index(name) for name in names]
+        least = min(last_place(self.texts[row][place]) for row in chosen for place in places)
+        return float(Decimal(1).scaleb(least))
+
+
+def last_place(text: str) -> int:
+    """Return the power of ten of the last digit that is written.
+
+    A number with more digits than a double holds was not measured so: its last digit is that of the
+    shortest number that reads alike, as `numpy.savetxt` was given it.
+
+    Parameters
+    ----------
+    text : str
+        A finite number, with or without a point or an exponent.
+
+    Returns
+    -------
+    int
+        -2 for hundredths.
+
+    Examples
+    --------
+    >>> last_place("0.0710"), last_place("7.1e-2"), last_place("1e-3"), last_place("12")
+    (-4, -3, -3, 0)
+    >>> last_place("7.099999999999999367e-02")
+    -3
+    """
+    number = Decimal(text)
+    _, digits, place = number.as_tuple()
+    if not isinstance(place, int):
+        raise ValueError(f"expected a finite number, got {text!r}")
+    if (len(digits) if number else 1 - place) > DIGITS:
+        shortest = Decimal(repr(float(text))).normalize()
+        return min(0, int(shortest.as_tuple().exponent))
+    return int(place)
 
 
 def read_columns(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
@@ -124,20 +161,28 @@ def read_table(path: Path, columns: Sequence[str]) -> Table:
     if not lines:
         raise TableFileError(f"{path}: expected a line of column names, got an empty file")
     order = _order(path, *lines[0], columns)
-    rows = [_row(path, number, line, columns, order) for number, line in lines[1:]]
-    if not rows:
+    if len(lines) == 1:
         raise TableFileError(f"{path}: expected lines of numbers below the names, got none")
-    texts = []
-    for _, line in lines[1:]:
-        entries = next(csv.reader([line]))
-        texts.append(tuple(entries[position].strip() for position in order))
+    texts = [_row(path, number, line, order) for number, line in lines[1:]]
+    values = [_values(path, number, row, columns, order)
+              for (number, _), row in zip(lines[1:], texts, strict=True)]  # fmt: skip
     places = tuple(position + 1 for position in order)
     numbers = tuple(number for number, _ in lines[1:])
-    return Table(path, tuple(columns), np.array(rows), numbers, places, tuple(texts))
+    return Table(path, tuple(columns), np.array(values), numbers, places, tuple(texts))
+
+
+def _entries(path: Path, number: int, line: str) -> list[str]:
+    try:
+        return [entry.strip() for entry in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise TableFileError(
+            f"{path}, line {number}: expected values separated by commas, got what is none "
+            f"({error}); check the line for a missing comma or quote"
+        ) from error
 
 
 def _order(path: Path, number: int, line: str, columns: Sequence[str]) -> list[int]:
-    names = [name.strip() for name in next(csv.reader([line]))]
+    names = _entries(path, number, line)
     wanted = ", ".join(columns)
     for position, name in enumerate(names, start=1):
         if name not in columns:
@@ -157,25 +202,30 @@ def _order(path: Path, number: int, line: str, columns: Sequence[str]) -> list[i
     return [names.index(name) for name in columns]
 
 
-def _row(
-    path: Path, number: int, line: str, columns: Sequence[str], order: list[int]
-) -> list[float]:
-    entries = next(csv.reader([line]))
-    if len(entries) != len(columns):
+def _row(path: Path, number: int, line: str, order: list[int]) -> tuple[str, ...]:
+    entries = _entries(path, number, line)
+    if len(entries) != len(order):
         raise TableFileError(
-            f"{path}, line {number}: expected {len(columns)} values, got {len(entries)}; "
+            f"{path}, line {number}: expected {len(order)} values, got {len(entries)}; "
             "separate them with commas and write decimals with a point"
         )
+    return tuple(entries[position] for position in order)
+
+
+def _values(
+    path: Path, number: int, texts: tuple[str, ...], columns: Sequence[str], order: list[int]
+) -> list[float]:
     values = []
-    for name, position in zip(columns, order, strict=True):
+    for name, position, text in zip(columns, order, texts, strict=True):
         try:
-            value = float(entries[position])
+            value = float(text)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
+        if not abs(value) < LARGEST:
+            expected = f"a number below {LARGEST:g}" if math.isfinite(value) else "a finite number"
             raise TableFileError(
-                f"{path}, line {number}, column {position + 1} ({name}): expected a finite number, "
-                f"got {entries[position].strip()!r}; correct or remove the line"
+                f"{path}, line {number}, column {position + 1} ({name}): expected {expected}, "
+                f"got {text[:40]!r}; correct or remove the line"
             )
         values.append(value)
     return values
