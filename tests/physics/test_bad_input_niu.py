@@ -16,6 +16,7 @@ from numpy.random import SeedSequence, default_rng
 from reproduce.physics import (
     calibration,
     camera,
+    centroids,
     chromatic,
     gauss_newton,
     grids,
@@ -26,7 +27,11 @@ from reproduce.physics import (
     simulate,
     starting,
 )
+from reproduce.physics.fit import fit_registration
+from reproduce.physics.resample import registered_image
+from reproduce.physics.spot_fit import fitted_centre
 from reproduce.physics.validate import DegenerateGeometryError
+from reproduce.physics.wahba import attitude
 
 SOURCE = np.array([[100.0, 200.0], [900.0, 300.0], [500.0, 1200.0], [40.0, 1000.0]])
 TARGET = SOURCE * 1.001 + 0.5
@@ -225,7 +230,7 @@ def test_the_table_holds_every_public_function() -> None:
         rotary, similarity, simulate, starting,
     )  # fmt: skip
     # These take arrays that others have checked, to go fast.
-    inner = {"per_point", "as_complex", "as_points"}
+    inner = {"per_point", "as_complex", "as_points", "refuse_mirrored"}
     for module in modules:
         for name, thing in vars(module).items():
             own = getattr(thing, "__module__", None) == module.__name__
@@ -396,3 +401,36 @@ def test_a_fit_of_anything_is_finite_or_refused(data: st.DataObject) -> None:
     np.testing.assert_allclose(fit.residuals.sum(axis=0), 0, atol=1e-9 * size)
     again = target - fit.similarity.transform(source)
     np.testing.assert_allclose(fit.residuals, again, atol=1e-9 * size)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ([[1, 2], [3]], "got rows of unequal length"),
+        ([["1", "2"], ["3", "four"]], "expected numbers, got text"),
+        ([["1", "2"], ["3", "4"]], "expected numbers, got text"),
+        ([[1, {}], [2, 3]], "got an entry that is none"),
+        ([[10**400, 1], [1, 1]], "or too large"),
+        (np.array([["2020-01-01"] * 2] * 2, dtype="M8[D]"), "got dates"),
+        ([[1, 2j], [3, 4]], "expected real numbers"),
+    ],
+)
+def test_what_holds_no_numbers_is_refused_in_one_line(value: Any, message: str) -> None:
+    good, image = [[1.0, 2.0], [3.0, 5.0]], np.ones((5, 5))
+    calls: list[Callable[[], object]] = [
+        lambda: fit_registration(value, good, (0, 0)),
+        lambda: fit_registration(good, value, (0, 0)),
+        lambda: fit_registration(good, good, value),
+        lambda: fit_registration(good, good, (0, 0), target_covariance=value),
+        lambda: centroids.detect_spots(value, 1.0),
+        lambda: centroids.detect_spots(image, value),
+        lambda: centroids.cut_windows(image, value, 3),
+        lambda: fitted_centre(value, (0, 0), 0.6),
+        lambda: registered_image(value, SIMILARITY),
+        lambda: registered_image(image, SIMILARITY, corner=value),
+        lambda: attitude(value, value),
+    ]
+    for call in calls:
+        with pytest.raises(TypeError, match=message) as caught:
+            call()
+        assert "\n" not in str(caught.value)

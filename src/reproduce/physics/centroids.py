@@ -62,9 +62,11 @@ def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> Int
     image = finite_array("frame", frame, shape=(None, None))
     if image.ndim != 2:
         raise ValueError(f"frame: expected one image, got shape {image.shape}; pass them singly")
-    reach = whole_number("separation", separation)
+    least, reach = finite_array("threshold", threshold), whole_number("separation", separation)
+    if least.ndim:
+        raise ValueError(f"threshold: expected one number, got shape {least.shape}; give one")
     highest = maximum_filter(image, size=2 * reach - 1, mode="nearest")
-    peaks = (image == highest) & (image > threshold)
+    peaks = (image == highest) & (image > least)
     # From two pixels on, peaks that touch are equally bright.
     rows, columns = np.nonzero(peaks) if reach == 1 else _plateaus(peaks)
     order = np.argsort(-image[rows, columns], kind="stable")
@@ -122,7 +124,7 @@ def cut_windows(frames: ArrayLike, corners: ArrayLike, size: int | tuple[int, in
             [5., 6.]]])
     """
     images = finite_array("frames", frames, shape=(None, None))
-    first = np.asarray(corners, dtype=np.int64).reshape(-1, 2)
+    first = finite_array("corners", corners, shape=(2,)).astype(np.int64).reshape(-1, 2)
     columns, rows = size if isinstance(size, tuple) else (size, size)
     height, width = images.shape[-2:]
     last = first + np.array([columns, rows])

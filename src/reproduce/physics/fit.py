@@ -18,7 +18,7 @@ from reproduce.physics.fit_steps import solve
 from reproduce.physics.registration import SimilarityFit, fit_similarity
 from reproduce.physics.robust import outlier_weights, sandwich
 from reproduce.physics.transforms import Registration, parameter_names
-from reproduce.physics.validate import DegenerateGeometryError, FloatArray
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray, number_array
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ def _closed_form(
     source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None
 ) -> RegistrationFit:
     if weights is None:
-        origin = np.asarray(pivot, dtype=np.float64)
+        origin = number_array("pivot", pivot)
         single = single_similarity(source, target, origin)
         if single is not None:
             transform = Registration.unchecked("similarity", single.parameters, origin)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from reproduce.physics.fit_problem import Solution
 from reproduce.physics.registration import ROUNDING
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import FloatArray, number_array
 
 
 def single_similarity(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> Solution | None:
@@ -38,7 +38,7 @@ def single_similarity(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -
     >>> found.parameters + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    rows, landed = _complex(source), _complex(target)
+    rows, landed = _complex("source", source), _complex("target", target)
     if rows is None or landed is None or rows.size != landed.size or pivot.shape != (2,):
         return None
     count = rows.size
@@ -49,6 +49,8 @@ def single_similarity(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -
     if not spread > count * ROUNDING**2 * abs(centre) ** 2:
         return None
     factor = complex(np.vdot(offsets, targets)) / spread
+    if abs(complex(np.dot(offsets, targets))) > abs(factor) * spread:
+        return None  # perhaps a mirror image
     # Products overflow to infinity, where the power of a float would raise an error.
     size = abs(factor) * abs(factor) * spread
     if not count * ROUNDING**2 * abs(target_centre) * abs(target_centre) < size < np.inf:
@@ -68,8 +70,10 @@ def single_similarity(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -
     )
 
 
-def _complex(points: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]] | None:
-    array = points if isinstance(points, np.ndarray) else np.asarray(points, dtype=np.float64)
+def _complex(
+    name: str, points: ArrayLike
+) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]] | None:
+    array = points if isinstance(points, np.ndarray) else number_array(name, points)
     if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != 2 or len(array) < 2:
         return None
     if not array.flags.c_contiguous:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.physics.fit_problem import Problem, Solution
-from reproduce.physics.registration import fit_similarity
+from reproduce.physics.registration import fit_similarity, refuse_mirrored
+from reproduce.physics.similarity import as_complex
 from reproduce.physics.transforms import MODELS, Registration, linear_part
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
@@ -76,8 +77,12 @@ def starting_point(problem: Problem) -> FloatArray:
     source, target, pivot = problem.source, problem.target, problem.pivot
     if problem.model == "shift":
         weights = np.ones(source.shape[:-1]) if problem.weights is None else problem.weights
-        total = weights.sum(axis=-1)[..., None]
-        return np.asarray(((source - target) * weights[..., None]).sum(axis=-2) / total)
+        shares = (weights / weights.sum(axis=-1)[..., None])[..., None]
+        centred = (side - (shares * side).sum(axis=-2, keepdims=True) for side in (source, target))
+        refuse_mirrored(*(as_complex(side) for side in centred), problem.weights)
+        return np.asarray(((source - target) * shares).sum(axis=-2))
+    if problem.model == "affine":  # which may mirror, and is linear: any start will do
+        return np.broadcast_to([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (*source.shape[:-2], 6))
     closed = fit_similarity(source, target, pivot, problem.weights).parameters
     return from_similarity(problem.model, closed)
 

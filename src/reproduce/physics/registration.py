@@ -11,17 +11,26 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import fdtri
 
 from reproduce.physics.similarity import ComplexArray, Similarity, as_complex, as_points
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
+    MirroredPointsError,
     common_batch,
     finite_array,
     weights_for,
 )
 
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
+# How often noise alone may be taken for a mirror image.
+CHANCE = 1e-6
+MIRRORED = (
+    "the target points are a mirror image of the source points, as behind a mirror or with a "
+    "reversed readout; flip one axis of one of the two: take the width less x in place of x, or "
+    "fit the affine model, which may mirror"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +141,11 @@ def fit_similarity(
     ------
     ValueError
         If an argument is not finite or has the wrong shape, or a weight is negative.
+    MirroredPointsError
+        If the target mirrors the source; see `refuse_mirrored`.
     DegenerateGeometryError
-        If fewer than two different source points have weight, or the target leaves the scale zero
-        (its points coincide, or mirror the source).
+        If fewer than two different source points have weight, or the target leaves the scale zero:
+        its points coincide.
 
     Examples
     --------
@@ -159,12 +170,57 @@ def fit_similarity(
     spread = (row @ offsets[..., None])[..., 0, 0].real
     _refuse_vanished("source", spread, total, centroid)
     factor = (row @ targets[..., None])[..., 0, 0] / spread
+    refuse_mirrored(offsets, targets, checked)
     _refuse_vanished("target", _squared(factor) * spread, total, target_centroid)
     origin = as_complex(pivot)
     shift = factor * (centroid - origin) + (origin - target_centroid)
     similarity = Similarity.from_factor(factor, as_points(shift), pivot)
     residuals = as_points(targets - factor[..., None] * offsets)
     return SimilarityFit(similarity, residuals, checked, as_points(centroid), spread)
+
+
+def refuse_mirrored(
+    offsets: ComplexArray, targets: ComplexArray, weights: FloatArray | None
+) -> None:
+    """Refuse target points that are a mirror image of the source points.
+
+    They are if a similarity of the mirrored source leaves so much less than one of the source
+    itself that chance does not explain it: for noise alone, and a source that is its own mirror
+    image, the ratio of what the two leave follows the F law. Two points never tell.
+
+    Parameters
+    ----------
+    offsets, targets : ndarray of complex, shape (..., n)
+        Points as x + iy, less their weighted means.
+    weights : ndarray, shape (..., n), or None
+        Inverse variances; None where all are alike.
+
+    Raises
+    ------
+    MirroredPointsError
+        If they are.
+
+    Examples
+    --------
+    >>> points = np.array([0, 1, 2 + 1j]) - (1 + 1j / 3)
+    >>> refuse_mirrored(points, 2j * points, None)
+    """
+    weighted = targets if weights is None else weights * targets
+    along, across = (np.abs((side * weighted).sum(axis=-1)) for side in (offsets.conj(), offsets))
+    suspect = across > along
+    if not suspect.any():
+        return
+    size = np.ones(offsets.shape) if weights is None else weights
+    spread = (size * _squared(offsets)).sum(axis=-1)
+    whole = (size * _squared(targets)).sum(axis=-1)
+    freedom = 2 * np.count_nonzero(size, axis=-1) - 4
+    limit = fdtri(np.maximum(freedom, 1), np.maximum(freedom, 1), 1 - CHANCE)
+    # What is lost in rounding counts as left over.
+    left, mirrored = (whole - part**2 / spread + ROUNDING * whole for part in (along, across))
+    found = suspect & (freedom > 0) & (left > limit * mirrored)
+    if found.any():
+        where = f"in {int(found.sum())} of {found.size} sets: " if found.ndim else ""
+        raise MirroredPointsError(where + MIRRORED)
 
 
 def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
@@ -285,6 +341,6 @@ def _refuse_vanished(
     if not (spread > total * ROUNDING**2 * _squared(centroid)).all():
         raise DegenerateGeometryError(
             f"{name}: expected at least two different points of weight above zero whose pattern "
-            "fixes scale and rotation, got one point, coincident points or a mirror image; add "
+            "fixes scale and rotation, got one point or coincident points; add "
             "spots across the field of view and pair them row by row"
         )

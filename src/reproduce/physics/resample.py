@@ -80,7 +80,9 @@ def registered_image(
         transform = transform.transform
     if transform.batch:
         raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
-    first = np.asarray(corner, dtype=np.float64)
+    first = finite_array("corner", corner, shape=(2,))
+    if first.ndim != 1:
+        raise ValueError(f"corner: expected one, got shape {first.shape}; give x and y")
     if isinstance(transform, Registration) and transform.model == "similarity+radial":
         return _bent(light, transform, order, first)
     if isinstance(transform, Similarity):

@@ -8,7 +8,10 @@ are those of `fit`.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.special import fdtri
 
 from reproduce.physics.fit_problem import Problem, Solution
 from reproduce.physics.fit_steps import (
@@ -19,9 +22,10 @@ from reproduce.physics.fit_steps import (
     model_jacobian,
     solve,
 )
+from reproduce.physics.registration import CHANCE, MIRRORED
 from reproduce.physics.similarity import as_complex, as_points
-from reproduce.physics.transforms import MODELS
-from reproduce.physics.validate import DegenerateGeometryError, FloatArray
+from reproduce.physics.transforms import MODELS, Registration
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
 # Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
 # 92.9 % for the length of a residual in two.
@@ -30,6 +34,8 @@ TUKEY = 4.685
 MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
 ROUNDS = 30
 LARGEST = 3000
+# Of the size of the field: a median residual below it is that of a fit, if not of a good one.
+FITS = 0.01
 # What is left of a residual that the fit follows; where it is less, it tells nothing of the error.
 LEAST = 0.1
 
@@ -58,7 +64,10 @@ def outlier_weights(problem: Problem) -> FloatArray:
     ValueError
         If there are too many points for all their pairs.
     """
-    parameters = from_similarity(problem.model, repeated_median(problem))
+    closed = repeated_median(problem)
+    if problem.model != "affine":
+        _refuse_mirrored(problem, closed)
+    parameters = from_similarity(problem.model, closed)
     weights = _biweights(_lengths(problem, *_whitened(problem, parameters, problem.source)))
     for _ in range(ROUNDS):
         found = solve(problem.with_weights(weights))
@@ -158,6 +167,26 @@ def repeated_median(problem: Problem) -> FloatArray:
         ratio = np.where((problem.weights > 0)[..., None, :], ratio, np.nan)
         ratio = np.where((problem.weights > 0)[..., :, None], ratio, np.nan)
     return _median_similarity(problem, ratio)
+
+
+def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
+    """Refuse a mirror image, wrong matches or not: by medians of what two similarities leave."""
+    flip = np.array([-1.0, 1.0])
+    across = replace(problem, source=problem.source * flip, pivot=problem.pivot * flip)
+    median = _median_length(problem, closed)
+    # Fields with a good fit, most of all, need no second one.
+    size = np.median(_norm(problem.target - problem.target.mean(axis=-2, keepdims=True)), axis=-1)
+    if not (median > FITS * size).any():
+        return
+    freedom = 2 * problem.source.shape[-2] - 4
+    limit = np.sqrt(fdtri(freedom, freedom, 1 - CHANCE))
+    if (median > limit * _median_length(across, repeated_median(across))).any():
+        raise MirroredPointsError(MIRRORED)
+
+
+def _median_length(problem: Problem, closed: FloatArray) -> FloatArray:
+    transform = Registration("similarity", closed, problem.pivot)
+    return np.asarray(np.median(_norm(problem.target - transform.apply(problem.source)), axis=-1))
 
 
 def _median_similarity(problem: Problem, ratio: np.ndarray) -> FloatArray:

@@ -19,6 +19,10 @@ class DegenerateGeometryError(ValueError):
     """The observations leave a parameter free, so no unique answer exists."""
 
 
+class MirroredPointsError(DegenerateGeometryError):
+    """The target points are a mirror image of the source points."""
+
+
 def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] = ()) -> FloatArray:
     """Return `value` as a float array after checking its trailing shape and its finiteness.
 
@@ -99,9 +103,10 @@ def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
         raise TypeError(f"{name}: expected numbers, got {_KINDS[raw.dtype.kind]}; convert them")
     try:
         array = np.asarray(raw, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(
-            f"{name}: expected an array of numbers, got an entry that is none; remove or convert it"
+            f"{name}: expected an array of numbers, got an entry that is none or too large; remove "
+            "or convert it"
         ) from None
     _check_shape(name, array, shape)
     if array.size == 0:
