@@ -18,7 +18,7 @@ ARROWS = {
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
-        *{"locate", "units", "physics.fit"},
+        *{"locate", "units", "physics.fit", "physics.similarity"},
     },
 }
 PHYSICS_MAY_NOT = {"pathlib", "io", "os", "tomllib", "json", "csv", "pandas", "importlib"}
