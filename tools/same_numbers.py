@@ -120,7 +120,7 @@ def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[
     return answer
 
 
-def differences(one: Any, other: Any, place: str = "") -> Iterator[str]:
+def differences(one: Any, other: Any, place: str = "", size: float = 0.0) -> Iterator[str]:
     """Yield where two results differ, by the kind of what stands there.
 
     Parameters
@@ -129,6 +129,8 @@ def differences(one: Any, other: Any, place: str = "") -> Iterator[str]:
         Results as JSON has them.
     place : str
         Where they stand.
+    size : float
+        Of the numbers that a number is the difference of.
 
     Yields
     ------
@@ -136,13 +138,16 @@ def differences(one: Any, other: Any, place: str = "") -> Iterator[str]:
         Place, and both values.
     """
     if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        # A tolerance is half the distance of an interval's ends, and no better than they are.
+        ends = one["interval"] or () if "tolerance" in one else ()
         for key in one:
-            yield from differences(one[key], other[key], f"{place} {key}")
+            size = max(map(abs, ends), default=0.0) if key == "tolerance" else 0.0
+            yield from differences(one[key], other[key], f"{place} {key}", size)
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         for index, pair in enumerate(zip(one, other, strict=True)):
             yield from differences(*pair, f"{place} {index}")
     elif isinstance(one, float) and isinstance(other, float):
-        if not math.isclose(one, other, rel_tol=CLOSE):
+        if not math.isclose(one, other, rel_tol=CLOSE, abs_tol=CLOSE * size):
             yield f"{place}: {one!r}, {other!r}"
     elif isinstance(one, str) and isinstance(other, str):
         yield from _in_texts(one, other, place)

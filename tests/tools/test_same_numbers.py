@@ -14,6 +14,10 @@ DRAWING = '<b>one</b><svg><path id="p0123456789" d="M 1.5 {} L 3e-05 4"/></svg>'
         (1.0, 1.0 + 5e-13),
         ({"a": [1, "x", None, True]}, {"a": [1, "x", None, True]}),
         (DRAWING.format("2.5"), DRAWING.format("2.500001")),
+        (
+            {"interval": [1.0, 2.0], "tolerance": 1e-5},
+            {"interval": [1.0, 2.0], "tolerance": 1e-5 + 1e-15},
+        ),
         (DRAWING.format("2.5"), DRAWING.format("2.5").replace("p012", "p123")),
     ],
 )
@@ -26,6 +30,8 @@ def test_next_to_nothing_is_no_difference(one, other):
     [
         (1.0, 1.0 + 5e-12),
         (0.0, 1e-30),
+        ({"interval": [1.0, 2.0], "share": 1e-5}, {"interval": [1.0, 2.0], "share": 1e-5 + 1e-15}),
+        ({"interval": None, "tolerance": 1e-5}, {"interval": None, "tolerance": 1e-5 + 1e-15}),
         (1.0, 1),
         (True, False),
         ([1.0], [1.0, 2.0]),
