@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from reproduce.inference.calibration import Calibration, band
+from reproduce.inference.model import Parameter
 from reproduce.inference.posterior import Posterior
 from reproduce.views.figures import STYLE
 from reproduce.views.inline_svg import inline
@@ -20,9 +21,15 @@ if TYPE_CHECKING:
 # More draws than this do not change the contours.
 POINTS = 10_000
 TRACE_POINTS = 150
+# In panels of a corner plot: so far below, a label clears ticks of five digits, as of a scale.
+BELOW = -0.42
 DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = (
     "-", "--", "-.", ":", (0, (6, 2)), (0, (1, 4)), (0, (4, 1, 1, 1, 1, 1)), (0, (8, 3, 2, 3)),
 )  # fmt: skip
+
+
+def _label(parameter: Parameter) -> str:
+    return f"${parameter.label}$" + ("" if parameter.unit == "1" else f" ({parameter.unit})")
 
 
 def _drawn(
@@ -65,7 +72,8 @@ def traces(posterior: Posterior, alternative: str) -> str:
             steps = np.arange(values.shape[1]) * stride
             for ensemble in values:
                 axes.plot(steps, np.median(ensemble, axis=1), linewidth=0.7)
-            axes.set_ylabel(f"${parameter.label}$ ({parameter.unit})", fontsize=8)
+            axes.set_ylabel(_label(parameter), fontsize=8)
+            axes.ticklabel_format(axis="y", useOffset=False)
         for axes in panels[model.dimension :]:
             axes.set_axis_off()
         for axes in panels[max(0, model.dimension - 2) : model.dimension]:
@@ -104,21 +112,21 @@ def corner(posterior: Posterior, alternative: str) -> str:
     def draw(figure: Figure) -> None:
         package.corner(
             (rows - offset) * scale,
-            labels=[f"${p.label}$ ({p.unit})" for p in model.parameters],
+            labels=[_label(p) for p in model.parameters],
             truths=marked, truth_color="#D55E00", color="#0072B2", fig=figure, bins=24,
             plot_datapoints=False, plot_density=False, no_fill_contours=True, max_n_ticks=3,
             label_kwargs={"fontsize": 8}, quiet=True,
         )  # fmt: skip
         for axes in figure.axes:
             axes.tick_params(labelsize=7)
+            axes.xaxis.set_label_coords(0.5, BELOW)
 
     def draw_one(figure: Figure) -> None:
         axes = figure.subplots()
         axes.hist((rows[:, 0] - offset[0]) * scale[0], bins=40, density=True, histtype="step")
         if marked[0] is not None:
             axes.axvline(marked[0], color="#D55E00", linestyle="--")
-        only = model.parameters[0]
-        axes.set(xlabel=f"${only.label}$ ({only.unit})", ylabel="posterior density")
+        axes.set(xlabel=_label(model.parameters[0]), ylabel="posterior density")
 
     side = 1.25 * model.dimension + 1.2
     if model.dimension == 1:
