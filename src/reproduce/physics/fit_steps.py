@@ -78,8 +78,11 @@ def starting_point(problem: Problem) -> FloatArray:
     if problem.model == "shift":
         weights = np.ones(source.shape[:-1]) if problem.weights is None else problem.weights
         shares = (weights / weights.sum(axis=-1)[..., None])[..., None]
-        centred = (side - (shares * side).sum(axis=-2, keepdims=True) for side in (source, target))
-        refuse_mirrored(*(as_complex(side) for side in centred), problem.weights)
+        offsets, targets = (
+            as_complex(side - (shares * side).sum(axis=-2, keepdims=True))
+            for side in (source, target)
+        )
+        refuse_mirrored(offsets, targets, problem.weights)
         return np.asarray(((source - target) * shares).sum(axis=-2))
     if problem.model == "affine":  # which may mirror, and is linear: any start will do
         return np.broadcast_to([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (*source.shape[:-2], 6))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from reproduce.physics.camera import detector_centre
 from reproduce.physics.lasers import emitted_directions, received_directions, received_jacobian
 from reproduce.physics.misalignment import angle_jacobian
 from reproduce.physics.validate import FloatArray
@@ -64,10 +65,9 @@ def turn_response(given: Given) -> FloatArray:
     """
     spots = given.array(SPOTS).reshape(-1, 2)
     pixels = given.array(f"{PLATFORM}#tracker-pixels-*.value")
-    centre = (pixels - 1) / 2  # the centre of the first pixel is at zero
     tracker = (
         spots,
-        centre,
+        detector_centre(pixels),
         given[f"{PLATFORM}#tracker-pixel-size.value"],
         given[f"{PLATFORM}#tracker-focal-length.value"],
     )
