@@ -24,7 +24,7 @@ def test_a_roll_leaks_by_the_distance_of_the_spots_from_the_boresight():
     spots = [[number(f"text-extraction#spot-{i}-{a}") for a in "xy"] for i in "1234"]
     table = "table-2#tracker-"
     pixels = [number(f"{table}pixels-{a}.value") for a in "xy"]
-    # The centre of the first pixel is at zero, as in the ledger's own geometry.
+    # The middle of 1024 pixels, the first at zero, is at 511.5: as in the ledger's own geometry.
     off = [sum(s[i] for s in spots) / 4 - (pixels[i] - 1) / 2 for i in (0, 1)]
     slope = number(f"{table}pixel-size.value") / number(f"{table}focal-length.value")
     leak = 60 * math.sin(math.hypot(*off) * slope)

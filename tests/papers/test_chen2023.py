@@ -5,7 +5,7 @@ import pytest
 
 from reproduce.judge.ledger import build
 from reproduce.judge.verdicts import judge_prediction
-from reproduce.papers.chen2023 import accuracy, lasers, stage
+from reproduce.papers.chen2023 import accuracy, lasers, posteriors, stage
 from reproduce.physics.averaging import attitude_accuracy
 from reproduce.physics.installation import misalignment_between, transform_error_printed
 from reproduce.physics.lasers import emitted_directions, received_directions
@@ -51,6 +51,16 @@ def test_the_linear_response_is_that_of_the_full_solution():
     full = full_solution(SPOTS + noise)
     # The error is of second order: noise times noise over the size of the cluster.
     np.testing.assert_allclose(linear, full, atol=2e-3 * full.std())
+
+
+def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_zero():
+    """At 512, half a pixel aside, the response to a spot differs by more than the tolerance."""
+    step = 1e-3
+    moves = step * np.eye(8).reshape(8, 4, 2)
+    numeric = (full_solution(SPOTS + moves) - full_solution(SPOTS - moves)) / (2 * step)
+    response = lasers.angle_response(DOOR).reshape(2, 8).T
+    np.testing.assert_allclose(response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max())
+    np.testing.assert_array_equal(posteriors.platform(DOOR).principal_point, [511.5, 511.5])
 
 
 def test_a_single_frame_agrees_with_the_papers_formula(predicted):
@@ -101,7 +111,7 @@ def test_the_orders_of_the_product_are_those_of_simulated_transforms():
 
 
 def test_the_centre_of_the_detector_is_where_pixels_are_counted_from_zero():
-    np.testing.assert_array_equal(lasers.detector_centre(DOOR), [511.5, 511.5])
+    np.testing.assert_array_equal(lasers.tracker_centre(DOOR), [511.5, 511.5])
 
 
 def test_averages_of_the_same_frames_are_correlated(predicted):

@@ -47,6 +47,7 @@ STEP = {"parameters": START, **FIT}
 
 # Every public function, with arguments that it takes; arrays and floats among them are spoilt.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
+    "detector_centre": (camera.detector_centre, {"pixels": np.array([2064.0, 1544.0])}),
     "Camera": (
         camera.Camera,
         {

@@ -22,7 +22,7 @@ from reproduce.physics import (
     stage,
 )
 from reproduce.physics.calibration import constraint, constraint_printed
-from reproduce.physics.camera import turned_onto_detector
+from reproduce.physics.camera import detector_centre, turned_onto_detector
 from reproduce.physics.rotary import rotary_matrix, rotary_matrix_printed
 from reproduce.physics.rotations import rotation_from_vector, transpose
 from reproduce.physics.validate import FloatArray
@@ -153,13 +153,14 @@ def _iteration(cells: Sheet) -> Iterator[Demonstration]:
         ]
     )
     size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
-    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * size
-    target = gauss_newton.model_points(truth, source, size / 2)
+    middle = detector_centre(size)
+    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    target = gauss_newton.model_points(truth, source, middle)
     left = {}
     for step in (gauss_newton.gauss_newton_step_printed, gauss_newton.gauss_newton_step):
         found = np.array([1.0, 0.0, 0.0, 0.0])
         for _ in range(STEPS):
-            found = step(found, source, target, size / 2)
+            found = step(found, source, target, middle)
         left[step.__name__] = float(np.linalg.norm((found - truth)[2:]))
     asked = f"an iteration must approach the solution; after {STEPS} steps the error must be gone"
     yield Demonstration(
@@ -176,8 +177,8 @@ def _iteration(cells: Sheet) -> Iterator[Demonstration]:
 def _stacked(cells: Sheet) -> Iterator[Demonstration]:
     """Stack the rows of (25) side by side, as printed, before the transposition."""
     size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * size
-    right = gauss_newton.jacobian((1.0, 0.0, 0.0, 0.0), corners, size / 2)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    right = gauss_newton.jacobian((1.0, 0.0, 0.0, 0.0), corners, detector_centre(size))
     printed = np.hstack([row[np.newaxis] for row in right]).T
     asked = "the Jacobian must have a column for each of the four parameters"
     one, many = (float(matrix.shape[1]) for matrix in (printed, right))
@@ -239,8 +240,7 @@ def _roll_leak(cells: Sheet) -> Iterator[Demonstration]:
     spots = np.array(
         [[cells[f"chen2023/text-extraction#spot-{i}-{a}"].si for a in "xy"] for i in "1234"]
     )
-    # The centre of the first pixel is at zero.
-    middle = (np.array([cells[f"{t}pixels-{a}.value"].si for a in "xy"]) - 1) / 2
+    middle = detector_centre([cells[f"{t}pixels-{a}.value"].si for a in "xy"])
     scale = cells[f"{t}pixel-size.value"].si / cells[f"{t}focal-length.value"].si
     across, along = (spots.mean(axis=0) - middle) * scale
     reference = rotation_from_vector(np.array([-along, across, 0.0]))

@@ -22,6 +22,34 @@ from numpy.typing import ArrayLike
 from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
 
 
+def detector_centre(pixels: ArrayLike) -> FloatArray:
+    """The middle of a detector whose first pixel has its centre at (0, 0).
+
+    It stands in for a principal point that is not printed.
+
+    Parameters
+    ----------
+    pixels : array_like, shape (..., 2)
+        How many along x and along y.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        In px: half a pixel less than half of their number.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite and above zero, or the shape does not fit.
+
+    Examples
+    --------
+    >>> detector_centre((3, 4))
+    array([1. , 1.5])
+    """
+    return (positive("pixels", finite_array("pixels", pixels, shape=(2,))) - 1) / 2
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class Camera:
     """The imaging parameters of one channel, checked when it is made.

@@ -152,7 +152,7 @@ def orders() -> Study:
     """
     door = given((*READS, *quoted_accuracy.given))
     points = {
-        "centre of the detector": lasers.detector_centre(door),
+        "centre of the detector": lasers.tracker_centre(door),
         "middle of the spots": door.array(lasers.SPOTS).reshape(-1, 2).mean(axis=0),
     }
     rows = []

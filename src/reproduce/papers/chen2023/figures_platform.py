@@ -13,6 +13,7 @@ import numpy as np
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.chen2023.sketch import LASER, STAR, lens, mirror, reflected
 from reproduce.papers.sketch import arc, arrow, beside, box, canvas, key, label, line, path, turned
+from reproduce.physics.camera import detector_centre
 from reproduce.physics.lasers import received_spots
 from reproduce.physics.rotations import rotation_from_vector, transpose
 from reproduce.physics.stage import stage_angles
@@ -49,7 +50,7 @@ def starfield() -> tuple[FloatArray, FloatArray, list[int]]:
     door = given(lasers.READS)
     pixels = door.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
     tracker = (
-        (pixels - 1) / 2,
+        detector_centre(pixels),
         door[f"{lasers.PLATFORM}#tracker-pixel-size.value"],
         door[f"{lasers.PLATFORM}#tracker-focal-length.value"],
     )

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from reproduce.physics.camera import detector_centre
 from reproduce.physics.lasers import emitted_directions, received_directions, received_jacobian
 from reproduce.physics.misalignment import angle_jacobian, laser_transform
 from reproduce.physics.validate import FloatArray
@@ -63,12 +64,12 @@ def turn_response(given: Given) -> FloatArray:
     ndarray, shape (3, 4, 2)
         In rad/px.
     """
-    return responses(given, detector_centre(given))[0]
+    return responses(given, tracker_centre(given))[0]
 
 
-def detector_centre(given: Given) -> FloatArray:
-    """Return the centre of the tracker's detector, in px; that of the first pixel is at zero."""
-    return np.asarray((given.array(f"{PLATFORM}#tracker-pixels-*.value") - 1) / 2)
+def tracker_centre(given: Given) -> FloatArray:
+    """Return the centre of the tracker's detector, in px."""
+    return detector_centre(given.array(f"{PLATFORM}#tracker-pixels-*.value"))
 
 
 def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:

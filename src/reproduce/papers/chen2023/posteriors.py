@@ -33,6 +33,7 @@ from reproduce.papers.chen2023.consequences import (
 )
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import Declared
+from reproduce.physics.camera import detector_centre
 from reproduce.physics.ground import altitude_for_resolution
 from reproduce.physics.stage import stage_angles
 from reproduce.physics.validate import FloatArray
@@ -67,7 +68,7 @@ def platform(given: Given) -> Platform:
         given[f"{lasers.PLATFORM}#telescope-focal-length.value"],
         given[f"{lasers.PLATFORM}#tracker-focal-length.value"],
         given[f"{lasers.PLATFORM}#tracker-pixel-size.value"],
-        (pixels - 1) / 2,
+        detector_centre(pixels),
         spots,
     )
 

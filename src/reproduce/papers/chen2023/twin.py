@@ -28,6 +28,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import accuracy, lasers, resolution
+from reproduce.physics.camera import detector_centre
 from reproduce.physics.centroid_theory import centre_of_gravity_error
 from reproduce.physics.centroids import centre_of_gravity
 from reproduce.physics.detector import Detector, electrons, expose
@@ -132,7 +133,7 @@ def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
             designed, given[f"{lasers.PLATFORM}#telescope-focal-length.value"]
         ),
         tracker=(
-            (pixels - 1) / 2,
+            detector_centre(pixels),
             pitch,
             given[f"{lasers.PLATFORM}#tracker-focal-length.value"],
         ),

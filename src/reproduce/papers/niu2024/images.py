@@ -20,7 +20,7 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
 
 from reproduce.papers.niu2024 import laboratory
-from reproduce.physics.camera import Camera
+from reproduce.physics.camera import Camera, detector_centre
 from reproduce.physics.centroids import cut_windows, detect_spots
 from reproduce.physics.detector import Detector, electrons, expose
 from reproduce.physics.resample import fused_image, registered_image
@@ -76,7 +76,7 @@ def cameras(door: Given) -> list[Camera]:
     list of Camera
         Green, red, blue.
     """
-    middle = (np.array(shape(door)) - 1) / 2
+    middle = detector_centre(shape(door))
     return [
         Camera(c.focal_length, c.principal_point + middle, c.radial_distortion, c.pixel_pitch)
         for c in laboratory.cameras(door)
