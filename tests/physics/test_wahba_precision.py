@@ -190,6 +190,9 @@ def test_parallel_directions_and_mirror_images_are_refused_however_they_are_roun
     turned = Rotation.random(random_state=rng).apply(line)
     with pytest.raises(DegenerateGeometryError, match="fix all three axes"):
         attitude(turned, line, method=method)
+    spread = np.random.default_rng(5).standard_normal(line.shape)
+    with pytest.raises(DegenerateGeometryError, match="fix all three axes"):
+        attitude(spread, line, method=method)
     axes = Rotation.random(random_state=rng).as_matrix()
     with pytest.raises(DegenerateGeometryError, match="fix all three axes"):
         attitude(-axes, axes, method=method)

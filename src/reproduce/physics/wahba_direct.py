@@ -73,7 +73,9 @@ def by_turning(
     rows = source @ transpose(rotation)
     stiffness, axes, _ = _pull(target, rows, share)
     softest = stiffness[..., 0]
-    lever = np.linalg.norm(np.cross(rows, axes[..., np.newaxis, :, 0]), axis=-1)
+    # Either side's levers: one alone that lies along the axis leaves the turn about it free.
+    lever = sum(np.linalg.norm(np.cross(side, axes[..., np.newaxis, :, 0]), axis=-1)
+                for side in (rows, target))  # fmt: skip
     torque = ROUNDING * (share * (lever + ROUNDING)).sum(axis=-1)
     blur = np.where(softest > 0, torque / np.where(softest > 0, softest, 1.0), np.inf)
     return rotation, np.asarray(2.0 * softest), blur
