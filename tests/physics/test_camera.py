@@ -23,11 +23,11 @@ from reproduce.physics.chromatic import (
     scale_factor,
 )
 from reproduce.physics.pixel_angles import (
-    ARCSEC_PER_RADIAN,
     angle_from_pixels,
     field_of_view,
     pixels_from_angle,
 )
+from reproduce.units import ARCSEC_PER_RADIAN
 
 PITCH = 4e-6
 
