@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reproduce.physics.fit import fit_registration
 from reproduce.physics.registration import SimilarityFit, fit_similarity
-from reproduce.physics.validate import DegenerateGeometryError, FloatArray
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
 # The robust fit takes all pairs of so many stars; its residuals are then those of all stars.
 PAIRED = 300
@@ -123,7 +123,7 @@ def robust_similarity(source: FloatArray, target: FloatArray, pivot: FloatArray)
     Raises
     ------
     DegenerateGeometryError
-        If the points do not fix a similarity.
+        If the points do not fix a similarity, or mirror each other.
 
     Examples
     --------
@@ -136,6 +136,8 @@ def robust_similarity(source: FloatArray, target: FloatArray, pivot: FloatArray)
     some = np.linspace(0, count - 1, min(count, PAIRED)).astype(int)
     try:
         start = fit_registration(source[some], target[some], pivot, robust=True)
+    except MirroredPointsError:
+        raise
     except DegenerateGeometryError:
         start = fit_registration(source, target, pivot)
     length = np.hypot(*(target - start.transform.apply(source)).T)

@@ -8,7 +8,6 @@ What is printed, rounded, is taken as rounded to the last digit that the file wr
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -132,8 +131,6 @@ def supplied(name: str, path: Path, pivot: tuple[float, float] | None = None) ->
             table = read_table(path, columns)
             model = reader(name, table, pivot)
             remarks = stars.remarks(table, pivot) if starry else []
-    except csv.Error as error:
-        raise TableFileError(f"{path}: expected a CSV file of numbers, got a {error}") from error
     except FloatingPointError as error:
         raise TableFileError(
             f"{path}: the numbers lead to an {error}; look for values that are huge, zero or alike"
