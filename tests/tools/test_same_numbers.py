@@ -78,7 +78,7 @@ def test_a_difference_is_counted_and_printed(monkeypatch, capsys):
 
     monkeypatch.setattr(same_numbers, "apart", made_up)
     monkeypatch.setattr(same_numbers, "NEEDED", ())
-    wrong = same_numbers.compared(everything=False)
+    wrong = same_numbers.compared()
     quick = sum(page.parent.name != "posteriors" for page in same_numbers.notebooks())
     assert wrong == quick + 1, "every page, and the ledger, under one setting"
     assert "ledger cell: 1.0, 1.000000001" in capsys.readouterr().out
