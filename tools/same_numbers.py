@@ -115,7 +115,8 @@ def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[
         check=False,
     )
     if process.returncode or process.stderr:
-        raise RuntimeError(f"{' '.join(pages) or 'the ledger'}: {process.stderr}")
+        what = " ".join(pages) or "the ledger"
+        raise RuntimeError(f"{what}: exit code {process.returncode}, {process.stderr}")
     answer: dict[str, Any] = json.loads(process.stdout)
     return answer
 

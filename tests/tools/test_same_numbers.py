@@ -65,7 +65,7 @@ def test_a_setting_reaches_the_arithmetic():
 
 
 def test_an_error_or_a_warning_of_a_page_stops_the_comparison():
-    with pytest.raises(RuntimeError, match=r"nothing\.md"):
+    with pytest.raises(RuntimeError, match=r"nothing\.md: exit code 1"):
         apart({}, ROOT, ["nothing.md"])
 
 
