@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import io
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,12 +40,12 @@ if TYPE_CHECKING:
 WIDTH = 80
 
 
-class _Shown:
+class _Shown(ABC):
     """What shows itself in a terminal by its parts, without colour in a notebook's text."""
 
+    @abstractmethod
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield what a terminal of this many columns shows."""
-        raise NotImplementedError
 
     def print(self, console: Console) -> None:
         """Write the parts on a terminal."""
