@@ -139,7 +139,7 @@ def test_what_the_search_says_of_the_papers_lifts_the_group():
     """Every correction shown is applied again, and judged by all relations of the paper."""
     for paper in ("niu2024", "chen2023"):
         audit = audit_paper(paper)
-        relations = [f.relation for f in audit.findings]
+        relations = [f.relation for f in audit.read]
         already = contradicted(audit.cells, relations)
         for group, correction in itertools.islice(
             ((g, c) for g in audit.groups for c in g.corrections[:3]), 60

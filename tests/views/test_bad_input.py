@@ -36,7 +36,8 @@ def test_arbitrary_keys_are_refused_with_a_message(command, key):
         ["nothing"],
         ["check", "--nothing"],
         ["show", ""],
-        ["show", "niu2024/table-3#scale.red"],
+        ["show", "niu2024/table-3#scale.green"],
+        ["show", "niu2024/table-3#"],
     ],
 )
 def test_incomplete_commands_are_refused(arguments):
