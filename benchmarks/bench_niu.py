@@ -23,8 +23,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from skimage.transform import SimilarityTransform
 
 from reproduce.papers.niu2024 import images, laboratory, study
-from reproduce.physics.fit import fit_registration
-from reproduce.physics.similarity import Similarity
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.similarity import Similarity
 from reproduce.printed.given import given
 
 POINTS, RATIO = 137, 0.5

@@ -37,7 +37,7 @@ from reproduce.inference.radial import affine_model, radial_model, similarity_mo
 from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.similarity import Similarity
+from reproduce.physics.registration.similarity import Similarity
 from reproduce.views.posterior import plan_for, run
 from reproduce.views.posterior_calibration import REPLICATES, SEED
 

@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.optimize import OptimizeResult, least_squares
 
-from reproduce.physics.calibration import calibrate
-from reproduce.physics.registration import SimilarityFit, fit_similarity
-from reproduce.physics.similarity import Similarity
-from reproduce.physics.simulate import noisy_centroids
+from reproduce.physics.optics.simulate import noisy_centroids
+from reproduce.physics.registration.calibration import calibrate
+from reproduce.physics.registration.similarity import Similarity, SimilarityFit, fit_similarity
 
 Points = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from photutils.centroids import centroid_com
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from reproduce.papers.chen2023 import figures_resolution, resolution, twin
-from reproduce.physics.centroids import centre_of_gravity
-from reproduce.physics.earth import earth_fixed, satellite_from_inertial
-from reproduce.physics.imaging import image_vectors, imaged_position
-from reproduce.physics.spots import spot_windows
+from reproduce.physics.ground.earth import earth_fixed, satellite_from_inertial
+from reproduce.physics.ground.imaging import image_vectors, imaged_position
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.spots import spot_windows
 from reproduce.printed.given import given
 
 GIBIBYTE = 1024**3

@@ -18,8 +18,17 @@ ARROWS = {
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
-        *{"locate", "units", "physics.fit", "physics.similarity"},
+        *{"locate", "units", "physics.registration"},
     },
+}
+# The same inside physics: its rooms stand on each other, on the checks of input and on units.
+ROOMS = {
+    "optics": {"optics"},
+    "attitude": {"attitude"},
+    "images": {"images"},
+    "registration": {"registration", "optics"},
+    "light": {"light", "attitude"},
+    "ground": {"ground", "attitude"},
 }
 PHYSICS_MAY_NOT = {"pathlib", "io", "os", "tomllib", "json", "csv", "pandas", "importlib"}
 FILES = sorted(SOURCE.rglob("*.py"))
@@ -53,6 +62,15 @@ def violations(path, folder):
             yield f"{name} (physics reads no file)"
 
 
+def climbs(path, room):
+    """Yield the imports from rooms of physics that a room does not stand on."""
+    for name in imports(path):
+        if name.startswith("reproduce.physics."):
+            other = name.split(".")[2]
+            if other != "validate" and other not in ROOMS[room]:
+                yield name
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(SOURCE).as_posix())
 def test_imports_follow_the_arrows(path):
     parts = path.relative_to(SOURCE).parts
@@ -66,6 +84,8 @@ def test_imports_follow_the_arrows(path):
         assert inner == allowed[path.name]
         return
     assert list(violations(path, parts[0])) == []
+    if parts[0] == "physics" and len(parts) > 2:
+        assert list(climbs(path, parts[1])) == []
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(SOURCE).as_posix())
@@ -99,6 +119,15 @@ def test_forbidden_imports_are_seen(tmp_path, folder, line):
     assert list(violations(path, folder))
 
 
+def test_a_room_of_physics_that_climbs_is_seen(tmp_path):
+    path = tmp_path / "module.py"
+    path.write_text("from reproduce.physics.registration.fit import fit_registration")
+    assert list(climbs(path, "optics"))
+    assert not list(climbs(path, "registration"))
+
+
 def test_every_folder_has_its_arrows():
+    rooms = {path.parent.name for path in (SOURCE / "physics").glob("*/__init__.py")}
+    assert rooms == set(ROOMS)
     folders = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
     assert folders == set(ARROWS)

@@ -20,8 +20,9 @@ LABEL = re.compile(r"^\$\$ ?\(((?:niu2024|chen2023)-[a-z0-9-]+)\)", re.MULTILINE
 
 def docstrings():
     """Yield the full name and the docstring of every public function, class and method."""
-    for path in sorted(PHYSICS.glob("*.py")):
-        module = f"reproduce.physics.{path.stem}"
+    for path in sorted(PHYSICS.rglob("*.py")):
+        inner = path.relative_to(PHYSICS).with_suffix("").parts
+        module = ".".join(["reproduce.physics", *inner])
         yield from _inside(ast.parse(path.read_text(encoding="utf-8")), module)
 
 

@@ -134,7 +134,7 @@ def mutants(package: Path, folders: Sequence[str]) -> Iterator[Mutant]:
         All that `OPERATORS` can make outside of `left_out`.
     """
     for folder in folders:
-        for path in sorted((package / folder).glob("*.py")):
+        for path in sorted((package / folder).rglob("*.py")):
             file = f"{folder}/{path.name}"
             yield from _numbered(_of_file(file, path.read_text(encoding="utf-8")))
 

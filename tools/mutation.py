@@ -45,7 +45,7 @@ def hashes(root: Path) -> dict[str, str]:
     return {
         f"{folder}/{path.name}": hashlib.sha256(path.read_bytes()).hexdigest()
         for folder in FOLDERS
-        for path in sorted((root / PACKAGE / folder).glob("*.py"))
+        for path in sorted((root / PACKAGE / folder).rglob("*.py"))
     }
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from reproduce.inference.lasers import Platform
 from reproduce.inference.registration import registration_model
-from reproduce.physics.similarity import Similarity
+from reproduce.physics.registration.similarity import Similarity
 
 PIVOT = np.array([1030.0, 770.0])
 TRUTH = Similarity(1.002, -0.001, (-0.4, -0.6), PIVOT)

@@ -17,9 +17,13 @@ from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.small_angle import small_angle_posterior, spot_bound
 from reproduce.inference.states import states_model
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.lasers import emitted_directions, received_directions
-from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import (
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+    stage_angles,
+)
 from reproduce.units import ARCSEC_PER_RADIAN
 
 NOISE = 0.017

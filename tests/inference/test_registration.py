@@ -16,7 +16,7 @@ from reproduce.inference.radial import linear_log_evidence, linear_model
 from reproduce.inference.registration import principal_point_model, registration_model
 from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.variants import distortion_model, field_noise_model, student_model
-from reproduce.physics.registration import fit_similarity
+from reproduce.physics.registration.similarity import fit_similarity
 
 PIVOT = np.array([1030.0, 770.0])
 

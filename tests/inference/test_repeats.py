@@ -17,9 +17,8 @@ from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.variants import distortion_model, field_noise_model, student_model
 from reproduce.papers.chen2023.published import quest_angles
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.similarity import Similarity
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.misalignment import stage_angles
+from reproduce.physics.registration.similarity import Similarity, fit_similarity
 
 PIVOT = np.array([1030.0, 770.0])
 

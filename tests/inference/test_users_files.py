@@ -5,7 +5,7 @@ import pytest
 
 from reproduce.papers.chen2023.posteriors import READS, platform
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN

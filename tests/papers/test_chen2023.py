@@ -6,15 +6,16 @@ import pytest
 from reproduce.judge.ledger import build
 from reproduce.judge.verdicts import judge_prediction
 from reproduce.papers.chen2023 import accuracy, lasers, posteriors, stage
-from reproduce.physics.averaging import attitude_accuracy
-from reproduce.physics.installation import misalignment_between, transform_error_printed
-from reproduce.physics.lasers import emitted_directions, received_directions
-from reproduce.physics.misalignment import (
+from reproduce.physics.attitude.averaging import attitude_accuracy
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import (
     laser_transform,
     misalignment,
     misalignment_angles,
+    misalignment_between,
+    transform_error_printed,
 )
-from reproduce.physics.rotations import vector_from_rotation
+from reproduce.physics.attitude.rotations import vector_from_rotation
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from reproduce.papers.chen2023 import accuracy, figures_monitoring, twin
-from reproduce.physics.misalignment import misalignment, misalignment_angles
-from reproduce.physics.wahba import mean_rotation
+from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
+from reproduce.physics.attitude.wahba import mean_rotation
 from reproduce.printed.given import given
 
 ARCSEC = np.degrees(1.0) * 3600

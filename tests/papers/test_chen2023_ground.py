@@ -13,10 +13,10 @@ from reproduce.papers.chen2023 import (
     stray_study,
     twin_study,
 )
-from reproduce.physics.centroids import centre_of_gravity
-from reproduce.physics.errors_on_ground import circular_error
-from reproduce.physics.imaging_jacobian import ground_jacobian
-from reproduce.physics.spots import spot_windows
+from reproduce.physics.ground.errors import circular_error
+from reproduce.physics.ground.imaging import ground_jacobian
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.spots import spot_windows
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600

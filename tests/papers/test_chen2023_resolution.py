@@ -7,9 +7,9 @@ import pytest
 
 from reproduce.judge.ledger import build
 from reproduce.papers.chen2023 import figures_resolution, resolution, resolution_study
-from reproduce.physics.centroids import centre_of_gravity
-from reproduce.physics.detector import Detector, expose
-from reproduce.physics.phase_study import (
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.detector import Detector, expose
+from reproduce.physics.images.phase_study import (
     Light,
     even_phases,
     observed_scatter,
@@ -17,7 +17,7 @@ from reproduce.physics.phase_study import (
     predicted_scatter,
     simulated_errors,
 )
-from reproduce.physics.spots import spot_windows
+from reproduce.physics.images.spots import spot_windows
 from reproduce.printed.given import given
 
 DOOR = given(resolution.READS)

@@ -14,8 +14,8 @@ from reproduce.papers.chen2023 import (
     twin,
     twin_study,
 )
-from reproduce.physics.averaging import scatter_of_averages
-from reproduce.physics.misalignment import misalignment, misalignment_angles
+from reproduce.physics.attitude.averaging import scatter_of_averages
+from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600

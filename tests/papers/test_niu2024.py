@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from reproduce.papers.niu2024 import angles, camera, simulation
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.simulate import channel_centroids, noisy_centroids
+from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
+from reproduce.physics.registration.similarity import fit_similarity
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 

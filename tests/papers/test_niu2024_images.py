@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from reproduce.papers.niu2024 import colours, fusion, images, laboratory
-from reproduce.physics.centroid_theory import cramer_rao_variance
-from reproduce.physics.simulate import channel_centroids
-from reproduce.physics.spots import window_corners
+from reproduce.physics.images.centroid_theory import cramer_rao_variance
+from reproduce.physics.images.spots import window_corners
+from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.printed.given import given
 from reproduce.store import studies
 from reproduce.store.stars import spectra

@@ -5,9 +5,9 @@ import pytest
 
 from reproduce.papers.declare import Blocked
 from reproduce.papers.niu2024 import alone, angles, laboratory
-from reproduce.physics.bounds import registration_bound
-from reproduce.physics.similarity import Similarity, similarity_between
-from reproduce.physics.simulate import channel_centroids
+from reproduce.physics.optics.simulate import channel_centroids
+from reproduce.physics.registration.calibration import registration_bound
+from reproduce.physics.registration.similarity import Similarity, similarity_between
 from reproduce.printed.given import given
 
 DOOR = given([*laboratory.rmse_before.given, *laboratory.INSTRUMENT])

@@ -8,11 +8,13 @@ from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
 from reproduce.papers.declare import Reading
 from reproduce.papers.niu2024 import angles, counting, simulation, study
-from reproduce.physics.bounds import registration_bound
-from reproduce.physics.calibration import calibrate
-from reproduce.physics.similarity import similarity_between
-from reproduce.physics.simulate import channel_centroids
-from reproduce.physics.starting import starting_values
+from reproduce.physics.optics.simulate import channel_centroids
+from reproduce.physics.registration.calibration import (
+    calibrate,
+    registration_bound,
+    starting_values,
+)
+from reproduce.physics.registration.similarity import similarity_between
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.store import studies

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 from reproduce.papers import space
 from reproduce.papers.chen2023 import figures_frames, figures_platform, figures_scene
 from reproduce.papers.niu2024 import figures_method, figures_signs
-from reproduce.physics.earth import geodetic
-from reproduce.physics.lasers import emitted_directions
-from reproduce.physics.misalignment import misalignment, misalignment_angles
-from reproduce.physics.raytrace import mirror_train
-from reproduce.physics.registration import fit_similarity
+from reproduce.physics.attitude.lasers import emitted_directions
+from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
+from reproduce.physics.ground.earth import geodetic
+from reproduce.physics.light.raytrace import mirror_train
+from reproduce.physics.registration.similarity import fit_similarity
 
 LASERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * 0.1
 STILL = np.eye(3)

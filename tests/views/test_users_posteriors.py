@@ -13,8 +13,7 @@ from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.inference.sensitivity import leanings
 from reproduce.papers.chen2023.posteriors import READS, platform
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.similarity import Similarity
+from reproduce.physics.registration.similarity import Similarity, fit_similarity
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views import posterior as running

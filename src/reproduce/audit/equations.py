@@ -12,19 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from reproduce.audit.quantity import Sheet
-from reproduce.physics import (
-    chromatic,
-    gauss_newton,
-    installation,
-    lasers,
-    misalignment,
-    raytrace,
-    stage,
-)
-from reproduce.physics.calibration import constraint, constraint_printed
-from reproduce.physics.camera import detector_centre, turned_onto_detector
-from reproduce.physics.rotary import rotary_matrix, rotary_matrix_printed
-from reproduce.physics.rotations import rotation_from_vector, transpose
+from reproduce.physics.attitude import lasers, misalignment
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
+from reproduce.physics.light import raytrace
+from reproduce.physics.optics import chromatic
+from reproduce.physics.optics.camera import detector_centre, turned_onto_detector
+from reproduce.physics.optics.rotary import rotary_matrix, rotary_matrix_printed
+from reproduce.physics.registration import calibration
+from reproduce.physics.registration.calibration import constraint, constraint_printed
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.units import si_factor
 
@@ -155,9 +150,9 @@ def _iteration(cells: Sheet) -> Iterator[Demonstration]:
     size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
     middle = detector_centre(size)
     source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
-    target = gauss_newton.model_points(truth, source, middle)
+    target = calibration.model_points(truth, source, middle)
     left = {}
-    for step in (gauss_newton.gauss_newton_step_printed, gauss_newton.gauss_newton_step):
+    for step in (calibration.gauss_newton_step_printed, calibration.gauss_newton_step):
         found = np.array([1.0, 0.0, 0.0, 0.0])
         for _ in range(STEPS):
             found = step(found, source, target, middle)
@@ -178,7 +173,7 @@ def _stacked(cells: Sheet) -> Iterator[Demonstration]:
     """Stack the rows of (25) side by side, as printed, before the transposition."""
     size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
-    right = gauss_newton.jacobian((1.0, 0.0, 0.0, 0.0), corners, detector_centre(size))
+    right = calibration.jacobian((1.0, 0.0, 0.0, 0.0), corners, detector_centre(size))
     printed = np.hstack([row[np.newaxis] for row in right]).T
     asked = "the Jacobian must have a column for each of the four parameters"
     one, many = (float(matrix.shape[1]) for matrix in (printed, right))
@@ -209,7 +204,7 @@ def _chain(cells: Sheet) -> Iterator[Demonstration]:
     camera = lasers.emitted_directions(*_laser_geometry(cells))
     zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
     turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
-    moved = installation.moved_laser_transform(zero, turned)
+    moved = misalignment.moved_laser_transform(zero, turned)
     seen = camera @ moved.T  # w = T v, one row for each laser
     left = float(np.abs(camera - seen @ (turned @ transpose(zero)).T).max())
     asked = "the misalignment put in by (6) must make (7) vanish"
@@ -248,7 +243,7 @@ def _roll_leak(cells: Sheet) -> Iterator[Demonstration]:
     errors = [
         float(np.hypot(*misalignment.misalignment_angles(form(rolled, reference))[:2]))
         / si_factor("arcsec")
-        for form in (installation.transform_error_printed, installation.misalignment_between)
+        for form in (misalignment.transform_error_printed, misalignment.misalignment_between)
     ]
     asked = "a roll of the camera must not count as an error about X and Y"
     told = "arcseconds about X and Y for a roll of one arcminute"
@@ -264,7 +259,7 @@ def _stage_angle(cells: Sheet) -> Iterator[Demonstration]:
     arcsec = si_factor("arcsec")
     printed, right = (
         float(form(travel, focal)) / arcsec
-        for form in (stage.stage_angle_printed, stage.stage_angle)
+        for form in (misalignment.stage_angle_printed, misalignment.stage_angle)
     )
     asked = "a length moved behind a focal length must turn the beam by their ratio"
     wanted = -float(np.arctan(travel / focal)) / arcsec
@@ -288,8 +283,8 @@ def _stage_signs(cells: Sheet) -> Iterator[Demonstration]:
     )
     found = misalignment.misalignment(before, after, np.eye(3))
     measured = float(misalignment.misalignment_angles(found)[0])
-    printed = float(stage.stage_angle(shift, focal))
-    right = float(stage.stage_angles([0.0, shift], focal)[0])
+    printed = float(misalignment.stage_angle(shift, focal))
+    right = float(misalignment.stage_angles([0.0, shift], focal)[0])
     signs = [float(np.sign(angle)) for angle in (printed, right, measured)]
     asked = "with right-handed axes (10) must have the sign that (7) measures about X"
     yield Demonstration(

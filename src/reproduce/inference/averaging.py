@@ -20,7 +20,7 @@ from numpy.random import Generator
 from reproduce.inference.boxes import BoxRule, log_box_by_rule
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import HalfNormal, LogUniform
-from reproduce.physics.averaging import averaged_error, scatter_of_averages
+from reproduce.physics.attitude.averaging import averaged_error, scatter_of_averages
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 

@@ -19,7 +19,7 @@ from scipy.special import gammaln
 from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import LogUniform, Uniform
 from reproduce.inference.registration import GaussianRegistration
-from reproduce.physics.registration import fit_similarity
+from reproduce.physics.registration.similarity import fit_similarity
 from reproduce.physics.validate import FloatArray
 
 Flat = Literal["affine", "polar"]

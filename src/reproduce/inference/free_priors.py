@@ -10,7 +10,7 @@ import numpy as np
 
 from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.priors import LogUniform, Prior, Uniform
-from reproduce.physics.registration import SimilarityFit, fit_similarity
+from reproduce.physics.registration.similarity import SimilarityFit, fit_similarity
 from reproduce.physics.validate import FloatArray
 
 # Of the residual of least squares: ends of the noise, as good as none.

@@ -25,8 +25,7 @@ from reproduce.inference.registration import (
     triangular,
     with_priors,
 )
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.similarity import Similarity, as_complex
+from reproduce.physics.registration.similarity import Similarity, as_complex, fit_similarity
 from reproduce.physics.validate import FloatArray
 
 CHANNELS = ("red", "blue")

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.physics.lasers import emitted_directions, received_directions
-from reproduce.physics.misalignment import laser_transform
-from reproduce.physics.rotations import rotation_from_vector
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import laser_transform
+from reproduce.physics.attitude.rotations import rotation_from_vector
 from reproduce.physics.validate import FloatArray, finite_array
 
 

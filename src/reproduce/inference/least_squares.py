@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.fit import fit_registration
-from reproduce.physics.registration import SimilarityFit, fit_similarity
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.similarity import SimilarityFit, fit_similarity
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
 # The robust fit takes all pairs of so many stars; its residuals are then those of all stars.

@@ -14,14 +14,18 @@ from functools import cached_property
 import numpy as np
 
 from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.physics.lasers import emitted_directions, received_directions, received_jacobian
-from reproduce.physics.misalignment import (
+from reproduce.physics.attitude.lasers import (
+    emitted_directions,
+    received_directions,
+    received_jacobian,
+)
+from reproduce.physics.attitude.misalignment import (
     angle_jacobian,
     laser_transform,
     misalignment,
     misalignment_angles,
 )
-from reproduce.physics.rotations import cross_matrix, transpose, vector_from_rotation
+from reproduce.physics.attitude.rotations import cross_matrix, transpose, vector_from_rotation
 from reproduce.physics.validate import FloatArray
 
 

@@ -23,8 +23,13 @@ from numpy.typing import NDArray
 from reproduce.inference.least_squares import fit_checks, least_squares
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
-from reproduce.physics.registration import fit_similarity, paired_points
-from reproduce.physics.similarity import Similarity, as_complex, as_points
+from reproduce.physics.registration.similarity import (
+    Similarity,
+    as_complex,
+    as_points,
+    fit_similarity,
+    paired_points,
+)
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
 

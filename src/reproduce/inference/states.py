@@ -15,7 +15,7 @@ from reproduce.inference.misalignment import SpotLikelihood, spots_model
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import LogNormal, Normal, Prior
 from reproduce.inference.quest import Quest, none
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.physics.validate import FloatArray
 
 

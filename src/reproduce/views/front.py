@@ -716,17 +716,17 @@ def register(source: Any, target: Any, pivot: Any = None, **settings: Any) -> An
     pivot : array_like, shape (2,), optional
         The point turned and scaled about, in px; the middle of the source points by default.
     **settings
-        Those of `reproduce.physics.fit.fit_registration`: ``model``, ``weights``, ``robust``,
+        Those of `physics.registration.fit.fit_registration`: ``model``, ``weights``, ``robust``,
         ``source_covariance``, ``target_covariance``.
 
     Returns
     -------
-    reproduce.physics.fit.RegistrationFit
+    reproduce.physics.registration.fit.RegistrationFit
         Parameters, covariance, residuals and the transform.
     """
     import numpy as np
 
-    from reproduce.physics.fit import fit_registration
+    from reproduce.physics.registration.fit import fit_registration
 
     middle = np.mean(np.asarray(source, dtype=float), axis=0) if pivot is None else pivot
     return fit_registration(source, target, middle, **settings)

@@ -18,8 +18,8 @@ from reproduce.papers.chen2023 import lasers
 from reproduce.papers.chen2023.platform import TRACKER, angle_of_one_pixel
 from reproduce.papers.declare import Prediction, Results, reproduces
 from reproduce.papers.study import Study
-from reproduce.physics.averaging import scatter_of_averages
-from reproduce.physics.simulate import spawned_normals
+from reproduce.physics.attitude.averaging import scatter_of_averages
+from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import ARCSEC_PER_RADIAN

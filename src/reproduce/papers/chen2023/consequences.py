@@ -9,8 +9,8 @@ import numpy as np
 from reproduce.inference.averaging import predicted_error
 from reproduce.inference.model import Quantity
 from reproduce.papers.chen2023.lasers import SIGMAS
-from reproduce.physics.ground import ground_error
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.misalignment import stage_angles
+from reproduce.physics.ground.errors import ground_error
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Blocked, Results, reproduces
-from reproduce.physics import ground, mirrors
+from reproduce.physics.ground import errors
+from reproduce.physics.light import raytrace
 from reproduce.printed.given import Given
 
 SATELLITE = "chen2023/table-1"
@@ -22,12 +23,12 @@ TRACKER = "chen2023/table-2#tracker-focal-length.value"
 )
 def ground_resolution(given: Given) -> Results:
     """Multispectral ground resolution at the altitude that the panchromatic one implies."""
-    altitude = ground.altitude_for_resolution(
+    altitude = errors.altitude_for_resolution(
         given[f"{SATELLITE}#panchromatic-focal-length.value"],
         given[f"{SATELLITE}#panchromatic-pixel-size.value"],
         given[f"{SATELLITE}#panchromatic-ground-resolution.value"],
     )
-    resolution = ground.ground_resolution(
+    resolution = errors.ground_resolution(
         given[f"{SATELLITE}#multispectral-focal-length.value"],
         given[f"{SATELLITE}#multispectral-pixel-size.value"],
         altitude,
@@ -63,4 +64,4 @@ def focal_ratio(given: Given) -> Results:
 @reproduces(DESIGN, cells=["dihedral-angle"], given=[f"{DESIGN}#boresight-angle"])
 def dichroic_tilt(given: Given) -> Results:
     """Tilt of the dichroic mirror that folds the retro-reflected laser into the tracker."""
-    return {"dihedral-angle": float(mirrors.fold_mirror_tilt(given[f"{DESIGN}#boresight-angle"]))}
+    return {"dihedral-angle": float(raytrace.fold_mirror_tilt(given[f"{DESIGN}#boresight-angle"]))}

@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023.sketch import LASER, SCENE, lens
 from reproduce.papers.sketch import INK, Look, arc, arrow, beside, canvas, key, label, line, path
 from reproduce.papers.space import View, seen_from, sense, triad
-from reproduce.physics.imaging import image_vectors
-from reproduce.physics.lasers import emitted_directions, received_directions
-from reproduce.physics.misalignment import misalignment_angles
-from reproduce.physics.rotations import rotation_from_vector, transpose
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import misalignment_angles, stage_angles
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
+from reproduce.physics.ground.imaging import image_vectors
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:

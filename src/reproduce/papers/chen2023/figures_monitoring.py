@@ -12,13 +12,12 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import accuracy, stage, twin, twin_study
 from reproduce.papers.declare import seed_of
 from reproduce.papers.sketch import INK
-from reproduce.physics.averaging import moving_average
-from reproduce.physics.detector import Detector, expose
-from reproduce.physics.misalignment import misalignment, misalignment_angles
-from reproduce.physics.spots import render_frame
-from reproduce.physics.stage import stage_angle
+from reproduce.physics.attitude.averaging import moving_average
+from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles, stage_angle
+from reproduce.physics.attitude.wahba import mean_rotation
+from reproduce.physics.images.detector import Detector, expose
+from reproduce.physics.images.spots import render_frame
 from reproduce.physics.validate import FloatArray
-from reproduce.physics.wahba import mean_rotation
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 

@@ -13,10 +13,10 @@ import numpy as np
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.chen2023.sketch import LASER, STAR, lens, mirror, reflected
 from reproduce.papers.sketch import arc, arrow, beside, box, canvas, key, label, line, path, turned
-from reproduce.physics.camera import detector_centre
-from reproduce.physics.lasers import received_spots
-from reproduce.physics.rotations import rotation_from_vector, transpose
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.lasers import received_spots
+from reproduce.physics.attitude.misalignment import stage_angles
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
+from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.store.stars import bright_stars

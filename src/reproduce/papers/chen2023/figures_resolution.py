@@ -9,8 +9,8 @@ import numpy as np
 
 from reproduce.papers.chen2023 import resolution
 from reproduce.papers.declare import seed_of
-from reproduce.physics.averaging import attitude_accuracy
-from reproduce.physics.phase_study import (
+from reproduce.physics.attitude.averaging import attitude_accuracy
+from reproduce.physics.images.phase_study import (
     Scatter,
     bound,
     even_phases,
@@ -19,7 +19,7 @@ from reproduce.physics.phase_study import (
     predicted_scatter,
     simulated_errors,
 )
-from reproduce.physics.simulate import spawned_streams
+from reproduce.physics.optics.simulate import spawned_streams
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023.sketch import SCENE, STAR
 from reproduce.papers.sketch import INK, Look, arrow, beside, diagram, key, label, line, path
 from reproduce.papers.space import View, seen_from, sense, triad
-from reproduce.physics.earth import EarthOrientation, earth_fixed, earth_from_inertial
-from reproduce.physics.imaging import WGS84, image_vectors, imaged_position, imaging_chain
-from reproduce.physics.rotations import rotation_from_vector, transpose, unit
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose, unit
+from reproduce.physics.ground.earth import EarthOrientation, earth_fixed, earth_from_inertial
+from reproduce.physics.ground.imaging import WGS84, image_vectors, imaged_position, imaging_chain
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 

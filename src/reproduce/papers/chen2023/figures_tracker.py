@@ -25,7 +25,7 @@ from reproduce.papers.sketch import (
     path,
     turned,
 )
-from reproduce.physics.lasers import emitted_directions
+from reproduce.physics.attitude.lasers import emitted_directions
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:

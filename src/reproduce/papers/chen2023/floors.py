@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from reproduce.papers.chen2023 import accuracy
 from reproduce.papers.study import Study
-from reproduce.physics.averaging import averaged_error
+from reproduce.physics.attitude.averaging import averaged_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC

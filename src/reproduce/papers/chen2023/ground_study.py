@@ -16,11 +16,10 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import design, lasers, twin_study
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Study
-from reproduce.physics.earth import earth_fixed, local_axes, satellite_from_inertial
-from reproduce.physics.errors_on_ground import circular_error, ellipse, ground_covariance
-from reproduce.physics.imaging import imaged_position
-from reproduce.physics.imaging_jacobian import GroundJacobian, ground_jacobian
-from reproduce.physics.rotations import rotation_from_vector
+from reproduce.physics.attitude.rotations import rotation_from_vector
+from reproduce.physics.ground.earth import earth_fixed, local_axes, satellite_from_inertial
+from reproduce.physics.ground.errors import circular_error, ellipse, ground_covariance
+from reproduce.physics.ground.imaging import GroundJacobian, ground_jacobian, imaged_position
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import RADIANS_PER_ARCSEC

@@ -13,8 +13,8 @@ import numpy as np
 
 from reproduce.papers.chen2023 import design, lasers, light_study
 from reproduce.papers.study import Study
-from reproduce.physics.light_path import Mirrors
-from reproduce.physics.pixel_angles import field_of_view
+from reproduce.physics.light.light_path import Mirrors
+from reproduce.physics.optics.camera import field_of_view
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import RADIANS_PER_ARCSEC

@@ -13,9 +13,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from reproduce.physics.camera import detector_centre
-from reproduce.physics.lasers import emitted_directions, received_directions, received_jacobian
-from reproduce.physics.misalignment import angle_jacobian, laser_transform
+from reproduce.physics.attitude.lasers import (
+    emitted_directions,
+    received_directions,
+    received_jacobian,
+)
+from reproduce.physics.attitude.misalignment import angle_jacobian, laser_transform
+from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

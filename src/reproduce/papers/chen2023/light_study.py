@@ -15,12 +15,16 @@ import numpy as np
 
 from reproduce.papers.chen2023 import design, lasers
 from reproduce.papers.study import Study
-from reproduce.physics import mirrors
-from reproduce.physics.lasers import emitted_directions, received_directions
-from reproduce.physics.light_path import LightPath, light_path
-from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
-from reproduce.physics.raytrace import reflection, turn_response
-from reproduce.physics.rotations import rotation_from_vector
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import (
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+)
+from reproduce.physics.attitude.rotations import rotation_from_vector
+from reproduce.physics.light import raytrace
+from reproduce.physics.light.light_path import LightPath, light_path
+from reproduce.physics.light.raytrace import reflection, turn_response
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import RADIANS_PER_ARCSEC
@@ -190,7 +194,7 @@ def dichroic_response(boresight_angle: float) -> FloatArray:
         Columns: about the axis in the mirror and in the plane of the light, about the one in the
         mirror across that plane, about the mirror's normal.
     """
-    tilt = float(mirrors.fold_mirror_tilt(boresight_angle))
+    tilt = float(raytrace.fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.
     normal = rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ OUT
     across = np.array([1.0, 0.0, 0.0])

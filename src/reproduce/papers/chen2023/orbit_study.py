@@ -15,9 +15,9 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import ground_study, twin_study
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Study
-from reproduce.physics.errors_on_ground import circular_error
-from reproduce.physics.imaging_jacobian import ground_jacobian
-from reproduce.physics.orbits import (
+from reproduce.physics.ground.errors import circular_error
+from reproduce.physics.ground.imaging import ground_jacobian
+from reproduce.physics.ground.orbits import (
     DAY,
     Thermal,
     last_orbits,

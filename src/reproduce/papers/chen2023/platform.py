@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Results, reproduces
-from reproduce.physics.pixel_angles import angle_from_pixels
+from reproduce.physics.optics.camera import angle_from_pixels
 from reproduce.printed.given import Given
 
 PLATFORM = "chen2023/table-2"

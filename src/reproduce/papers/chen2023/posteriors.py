@@ -33,9 +33,9 @@ from reproduce.papers.chen2023.consequences import (
 )
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import Declared
-from reproduce.physics.camera import detector_centre
-from reproduce.physics.ground import altitude_for_resolution
-from reproduce.physics.stage import stage_angles
+from reproduce.physics.attitude.misalignment import stage_angles
+from reproduce.physics.ground.errors import altitude_for_resolution
+from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import ARCSEC_PER_RADIAN

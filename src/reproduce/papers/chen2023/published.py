@@ -15,8 +15,12 @@ from reproduce.inference.repeats import Published
 from reproduce.inference.stage_table import StageTableLikelihood
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.posteriors import OWN_DATA, published_cells, simulated
-from reproduce.physics.lasers import emitted_directions, received_directions
-from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import (
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -34,15 +34,15 @@ from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.declare import Blocked, Prediction, Reading, Results, reproduces
-from reproduce.physics.averaging import attitude_accuracy
-from reproduce.physics.centroid_theory import CentroidError, centre_of_gravity_error
-from reproduce.physics.phase_study import (
+from reproduce.physics.attitude.averaging import attitude_accuracy
+from reproduce.physics.images.centroid_theory import CentroidError, centre_of_gravity_error
+from reproduce.physics.images.phase_study import (
     Light,
     even_phases,
     predicted_errors,
 )
-from reproduce.physics.simulate import spawned_streams
-from reproduce.physics.spots import window_corners
+from reproduce.physics.images.spots import window_corners
+from reproduce.physics.optics.simulate import spawned_streams
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC

@@ -11,10 +11,10 @@ from numpy.random import Generator
 from reproduce.papers.chen2023 import resolution
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Study
-from reproduce.physics.averaging import attitude_accuracy
-from reproduce.physics.centroids import centre_of_gravity, windowed_centre
-from reproduce.physics.detector import Detector, expose
-from reproduce.physics.phase_study import (
+from reproduce.physics.attitude.averaging import attitude_accuracy
+from reproduce.physics.images.centroids import centre_of_gravity, windowed_centre
+from reproduce.physics.images.detector import Detector, expose
+from reproduce.physics.images.phase_study import (
     Light,
     biased_bound,
     bound,
@@ -22,9 +22,9 @@ from reproduce.physics.phase_study import (
     predicted_errors,
     predicted_scatter,
 )
-from reproduce.physics.simulate import spawned_streams
-from reproduce.physics.spot_fit import fitted_centre
-from reproduce.physics.spots import spot_windows
+from reproduce.physics.images.spot_fit import fitted_centre
+from reproduce.physics.images.spots import spot_windows
+from reproduce.physics.optics.simulate import spawned_streams
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC

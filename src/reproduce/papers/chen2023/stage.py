@@ -21,8 +21,8 @@ from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.declare import Blocked, Prediction, Reading, Result, Results, reproduces
-from reproduce.physics.simulate import spawned_normals
-from reproduce.physics.stage import stage_angle
+from reproduce.physics.attitude.misalignment import stage_angle
+from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from reproduce.papers.chen2023 import lasers, light_study, resolution
 from reproduce.papers.study import Study
-from reproduce.physics.centroid_theory import centre_of_gravity_error
-from reproduce.physics.centroids import centre_of_gravity
-from reproduce.physics.spots import spot_windows
+from reproduce.physics.images.centroid_theory import centre_of_gravity_error
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.spots import spot_windows
 from reproduce.printed.given import Given, given
 
 MIRROR = f"{lasers.PLATFORM}#dichroic-"

@@ -28,17 +28,25 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import accuracy, lasers, resolution
-from reproduce.physics.camera import detector_centre
-from reproduce.physics.centroid_theory import centre_of_gravity_error
-from reproduce.physics.centroids import centre_of_gravity
-from reproduce.physics.detector import Detector, electrons, expose
-from reproduce.physics.installation import moved_laser_transform
-from reproduce.physics.lasers import emitted_directions, received_directions, received_spots
-from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
-from reproduce.physics.rotations import rotation_from_vector, transpose
-from reproduce.physics.spots import spot_windows, window_corners
+from reproduce.physics.attitude.lasers import (
+    emitted_directions,
+    received_directions,
+    received_spots,
+)
+from reproduce.physics.attitude.misalignment import (
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+    moved_laser_transform,
+)
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
+from reproduce.physics.attitude.wahba import mean_rotation, solve
+from reproduce.physics.images.centroid_theory import centre_of_gravity_error
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.detector import Detector, electrons, expose
+from reproduce.physics.images.spots import spot_windows, window_corners
+from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
-from reproduce.physics.wahba import mean_rotation, solve
 from reproduce.printed.given import Given
 
 RADIUS = f"{resolution.STUDY}#spot-radius"

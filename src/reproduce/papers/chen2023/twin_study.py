@@ -11,14 +11,13 @@ from scipy.stats import chi2, kstest
 from reproduce.papers.chen2023 import accuracy, design, lasers, stage, twin
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Study
-from reproduce.physics.averaging import moving_average
-from reproduce.physics.detector import Detector
-from reproduce.physics.ground import altitude_for_resolution
-from reproduce.physics.lasers import emitted_directions
-from reproduce.physics.spots import spot_windows, window_corners
-from reproduce.physics.taste import taste
+from reproduce.physics.attitude.averaging import moving_average
+from reproduce.physics.attitude.lasers import emitted_directions
+from reproduce.physics.attitude.wahba import solve, taste
+from reproduce.physics.ground.errors import altitude_for_resolution
+from reproduce.physics.images.detector import Detector
+from reproduce.physics.images.spots import spot_windows, window_corners
 from reproduce.physics.validate import FloatArray
-from reproduce.physics.wahba import solve
 from reproduce.printed.given import Given, given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.niu2024 import angles, laboratory
-from reproduce.physics.intrinsics import CameraFit, fit_camera
-from reproduce.physics.registration import SimilarityFit, fit_similarity
-from reproduce.physics.simulate import channel_centroids, noisy_centroids, table_starlight
+from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
+from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids, table_starlight
+from reproduce.physics.registration.similarity import SimilarityFit, fit_similarity
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

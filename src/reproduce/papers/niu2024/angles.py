@@ -1,9 +1,9 @@
 """The rotation angles of the simulation, and Figure 4 (niu2024, section 4.1).
 
 The text gives a count, a range and a step; no full rectangle has that count, which is a prime.
-The count therefore selects among the arrangements of `reproduce.physics.grids`, and so it is an
-input. The most literal of those that have it takes the step as the distance between neighbours of
-a square lattice and holds the zero position, which the starting values of section 3.2 need.
+The count therefore selects among those of `physics.optics.arrangements`, and so it is an input.
+The most literal of those that have it takes the step as the distance between neighbours of a
+square lattice and holds the zero position, which the starting values of section 3.2 need.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.physics.grids import Arrangement, arrangements_with
+from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Blocked, Reading, Results, reproduces
-from reproduce.physics import pixel_angles
+from reproduce.physics.optics import camera
 from reproduce.printed.given import Given
 
 OPTICS = "niu2024/text-optics"
@@ -20,7 +20,7 @@ def field_of_view(given: Given) -> Results:
     focal_length = given[f"{OPTICS}#focal-length"]
     return {
         f"field-of-view-{axis}": float(
-            pixel_angles.field_of_view(
+            camera.field_of_view(
                 given[f"{OPTICS}#pixels-{axis}"],
                 given[f"{OPTICS}#pixel-pitch-{axis}"],
                 focal_length,

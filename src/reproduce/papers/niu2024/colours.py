@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from reproduce.papers.niu2024 import images, laboratory
-from reproduce.physics.centroids import cut_windows
-from reproduce.physics.spectra import channel_ratio
-from reproduce.physics.spots import window_corners
+from reproduce.physics.images.centroids import cut_windows
+from reproduce.physics.images.spectra import channel_ratio
+from reproduce.physics.images.spots import window_corners
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

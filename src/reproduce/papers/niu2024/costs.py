@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from reproduce.papers.niu2024 import laboratory, simulation
-from reproduce.physics.approximations import (
+from reproduce.physics.registration.approximations import (
     EFFECTS,
     Channels,
     analytic_bias,
@@ -24,7 +24,7 @@ from reproduce.physics.approximations import (
     second_term_from_share,
     simulated_bias,
 )
-from reproduce.physics.registration import fit_similarity
+from reproduce.physics.registration.similarity import fit_similarity
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Blocked, Results, reproduces
-from reproduce.physics import chromatic, pixel_angles
+from reproduce.physics.optics import camera, chromatic
 from reproduce.printed.given import Given
 
 CALIBRATION = "niu2024/table-4"
@@ -62,7 +62,7 @@ def pointing_errors(given: Given) -> Results:
     focal_length = given[f"{CALIBRATION}#focal-length.green"]
     return {
         f"pointing-error-{channel}-{axis}": float(
-            pixel_angles.angle_from_pixels(
+            camera.angle_from_pixels(
                 given[f"{OUTCOME}#rmse-after-{channel}-{axis}"],
                 given[f"{OPTICS}#pixel-pitch-{axis}"],
                 focal_length,

@@ -8,7 +8,7 @@ import numpy as np
 
 from reproduce.papers.niu2024 import costs
 from reproduce.papers.niu2024.simulation import REGISTERED
-from reproduce.physics.approximations import EFFECTS, even_positions
+from reproduce.physics.registration.approximations import EFFECTS, even_positions
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reproduce.papers.niu2024 import colours, fusion, images, laboratory
 from reproduce.papers.niu2024.sketch import LOOKS, RED
-from reproduce.physics.simulate import channel_centroids
+from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 

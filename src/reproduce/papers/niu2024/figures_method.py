@@ -11,7 +11,7 @@ import numpy as np
 
 from reproduce.papers.niu2024.sketch import BLUE, GREEN, LOOKS
 from reproduce.papers.sketch import SIZE, Look, arc, arrow, beside, box, diagram, label, line
-from reproduce.physics.similarity import Similarity, principal_point_shift
+from reproduce.physics.registration.similarity import Similarity, principal_point_shift
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import numpy as np
 
 from reproduce.papers.niu2024.sketch import BLUE, GREEN
 from reproduce.papers.sketch import arrow, beside, box, canvas, label, line, turning
-from reproduce.physics.camera import ideal_positions
-from reproduce.physics.rotary import starlight
-from reproduce.physics.similarity import Similarity
+from reproduce.physics.optics.camera import ideal_positions
+from reproduce.physics.optics.rotary import starlight
+from reproduce.physics.registration.similarity import Similarity
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:

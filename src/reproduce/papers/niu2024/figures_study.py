@@ -8,11 +8,15 @@ import numpy as np
 
 from reproduce.papers.niu2024 import angles, simulation, study
 from reproduce.papers.niu2024.sketch import RED
-from reproduce.physics.calibration import Calibration, calibrate
-from reproduce.physics.gauss_newton import model_points
-from reproduce.physics.registration import rmse
-from reproduce.physics.simulate import channel_centroids
-from reproduce.physics.starting import random_starts, starting_values
+from reproduce.physics.optics.simulate import channel_centroids
+from reproduce.physics.registration.calibration import (
+    Calibration,
+    calibrate,
+    model_points,
+    random_starts,
+    starting_values,
+)
+from reproduce.physics.registration.similarity import rmse
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from reproduce.papers.niu2024 import images, laboratory
-from reproduce.physics.centroids import centre_of_gravity, cut_windows
-from reproduce.physics.resample import registered_image
-from reproduce.physics.similarity import Similarity
-from reproduce.physics.simulate import channel_centroids
-from reproduce.physics.spectra import channel_ratio
-from reproduce.physics.spot_fit import fitted_centre
-from reproduce.physics.spots import spot_windows, window_corners
+from reproduce.physics.images.centroids import centre_of_gravity, cut_windows
+from reproduce.physics.images.spectra import channel_ratio
+from reproduce.physics.images.spot_fit import fitted_centre
+from reproduce.physics.images.spots import spot_windows, window_corners
+from reproduce.physics.optics.simulate import channel_centroids
+from reproduce.physics.registration.resample import registered_image
+from reproduce.physics.registration.similarity import Similarity
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -20,15 +20,15 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
 
 from reproduce.papers.niu2024 import laboratory
-from reproduce.physics.camera import Camera, detector_centre
-from reproduce.physics.centroids import cut_windows, detect_spots
-from reproduce.physics.detector import Detector, electrons, expose
-from reproduce.physics.resample import fused_image, registered_image
-from reproduce.physics.similarity import Similarity, similarity_between
-from reproduce.physics.simulate import channel_centroids
-from reproduce.physics.spectra import blackbody_band, tabulated_star
-from reproduce.physics.spot_fit import fitted_centre
-from reproduce.physics.spots import render_frame, window_corners
+from reproduce.physics.images.centroids import cut_windows, detect_spots
+from reproduce.physics.images.detector import Detector, electrons, expose
+from reproduce.physics.images.spectra import blackbody_band, tabulated_star
+from reproduce.physics.images.spot_fit import fitted_centre
+from reproduce.physics.images.spots import render_frame, window_corners
+from reproduce.physics.optics.camera import Camera, detector_centre
+from reproduce.physics.optics.simulate import channel_centroids
+from reproduce.physics.registration.resample import fused_image, registered_image
+from reproduce.physics.registration.similarity import Similarity, similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.stars import spectra

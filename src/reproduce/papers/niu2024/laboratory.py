@@ -29,14 +29,13 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.declare import Blocked, Prediction, Results, reproduces
-from reproduce.physics.camera import Camera
-from reproduce.physics.registration import fit_similarity, rmse_per_axis
-from reproduce.physics.similarity import Similarity
-from reproduce.physics.simulate import (
+from reproduce.physics.optics.camera import Camera
+from reproduce.physics.optics.simulate import (
     channel_centroids,
     spawned_angles,
     spawned_normals,
 )
+from reproduce.physics.registration.similarity import Similarity, fit_similarity, rmse_per_axis
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Results, reproduces
-from reproduce.physics import chromatic
+from reproduce.physics.optics import chromatic
 from reproduce.printed.given import Given
 
 IMAGING = "niu2024/table-1"

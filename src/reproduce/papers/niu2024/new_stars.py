@@ -19,9 +19,9 @@ from reproduce.inference.variants import PointwiseRegistration
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.niu2024 import angles, simulation
 from reproduce.papers.posteriors import published_cells, simulated
-from reproduce.physics.pixel_angles import angle_from_pixels
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.simulate import channel_centroids, noisy_centroids, spawned_angles
+from reproduce.physics.optics.camera import angle_from_pixels
+from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids, spawned_angles
+from reproduce.physics.registration.similarity import fit_similarity
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -45,10 +45,9 @@ from reproduce.papers.niu2024.new_stars import (
     pixel_angle,
 )
 from reproduce.papers.posteriors import OWN_DATA, Declared, published_cells, simulated
-from reproduce.physics.chromatic import scale_factor
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.similarity import similarity_between
-from reproduce.physics.simulate import channel_centroids, noisy_centroids
+from reproduce.physics.optics.chromatic import scale_factor
+from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
+from reproduce.physics.registration.similarity import fit_similarity, similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from reproduce.papers.niu2024 import angles, simulation
-from reproduce.physics.bounds import registration_bound
-from reproduce.physics.registration import fit_similarity
-from reproduce.physics.similarity import similarity_between
-from reproduce.physics.simulate import channel_centroids
+from reproduce.physics.optics.simulate import channel_centroids
+from reproduce.physics.registration.calibration import registration_bound
+from reproduce.physics.registration.similarity import fit_similarity, similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -27,16 +27,15 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.declare import Blocked, Prediction, Reading, Results, reproduces
 from reproduce.papers.niu2024 import angles
-from reproduce.physics.calibration import Calibration, calibrate
-from reproduce.physics.camera import Camera
-from reproduce.physics.registration import rmse_per_axis
-from reproduce.physics.simulate import (
+from reproduce.physics.optics.camera import Camera
+from reproduce.physics.optics.simulate import (
     channel_centroids,
     noisy_centroids,
     spawned_angles,
     spawned_normals,
 )
-from reproduce.physics.starting import starting_values
+from reproduce.physics.registration.calibration import Calibration, calibrate, starting_values
+from reproduce.physics.registration.similarity import rmse_per_axis
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -30,9 +30,8 @@ from numpy.random import SeedSequence
 from reproduce.papers.niu2024 import angles, simulation
 from reproduce.papers.niu2024.counting import MEASURED
 from reproduce.papers.niu2024.simulation import SHIFTS, TESTS
-from reproduce.physics.registration import fit_similarity, rmse_per_axis
-from reproduce.physics.similarity import Similarity
-from reproduce.physics.simulate import channel_centroids, spawned_angles, spawned_normals
+from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
+from reproduce.physics.registration.similarity import Similarity, fit_similarity, rmse_per_axis
 from reproduce.physics.validate import FloatArray, whole_number
 from reproduce.printed.given import Given
 

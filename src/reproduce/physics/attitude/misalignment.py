@@ -1,0 +1,593 @@
+"""The camera's misalignment from laser spots in the star tracker.
+
+Names. A rotation is named target first. The paper writes the source below and the target
+above, so its T_cam^st is our `tracker_from_camera` (along the light, mirrors included), its
+R_st^cam our `camera_from_tracker` (the installation, mirrors apart), and its misalignment
+R_cam,0^cam,t our `camera_now_from_camera_zero`: it takes coordinates in the camera frame at
+the zero point to coordinates in the camera frame at time t.
+
+Sign. The misalignment angles (theta_X, theta_Y, theta_Z) are the right-handed turn that brings
+the camera from its zero position to the present one, about the camera's own axes. A camera
+that turns moves the world the other way through its frame, so to first order
+`camera_now_from_camera_zero` is I - [theta ×].
+
+Directions have shape (..., n, 3), angles are in radians, leading axes are a batch of frames.
+
+In products of rotations (installation, misalignment, attitude) neighbours cancel. A laser transform
+follows the light, an installation the axes of the instruments; a misalignment taken from two laser
+transforms corrects an installation because the mirrors between have not moved.
+
+A stage that moves the focal plane by L, in metres, stands in for a camera that turns: it turns
+every beam by atan(L / f).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics.attitude.rotations import rotations, transpose, unit, vector_from_rotation
+from reproduce.physics.attitude.wahba import attitude
+from reproduce.physics.validate import (
+    FloatArray,
+    common_batch,
+    finite_array,
+    positive,
+    weights_for,
+)
+
+
+def laser_transform(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    weights: ArrayLike | None = None,
+    pooled: bool = False,
+    method: str = "quest",
+) -> FloatArray:
+    """Return the rotation that carries laser light from the camera into the tracker.
+
+    Implements: chen2023 (4), (5).
+
+    Parameters
+    ----------
+    camera_directions : array_like, shape (..., n, 3)
+        Emitted directions v_i,cam in the camera frame.
+    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
+        Received directions w_i^k in the tracker frame, in the same order.
+    weights : array_like, shape (..., n), pooled: (n,) or (..., frames, n), optional
+        Relative weights of the spots.
+    pooled : bool
+        Whether all frames make one rotation, as in (5), instead of one rotation each.
+    method : {"quest", "q-method", "svd", "direct"}
+        The solver of Wahba's problem.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        T_cam^st, tracker_from_camera: w = T v.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If there are not two lasers in different directions.
+    ValueError
+        If shapes do not fit, or values or weights are out of range.
+
+    Examples
+    --------
+    >>> directions = [[0, 0, 1], [0.6, 0, 0.8]]
+    >>> np.allclose(laser_transform(directions, directions), np.eye(3))
+    True
+    """
+    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
+    return attitude(tracker, camera, factors, method)
+
+
+def misalignment(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    tracker_from_camera_zero: ArrayLike,
+    weights: ArrayLike | None = None,
+    pooled: bool = False,
+) -> FloatArray:
+    """Return the camera's misalignment directly from the laser spots, by QUEST.
+
+    Implements: chen2023 (7).
+
+    Parameters
+    ----------
+    camera_directions : array_like, shape (..., n, 3)
+        Emitted directions v_i,cam; constant in the camera frame.
+    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
+        Received directions w_i,t^k in the tracker frame at the present.
+    tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        T_cam,0^st, the laser transform at the zero point.
+    weights, pooled
+        As for `laser_transform`.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        camera_now_from_camera_zero; `misalignment_angles` reads its angles.
+
+    Raises
+    ------
+    DegenerateGeometryError, ValueError
+        As for `laser_transform`; also if the zero point is not a rotation.
+
+    Examples
+    --------
+    >>> directions = [[0, 0, 1], [0.6, 0, 0.8]]
+    >>> np.allclose(misalignment(directions, directions, np.eye(3)), np.eye(3))
+    True
+    """
+    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
+    zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
+    common_batch(tracker_directions=tracker.shape[:-2], tracker_from_camera_zero=zero.shape[:-2])
+    # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
+    return attitude(camera, tracker @ zero, factors, "quest")
+
+
+def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
+    """Return the turn of the camera about its X, Y and Z axes since the zero point.
+
+    Parameters
+    ----------
+    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        The misalignment R_cam,0^cam,t; less than half a turn.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Rotation vector (theta_X, theta_Y, theta_Z) in the camera frame, in radians,
+        right-handed: positive theta_Y swings the boresight towards X.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation, or turns by half a turn.
+
+    Examples
+    --------
+    The camera has turned right-handed about Z by a quarter turn: what lay along X now lies
+    along -Y of the camera.
+
+    >>> misalignment_angles([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) / np.pi
+    array([0. , 0. , 0.5])
+    """
+    matrix = rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
+    return vector_from_rotation(transpose(matrix))
+
+
+def angle_jacobian(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    direction_jacobian: ArrayLike,
+    weights: ArrayLike | None = None,
+) -> FloatArray:
+    """Return how the misalignment angles respond to each spot: the exact derivative.
+
+    At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
+    Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
+    H = trace(P) I - P and P = sum w v b^T.
+
+    Parameters
+    ----------
+    camera_directions, tracker_directions : array_like, shape (..., n, 3)
+        Emitted and received directions at the point of differentiation.
+    direction_jacobian : array_like, shape (..., n, 3, k)
+        Derivative of each tracker direction by k parameters of its own; for the spots in
+        px see `lasers.received_jacobian`.
+    weights : array_like, shape (..., n), optional
+        The weights of the solution.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, n, k)
+        Derivative of (theta_X, theta_Y, theta_Z), in radians per unit of the parameters.
+
+    Raises
+    ------
+    DegenerateGeometryError, ValueError
+        As for `laser_transform`.
+
+    Examples
+    --------
+    Two directions along X and Y hold the turn about Z together, half each. A tracker
+    direction that goes from X towards Y tells of a camera that turned about Z.
+
+    >>> moves = np.zeros((2, 3, 1))
+    >>> moves[0, 1, 0] = 1.0
+    >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
+    array([0. , 0. , 0.5])
+    """
+    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, False)
+    count = tracker.shape[-2]
+    moves = finite_array("direction_jacobian", direction_jacobian, shape=(count, 3, None))
+    camera_from_tracker = attitude(camera, tracker, factors)
+    batch = camera_from_tracker.shape[:-2]
+    common_batch(directions=batch, direction_jacobian=moves.shape[:-3])
+    camera = unit("camera_directions", camera)
+    carried = unit("tracker_directions", tracker) @ transpose(camera_from_tracker)
+    shares = weights_for(factors, count)
+    product = transpose(shares[..., np.newaxis] * camera) @ carried
+    trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
+    stiffness = trace * np.eye(3) - 0.5 * (product + transpose(product))
+    moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, moves)
+    torque = np.cross(camera[..., np.newaxis, :], np.swapaxes(moved, -1, -2))
+    weighted = shares[..., np.newaxis, np.newaxis] * torque
+    return np.asarray(np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted))
+
+
+def _paired(
+    camera_directions: ArrayLike,
+    tracker_directions: ArrayLike,
+    weights: ArrayLike | None,
+    pooled: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Return directions and weights row by row; pooled frames become rows of one set."""
+    camera = finite_array("camera_directions", camera_directions, shape=(None, 3))
+    leading = (None, None, 3) if pooled else (None, 3)
+    tracker = finite_array("tracker_directions", tracker_directions, shape=leading)
+    count = camera.shape[-2]
+    if tracker.shape[-2] != count:
+        raise ValueError(
+            f"camera_directions and tracker_directions: expected as many rows, got {count} and "
+            f"{tracker.shape[-2]}; row i of both must be the same laser"
+        )
+    factors = None if weights is None else finite_array("weights", weights, shape=(count,))
+    if not pooled:
+        return camera, tracker, factors
+    frames = tracker.shape[-3]
+    flat = (*tracker.shape[:-3], frames * count)
+    if factors is not None:
+        common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
+        factors = np.broadcast_to(factors, tracker.shape[:-1]).reshape(flat)
+    repeated = np.repeat(camera[..., np.newaxis, :, :], frames, axis=-3)
+    camera = repeated.reshape(*camera.shape[:-2], frames * count, 3)
+    return camera, tracker.reshape(*flat, 3), factors
+
+
+def moved_laser_transform(
+    tracker_from_camera_zero: ArrayLike, camera_now_from_camera_zero: ArrayLike
+) -> FloatArray:
+    """Return the laser transform after the camera has moved.
+
+    Implements: chen2023 (6).
+
+    Parameters
+    ----------
+    tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        T_cam,0^st, the laser transform at the zero point.
+    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        T_cam,t^st, tracker_from_camera_now.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> moved_laser_transform(np.eye(3), np.eye(3)).diagonal()
+    array([1., 1., 1.])
+    """
+    return _product(
+        tracker_from_camera_zero=tracker_from_camera_zero,
+        camera_zero_from_camera_now=transpose(
+            rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
+        ),
+    )
+
+
+def misalignment_between(
+    tracker_from_camera_now: ArrayLike, tracker_from_camera_zero: ArrayLike
+) -> FloatArray:
+    """Return the misalignment that leads from one laser transform to another.
+
+    It is (6) solved for the misalignment: R_cam,0^cam,t = (T_cam,t^st)' T_cam,0^st. The
+    product begins and ends in the camera, so its angles are about the camera's axes.
+
+    Parameters
+    ----------
+    tracker_from_camera_now, tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        Laser transforms at the present and at the zero point.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        camera_now_from_camera_zero.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> misalignment_between(np.eye(3), np.eye(3)).diagonal()
+    array([1., 1., 1.])
+    """
+    return _product(
+        camera_now_from_tracker=transpose(
+            rotations("tracker_from_camera_now", tracker_from_camera_now)
+        ),
+        tracker_from_camera_zero=tracker_from_camera_zero,
+    )
+
+
+def transform_error_printed(
+    tracker_from_camera: ArrayLike, tracker_from_camera_reference: ArrayLike
+) -> FloatArray:
+    """Return the error of a laser transform in the order in which the text multiplies.
+
+    The text behind Fig. 8 multiplies the transform by the transposed reference, T T_ref'.
+    That product begins and ends in the tracker, where the spots stand off the boresight, so
+    the poorly known roll of the spot cluster leaks into X and Y. The quoted accuracies belong
+    to the camera frame: use `misalignment_between`.
+
+    Parameters
+    ----------
+    tracker_from_camera, tracker_from_camera_reference : array_like, shape (..., 3, 3)
+        A laser transform and the one taken as true.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        A small rotation within the tracker frame.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> transform_error_printed(np.eye(3), np.eye(3)).diagonal()
+    array([1., 1., 1.])
+    """
+    return _product(
+        tracker_from_camera=tracker_from_camera,
+        camera_reference_from_tracker=transpose(
+            rotations("tracker_from_camera_reference", tracker_from_camera_reference)
+        ),
+    )
+
+
+def corrected_installation(
+    camera_now_from_camera_zero: ArrayLike, camera_zero_from_tracker: ArrayLike
+) -> FloatArray:
+    """Return the installation of the camera, corrected for its misalignment.
+
+    Implements: chen2023 (8).
+
+    Parameters
+    ----------
+    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment.
+    camera_zero_from_tracker : array_like, shape (..., 3, 3)
+        R_st^cam,0, the installation calibrated at the zero point.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        R_st^cam,t, camera_now_from_tracker.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> corrected_installation(np.eye(3), np.eye(3)).diagonal()
+    array([1., 1., 1.])
+    """
+    return _product(
+        camera_now_from_camera_zero=camera_now_from_camera_zero,
+        camera_zero_from_tracker=camera_zero_from_tracker,
+    )
+
+
+def inertial_attitude(
+    camera_from_tracker: ArrayLike, tracker_from_inertial: ArrayLike
+) -> FloatArray:
+    """Return the attitude of the camera among the stars.
+
+    Implements: chen2023 (9).
+
+    Parameters
+    ----------
+    camera_from_tracker : array_like, shape (..., 3, 3)
+        R_st^cam,t, the corrected installation.
+    tracker_from_inertial : array_like, shape (..., 3, 3)
+        R_inertial^st,t, the attitude that the tracker finds from its stars.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        R_inertial^cam,t, camera_from_inertial.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> inertial_attitude(np.eye(3), np.eye(3)).diagonal()
+    array([1., 1., 1.])
+    """
+    return _product(
+        camera_from_tracker=camera_from_tracker, tracker_from_inertial=tracker_from_inertial
+    )
+
+
+def misalignment_in_tracker(
+    camera_now_from_camera_zero: ArrayLike, tracker_from_camera_zero: ArrayLike
+) -> FloatArray:
+    """Return the misalignment as the imaging model wants it, between two tracker frames.
+
+    The R_U of (1) stands between the star tracker and the installation R_cam^star, so it
+    begins and ends in the tracker. The misalignment of (7) begins and ends in the camera and
+    runs the other way; putting it in the place of R_U is wrong in its axes and its sign.
+
+    Parameters
+    ----------
+    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment.
+    tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        R_cam,0^st, the installation at the zero point.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        R_U = R_cam,0^st (R_cam,0^cam,t)' (R_cam,0^st)'.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> misalignment_in_tracker(np.eye(3), np.eye(3)).diagonal()
+    array([1., 1., 1.])
+    """
+    zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
+    return _product(
+        tracker_from_camera_now=moved_laser_transform(zero, camera_now_from_camera_zero),
+        camera_zero_from_tracker=transpose(zero),
+    )
+
+
+def _product(**factors: ArrayLike) -> FloatArray:
+    """Return the product of two named rotations in the order given."""
+    checked = {name: rotations(name, matrix) for name, matrix in factors.items()}
+    common_batch(**{name: matrix.shape[:-2] for name, matrix in checked.items()})
+    left, right = checked.values()
+    result: FloatArray = left @ right
+    return result
+
+
+def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+    """Return the misalignment angle that a shift of the focal plane stands for.
+
+    Implements: chen2023 (10).
+
+    The minus sign is the paper's, for both axes. With right-handed angles it belongs to a
+    shift along X, which turns about Y; see `stage_angles` for both axes.
+
+    Parameters
+    ----------
+    shift : array_like
+        L, the motion of the focal plane along X (or Y), in metres.
+    focal_length : array_like
+        Of the camera, in metres; broadcasts against the shift.
+
+    Returns
+    -------
+    ndarray
+        theta = -atan(L / f) about Y (or X), in radians.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or the focal length is not above zero.
+
+    Examples
+    --------
+    >>> float(stage_angle(1.0, 1.0)) / np.pi
+    -0.25
+    """
+    motion, focal = _checked(shift, focal_length)
+    return np.asarray(-np.arctan2(motion, focal))
+
+
+def stage_angle_printed(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+    """Return what the relation gives as it is printed, -tan(L) f.
+
+    Printed form of chen2023 (10). It takes the tangent of a length and multiplies where it
+    should divide: for small shifts the result is -L f, in square metres, larger than the
+    angle by the square of the focal length in metres.
+
+    Parameters
+    ----------
+    shift : array_like
+        L, in metres, taken for radians.
+    focal_length : array_like
+        In metres.
+
+    Returns
+    -------
+    ndarray
+        -tan(L) f; a number that is no angle.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or the focal length is not above zero.
+
+    Examples
+    --------
+    >>> round(float(stage_angle_printed(1e-6, 2.0)), 12)
+    -2e-06
+    """
+    motion, focal = _checked(shift, focal_length)
+    return np.asarray(-np.tan(motion) * focal)
+
+
+def stage_angles(shifts: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+    """Return the right-handed misalignment that a shift of the focal plane stands for.
+
+    This is what `misalignment_angles` measures when the lasers move: a shift along X turns
+    the camera about -Y, a shift along Y turns it about +X. The two signs differ, while (10)
+    prints the same one for both axes.
+
+    Parameters
+    ----------
+    shifts : array_like, shape (..., 2)
+        Motion of the lasers along X and Y of the camera frame, in metres.
+    focal_length : array_like, shape (...)
+        In metres.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        (theta_X, theta_Y, theta_Z) = (atan(L_Y / f), -atan(L_X / f), 0), in radians.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a value is not finite, or the focal length is not above zero.
+
+    Examples
+    --------
+    >>> stage_angles([1.0, 1.0], 1.0) / np.pi
+    array([ 0.25, -0.25,  0.  ])
+    """
+    motion = finite_array("shifts", shifts, shape=(2,))
+    focal = positive("focal_length", focal_length)
+    batch = common_batch(shifts=motion.shape[:-1], focal_length=focal.shape)
+    result = np.zeros((*batch, 3))
+    result[..., 0] = np.arctan2(motion[..., 1], focal)
+    result[..., 1] = -np.arctan2(motion[..., 0], focal)
+    return result
+
+
+def _checked(shift: ArrayLike, focal_length: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    motion = finite_array("shift", shift)
+    focal = positive("focal_length", focal_length)
+    common_batch(shift=motion.shape, focal_length=focal.shape)
+    return motion, focal

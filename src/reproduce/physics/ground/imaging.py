@@ -1,0 +1,409 @@
+"""From a pixel to a position on the Earth: the imaging model, on the WGS84 ellipsoid.
+
+Lengths are in metres, angles in radians. Positions are Earth-fixed (WGS84 axes: Z to the
+pole, X to the meridian of zero longitude). The camera frame is that of `attitude.lasers`: Z along
+the boresight, out of the camera. Leading axes are a batch.
+
+How a position answers to errors of the model is known exactly (`ground_jacobian`): P = S + l u
+stays on the ellipsoid whatever is varied, so its motion is that of the line of sight, dS + l du,
+slid along the line until it lies in the tangent plane: with the surface's normal n,
+
+    dP = (I - u n^T / n·u) (dS + l du).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics.attitude.rotations import cross_matrix, rotations, unit
+from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
+
+
+class EarthMissedError(ValueError):
+    """A line of sight does not meet the ellipsoid."""
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """An ellipsoid of revolution about the polar axis.
+
+    Attributes
+    ----------
+    equatorial_radius : float
+        In metres.
+    flattening : float
+        (equatorial - polar radius) / equatorial radius.
+
+    Examples
+    --------
+    >>> Ellipsoid(2.0, 0.5).polar_radius
+    1.0
+    """
+
+    equatorial_radius: float
+    flattening: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.equatorial_radius) and self.equatorial_radius > 0):
+            raise ValueError(
+                f"equatorial_radius: expected metres above zero, got {self.equatorial_radius}"
+            )
+        if not 0 <= self.flattening < 1:
+            raise ValueError(
+                f"flattening: expected from 0 (a sphere) to below 1, got {self.flattening}; "
+                "pass the flattening, not its inverse"
+            )
+
+    @property
+    def polar_radius(self) -> float:
+        """The semi-axis towards the poles, in metres."""
+        return self.equatorial_radius * (1.0 - self.flattening)
+
+
+# Defining constants of the World Geodetic System 1984 (NGA.STND.0036).
+WGS84 = Ellipsoid(equatorial_radius=6378137.0, flattening=1.0 / 298.257223563)
+
+
+@dataclass(frozen=True, eq=False)
+class ImagedPoint:
+    """Where lines of sight meet the ground.
+
+    Attributes
+    ----------
+    position : ndarray, shape (..., n, 3)
+        Earth-fixed, in metres.
+    scale : ndarray, shape (..., n)
+        The scale factor m: the length along the image vector, in units of its length.
+
+    Examples
+    --------
+    >>> ImagedPoint(np.zeros((1, 3)), np.ones(1)).scale
+    array([1.])
+    """
+
+    position: FloatArray
+    scale: FloatArray
+
+
+def image_vectors(
+    points: ArrayLike,
+    focal_length: ArrayLike,
+    principal_point: ArrayLike = (0.0, 0.0),
+    distortion: ArrayLike = (0.0, 0.0),
+) -> FloatArray:
+    """Return the bracket of the imaging model (1): the image point as seen from the lens.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., n, 2)
+        Image coordinates (X, Y) on the focal plane, in metres.
+    focal_length : array_like, shape (...)
+        f_cam, in metres.
+    principal_point : array_like, shape (..., 2)
+        (X_0, Y_0), in metres.
+    distortion : array_like, shape (..., n, 2) or (2,)
+        (Delta X, Delta Y), what distortion adds to the image coordinates, in metres.
+
+    Returns
+    -------
+    ndarray, shape (..., n, 3)
+        [X - X_0 - Delta X, Y - Y_0 - Delta Y, -f_cam] in the camera frame, in metres. It
+        points from the lens into the camera, against the line of sight.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a value is not finite, or the focal length is not above zero.
+
+    Examples
+    --------
+    >>> image_vectors([[0.03, 0.0]], focal_length=4.0)
+    array([[ 0.03,  0.  , -4.  ]])
+    """
+    rows = finite_array("points", points, shape=(None, 2))
+    centre = finite_array("principal_point", principal_point, shape=(2,))[..., np.newaxis, :]
+    shift = finite_array("distortion", distortion, shape=(2,))
+    focal = positive("focal_length", focal_length)[..., np.newaxis]
+    batch = common_batch(
+        points=rows.shape[:-1],
+        principal_point=centre.shape[:-1],
+        distortion=shift.shape[:-1],
+        focal_length=focal.shape,
+    )
+    result = np.empty((*batch, 3))
+    result[..., :2] = rows - centre - shift
+    result[..., 2] = -focal
+    return result
+
+
+def imaging_chain(
+    earth_from_inertial: ArrayLike,
+    inertial_from_tracker: ArrayLike,
+    tracker_misalignment: ArrayLike,
+    tracker_from_camera: ArrayLike,
+) -> FloatArray:
+    """Return the rotation chain of the imaging model (1).
+
+    Parameters
+    ----------
+    earth_from_inertial : array_like, shape (..., 3, 3)
+        R_J2000^WGS84.
+    inertial_from_tracker : array_like, shape (..., 3, 3)
+        R_star^J2000.
+    tracker_misalignment : array_like, shape (..., 3, 3)
+        R_U, the misalignment resolved in the tracker; see
+        `attitude.misalignment.misalignment_in_tracker`.
+    tracker_from_camera : array_like, shape (..., 3, 3)
+        R_cam^star, the installation at the zero point.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        earth_from_camera.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not a rotation.
+
+    Examples
+    --------
+    >>> imaging_chain(np.eye(3), np.eye(3), np.eye(3), np.eye(3)).diagonal()
+    array([1., 1., 1.])
+    """
+    chain = {
+        "earth_from_inertial": earth_from_inertial,
+        "inertial_from_tracker": inertial_from_tracker,
+        "tracker_misalignment": tracker_misalignment,
+        "tracker_from_camera": tracker_from_camera,
+    }
+    factors = {name: rotations(name, matrix) for name, matrix in chain.items()}
+    common_batch(**{name: matrix.shape[:-2] for name, matrix in factors.items()})
+    first, second, third, fourth = factors.values()
+    result: FloatArray = first @ second @ third @ fourth
+    return result
+
+
+def imaged_position(
+    vectors: ArrayLike,
+    satellite: ArrayLike,
+    earth_from_camera: ArrayLike,
+    ellipsoid: Ellipsoid = WGS84,
+) -> ImagedPoint:
+    """Return the ground positions that image points show: the rigorous imaging model.
+
+    Implements: chen2023 (1).
+
+    The scale factor m is the one that puts the position on the ellipsoid. The image vector
+    points into the camera, away from the target, so in the camera frame of (2) m is negative.
+
+    Parameters
+    ----------
+    vectors : array_like, shape (..., n, 3)
+        Image vectors in the camera frame, from `image_vectors`.
+    satellite : array_like, shape (..., 3)
+        Earth-fixed position of the camera, in metres, outside the ellipsoid.
+    earth_from_camera : array_like, shape (..., 3, 3)
+        The rotation chain, from `imaging_chain`.
+    ellipsoid : Ellipsoid
+        The surface of the Earth.
+
+    Returns
+    -------
+    ImagedPoint
+        Earth-fixed positions, in metres, and the scale factors m.
+
+    Raises
+    ------
+    EarthMissedError
+        If a line of sight passes the Earth, or looks away from it.
+    ValueError
+        If a shape does not fit, a value is not finite, or the satellite is not outside.
+
+    Examples
+    --------
+    From 1000 km above zero latitude and longitude, straight down.
+
+    >>> down = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
+    >>> imaged = imaged_position([[0, 0, -0.5]], [7378137.0, 0, 0], down)
+    >>> np.round(imaged.position), imaged.scale
+    (array([[6378137.,       0.,       0.]]), array([-2000000.]))
+    """
+    rows = finite_array("vectors", vectors, shape=(None, 3))
+    origin = finite_array("satellite", satellite, shape=(3,))
+    chain = rotations("earth_from_camera", earth_from_camera)
+    common_batch(
+        vectors=rows.shape[:-2], satellite=origin.shape[:-1], earth_from_camera=chain.shape[:-2]
+    )
+    outgoing = -(rows @ np.swapaxes(chain, -1, -2))
+    start = origin[..., np.newaxis, :]
+    reach = distance_to_ground(start, outgoing, ellipsoid)
+    sight = unit("vectors", outgoing)
+    lengths = np.linalg.norm(rows, axis=-1)
+    return ImagedPoint(position=start + reach[..., np.newaxis] * sight, scale=-reach / lengths)
+
+
+def distance_to_ground(
+    origin: ArrayLike, directions: ArrayLike, ellipsoid: Ellipsoid = WGS84
+) -> FloatArray:
+    """Return the distance along lines of sight to where they first meet the ellipsoid.
+
+    Parameters
+    ----------
+    origin : array_like, shape (..., 3)
+        Earth-fixed starting points, in metres, outside the ellipsoid.
+    directions : array_like, shape (..., 3)
+        Earth-fixed lines of sight, of any length; broadcast against the origins.
+    ellipsoid : Ellipsoid
+        The surface of the Earth.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Distances, in metres.
+
+    Raises
+    ------
+    EarthMissedError
+        If a line passes the ellipsoid, or meets it only backwards.
+    ValueError
+        If a shape does not fit, a value is not finite, or an origin is not outside.
+
+    Examples
+    --------
+    >>> float(distance_to_ground([0, 0, 5.0], [0, 0, -1], Ellipsoid(2.0, 0.5)))
+    4.0
+    """
+    start = finite_array("origin", origin, shape=(3,))
+    sight = unit("directions", directions)
+    common_batch(origin=start.shape[:-1], directions=sight.shape[:-1])
+    axes = np.array([ellipsoid.equatorial_radius] * 2 + [ellipsoid.polar_radius])
+    # In units of the axes the ellipsoid is a sphere of radius one.
+    start, sight = start / axes, sight / axes
+    height = np.einsum("...i,...i->...", start, start) - 1.0
+    if (height <= 0).any():
+        raise ValueError(
+            "origin: expected points outside the ellipsoid, got one on it or inside; positions "
+            "are in metres from the Earth's centre"
+        )
+    approach = -np.einsum("...i,...i->...", start, sight)
+    square = np.einsum("...i,...i->...", sight, sight)
+    # Lagrange's identity: no difference of large squares at grazing incidence.
+    moment = np.cross(start, sight)
+    discriminant = square - np.einsum("...i,...i->...", moment, moment)
+    _refuse_misses(discriminant, approach)
+    return np.asarray(height / (approach + np.sqrt(discriminant)))
+
+
+def _refuse_misses(discriminant: FloatArray, approach: FloatArray) -> None:
+    missed = (discriminant < 0) | (approach <= 0)
+    if missed.any():
+        away = int((missed & (approach <= 0)).sum())
+        raise EarthMissedError(
+            f"expected lines of sight that meet the Earth, got {int(missed.sum())} of "
+            f"{missed.size} that miss it, {away} of them looking away from it; check the sign "
+            "of the boresight and the order of the rotations, or drop these pixels"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GroundJacobian:
+    """Derivatives of Earth-fixed ground positions.
+
+    Attributes
+    ----------
+    position : ndarray, shape (..., n, 3)
+        The positions themselves, in metres.
+    by_satellite : ndarray, shape (..., n, 3, 3)
+        By the satellite's Earth-fixed position.
+    by_turn : ndarray, shape (..., n, 3, 3)
+        By a right-handed turn of the camera about its own X, Y, Z axes, in metres per radian: an
+        error of the attitude and a misalignment act alike.
+    by_image : ndarray, shape (..., n, 3, 3)
+        By the image vector's X, Y and Z, per metre. A shift of the principal point or of the
+        distortion enters with the opposite sign of the first two columns, a longer focal length
+        with that of the third.
+
+    Examples
+    --------
+    >>> still = np.zeros((1, 3, 3))
+    >>> GroundJacobian(np.zeros((1, 3)), still, still, still).by_turn.shape
+    (1, 3, 3)
+    """
+
+    position: FloatArray
+    by_satellite: FloatArray
+    by_turn: FloatArray
+    by_image: FloatArray
+
+    @property
+    def by_principal_point(self) -> FloatArray:
+        """By (X_0, Y_0), shape (..., n, 3, 2), without unit."""
+        return np.asarray(-self.by_image[..., :2])
+
+    @property
+    def by_focal_length(self) -> FloatArray:
+        """By f_cam, shape (..., n, 3, 1), without unit."""
+        return np.asarray(-self.by_image[..., 2:])
+
+
+def ground_jacobian(
+    vectors: ArrayLike,
+    satellite: ArrayLike,
+    earth_from_camera: ArrayLike,
+    ellipsoid: Ellipsoid = WGS84,
+) -> GroundJacobian:
+    """Return ground positions with their derivatives by all terms of the imaging model.
+
+    Parameters
+    ----------
+    vectors, satellite, earth_from_camera, ellipsoid
+        As for `imaging.imaged_position`.
+
+    Returns
+    -------
+    GroundJacobian
+        Exact to rounding.
+
+    Raises
+    ------
+    EarthMissedError, ValueError
+        As for `imaging.imaged_position`.
+
+    Examples
+    --------
+    Straight down from 1000 km, a turn about the camera's Y axis moves the ground by the altitude.
+
+    >>> down = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
+    >>> found = ground_jacobian([[0, 0, -0.5]], [7378137.0, 0, 0], down)
+    >>> found.by_turn[0, :, 1].round(3) + 0.0
+    array([      0.,       0., 1000000.])
+    """
+    rows = finite_array("vectors", vectors, shape=(None, 3))
+    origin = finite_array("satellite", satellite, shape=(3,))
+    chain = rotations("earth_from_camera", earth_from_camera)
+    imaged = imaged_position(rows, origin, chain, ellipsoid)
+    position = imaged.position
+    sight = unit("vectors", -(rows @ np.swapaxes(chain, -1, -2)))
+    lengths = np.linalg.norm(rows, axis=-1)
+    reach = np.abs(imaged.scale) * lengths
+    slide = _slide(position, sight, ellipsoid)
+    far = slide * reach[..., np.newaxis, np.newaxis]
+    matrix = chain[..., np.newaxis, :, :]
+    # A turn by t moves the line by t × u, so du = -[u ×] R t for a turn about camera axes.
+    by_turn = -far @ cross_matrix(sight) @ matrix
+    across = np.eye(3) - sight[..., :, np.newaxis] * sight[..., np.newaxis, :]
+    by_image = -far @ across @ matrix / lengths[..., np.newaxis, np.newaxis]
+    return GroundJacobian(position, slide, by_turn, by_image)
+
+
+def _slide(position: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> FloatArray:
+    """Return the projection along the line of sight onto the tangent plane."""
+    axes = np.array([ellipsoid.equatorial_radius] * 2 + [ellipsoid.polar_radius])
+    normal = position / axes**2
+    steep = np.einsum("...i,...i->...", normal, sight)[..., np.newaxis, np.newaxis]
+    outer = sight[..., :, np.newaxis] * normal[..., np.newaxis, :]
+    return np.asarray(np.eye(3) - outer / steep)

@@ -1,0 +1,288 @@
+"""A year of thermal misalignment, and four ways to correct it.
+
+Time is in days, misalignment angles in radians about X and Y of the camera, rows are samples:
+series have shape (samples, 2). The phase of an orbit runs from 0 to 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
+from scipy.signal import lfilter
+
+from reproduce.physics.ground.imaging import WGS84
+from reproduce.physics.validate import FloatArray, finite_array, positive, whole_number
+
+# Gravitational constant of the Earth, m^3/s^2 (WGS84).
+EARTH_GM = 3.986004418e14
+DAY = 86400.0
+YEAR_DAYS = 365.25
+
+
+def orbital_period(altitude: ArrayLike) -> FloatArray:
+    """Return the period of a circular orbit.
+
+    Parameters
+    ----------
+    altitude : array_like
+        Above the equatorial radius, in metres.
+
+    Returns
+    -------
+    ndarray
+        In seconds.
+
+    Raises
+    ------
+    ValueError
+        If an altitude is not finite or not above zero.
+
+    Examples
+    --------
+    A geostationary satellite needs a sidereal day.
+
+    >>> round(float(orbital_period(35786e3)) / 3600, 2)
+    23.93
+    """
+    radius = WGS84.equatorial_radius + positive("altitude", altitude)
+    return np.asarray(2.0 * np.pi * np.sqrt(radius**3 / EARTH_GM))
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """How heat bends the camera against the tracker; all amplitudes scale with one.
+
+    Attributes
+    ----------
+    amplitude : float
+        Of the first harmonic of the orbit, in radians.
+    harmonics : tuple of float
+        Amplitudes of all harmonics of the orbit, relative to the first.
+    season : float
+        Share by which a year raises and lowers them.
+    wander : float
+        Standard deviation of what repeats with no orbit, relative to the amplitude.
+    wander_days : float
+        Time over which that forgets itself.
+    trend : float
+        Drift over a year, relative to the amplitude.
+    jumps : float
+        Jumps per year, each with a standard deviation of half the amplitude.
+
+    Examples
+    --------
+    >>> Thermal(1e-4).harmonics[0]
+    1.0
+    """
+
+    amplitude: float
+    harmonics: tuple[float, ...] = (1.0, 0.5, 0.25, 0.12, 0.06)
+    season: float = 0.3
+    wander: float = 0.1
+    wander_days: float = 0.2
+    trend: float = 0.5
+    jumps: float = 4.0
+
+    def __post_init__(self) -> None:
+        positive("amplitude", self.amplitude)
+        positive("wander_days", self.wander_days)
+
+
+def thermal_series(
+    thermal: Thermal, period: float, per_orbit: int, orbits: int, generator: Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return times and misalignment over many orbits.
+
+    Parameters
+    ----------
+    thermal : Thermal
+        What heat does.
+    period : float
+        Of the orbit, in seconds.
+    per_orbit : int
+        Samples in an orbit, evenly spaced.
+    orbits : int
+        How many.
+    generator : numpy.random.Generator
+        Draws phases, wander and jumps.
+
+    Returns
+    -------
+    times : ndarray, shape (samples,)
+        In days.
+    angles : ndarray, shape (samples, 2)
+        In radians.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> times, angles = thermal_series(Thermal(1e-4), 5676.0, 8, 3, np.random.default_rng(1))
+    >>> times.shape, angles.shape
+    ((24,), (24, 2))
+    """
+    steps = whole_number("per_orbit", per_orbit) * whole_number("orbits", orbits)
+    phase = np.arange(steps) / per_orbit
+    times = phase * float(positive("period", period)) / DAY
+    year = 2.0 * np.pi * times / YEAR_DAYS
+    angles = np.zeros((steps, 2))
+    for axis in range(2):
+        start = generator.uniform(0.0, 2.0 * np.pi, len(thermal.harmonics) + 1)
+        swing = 1.0 + thermal.season * np.sin(year + start[-1])
+        for order, share in enumerate(thermal.harmonics, start=1):
+            # The Sun moves through the year, and the hot part of the orbit with it.
+            turn = 2.0 * np.pi * order * phase + start[order - 1] + 0.5 * np.sin(year)
+            angles[:, axis] += share * swing * np.cos(turn)
+        angles[:, axis] += generator.normal(0.0, thermal.trend) * times / YEAR_DAYS
+        angles[:, axis] += thermal.wander * _wander(
+            steps, times[1] - times[0], thermal.wander_days, generator
+        )
+        angles[:, axis] += _jumps(times, thermal.jumps, generator)
+    return times, thermal.amplitude * angles
+
+
+def _wander(steps: int, step: float, days: float, generator: Generator) -> FloatArray:
+    """Return a stationary series of variance one that forgets itself exponentially."""
+    keep = float(np.exp(-step / days))
+    noise = generator.standard_normal(steps)
+    noise[1:] *= np.sqrt(1.0 - keep**2)
+    return np.asarray(lfilter([1.0], [1.0, -keep], noise), dtype=np.float64)
+
+
+def _jumps(times: FloatArray, rate: float, generator: Generator) -> FloatArray:
+    count = int(generator.poisson(rate * times[-1] / YEAR_DAYS))
+    moments = generator.uniform(0.0, times[-1], count)
+    sizes = generator.normal(0.0, 0.5, count)
+    result: FloatArray = (times[:, np.newaxis] >= moments) @ sizes
+    return result
+
+
+def fourier_columns(phase: ArrayLike, degree: int) -> FloatArray:
+    """Return one, cosines and sines of an orbit's harmonics.
+
+    Parameters
+    ----------
+    phase : array_like, shape (n,)
+        In orbits.
+    degree : int
+        Of the highest harmonic.
+
+    Returns
+    -------
+    ndarray, shape (n, 2 degree + 1)
+        Columns of a least-squares fit.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the degree is not a whole number above zero, or a phase is not finite.
+
+    Examples
+    --------
+    >>> fourier_columns([0.0, 0.25], 1).round(12) + 0.0
+    array([[1., 1., 0.],
+           [1., 0., 1.]])
+    """
+    turns = finite_array("phase", phase, shape=(None,))
+    order = np.arange(1, whole_number("degree", degree) + 1)
+    angle = 2.0 * np.pi * turns[:, np.newaxis] * order
+    return np.hstack([np.ones((len(turns), 1)), np.cos(angle), np.sin(angle)])
+
+
+def trend_and_fourier(
+    times: FloatArray, phase: FloatArray, measured: FloatArray, known: int, degree: int = 2
+) -> FloatArray:
+    """Return the misalignment that a linear trend plus a Fourier series foretells.
+
+    Parameters
+    ----------
+    times : ndarray, shape (samples,)
+        In days.
+    phase : ndarray, shape (samples,)
+        In orbits.
+    measured : ndarray, shape (samples, 2)
+        Misalignment as calibrated; only the first `known` samples are looked at.
+    known : int
+        How many samples are fitted.
+    degree : int
+        Of the Fourier series.
+
+    Returns
+    -------
+    ndarray, shape (samples, 2)
+        The fitted function at all times.
+
+    Raises
+    ------
+    ValueError
+        If fewer samples are known than the function has terms.
+
+    Examples
+    --------
+    >>> t = np.arange(100.0)
+    >>> line = np.stack([t, -t], axis=-1)
+    >>> np.allclose(trend_and_fourier(t, t / 7, line, 50), line)
+    True
+    """
+    columns = np.hstack([times[:, np.newaxis], fourier_columns(phase, degree)])
+    if not columns.shape[1] <= known <= len(times):
+        raise ValueError(
+            f"known: expected from {columns.shape[1]} samples, as many as the fit has terms, to "
+            f"{len(times)}, got {known}; calibrate longer or lower the degree"
+        )
+    fitted = np.linalg.lstsq(columns[:known], measured[:known], rcond=None)[0]
+    return np.asarray(columns @ fitted)
+
+
+def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatArray:
+    """Return the misalignment that the three orbits before each orbit foretell.
+
+    Each orbit is fitted by a Fourier series; the coefficients of the three last orbits are
+    extrapolated to the next along a straight line, by least squares.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (orbits * per_orbit, 2)
+        Misalignment as calibrated throughout.
+    per_orbit : int
+        Samples in an orbit.
+    degree : int
+        Of the Fourier series.
+
+    Returns
+    -------
+    ndarray, shape (orbits * per_orbit, 2)
+        Not a number for the first three orbits.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than four orbits, or a part of one.
+
+    Examples
+    --------
+    A swing that repeats is foretold exactly.
+
+    >>> swing = np.tile(np.cos(2 * np.pi * np.arange(16) / 16), 5)
+    >>> np.allclose(last_orbits(np.stack([swing, swing], axis=-1), 16)[48:, 0], swing[48:])
+    True
+    """
+    if len(measured) % per_orbit or len(measured) < 4 * per_orbit:
+        raise ValueError(
+            f"measured: expected four whole orbits or more of {per_orbit} samples, got "
+            f"{len(measured)} samples; cut the series after a whole orbit"
+        )
+    orbits = measured.reshape(-1, per_orbit, 2)
+    columns = fourier_columns(np.arange(per_orbit) / per_orbit, degree)
+    fits = np.einsum("kp,opa->oka", np.linalg.pinv(columns), orbits)
+    # The line through values at -3, -2, -1, taken at 0.
+    ahead = (-2.0 * fits[:-3] + fits[1:-2] + 4.0 * fits[2:-1]) / 3.0
+    foretold = np.full_like(orbits, np.nan)
+    foretold[3:] = np.einsum("pk,oka->opa", columns, ahead)
+    return foretold.reshape(-1, 2)

@@ -1,0 +1,232 @@
+"""What the error of a centroid should be: closed forms for the centre of gravity, and the bound.
+
+Positions are in px, x before y, the centre of the first pixel at (0, 0); light is in electrons;
+the radius of a spot is the standard deviation of its Gaussian, in px. Leading axes are a batch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.spots import spot_gradient, spot_windows
+from reproduce.physics.validate import (
+    FloatArray,
+    common_batch,
+    finite_array,
+    non_negative,
+    positive,
+    whole_number,
+)
+
+
+def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatArray:
+    """Return the error of the centre of gravity that comes from pixels alone.
+
+    The centre of gravity of an endless row of pixels is the mean of the light's positions, each
+    rounded to its pixel. What rounding takes away is a saw-tooth; a Gaussian damps its harmonics.
+
+    Parameters
+    ----------
+    phase : array_like
+        Position of the spot relative to the centre of a pixel, in px.
+    radius : array_like
+        Standard deviation of the spot, in px.
+    terms : int
+        Harmonics of the series.
+
+    Returns
+    -------
+    ndarray
+        Found less true position, in px.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is not finite, or the radius or the number of terms not above zero.
+
+    Examples
+    --------
+    A spot that is wide against a pixel has none; a narrow one is drawn to the pixel's centre.
+
+    >>> s_curve_bias(0.25, [2.0, 0.2]).round(3)
+    array([-0.   , -0.144])
+    """
+    offset, width = finite_array("phase", phase), positive("radius", radius)
+    common_batch(phase=offset.shape, radius=width.shape)
+    order = np.arange(1, whole_number("terms", terms) + 1)
+    damping = np.exp(-2.0 * (np.pi * order * width[..., np.newaxis]) ** 2)
+    waves = np.sin(2.0 * np.pi * order * offset[..., np.newaxis])
+    return np.asarray(((-1.0) ** order / (np.pi * order) * damping * waves).sum(axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class CentroidError:
+    """The error of a centroid along x and y.
+
+    Attributes
+    ----------
+    bias : ndarray, shape (..., 2)
+        Expected less true position, in px.
+    variance : ndarray, shape (..., 2)
+        Of the scatter about the expected position, in px squared.
+    slope : ndarray, shape (..., 2)
+        How far the expected position moves for one px of the true one; 1 without bias.
+
+    Examples
+    --------
+    >>> error = CentroidError(np.array([0.3, 0.0]), np.array([0.16, 0.0]), np.ones(2))
+    >>> error.mean_square
+    array([0.25, 0.  ])
+    """
+
+    bias: FloatArray
+    variance: FloatArray
+    slope: FloatArray
+
+    @property
+    def mean_square(self) -> FloatArray:
+        """Bias squared plus variance, in px squared."""
+        return np.asarray(self.bias**2 + self.variance)
+
+
+def centre_of_gravity_error(
+    positions: ArrayLike,
+    light: ArrayLike,
+    radius: ArrayLike,
+    corners: ArrayLike,
+    size: int,
+    read_noise: ArrayLike = 0.0,
+) -> CentroidError:
+    """Return what the centre of gravity in a fixed window errs by: bias and variance.
+
+    The bias holds the S-curve, what the window cuts off, and the push of read noise away
+    from the window's middle. The variance is photon noise plus read noise, to first order.
+
+    Parameters
+    ----------
+    positions : array_like, shape (..., 2)
+        True centres of the spots, in px.
+    light : array_like, shape (...)
+        Of a whole spot, in electrons.
+    radius : array_like, shape (...)
+        In px.
+    corners : array_like, shape (..., 2)
+        First pixel of each window.
+    size : int
+        Width and height of the window, in px.
+    read_noise : array_like, shape (...)
+        Noise of a pixel without light, in electrons.
+
+    Returns
+    -------
+    CentroidError
+        Of each spot.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a shape does not fit or a value is out of range.
+
+    Examples
+    --------
+    All light in a wide window, no pixel too coarse: photon noise is the radius over the root of
+    the number of electrons, and a twelfth of a pixel squared is added for the pixel's width.
+
+    >>> error = centre_of_gravity_error([0.0, 0.0], 1e4, 1.0, [-8, -8], 17)
+    >>> (error.variance * 1e4).round(4)
+    array([1.0833, 1.0833])
+    """
+    points = finite_array("positions", positions, shape=(2,))
+    noise = non_negative("read_noise", read_noise)
+    common_batch(positions=points.shape[:-1], read_noise=noise.shape)
+    windows = spot_windows(points, light, radius, corners, size)
+    first = finite_array("corners", corners, shape=(2,))
+    centre = centre_of_gravity(windows, first)
+    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
+    pixel = np.arange(size)
+    # Offsets of columns and rows from the centre of gravity, x before y.
+    offsets = pixel - (centre - first)[..., np.newaxis]
+    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
+    read = noise[..., np.newaxis] ** 2
+    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
+    # The denominator's own noise, which is correlated with the numerator's: second order.
+    push = -read * size * offsets.sum(axis=-1) / total**2
+    slopes = _moved(points, light, radius, first, size)
+    slope = (offsets * slopes).sum(axis=-1) / total
+    return CentroidError(np.asarray(centre + push - points), np.asarray(variance), slope)
+
+
+def cramer_rao_variance(
+    positions: ArrayLike,
+    light: ArrayLike,
+    radius: ArrayLike,
+    corners: ArrayLike,
+    size: int,
+    read_noise: ArrayLike = 0.0,
+) -> FloatArray:
+    """Return the least variance that an unbiased centroid can have in a window.
+
+    Under photon noise and Gaussian read noise, with the light of the spot unknown too. The
+    information of a pixel is taken as that of a normal variable with the pixel's variance, which
+    is exact for photon noise alone.
+
+    Parameters
+    ----------
+    positions, light, radius, corners, size, read_noise
+        As for `centre_of_gravity_error`.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Along x and y, in px squared. A biased estimator is bounded by this times the square of
+        its slope (`CentroidError.slope`).
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `centre_of_gravity_error`.
+
+    Examples
+    --------
+    Many pixels across the spot and no read noise: the radius over the root of the light.
+
+    >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
+    array([9.08, 9.08])
+    """
+    points = finite_array("positions", positions, shape=(2,))
+    flux, width = positive("light", light), positive("radius", radius)
+    noise = non_negative("read_noise", read_noise)
+    first = finite_array("corners", corners, shape=(2,))
+    batch = common_batch(
+        positions=points.shape[:-1],
+        light=flux.shape,
+        radius=width.shape,
+        corners=first.shape[:-1],
+        read_noise=noise.shape,
+    )
+    state = np.empty((*batch, 3))
+    state[..., :2] = points - first
+    state[..., 2] = flux
+    model, slopes = spot_gradient(state, np.broadcast_to(width, batch), size, size)
+    variance = model + noise[..., np.newaxis, np.newaxis] ** 2
+    trust = 1.0 / np.maximum(variance, np.finfo(float).tiny)
+    weighted = slopes * trust[..., np.newaxis, :, :]
+    information = np.einsum("...kyx,...lyx->...kl", weighted, slopes)
+    return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
+
+
+def _moved(
+    points: FloatArray, light: ArrayLike, radius: ArrayLike, first: FloatArray, size: int
+) -> FloatArray:
+    """Return how the sums of columns and rows change with x and y, shape (..., 2, size)."""
+    flux, width = non_negative("light", light), positive("radius", radius)
+    batch = np.broadcast_shapes(points.shape[:-1], first.shape[:-1], flux.shape, width.shape)
+    state = np.empty((*batch, 3))
+    state[..., :2] = points - first
+    state[..., 2] = flux
+    _, slopes = spot_gradient(state, np.broadcast_to(width, batch), size, size)
+    return np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)

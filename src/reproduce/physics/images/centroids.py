@@ -1,0 +1,294 @@
+"""Finding spots in a frame, and their centres in windows, for a whole batch at once.
+
+Positions are in px, x before y, the centre of the first pixel at (0, 0). Windows are arrays
+[..., y, x], rows from the first upwards; `corners` holds x and y of the first pixel of each.
+Windows are in any linear unit of light, after the background has been taken away. Estimators that
+fit the shape of the spot are in `spot_fit`, what the errors should be in `centroid_theory`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import label, maximum_filter
+
+from reproduce.physics.images.spots import IntArray
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    FloatArray,
+    common_batch,
+    finite_array,
+    positive,
+    whole_number,
+)
+
+# Steps after which every spot of sensible brightness has come to rest.
+STEPS = 30
+
+
+def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> IntArray:
+    """Return the brightest pixel of every spot in a frame.
+
+    A spot is a pixel that no other one within `separation` outshines. Touching pixels that are
+    equally bright, as in a saturated star, are one spot together, however large: the pixel nearest
+    to their middle stands for it.
+
+    Parameters
+    ----------
+    frame : array_like, shape (height, width)
+        Light or digital numbers.
+    threshold : float
+        What a pixel must exceed.
+    separation : int
+        Least distance between two spots along x or y, in px; with 1 every pixel is a spot.
+
+    Returns
+    -------
+    ndarray of int, shape (n, 2)
+        x and y, the brightest first; no rows where nothing is bright enough.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the frame is not a finite image, or the separation not a whole number above zero.
+
+    Examples
+    --------
+    >>> frame = np.zeros((9, 9))
+    >>> frame[2, 7] = 5.0
+    >>> detect_spots(frame, 1.0)
+    array([[7, 2]])
+    """
+    image = finite_array("frame", frame, shape=(None, None))
+    if image.ndim != 2:
+        raise ValueError(f"frame: expected one image, got shape {image.shape}; pass them singly")
+    least, reach = finite_array("threshold", threshold), whole_number("separation", separation)
+    if least.ndim:
+        raise ValueError(f"threshold: expected one number, got shape {least.shape}; give one")
+    highest = maximum_filter(image, size=2 * reach - 1, mode="nearest")
+    peaks = (image == highest) & (image > least)
+    # From two pixels on, peaks that touch are equally bright.
+    rows, columns = np.nonzero(peaks) if reach == 1 else _plateaus(peaks)
+    order = np.argsort(-image[rows, columns], kind="stable")
+    # Only equally bright spots can still be too close to each other: the first one stands for both.
+    kept: dict[tuple[int, int], tuple[int, int]] = {}
+    for x, y in zip(columns[order].tolist(), rows[order].tolist(), strict=True):
+        column, row = x // reach, y // reach
+        near = (kept.get((column + i, row + j)) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        if all(max(abs(x - at[0]), abs(y - at[1])) >= reach for at in near if at):
+            kept[column, row] = (x, y)
+    return np.array(list(kept.values()), dtype=np.int64).reshape(-1, 2)
+
+
+def _plateaus(peaks: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+    """Return row and column of the pixel in the middle of each group of touching peaks."""
+    labels, count = label(peaks, structure=np.ones((3, 3)))
+    rows, columns = np.nonzero(peaks)
+    group = labels[rows, columns] - 1
+    size = np.bincount(group, minlength=count)
+    middle = [np.bincount(group, weights=axis, minlength=count) / size for axis in (rows, columns)]
+    off = (rows - middle[0][group]) ** 2 + (columns - middle[1][group]) ** 2
+    # Sorted by group, then by distance: the first of each group is the one in its middle.
+    order = np.lexsort((off, group))
+    first = order[np.searchsorted(group[order], np.arange(count))]
+    first.sort()
+    return rows[first], columns[first]
+
+
+def cut_windows(frames: ArrayLike, corners: ArrayLike, size: int | tuple[int, int]) -> FloatArray:
+    """Return the windows of a frame, or of many frames, that begin at the given pixels.
+
+    Parameters
+    ----------
+    frames : array_like, shape (..., height, width)
+        Images.
+    corners : array_like of int, shape (n, 2)
+        x and y of the first pixel of each window; the same for all frames.
+    size : int or (int, int)
+        Width of a window, or width and height, in px.
+
+    Returns
+    -------
+    ndarray, shape (..., n, height, width)
+        The windows.
+
+    Raises
+    ------
+    ValueError
+        If a window reaches over the edge of the frame.
+
+    Examples
+    --------
+    >>> cut_windows(np.arange(12.0).reshape(3, 4), [[1, 0]], 2)
+    array([[[1., 2.],
+            [5., 6.]]])
+    """
+    images = finite_array("frames", frames, shape=(None, None))
+    first = finite_array("corners", corners, shape=(2,)).astype(np.int64).reshape(-1, 2)
+    columns, rows = size if isinstance(size, tuple) else (size, size)
+    height, width = images.shape[-2:]
+    last = first + np.array([columns, rows])
+    if (first < 0).any() or (last > np.array([width, height])).any():
+        raise ValueError(
+            f"corners: expected windows inside the frame of {width} x {height} px, got one that "
+            "reaches over its edge; drop the spots next to the edge"
+        )
+    y = (first[:, 1, np.newaxis] + np.arange(rows))[:, :, np.newaxis]
+    x = (first[:, 0, np.newaxis] + np.arange(columns))[:, np.newaxis, :]
+    return np.asarray(images[..., y, x])
+
+
+def centre_of_gravity(windows: ArrayLike, corners: ArrayLike) -> FloatArray:
+    """Return the centre of gravity of all pixels of each window.
+
+    Parameters
+    ----------
+    windows : array_like, shape (..., height, width)
+        Light without background; single pixels may be below zero.
+    corners : array_like, shape (..., 2)
+        First pixel of each window.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Centroids, in px.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If a window holds no light in sum.
+    ValueError
+        If a shape does not fit or a value is not finite.
+
+    Examples
+    --------
+    >>> centre_of_gravity([[0, 0, 0], [0, 1, 3], [0, 0, 0]], (10, 20))
+    array([11.75, 21.  ])
+    """
+    light, first = checked_windows(windows, corners)
+    rows, columns = light.shape[-2:]
+    y, x = np.mgrid[:rows, :columns]
+    # One matrix product for all windows: sums over short axes are slow.
+    moments = light.reshape(-1, rows * columns) @ np.stack(
+        [np.ones(rows * columns), x.ravel(), y.ravel()], axis=-1
+    )
+    _refuse_dark(moments[:, 0])
+    centres = (moments[:, 1:] / moments[:, :1]).reshape(*light.shape[:-2], 2)
+    return np.asarray(centres + first)
+
+
+def windowed_centre(
+    windows: ArrayLike, corners: ArrayLike, radius: ArrayLike, steps: int = STEPS
+) -> FloatArray:
+    """Return the centre of gravity under a Gaussian weight that follows the spot.
+
+    The weight has the spot's own radius, so each step doubles the weighted offset: the product of
+    two equal Gaussians lies halfway between them. Far pixels, which hold noise and no light, lose
+    their weight.
+
+    Parameters
+    ----------
+    windows, corners
+        As for `centre_of_gravity`.
+    radius : array_like, shape (...)
+        Standard deviation of the weight, in px.
+    steps : int
+        How many steps from the plain centre of gravity.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Centroids, in px.
+
+    Raises
+    ------
+    DegenerateGeometryError, TypeError, ValueError
+        As for `centre_of_gravity`; also if the radius is not above zero.
+
+    Examples
+    --------
+    >>> even = np.ones((3, 3)) + np.eye(3)[1] * np.eye(3)[1][:, None]
+    >>> windowed_centre(even, (0, 0), 0.6)
+    array([1., 1.])
+    """
+    light, first = checked_windows(windows, corners)
+    width = positive("radius", radius)
+    common_batch(windows=light.shape[:-2], radius=width.shape)
+    centre = centre_of_gravity(light, first) - first
+    y, x = np.arange(light.shape[-2]), np.arange(light.shape[-1])
+    scale = width[..., np.newaxis]
+    for _ in range(whole_number("steps", steps)):
+        across, down = x - centre[..., :1], y - centre[..., 1:]
+        right = np.exp(-0.5 * (across / scale) ** 2)
+        up = np.exp(-0.5 * (down / scale) ** 2)
+        weighted = light * right[..., np.newaxis, :] * up[..., :, np.newaxis]
+        total = weighted.sum(axis=(-2, -1))
+        _refuse_dark(total)
+        offset_x = (weighted.sum(axis=-2) * across).sum(axis=-1) / total
+        offset_y = (weighted.sum(axis=-1) * down).sum(axis=-1) / total
+        centre = kept_inside(centre + 2.0 * np.stack([offset_x, offset_y], axis=-1), light)
+    return np.asarray(centre + first)
+
+
+def checked_windows(windows: ArrayLike, corners: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return windows and corners as arrays, after checking that they fit together.
+
+    Parameters
+    ----------
+    windows : array_like, shape (..., height, width)
+        Light.
+    corners : array_like, shape (..., 2)
+        First pixel of each window.
+
+    Returns
+    -------
+    windows, corners : ndarray
+        As float arrays.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit or a value is not finite.
+
+    Examples
+    --------
+    >>> checked_windows([[1]], (0, 0))[0]
+    array([[1.]])
+    """
+    light = finite_array("windows", windows, shape=(None, None))
+    first = finite_array("corners", corners, shape=(2,))
+    common_batch(windows=light.shape[:-2], corners=first.shape[:-1])
+    return light, first
+
+
+def _refuse_dark(total: FloatArray) -> None:
+    dark = total <= 0
+    if dark.any():
+        raise DegenerateGeometryError(
+            f"windows: expected light in every window, got {int(dark.sum())} of {dark.size} with "
+            "none in sum; take less background away, or drop these windows"
+        )
+
+
+def kept_inside(centre: FloatArray, light: FloatArray) -> FloatArray:
+    """Return centres that ran out of their window, put back on its edge.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (..., 2)
+        x and y relative to the window's first pixel, in px.
+    light : ndarray, shape (..., height, width)
+        The windows.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        In px.
+
+    Examples
+    --------
+    >>> kept_inside(np.array([9.0, 1.0]), np.ones((3, 3)))
+    array([2.5, 1. ])
+    """
+    last = np.array([light.shape[-1], light.shape[-2]]) - 0.5
+    return np.clip(centre, -0.5, last)

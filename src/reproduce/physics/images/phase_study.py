@@ -1,0 +1,332 @@
+"""How well a spot is centred when it may lie anywhere within a pixel: many phases, many trials.
+
+The spot moves along x across one pixel, its y at the middle of a row of pixels. A window of
+`size` pixels stands around that pixel, and the centre of gravity of all of it is the centroid.
+Positions are in px, light in electrons; the radius is the standard deviation of the Gaussian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
+
+from reproduce.physics.images.centroid_theory import (
+    CentroidError,
+    centre_of_gravity_error,
+    cramer_rao_variance,
+)
+from reproduce.physics.images.spots import pixel_shares
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    FloatArray,
+    finite_array,
+    non_negative,
+    positive,
+    whole_number,
+)
+
+
+@dataclass(frozen=True)
+class Light:
+    """What the noise of a spot depends on.
+
+    Attributes
+    ----------
+    signal : float
+        Light of the whole spot, in electrons.
+    read_noise : float
+        Noise of a pixel without light, in electrons.
+
+    Examples
+    --------
+    >>> Light(1000.0).read_noise
+    0.0
+    """
+
+    signal: float
+    read_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("signal", self.signal)
+        non_negative("read_noise", self.read_noise)
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """Errors of centroids over phases, at one or many radii. In px; all of shape (...).
+
+    Attributes
+    ----------
+    total : ndarray
+        Standard deviation of the errors of all phases together: bias counts.
+    within : ndarray
+        Root mean square of the standard deviations within each phase: bias does not count.
+    bias : ndarray
+        Root mean square of the mean errors of the phases.
+
+    Examples
+    --------
+    >>> Scatter(np.array(5.0), np.array(4.0), np.array(3.0)).total
+    array(5.)
+    """
+
+    total: FloatArray
+    within: FloatArray
+    bias: FloatArray
+
+
+def even_phases(count: int) -> FloatArray:
+    """Return the middles of equal parts of one pixel.
+
+    Parameters
+    ----------
+    count : int
+        How many parts.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        From -1/2 to 1/2 px, symmetric.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the count is not a whole number above zero.
+
+    Examples
+    --------
+    >>> even_phases(4)
+    array([-0.375, -0.125,  0.125,  0.375])
+    """
+    return (np.arange(whole_number("count", count)) + 0.5) / count - 0.5
+
+
+def simulated_errors(
+    phases: ArrayLike,
+    light: Light,
+    radius: float,
+    size: int,
+    trials: int,
+    generator: Generator,
+) -> FloatArray:
+    """Return the errors of simulated centroids along x.
+
+    The centre of gravity along x needs only the sums of the window's columns. A sum of independent
+    Poisson numbers is a Poisson number, and a sum of normal ones is normal: so each column is
+    drawn as one number. That is the same law as drawing every pixel, with fewer draws.
+
+    Parameters
+    ----------
+    phases : array_like, shape (n,)
+        Positions of the spot relative to the middle of the window, in px.
+    light : Light
+        Signal and read noise.
+    radius : float
+        In px.
+    size : int
+        Width and height of the window, in px; odd.
+    trials : int
+        How often each phase is seen.
+    generator : numpy.random.Generator
+        Draws the noise.
+
+    Returns
+    -------
+    ndarray, shape (trials, n)
+        Found less true position, in px.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If noise leaves a window without light.
+    TypeError, ValueError
+        If a value is out of range.
+
+    Examples
+    --------
+    >>> simulated_errors([0.0], Light(1e12), 0.5, 5, 2, np.random.default_rng(1)).round(4).shape
+    (2, 1)
+    """
+    offsets = finite_array("phases", phases, shape=(None,))
+    first = -(whole_number("size", size) // 2)
+    columns = light.signal * pixel_shares(offsets, radius, first, size)
+    columns = columns * pixel_shares(0.0, radius, first, size).sum()
+    shape = (whole_number("trials", trials), *columns.shape)
+    seen = generator.poisson(columns, size=shape).astype(np.float64)
+    if light.read_noise:
+        noise = generator.standard_normal(shape)
+        noise *= light.read_noise * np.sqrt(size)
+        seen += noise
+    pixel = np.stack([np.ones(size), np.arange(size) + float(first)], axis=-1)
+    moments = seen.reshape(-1, size) @ pixel
+    if (moments[:, 0] <= 0).any():
+        raise DegenerateGeometryError(
+            "light: expected light in every window, got one with none; ask for more signal"
+        )
+    return np.asarray((moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets)
+
+
+def predicted_errors(
+    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
+) -> CentroidError:
+    """Return the closed-form error of the same centroids.
+
+    Parameters
+    ----------
+    phases : array_like, shape (n,)
+        As for `simulated_errors`.
+    light : Light
+        Signal and read noise.
+    radius : array_like, shape (...)
+        In px.
+    size : int
+        Width and height of the window, in px.
+
+    Returns
+    -------
+    CentroidError
+        bias, variance and slope along x only, of shape (..., n).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is out of range.
+
+    Examples
+    --------
+    >>> predicted_errors([0.0], Light(1e4), 0.5, 5).bias
+    array([0.])
+    """
+    points, width, corner = _laid_out(phases, radius, size)
+    law = centre_of_gravity_error(points, light.signal, width, corner, size, light.read_noise)
+    return CentroidError(law.bias[..., 0], law.variance[..., 0], law.slope[..., 0])
+
+
+def bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
+    """Return the least standard deviation of an unbiased centroid, over all phases.
+
+    Parameters
+    ----------
+    phases, light, radius, size
+        As for `predicted_errors`.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Root mean square over the phases of the Cramér-Rao bound along x, in px.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is out of range.
+
+    Examples
+    --------
+    Photon noise and pixels much finer than the spot: the radius over the root of the light.
+
+    >>> float(bound([0.0], Light(1e4), 4.0, 41).round(3))
+    0.04
+    """
+    points, width, corner = _laid_out(phases, radius, size)
+    least = cramer_rao_variance(points, light.signal, width, corner, size, light.read_noise)
+    return np.asarray(np.sqrt(least[..., 0].mean(axis=-1)))
+
+
+def biased_bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
+    """Return the least standard deviation of a centroid with the bias of the centre of gravity.
+
+    The bound of each phase counts with the square of the slope: how far the expected centroid
+    moves when the spot does.
+
+    Parameters
+    ----------
+    phases, light, radius, size
+        As for `predicted_errors`.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Root mean square over the phases, along x, in px.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is out of range.
+
+    Examples
+    --------
+    In a wide window there is no bias, and both bounds are one.
+
+    >>> [round(float(one([0.2], Light(1e4), 1.5, 31)), 5) for one in (bound, biased_bound)]
+    [0.01528, 0.01528]
+    """
+    points, width, corner = _laid_out(phases, radius, size)
+    least = cramer_rao_variance(points, light.signal, width, corner, size, light.read_noise)
+    slope = predicted_errors(phases, light, radius, size).slope
+    return np.asarray(np.sqrt((slope**2 * least[..., 0]).mean(axis=-1)))
+
+
+def predicted_scatter(law: CentroidError) -> Scatter:
+    """Return the scatter over all phases that a closed-form error amounts to.
+
+    Parameters
+    ----------
+    law : CentroidError
+        From `predicted_errors`, phases last.
+
+    Returns
+    -------
+    Scatter
+        Of shape (...).
+
+    Examples
+    --------
+    >>> law = CentroidError(np.array([-3.0, 3.0]), np.array([16.0, 16.0]), np.ones(2))
+    >>> predicted_scatter(law).total
+    array(5.)
+    """
+    within = law.variance.mean(axis=-1)
+    about_mean = law.bias.var(axis=-1)
+    return Scatter(
+        np.asarray(np.sqrt(within + about_mean)),
+        np.asarray(np.sqrt(within)),
+        np.asarray(np.sqrt((law.bias**2).mean(axis=-1))),
+    )
+
+
+def observed_scatter(errors: ArrayLike) -> Scatter:
+    """Return the scatter of simulated errors, of shape (...).
+
+    Parameters
+    ----------
+    errors : array_like, shape (..., trials, phases)
+        From `simulated_errors`.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite.
+
+    Examples
+    --------
+    >>> observed_scatter([[-3.0, 3.0], [-3.0, 3.0]]).bias
+    array(3.)
+    """
+    found = finite_array("errors", errors, shape=(None, None))
+    return Scatter(
+        np.asarray(found.std(axis=(-2, -1))),
+        np.asarray(np.sqrt(found.var(axis=-2, ddof=1).mean(axis=-1))),
+        np.asarray(np.sqrt((found.mean(axis=-2) ** 2).mean(axis=-1))),
+    )
+
+
+def _laid_out(
+    phases: ArrayLike, radius: ArrayLike, size: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    offsets = finite_array("phases", phases, shape=(None,))
+    points = np.stack([offsets, np.zeros_like(offsets)], axis=-1)
+    corner = np.full(2, -float(whole_number("size", size) // 2))
+    return points, positive("radius", radius)[..., np.newaxis], corner

@@ -1,0 +1,299 @@
+"""Simulated star positions in several channels, with centroid noise, over many replicates.
+
+Rotation angles have shape (..., n, 2), in radians: x is the rotary table's middle frame, y its
+external frame. Image points have shape (..., n, 2), in px, x before y, with the centre of the first
+pixel at (0, 0); channels stand on the axis before them, replicates in front.
+
+Every replicate draws from a stream of its own, the child of a seed sequence with the replicate's
+number. A result therefore depends neither on how replicates are grouped into batches, nor on how
+many there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.random import PCG64, Generator, SeedSequence
+from numpy.typing import ArrayLike
+
+from reproduce.physics.optics.camera import Camera, image_points
+from reproduce.physics.optics.rotary import starlight
+from reproduce.physics.validate import (
+    FloatArray,
+    common_batch,
+    finite_array,
+    non_negative,
+    whole_number,
+)
+
+
+def table_starlight(angles: ArrayLike) -> FloatArray:
+    """Starlight for rotation angles given as rows of x (middle frame) and y (external frame).
+
+    Parameters
+    ----------
+    angles : array_like, shape (..., n, 2)
+        In radians.
+
+    Returns
+    -------
+    ndarray, shape (..., n, 3)
+        Unit vectors in the sensor's frame.
+
+    Raises
+    ------
+    ValueError
+        If `angles` is not finite or has the wrong shape.
+
+    Examples
+    --------
+    >>> table_starlight([[0.0, 0.0]])
+    array([[-0.,  0.,  1.]])
+    """
+    angles = finite_array("angles", angles, shape=(None, 2))
+    return starlight(angles[..., 1], angles[..., 0])
+
+
+def channel_centroids(
+    cameras: Sequence[Camera], rotations: ArrayLike, angles: ArrayLike
+) -> FloatArray:
+    """Where every channel images the simulator's star, without noise.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+        One per channel.
+    rotations : array_like, shape (channels,)
+        Angle of each detector against the reference, in radians; zero for the reference.
+    angles : array_like, shape (..., n, 2)
+        Rotation angles of the table, in radians.
+
+    Returns
+    -------
+    ndarray, shape (..., channels, n, 2)
+        Centroids, in px, channels in the order of `cameras`.
+
+    Raises
+    ------
+    ValueError
+        If there is no camera, the counts differ, an argument is not finite or has the wrong
+        shape, or an angle turns the star behind the sensor.
+
+    Examples
+    --------
+    >>> camera = Camera(20e-3, (50, 60), 0, 10e-6)
+    >>> channel_centroids([camera], [0.0], [[0.0, np.pi / 4]]).round(6)
+    array([[[  50., 2060.]]])
+    """
+    rotations = finite_array("rotations", rotations, shape=(None,))
+    if rotations.shape != (len(cameras),):
+        raise ValueError(
+            f"expected one rotation per camera, got {len(cameras)} cameras and rotations of shape "
+            f"{rotations.shape}; give zero for the reference channel"
+        )
+    directions = table_starlight(angles)
+    return np.stack(
+        [
+            image_points(directions, camera, rotation)
+            for camera, rotation in zip(cameras, rotations, strict=True)
+        ],
+        axis=-3,
+    )
+
+
+def noisy_centroids(
+    centroids: ArrayLike,
+    sigma: ArrayLike,
+    seeds: SeedSequence,
+    replicates: int,
+    *,
+    repeats: int = 1,
+    first: int = 0,
+) -> FloatArray:
+    """Replicates of measured centroids: the true ones plus Gaussian noise, averaged over repeats.
+
+    Parameters
+    ----------
+    centroids : array_like, shape (channels, n, 2) or (replicates, channels, n, 2)
+        True positions, in px; the same for all replicates, or their own for each.
+    sigma : array_like, shape () or (channels,)
+        Standard deviation of one coordinate of one draw, in px; zero for a channel without noise.
+    seeds : numpy.random.SeedSequence
+        One that is used for nothing else; it is not changed.
+    replicates : int
+        How many replicates.
+    repeats : int
+        How many draws are averaged into each replicate.
+    first : int
+        Number of the first replicate, where a long run is done in parts.
+
+    Returns
+    -------
+    ndarray, shape (replicates, channels, n, 2)
+        In px.
+
+    Raises
+    ------
+    TypeError
+        If `seeds` is not a SeedSequence, or a count is not a whole number.
+    ValueError
+        If an argument is not finite, negative, or has the wrong shape.
+
+    Examples
+    --------
+    >>> noisy_centroids([[[7, 9]]], 0.0, SeedSequence(1), 2).shape
+    (2, 1, 1, 2)
+    """
+    centroids = finite_array("centroids", centroids, shape=(None, None, 2))
+    sigma = non_negative("sigma", sigma)
+    repeats = whole_number("repeats", repeats)
+    replicates = whole_number("replicates", replicates)
+    common_batch(centroids=centroids.shape[:-3], replicates=(replicates,))
+    if sigma.ndim > 1 or (sigma.ndim == 1 and len(sigma) != centroids.shape[-3]):
+        raise ValueError(
+            f"sigma: expected one number or one per channel ({centroids.shape[-3]}), got shape "
+            f"{sigma.shape}; give one, or as many as there are channels"
+        )
+    noise = np.empty((replicates, *centroids.shape[-3:]))
+    for row, stream in zip(noise, spawned_streams(seeds, replicates, first), strict=True):
+        draws = stream.standard_normal((repeats, *row.shape))
+        # Averaged here, not later: ten repeats of many replicates would not fit in memory.
+        row[...] = draws[0] if repeats == 1 else draws.mean(axis=0)
+    noise *= sigma[..., None, None]
+    noise += centroids
+    return noise
+
+
+def spawned_normals(
+    seeds: SeedSequence, replicates: int, shape: tuple[int, ...], *, first: int = 0
+) -> FloatArray:
+    """Standard normal numbers, every replicate from its own stream.
+
+    Parameters
+    ----------
+    seeds : numpy.random.SeedSequence
+        One that is used for nothing else; it is not changed.
+    replicates : int
+        How many replicates.
+    shape : tuple of int
+        Shape of one replicate.
+    first : int
+        Number of the first replicate, where a long run is done in parts.
+
+    Returns
+    -------
+    ndarray, shape (replicates, *shape)
+        Row r is the same for whatever `replicates` and `first` it was drawn with.
+
+    Raises
+    ------
+    TypeError
+        If `seeds` is not a SeedSequence, or a count is not a whole number.
+    ValueError
+        If a count is below what makes sense.
+
+    Examples
+    --------
+    >>> all_at_once = spawned_normals(SeedSequence(1), 3, (2,))
+    >>> bool((all_at_once[2:] == spawned_normals(SeedSequence(1), 1, (2,), first=2)).all())
+    True
+    """
+    numbers = _table(replicates, shape)
+    for row, stream in zip(numbers, spawned_streams(seeds, replicates, first), strict=True):
+        row[...] = stream.standard_normal(row.shape)
+    return numbers
+
+
+def spawned_angles(
+    seeds: SeedSequence,
+    replicates: int,
+    count: int,
+    half_range: ArrayLike,
+    *,
+    first: int = 0,
+) -> FloatArray:
+    """Rotation angles at random, uniform over a rectangle, every replicate from its own stream.
+
+    Parameters
+    ----------
+    seeds : numpy.random.SeedSequence
+        One that is used for nothing else; it is not changed.
+    replicates : int
+        How many replicates.
+    count : int
+        How many angles each.
+    half_range : array_like, shape (2,)
+        Half the range in x and in y, in radians; zero or more.
+    first : int
+        Number of the first replicate, where a long run is done in parts.
+
+    Returns
+    -------
+    ndarray, shape (replicates, count, 2)
+        In radians, x before y.
+
+    Raises
+    ------
+    TypeError
+        If `seeds` is not a SeedSequence, or a count is not a whole number.
+    ValueError
+        If `half_range` is not finite, negative, or not of shape (2,).
+
+    Examples
+    --------
+    >>> angles = spawned_angles(SeedSequence(1), 5, 52, (0.2, 0.1))
+    >>> angles.shape, bool((abs(angles) <= (0.2, 0.1)).all())
+    ((5, 52, 2), True)
+    """
+    half = non_negative("half_range", finite_array("half_range", half_range, shape=(2,)))
+    if half.shape != (2,):
+        raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
+    numbers = _table(replicates, (whole_number("count", count), 2))
+    for row, stream in zip(numbers, spawned_streams(seeds, replicates, first), strict=True):
+        row[...] = stream.uniform(-half, half, row.shape)
+    return numbers
+
+
+def _table(replicates: int, shape: tuple[int, ...]) -> FloatArray:
+    sides = [whole_number("shape", side) for side in shape]
+    return np.empty((whole_number("replicates", replicates), *sides))
+
+
+def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Iterator[Generator]:
+    """Generators, one for each replicate, for draws that are not normal.
+
+    Parameters
+    ----------
+    seeds : numpy.random.SeedSequence
+        One that is used for nothing else; it is not changed.
+    replicates : int
+        How many replicates.
+    first : int
+        Number of the first replicate, where a long run is done in parts.
+
+    Yields
+    ------
+    numpy.random.Generator
+        The stream of one replicate, the same in whatever part of the run it is asked for.
+
+    Raises
+    ------
+    TypeError
+        If `seeds` is not a SeedSequence, or a count is not a whole number.
+
+    Examples
+    --------
+    >>> len(list(spawned_streams(SeedSequence(1), 3)))
+    3
+    """
+    if not isinstance(seeds, SeedSequence):
+        raise TypeError(
+            f"seeds: expected a numpy.random.SeedSequence, got {type(seeds).__name__}; "
+            "pass SeedSequence(your_number)"
+        )
+    first = whole_number("first", first, least=0)
+    for number in range(first, first + whole_number("replicates", replicates)):
+        # spawn() would count up inside `seeds`, and a second call would draw other numbers.
+        child = SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, number))
+        yield Generator(PCG64(child))

@@ -1,0 +1,326 @@
+"""What each approximation of the four-parameter model costs, in pixels and in its parameters.
+
+The model lays a source channel over the reference by scale, rotation and shift. Five things are
+left out: that the distortions differ, that k^3 is not k, that the pivot may not be the principal
+point, that a detector may be tilted, and that there is a second radial term. For each there is the
+*error field*, reference point minus modelled point at the true parameters, and the *bias*, what a
+least-squares fit over the field then adds to (k, theta, shift x, shift y).
+
+Positions have shape (n, 2), in metres on the source's focal plane, x before y, from the principal
+point; error fields have shape (n, 2), in px of the reference; angles are in radians. The analytic
+biases are those of a detector covered evenly, `half_size` metres to both sides of the principal
+point, and of small effects; `simulated_bias` images exactly and fits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.physics.optics.camera import Camera, turned_onto_detector
+from reproduce.physics.registration.similarity import fit_similarity, similarity_between
+from reproduce.physics.validate import FloatArray, finite_array, positive
+
+EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """A source channel and the reference, with what the model leaves out.
+
+    Attributes
+    ----------
+    source, reference : Camera
+        Their imaging parameters; single cameras.
+    rotation : float
+        Angle of the source detector against the reference, in radians.
+    pivot_error : tuple of float
+        How far the assumed pivot lies from the source's principal point, in px.
+    tilt : tuple of float
+        Slopes of the source detector along x and y: the tangents of its tilt. A positive one
+        leans that side away from the lens, where the light has spread further.
+    second_term : tuple of float
+        Second radial coefficients of source and reference, in m^-4.
+    """
+
+    source: Camera
+    reference: Camera
+    rotation: float = 0.0
+    pivot_error: tuple[float, float] = (0.0, 0.0)
+    tilt: tuple[float, float] = (0.0, 0.0)
+    second_term: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def scale(self) -> float:
+        """The scale factor k."""
+        return float(self.reference.focal_length / self.source.focal_length)
+
+    def only(self, effect: str) -> Channels:
+        """Return the same channels with a single effect left, all others taken away.
+
+        Parameters
+        ----------
+        effect : str
+            One of `EFFECTS`. For "coefficients" the source's distortion is kept and the difference
+            alone counts; for "cube" both channels get the source's.
+
+        Returns
+        -------
+        Channels
+            What to image.
+
+        Raises
+        ------
+        ValueError
+            If the effect is unknown.
+        """
+        if effect not in EFFECTS:
+            raise ValueError(f"effect: expected one of {EFFECTS}, got {effect!r}")
+        m = float(self.source.radial_distortion)
+        source = _with_distortion(self.source, m if effect in EFFECTS[:2] else 0.0)
+        own = float(self.reference.radial_distortion)
+        shared = {"coefficients": own, "cube": m}.get(effect, 0.0)
+        return Channels(
+            source,
+            _with_distortion(self.reference, shared),
+            self.rotation,
+            self.pivot_error if effect == "pivot" else (0.0, 0.0),
+            self.tilt if effect == "tilt" else (0.0, 0.0),
+            self.second_term if effect == "second term" else (0.0, 0.0),
+        )
+
+
+def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
+    """Reference points minus modelled points, at the true parameters and imaged exactly.
+
+    Parameters
+    ----------
+    channels : Channels
+        What is imaged.
+    positions : array_like, shape (n, 2)
+        Ideal positions in the source channel, in metres.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        In px.
+
+    Raises
+    ------
+    ValueError
+        If `positions` is not finite or has the wrong shape.
+
+    Examples
+    --------
+    Alike channels without distortion leave nothing to err about.
+
+    >>> camera = Camera(25e-3, (1000, 700), 0, 1e-5)
+    >>> error_field(Channels(camera, camera), [[1e-3, 2e-3]])
+    array([[0., 0.]])
+    """
+    source, reference = imaged(channels, positions)
+    truth = similarity_between(channels.source, channels.rotation, channels.reference)
+    pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
+    return reference - replaced_pivot(truth.parameters, source, pivot)
+
+
+def replaced_pivot(parameters: FloatArray, points: FloatArray, pivot: FloatArray) -> FloatArray:
+    """Return points laid over the reference with true parameters but about another pivot."""
+    scale, rotation, *shift = parameters
+    turned = turned_onto_detector(points - pivot, -rotation)
+    return np.asarray(scale * turned + pivot - np.asarray(shift))
+
+
+def simulated_bias(channels: Channels, positions: ArrayLike) -> FloatArray:
+    """What a fit to exactly imaged points adds to the true parameters.
+
+    Parameters
+    ----------
+    channels : Channels
+        What is imaged; with a single effect, from `Channels.only`, for one.
+    positions : array_like, shape (n, 2)
+        Ideal positions in the source channel, in metres.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Fitted minus true (k, theta, shift x, shift y), in rad and px.
+
+    Raises
+    ------
+    ValueError
+        If `positions` is not finite or has the wrong shape.
+    """
+    source, reference = imaged(channels, positions)
+    truth = similarity_between(channels.source, channels.rotation, channels.reference)
+    pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
+    return fit_similarity(source, reference, pivot).parameters - truth.parameters
+
+
+def imaged(channels: Channels, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Image the same stars in both channels, with tilt and second radial terms.
+
+    Parameters
+    ----------
+    channels : Channels
+        What is imaged.
+    positions : array_like, shape (n, 2)
+        Ideal positions in the source channel, in metres.
+
+    Returns
+    -------
+    tuple of ndarray, each of shape (n, 2)
+        Image points in source and reference, in px.
+    """
+    ideal = finite_array("positions", positions, shape=(None, 2))
+    source = _displaced(ideal, channels.source, channels.second_term[0])
+    # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
+    focal = float(channels.source.focal_length)
+    lean = (source @ np.asarray(channels.tilt))[:, None] / focal
+    along = np.sqrt(1 + np.square(channels.tilt))
+    tilted = source / (1 - lean) * along
+    turned = turned_onto_detector(tilted, channels.rotation)
+    reference = _displaced(ideal * channels.scale, channels.reference, channels.second_term[1])
+    return _in_pixels(turned, channels.source), _in_pixels(reference, channels.reference)
+
+
+def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> FloatArray:
+    """What an effect adds to the fitted parameters, to first order, in closed form.
+
+    A radial error ``c p |p|^2`` is best met by the scale ``c <r^4> / <r^2>``, and leaves the shift
+    alone; a tilt errs with the square of the position and so moves the shift alone.
+
+    Parameters
+    ----------
+    channels : Channels
+        Two channels of one pixel pitch.
+    effect : str
+        One of `EFFECTS`.
+    half_size : array_like, shape (2,)
+        Half the sides of the detector, in metres.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        On (k, theta, shift x, shift y), in rad and px.
+
+    Raises
+    ------
+    ValueError
+        If the effect is unknown, or an argument is not finite or has the wrong shape.
+
+    Examples
+    --------
+    A pivot that is off by 10 px, at a scale of 1.1: a tenth of it goes into the shift.
+
+    >>> source = Camera(20e-3, (0, 0), 0, 1e-5)
+    >>> wrong = Channels(source, Camera(22e-3, (0, 0), 0, 1e-5), pivot_error=(10, 0))
+    >>> analytic_bias(wrong, "pivot", (1e-3, 1e-3)).round(9) + 0.0
+    array([ 0.,  0., -1.,  0.])
+    """
+    alone, k = channels.only(effect), channels.scale
+    sides = positive("half_size", finite_array("half_size", half_size, shape=(2,)))
+    source, reference = (float(c.radial_distortion) for c in (alone.source, alone.reference))
+    bias = np.zeros(4)
+    if effect == "coefficients":
+        bias[0] = k**3 * (reference - source) * _moment(sides, 4) / _moment(sides, 2)
+    elif effect == "cube":
+        bias[0] = (k**3 - k) * source * _moment(sides, 4) / _moment(sides, 2)
+    elif effect == "second term":
+        first, second = alone.second_term
+        bias[0] = (k**5 * second - k * first) * _moment(sides, 6) / _moment(sides, 2)
+    elif effect == "tilt":
+        lever = np.asarray(alone.tilt) * sides**2 / 3
+        bias[2:] = k * lever / float(alone.source.focal_length * alone.source.pixel_pitch)
+    else:
+        moved = np.asarray([alone.pivot_error])
+        bias[2:] = (moved - k * turned_onto_detector(moved, -alone.rotation))[0]
+    return bias
+
+
+def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
+    """Cover a detector evenly with positions.
+
+    Parameters
+    ----------
+    half_size : array_like, shape (2,)
+        Half the sides of the detector, in metres.
+    across : int
+        How many along either side.
+
+    Returns
+    -------
+    ndarray, shape (across * across, 2)
+        The middles of equal cells, in metres, rows from the smallest y.
+
+    Examples
+    --------
+    >>> even_positions((2.0, 1.0), 2)
+    array([[-1. , -0.5],
+           [ 1. , -0.5],
+           [-1. ,  0.5],
+           [ 1. ,  0.5]])
+    """
+    sides = positive("half_size", finite_array("half_size", half_size, shape=(2,)))
+    steps = (np.arange(across) + 0.5) / across * 2 - 1
+    x, y = np.meshgrid(sides[0] * steps, sides[1] * steps)
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> float:
+    """Return the second radial coefficient that leaves the first term a share of the distortion.
+
+    Parameters
+    ----------
+    camera : Camera
+        Holds the first coefficient.
+    share : float
+        Of the first term in the whole displacement at `radius`, above 0 and at most 1.
+    radius : array_like
+        Where the share holds, in metres from the principal point.
+
+    Returns
+    -------
+    float
+        In m^-4.
+
+    Raises
+    ------
+    ValueError
+        If the share is not above 0 and at most 1, or the radius not above zero.
+
+    Examples
+    --------
+    >>> second_term_from_share(Camera(1, (0, 0), 9.0, 1), 0.9, 1.0)
+    1.0
+    """
+    if not 0 < share <= 1:
+        raise ValueError(f"share: expected above 0 and at most 1, got {share}; pass a fraction")
+    squared = float(positive("radius", radius)) ** 2
+    return round(float(camera.radial_distortion) * (1 / share - 1) / squared, 12)
+
+
+def _moment(sides: FloatArray, power: int) -> float:
+    """Return the mean of r^power over a rectangle."""
+    a, b = (float(side) ** 2 for side in sides)
+    return {
+        2: (a + b) / 3,
+        4: (a**2 + b**2) / 5 + 2 * a * b / 9,
+        6: (a**3 + b**3) / 7 + a * b * (a + b) / 5,
+    }[power]
+
+
+def _with_distortion(camera: Camera, coefficient: float) -> Camera:
+    return Camera(camera.focal_length, camera.principal_point, coefficient, camera.pixel_pitch)
+
+
+def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:
+    squared = np.square(ideal).sum(axis=-1, keepdims=True)
+    first = float(camera.radial_distortion)
+    return np.asarray(ideal * (1 + first * squared + second * squared**2))
+
+
+def _in_pixels(positions: FloatArray, camera: Camera) -> FloatArray:
+    return np.asarray(positions / camera.pixel_pitch + camera.principal_point)

@@ -1,0 +1,804 @@
+"""The calibration procedure of niu2024, section 3.2: Gauss-Newton in two stages, with restarts.
+
+Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
+(0, 0); parameter vectors u = (k, theta, shift x, shift y) have shape (..., 4); the leading axes are
+a batch of calibrations, each of which comes out as it would alone. Starting vectors come from two
+lines and the zero position (`starting_values`) and at random (`random_starts`).
+`similarity.fit_similarity` reaches the same minimum in closed form: this module shows the paper's
+iteration, its convergence, and the Cramér-Rao bound that no unbiased calibration goes below.
+
+The print couples the iteration to the constraint cos^2 + cos^2 = 1, which holds at odd multiples of
+45 degrees alone (`constraint_printed`). The identity meant is cos^2 + sin^2 = 1 (`constraint`); it
+holds by itself where the angle is the parameter, so no step needs to enforce it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reproduce.physics.registration.similarity import (
+    Similarity,
+    as_complex,
+    as_points,
+    fit_similarity,
+    paired_points,
+    principal_point_shift,
+)
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    FloatArray,
+    common_batch,
+    finite_array,
+    non_negative,
+    positive,
+    whole_number,
+)
+
+BoolArray = NDArray[np.bool_]
+
+PARAMETERS = 4
+# Below this share of the spread about the centroid in the spread about the pivot, squared, the
+# columns of J are too close to dependent for double precision.
+SINGULAR_SPREAD = 1e-7
+
+
+def model_points(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> FloatArray:
+    """Where the model lays the source points, f_x and f_y, for any parameter vector.
+
+    Unlike `Similarity` it takes a negative scale too, which an iteration may pass through.
+
+    Parameters
+    ----------
+    parameters : array_like, shape (..., 4)
+        The vector u.
+    source : array_like, shape (..., n, 2)
+        In px.
+    pivot : array_like, shape (..., 2)
+        The source channel's principal point, in px.
+
+    Returns
+    -------
+    ndarray, shape (..., n, 2)
+        In the target channel, in px.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape.
+
+    Examples
+    --------
+    >>> model_points((2, 0, 1, 0), [[6, 5]], (5, 5))
+    array([[6., 5.]])
+    """
+    parameters, source, pivot = _checked(parameters, source, pivot)
+    origin = as_complex(pivot)[..., None]
+    shift = as_complex(parameters[..., 2:])[..., None]
+    return as_points(_factor(parameters) * (as_complex(source) - origin) + (origin - shift))
+
+
+def jacobian(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> FloatArray:
+    """Derivatives of the model by its four parameters: all rows of f_x, then all rows of f_y.
+
+    Implements: niu2024 (25).
+
+    Parameters
+    ----------
+    parameters : array_like, shape (..., 4)
+        The vector u.
+    source : array_like, shape (..., n, 2)
+        In px.
+    pivot : array_like, shape (..., 2)
+        The source channel's principal point, in px.
+
+    Returns
+    -------
+    ndarray, shape (..., 2n, 4)
+        J = [A_1 ... A_n B_1 ... B_n]^T, in px per unit of the parameter.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape.
+
+    Examples
+    --------
+    >>> jacobian((1, 0, 0, 0), [[7, 5]], (5, 5)) + 0.0
+    array([[ 2.,  0., -1.,  0.],
+           [ 0.,  2.,  0., -1.]])
+    """
+    parameters, source, pivot = _checked(parameters, source, pivot)
+    n = source.shape[-2]
+    turn = np.exp(1j * parameters[..., 1])[..., None]
+    by_scale = turn * (as_complex(source) - as_complex(pivot)[..., None])
+    by_rotation = 1j * parameters[..., :1] * by_scale
+    rows = np.zeros((*by_rotation.shape[:-1], 2 * n, PARAMETERS))
+    rows[..., :n, 0], rows[..., n:, 0] = by_scale.real, by_scale.imag
+    rows[..., :n, 1], rows[..., n:, 1] = by_rotation.real, by_rotation.imag
+    rows[..., :n, 2] = rows[..., n:, 3] = -1
+    return rows
+
+
+def deviations(
+    parameters: ArrayLike, source: ArrayLike, target: ArrayLike, pivot: ArrayLike
+) -> FloatArray:
+    """Observed target minus model, in the order of the rows of `jacobian`.
+
+    Implements: niu2024 (25).
+
+    Parameters
+    ----------
+    parameters : array_like, shape (..., 4)
+        The vector u.
+    source, target : array_like, shape (..., n, 2)
+        The same spots in both channels, in px.
+    pivot : array_like, shape (..., 2)
+        The source channel's principal point, in px.
+
+    Returns
+    -------
+    ndarray, shape (..., 2n)
+        T: all deviations in x, then all in y, in px.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, has the wrong shape, or the counts differ.
+
+    Examples
+    --------
+    >>> deviations((1, 0, 0, 0), [[7, 5]], [[8, 3]], (5, 5))
+    array([ 1., -2.])
+    """
+    source, target = paired_points(source, target)
+    model = model_points(parameters, source, pivot)
+    common_batch(model=model.shape[:-2], target=target.shape[:-2])
+    left = target - model
+    return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
+
+
+def gauss_newton_step(
+    parameters: ArrayLike,
+    source: ArrayLike,
+    target: ArrayLike,
+    pivot: ArrayLike,
+    free: int = PARAMETERS,
+) -> FloatArray:
+    """One Gauss-Newton update, u + (J^T J)^-1 J^T T, with the sign that converges.
+
+    Implements: niu2024 (24).
+
+    T is observed minus modelled and J the derivative of the model, as (25) prints both; then the
+    correction must be added. As extracted it is subtracted, see `gauss_newton_step_printed`.
+
+    Parameters
+    ----------
+    parameters : array_like, shape (..., 4)
+        The vector u.
+    source, target : array_like, shape (..., n, 2)
+        The same spots in both channels, in px.
+    pivot : array_like, shape (..., 2)
+        The source channel's principal point, in px.
+    free : int
+        How many leading parameters move: 2 for scale and rotation alone, 4 for all.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        The updated vector.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, has the wrong shape, the counts differ, or `free` is not
+        between 1 and 4.
+    DegenerateGeometryError
+        If the points, or a scale of zero, leave a parameter undetermined.
+
+    Examples
+    --------
+    >>> step = gauss_newton_step((1, 0, 0, 0), [[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0))
+    >>> step.round(9) + 0.0
+    array([ 2.,  0., -3.,  0.])
+    """
+    step, _, regular = correction(parameters, source, target, pivot, free)
+    _refuse_singular(regular)
+    return np.asarray(parameters, dtype=np.float64) + step
+
+
+def gauss_newton_step_printed(
+    parameters: ArrayLike,
+    source: ArrayLike,
+    target: ArrayLike,
+    pivot: ArrayLike,
+    free: int = PARAMETERS,
+) -> FloatArray:
+    """One update with the sign as extracted from the print, u - (J^T J)^-1 J^T T.
+
+    Printed form of niu2024 (24).
+
+    It walks away from the solution: an error in the shift doubles at each step. Only the solution
+    itself stays where it is. It would be right with T as model minus observation, but (25) prints
+    observation minus model.
+
+    Parameters and errors are those of `gauss_newton_step`.
+
+    Examples
+    --------
+    The solution is (2, 0, -3, 0); the step goes the other way.
+
+    >>> step = gauss_newton_step_printed((1, 0, 0, 0), [[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0))
+    >>> step.round(9) + 0.0
+    array([0., 0., 3., 0.])
+    """
+    step, _, regular = correction(parameters, source, target, pivot, free)
+    _refuse_singular(regular)
+    return np.asarray(parameters, dtype=np.float64) - step
+
+
+def correction(
+    parameters: ArrayLike,
+    source: ArrayLike,
+    target: ArrayLike,
+    pivot: ArrayLike,
+    free: int = PARAMETERS,
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """The correction (J^T J)^-1 J^T T, how far it moves the points, and where it exists.
+
+    Parameters are those of `gauss_newton_step`.
+
+    Returns
+    -------
+    step : ndarray, shape (..., 4)
+        Zero where a parameter is held or the normal matrix is singular.
+    movement : ndarray, shape (...)
+        Root mean square movement of the modelled points under the step, in px.
+    regular : ndarray of bool, shape (...)
+        False where the normal matrix is singular.
+
+    Examples
+    --------
+    >>> step, movement, regular = correction((1, 0, 0, 0), [[7, 5]], [[9, 5]], (5, 5), free=1)
+    >>> step, float(movement), bool(regular)
+    (array([1., 0., 0., 0.]), 2.0, True)
+    """
+    if whole_number("free", free) > PARAMETERS:
+        raise ValueError(f"free: expected 1 to {PARAMETERS} parameters, got {free}; leave it out")
+    left = deviations(parameters, source, target, pivot)
+    rows = jacobian(parameters, source, pivot)[..., :free]
+    transposed = np.swapaxes(rows, -1, -2)
+    normal = transposed @ rows
+    size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
+    regular = np.asarray((size > 0).all(axis=-1))
+    size = np.where(regular[..., None], size, 1.0)
+    # With columns of length one the determinant says how far they are from dependent.
+    scaled = normal / (size[..., :, None] * size[..., None, :])
+    regular &= np.linalg.det(scaled) > SINGULAR_SPREAD**2
+    scaled = np.where(regular[..., None, None], scaled, np.eye(free))
+    pull = (transposed @ left[..., None])[..., 0] / size
+    solved = np.linalg.solve(scaled, pull[..., None])[..., 0] * regular[..., None]
+    step = np.zeros((*solved.shape[:-1], PARAMETERS))
+    step[..., :free] = solved / size
+    squared = (solved * pull).sum(axis=-1)
+    movement = np.sqrt(np.maximum(squared, 0) * (2 / left.shape[-1]))
+    return step, np.asarray(movement), np.broadcast_to(regular, movement.shape)
+
+
+def _factor(parameters: FloatArray) -> FloatArray:
+    return np.asarray(parameters[..., :1] * np.exp(1j * parameters[..., 1:2]))
+
+
+def _checked(
+    parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    parameters = finite_array("parameters", parameters, shape=(PARAMETERS,))
+    source = finite_array("source", source, shape=(None, 2))
+    pivot = finite_array("pivot", pivot, shape=(2,))
+    common_batch(parameters=parameters.shape[:-1], source=source.shape[:-2], pivot=pivot.shape[:-1])
+    return parameters, source, pivot
+
+
+def _refuse_singular(regular: BoolArray) -> None:
+    if not regular.all():
+        raise DegenerateGeometryError(
+            f"expected points that fix every free parameter, got {int((~regular).sum())} singular "
+            "normal matrices; give two or more different points (far from a distant pivot use "
+            "fit_similarity) and a starting scale other than zero"
+        )
+
+
+def line_direction(points: ArrayLike) -> FloatArray:
+    """The direction of the straight line that fits points best, by perpendicular distance.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., n, 2)
+        Centroids of spots along a line, in px.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Angle from the x axis towards y, in radians, within (-pi/2, pi/2]: a line has no sense.
+
+    Raises
+    ------
+    ValueError
+        If `points` is not finite or has the wrong shape.
+    DegenerateGeometryError
+        If the points coincide, or spread alike in all directions.
+
+    Examples
+    --------
+    >>> float(np.degrees(line_direction([[0, 0], [1, 1], [2, 2]])).round(9))
+    45.0
+    """
+    return _direction("points", points)
+
+
+def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatArray:
+    """Starting value of theta: the angle between two lines seen by both channels.
+
+    Parameters
+    ----------
+    source_line, target_line : array_like, shape (..., n, 2)
+        Centroids while the middle frame of the rotary table turns alone, in px. The number of
+        spots may differ.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Direction in the target minus direction in the source, in radians, within (-pi/2, pi/2].
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape.
+    DegenerateGeometryError
+        If the spots of a channel fix no line.
+
+    Examples
+    --------
+    >>> float(np.degrees(two_line_rotation([[0, 0], [1, 0]], [[0, 0], [1, 1]])).round(9))
+    45.0
+    """
+    source = _direction("source_line", source_line)
+    target = _direction("target_line", target_line)
+    common_batch(source_line=source.shape, target_line=target.shape)
+    return np.asarray(np.angle(np.exp(2j * (target - source))) / 2)
+
+
+def starting_values(
+    source_line: ArrayLike, target_line: ArrayLike, source_zero: ArrayLike, target_zero: ArrayLike
+) -> FloatArray:
+    """The starting vector u: scale one, the angle of two lines, the shift at the zero position.
+
+    Parameters
+    ----------
+    source_line, target_line : array_like, shape (..., n, 2)
+        Centroids while the middle frame of the rotary table turns alone, in px.
+    source_zero, target_zero : array_like, shape (..., 2)
+        Centroids at the table's zero position, in px: each channel's principal point, nearly.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        (1, theta, shift x, shift y).
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape.
+    DegenerateGeometryError
+        If the spots of a channel fix no line.
+
+    Examples
+    --------
+    >>> starting_values([[0, 0], [1, 0]], [[0, 0], [1, 0]], (7, 9), (5, 10))
+    array([ 1.,  0.,  2., -1.])
+    """
+    rotation = two_line_rotation(source_line, target_line)
+    source_zero = finite_array("source_zero", source_zero, shape=(2,))
+    target_zero = finite_array("target_zero", target_zero, shape=(2,))
+    shift = principal_point_shift(source_zero, target_zero)
+    batch = common_batch(lines=rotation.shape, zero_positions=shift.shape[:-1])
+    values = np.ones((*batch, PARAMETERS))
+    values[..., 1] = rotation
+    values[..., 2:] = shift
+    return values
+
+
+def random_starts(
+    start: ArrayLike, half_widths: ArrayLike, count: int, generator: np.random.Generator
+) -> FloatArray:
+    """Random starting vectors, uniform within a box about a given one.
+
+    Parameters
+    ----------
+    start : array_like, shape (..., 4)
+        The centre of the box, a vector u.
+    half_widths : array_like, shape (4,)
+        Half the box in k, theta (radians), shift x and shift y (px); zero or more.
+    count : int
+        How many starts.
+    generator : numpy.random.Generator
+        The source of randomness.
+
+    Returns
+    -------
+    ndarray, shape (count, ..., 4)
+        Starts for `calibrate_from_all`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape, or a half width is negative.
+
+    Examples
+    --------
+    >>> random_starts((1, 0, 0, 0), (0, 0, 0, 0), 2, np.random.default_rng(1))
+    array([[1., 0., 0., 0.],
+           [1., 0., 0., 0.]])
+    """
+    start = finite_array("start", start, shape=(PARAMETERS,))
+    half_widths = non_negative("half_widths", finite_array("half_widths", half_widths, shape=(4,)))
+    count = whole_number("count", count)
+    return start + half_widths * generator.uniform(-1, 1, (count, *start.shape))
+
+
+def _direction(name: str, points: ArrayLike) -> FloatArray:
+    points = finite_array(name, points, shape=(None, 2))
+    numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
+    # Squaring doubles the angle, so that both senses of the line add up.
+    doubled = (numbers**2).sum(axis=-1)
+    spread = (np.abs(numbers) ** 2).sum(axis=-1)
+    rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
+    if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
+        raise DegenerateGeometryError(
+            f"{name}: expected spots along a line, got coincident points or points that spread "
+            "alike in all directions; rotate the middle frame alone, over a wider range"
+        )
+    return np.asarray(np.angle(doubled) / 2)
+
+
+class ConvergenceError(ArithmeticError):
+    """An iteration did not settle within the steps it was allowed."""
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """When an iteration stops.
+
+    Attributes
+    ----------
+    movement : float
+        Stop once a step moves the modelled points by less than this, root mean square, in px.
+    steps : int
+        Give up after this many steps of one stage.
+    """
+
+    movement: float = 1e-9
+    steps: int = 50
+
+    def __post_init__(self) -> None:
+        positive("movement", self.movement)
+        whole_number("steps", self.steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The outcome of the two-stage iteration, with its path.
+
+    Attributes
+    ----------
+    history : ndarray, shape (m + 1, ..., 4)
+        The vector u before the first step and after each of the m steps. A calibration that has
+        settled stays put while others of its batch still move.
+    cost : ndarray, shape (m + 1, ...)
+        Sum of squared deviations at each of them, in px^2.
+    first_stage : int
+        How many of the steps moved scale and rotation alone.
+    converged : ndarray of bool, shape (...)
+        Whether the last stage settled.
+    pivot : ndarray, shape (..., 2)
+        The source channel's principal point, in px.
+    """
+
+    history: FloatArray
+    cost: FloatArray
+    first_stage: int
+    converged: BoolArray
+    pivot: FloatArray
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Final vector u, shape (..., 4), with k above zero and theta within (-pi, pi]."""
+        last = self.history[-1]
+        # (k, theta) and (-k, theta + pi) are one transform; an iteration may end at either.
+        factor = last[..., 0] * np.exp(1j * last[..., 1])
+        return np.concatenate(
+            [np.abs(factor)[..., None], np.angle(factor)[..., None], last[..., 2:]], axis=-1
+        )
+
+    @property
+    def similarity(self) -> Similarity:
+        """The final transform."""
+        final = self.parameters
+        return Similarity(final[..., 0], final[..., 1], final[..., 2:], self.pivot)
+
+
+def calibrate(
+    source: ArrayLike,
+    target: ArrayLike,
+    pivot: ArrayLike,
+    start: ArrayLike,
+    stopping: Stopping | None = None,
+) -> Calibration:
+    """Calibrate in two stages: scale and rotation first, then all four parameters.
+
+    Parameters
+    ----------
+    source, target : array_like, shape (..., n, 2)
+        The same spots in both channels, in px.
+    pivot : array_like, shape (..., 2)
+        The source channel's principal point, in px.
+    start : array_like, shape (..., 4)
+        Starting vector u, from `starting_values` for one.
+    stopping : Stopping, optional
+        When a stage has settled; by default a movement below 1e-9 px within 50 steps.
+
+    Returns
+    -------
+    Calibration
+        Final parameters and the path to them.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, has the wrong shape, or the counts differ.
+    DegenerateGeometryError
+        If the points coincide or mirror each other, or cluster too far from the pivot.
+    ConvergenceError
+        If a calibration of the batch has not settled.
+
+    Examples
+    --------
+    >>> result = calibrate([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0), start=(1, 0, 0, 0))
+    >>> result.parameters.round(9) + 0.0
+    array([ 2.,  0., -3.,  0.])
+    """
+    result = _two_stages(source, target, pivot, start, stopping or Stopping())
+    if not result.converged.all():
+        raise ConvergenceError(
+            f"expected every calibration to settle, got {int((~result.converged).sum())} of "
+            f"{result.converged.size} that did not; start closer, or allow more steps"
+        )
+    return result
+
+
+def calibrate_from_all(
+    source: ArrayLike,
+    target: ArrayLike,
+    pivot: ArrayLike,
+    starts: ArrayLike,
+    stopping: Stopping | None = None,
+) -> Calibration:
+    """Calibrate from every start and keep, for each calibration, the end of lowest cost.
+
+    Parameters
+    ----------
+    source, target, pivot, stopping
+        As for `calibrate`.
+    starts : array_like, shape (s, ..., 4)
+        Starting vectors, from `random_starts` for one; s of them for each calibration.
+
+    Returns
+    -------
+    Calibration
+        The best of the s calibrations; those that have not settled are never chosen.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, has the wrong shape, or the counts differ.
+    DegenerateGeometryError
+        If the points coincide or mirror each other, or cluster too far from the pivot.
+    ConvergenceError
+        If no start of some calibration has settled.
+
+    Examples
+    --------
+    >>> starts = [(1, 0, 0, 0), (3, 0.1, 5, 5)]
+    >>> best = calibrate_from_all([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0), starts)
+    >>> best.parameters.round(9) + 0.0
+    array([ 2.,  0., -3.,  0.])
+    """
+    starts = finite_array("starts", starts, shape=(None, PARAMETERS))
+    every = _two_stages(source, target, pivot, starts, stopping or Stopping())
+    if not every.converged.any(axis=0).all():
+        raise ConvergenceError(
+            f"expected one of {len(starts)} starts to settle, got none for some calibration; "
+            "start closer, or allow more steps"
+        )
+    final = np.where(every.converged, every.cost[-1], np.inf)
+    best = final.argmin(axis=0)[None]
+    history = np.take_along_axis(every.history, best[None, ..., None], axis=1)[:, 0]
+    cost = np.take_along_axis(every.cost, best[None], axis=1)[:, 0]
+    settled = np.take_along_axis(every.converged, best, axis=0)[0]
+    return Calibration(history, cost, every.first_stage, settled, every.pivot)
+
+
+def constraint(rotation: ArrayLike) -> FloatArray:
+    """The identity that ties cosine and sine: cos^2 + sin^2 - 1, zero at every angle.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (...)
+        Angle theta, in radians.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Zero, up to rounding.
+
+    Raises
+    ------
+    ValueError
+        If `rotation` is not finite.
+
+    Examples
+    --------
+    >>> float(constraint(0.0))
+    0.0
+    """
+    rotation = finite_array("rotation", rotation)
+    return np.asarray(np.cos(rotation) ** 2 + np.sin(rotation) ** 2 - 1)
+
+
+def constraint_printed(rotation: ArrayLike) -> FloatArray:
+    """The constraint as extracted from section 3.2: cos^2 + cos^2 - 1, which is cos(2 theta).
+
+    It is zero at odd multiples of 45 degrees alone; a detector turned by a fraction of a degree
+    misses it by almost one.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (...)
+        Angle theta, in radians.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        cos(2 theta).
+
+    Raises
+    ------
+    ValueError
+        If `rotation` is not finite.
+
+    Examples
+    --------
+    >>> float(constraint_printed(0.0))
+    1.0
+    """
+    rotation = finite_array("rotation", rotation)
+    return np.asarray(np.cos(rotation) ** 2 + np.cos(rotation) ** 2 - 1)
+
+
+def _two_stages(
+    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, start: ArrayLike, stopping: Stopping
+) -> Calibration:
+    source, target = paired_points(source, target)
+    pivot = finite_array("pivot", pivot, shape=(2,))
+    start = finite_array("start", start, shape=(PARAMETERS,))
+    batch = common_batch(
+        source=source.shape[:-2],
+        target=target.shape[:-2],
+        pivot=pivot.shape[:-1],
+        start=start.shape[:-1],
+    )
+    # The closed form refuses what has no unique answer; the iteration would settle anywhere.
+    fit_similarity(source, target, pivot)
+    _refuse_narrow(source, pivot)
+    start = np.broadcast_to(start, (*batch, PARAMETERS))
+    first, _ = _iterate(source, target, pivot, start, (2, stopping))
+    second, settled = _iterate(source, target, pivot, first[-1], (PARAMETERS, stopping))
+    history = np.stack(first + second[1:])
+    left = deviations(history, source, target, pivot)
+    cost = np.square(left).sum(axis=-1)
+    return Calibration(history, cost, len(first) - 1, settled, pivot)
+
+
+def _refuse_narrow(source: FloatArray, pivot: FloatArray) -> None:
+    offsets = as_complex(source) - as_complex(pivot)[..., None]
+    about_pivot = np.square(np.abs(offsets)).sum(axis=-1)
+    centred = offsets - offsets.mean(axis=-1, keepdims=True)
+    spread = np.square(np.abs(centred)).sum(axis=-1)
+    if (spread <= SINGULAR_SPREAD * about_pivot).any():
+        raise DegenerateGeometryError(
+            "source: expected points spread over more than a three-thousandth of their distance "
+            "from the pivot, got a narrow cluster; add spots across the field of view, or use "
+            "fit_similarity"
+        )
+
+
+def _iterate(
+    source: FloatArray,
+    target: FloatArray,
+    pivot: FloatArray,
+    start: FloatArray,
+    stage: tuple[int, Stopping],
+) -> tuple[list[FloatArray], BoolArray]:
+    """Repeat the step with `free` parameters until every calibration has settled."""
+    free, stopping = stage
+    path, moving = [start], np.ones(start.shape[:-1], dtype=bool)
+    settled = ~moving
+    for _ in range(stopping.steps):
+        step, movement, regular = correction(path[-1], source, target, pivot, free)
+        regular = regular & np.isfinite(step).all(axis=-1)
+        # Those that have settled are held, so that a batch gives what each would give alone.
+        path.append(path[-1] + np.where((moving & regular)[..., None], step, 0.0))
+        settled |= moving & regular & (movement < stopping.movement)
+        moving &= regular & ~settled
+        if not moving.any():
+            break
+    return path, settled
+
+
+def registration_bound(
+    source: ArrayLike,
+    similarity: Similarity,
+    source_sigma: ArrayLike,
+    target_sigma: ArrayLike,
+) -> FloatArray:
+    """The Cramér-Rao bound of the four parameters where both channels are noisy.
+
+    The true positions are unknown too, one for each spot. Eliminating them leaves the variance of
+    one coordinate of target minus transformed source, target_sigma^2 + k^2 source_sigma^2.
+
+    Parameters
+    ----------
+    source : array_like, shape (..., n, 2)
+        True source points, in px.
+    similarity : Similarity
+        The true transform.
+    source_sigma, target_sigma : array_like, shape (...)
+        Standard deviations of one coordinate of one spot, in px; not both zero.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        Lower bound of the covariance of (k, theta, shift x, shift y).
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape, or both noises are zero.
+    DegenerateGeometryError
+        If the points coincide.
+
+    Examples
+    --------
+    Two points 2 px apart: the mean of two shifts, and the slope of a short lever.
+
+    >>> identity = Similarity(1.0, 0.0, (0, 0), (0, 0))
+    >>> registration_bound([[-1, 0], [1, 0]], identity, 0.0, 1.0).diagonal()
+    array([0.5, 0.5, 0.5, 0.5])
+    """
+    source_sigma = non_negative("source_sigma", source_sigma)
+    target_sigma = non_negative("target_sigma", target_sigma)
+    variance = target_sigma**2 + (similarity.scale * source_sigma) ** 2
+    if (variance == 0).any():
+        raise ValueError("sigma: expected noise in one channel at least, got none; give one")
+    rows = jacobian(similarity.parameters, source, similarity.pivot)
+    normal = np.swapaxes(rows, -1, -2) @ rows
+    size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
+    scaled = normal / (size[..., :, None] * size[..., None, :])
+    if (np.linalg.det(scaled) < 1e-14).any():
+        raise DegenerateGeometryError(
+            "source: expected points that fix scale and rotation, got coincident ones; spread them"
+        )
+    inverse = np.linalg.inv(scaled) / (size[..., :, None] * size[..., None, :])
+    return np.asarray(variance[..., None, None] * inverse)

@@ -1,0 +1,377 @@
+"""Laser spots to misalignment: geometry, signs, frames, noise, and the relations (2) to (11)."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from reproduce.physics.attitude.averaging import attitude_accuracy
+from reproduce.physics.attitude.lasers import (
+    emitted_directions,
+    received_directions,
+    received_jacobian,
+    received_spots,
+)
+from reproduce.physics.attitude.misalignment import (
+    angle_jacobian,
+    corrected_installation,
+    inertial_attitude,
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+    misalignment_between,
+    misalignment_in_tracker,
+    moved_laser_transform,
+    stage_angle,
+    stage_angle_printed,
+    stage_angles,
+    transform_error_printed,
+)
+from reproduce.physics.attitude.rotations import rotation_from_vector
+from reproduce.physics.attitude.wahba import attitude_covariance, solve
+from reproduce.physics.optics.camera import angle_from_pixels
+from reproduce.physics.validate import DegenerateGeometryError
+
+ARCSEC = np.pi / 180 / 3600
+
+# The spots as printed, the tracker of Table II; four lasers at the corners of an upright cross.
+SPOTS = np.array([(544.822, 435.751), (520.724, 459.788), (569.035, 459.876), (544.579, 483.940)])
+TRACKER = {"principal_point": (511.5, 511.5), "pixel_pitch": 13e-6, "focal_length": 60e-3}
+CAMERA_FOCAL_LENGTH = 2.107  # where a cross of 22 mm fits the printed spots
+LASERS = 11e-3 * np.array([(0, -1), (-1, 0), (1, 0), (0, 1)])
+NOISE = 0.017
+
+EMITTED = emitted_directions(LASERS, CAMERA_FOCAL_LENGTH)
+RECEIVED = received_directions(SPOTS, **TRACKER)
+ZERO = laser_transform(EMITTED, RECEIVED)
+
+
+def turn(*angles):
+    return Rotation.from_rotvec(angles).as_matrix()
+
+
+def frames_of_spots(count, seed=1, noise=NOISE):
+    spots = SPOTS + noise * np.random.default_rng(seed).standard_normal((count, 4, 2))
+    return received_directions(spots, **TRACKER)
+
+
+# Directions, (2) and (3)
+
+
+def test_the_lens_inverts_the_focal_plane():
+    (right,) = emitted_directions([[1e-3, 0.0]], 1.0)
+    assert right[0] < 0 < right[2]
+    (lower,) = received_directions([[511.5, 512.5]], **TRACKER)
+    assert lower[1] == pytest.approx(-np.sin(np.arctan(13e-6 / 60e-3)), rel=1e-12)
+    assert lower[0] == 0
+
+
+def test_the_principal_point_is_the_boresight():
+    np.testing.assert_array_equal(
+        emitted_directions([[3e-3, -2e-3]], 2.0, principal_point=(3e-3, -2e-3)), [[0, 0, 1]]
+    )
+    np.testing.assert_array_equal(received_directions([[511.5, 511.5]], **TRACKER), [[0, 0, 1]])
+
+
+def test_angles_between_spots_follow_from_the_pinhole():
+    spots = np.array([[511.5 + 100, 511.5], [511.5 - 50, 511.5]])
+    one, two = received_directions(spots, **TRACKER)
+    expected = np.arctan(100 * 13e-6 / 60e-3) + np.arctan(50 * 13e-6 / 60e-3)
+    assert np.arccos(one @ two) == pytest.approx(expected, rel=1e-9)
+
+
+def test_cameras_broadcast_against_frames():
+    spots = np.broadcast_to(SPOTS, (7, 4, 2))
+    lengths = np.linspace(0.05, 0.07, 7)
+    together = received_directions(spots, (511.5, 511.5), 13e-6, lengths)
+    for row, focal in zip(together, lengths, strict=True):
+        np.testing.assert_array_equal(row, received_directions(SPOTS, (511.5, 511.5), 13e-6, focal))
+
+
+def test_spots_come_back_from_their_directions():
+    np.testing.assert_allclose(received_spots(7.0 * RECEIVED, **TRACKER), SPOTS, atol=1e-10)
+    with pytest.raises(ValueError, match="directions: expected light from in front"):
+        received_spots(-RECEIVED, **TRACKER)
+
+
+def test_received_jacobian_is_the_derivative():
+    found = received_jacobian(SPOTS, **TRACKER)
+    for axis in range(2):
+        step = np.zeros(2)
+        step[axis] = 0.5
+        ahead, behind = (received_directions(SPOTS + s * step, **TRACKER) for s in (1, -1))
+        np.testing.assert_allclose(found[..., axis], ahead - behind, rtol=1e-6, atol=1e-12)
+
+
+def test_the_angle_of_one_pixel_in_closed_form():
+    assert angle_from_pixels(1, 1.0, 1.0) == pytest.approx(np.pi / 4)
+    assert angle_from_pixels(1, 13e-6, 60e-3) / ARCSEC == pytest.approx(44.69, abs=0.005)
+
+
+# The laser transform, (4) and (5)
+
+
+def test_the_transform_carries_emitted_into_received():
+    truth = turn(0.3, -0.2, 2.0)
+    received = EMITTED @ truth.T
+    for method in ("quest", "q-method", "svd"):
+        found = laser_transform(EMITTED, received, method=method)
+        np.testing.assert_allclose(found, truth, atol=1e-9)
+    np.testing.assert_allclose(received @ laser_transform(EMITTED, received), EMITTED, atol=1e-12)
+
+
+def test_pooled_frames_are_one_problem():
+    received = frames_of_spots(30).reshape(3, 10, 4, 3)
+    pooled = laser_transform(EMITTED, received, pooled=True)
+    assert pooled.shape == (3, 3, 3)
+    for group, found in zip(received, pooled, strict=True):
+        by_hand = solve(group.reshape(40, 3), np.tile(EMITTED, (10, 1)), method="svd").rotation
+        np.testing.assert_allclose(found, by_hand, atol=1e-9)
+
+
+def test_pooled_weights_drop_a_frame_or_a_spot():
+    received = frames_of_spots(5)
+    kept = laser_transform(EMITTED, received[:4], pooled=True, method="svd")
+    weights = np.ones((5, 4))
+    weights[4] = 0
+    dropped = laser_transform(EMITTED, received, weights, pooled=True, method="svd")
+    np.testing.assert_allclose(dropped, kept, atol=1e-12)
+    three = laser_transform(EMITTED, received, [1, 1, 1, 0], pooled=True, method="svd")
+    np.testing.assert_allclose(
+        three, laser_transform(EMITTED[:3], received[:, :3], pooled=True, method="svd"), atol=1e-12
+    )
+
+
+def test_pooled_weights_that_do_not_fit_the_frames_are_refused():
+    with pytest.raises(ValueError, match=r"got weights \(3,\), tracker_directions \(5,\)"):
+        laser_transform(EMITTED, frames_of_spots(5), np.ones((3, 4)), pooled=True)
+
+
+def test_pooling_equals_averaging_single_frames_to_first_order():
+    received = frames_of_spots(100)
+    single = misalignment_angles(misalignment(EMITTED, received, ZERO)).mean(axis=0)
+    pooled = misalignment_angles(misalignment(EMITTED, received, ZERO, pooled=True))
+    np.testing.assert_allclose(pooled[:2], single[:2], atol=1e-4 * ARCSEC)
+
+
+def test_one_laser_leaves_the_roll_free():
+    with pytest.raises(DegenerateGeometryError):
+        laser_transform(EMITTED[:1], RECEIVED[:1])
+    with pytest.raises(DegenerateGeometryError):
+        laser_transform(EMITTED[[0, 0]], np.tile(RECEIVED[[0, 0]], (9, 1, 1)), pooled=True)
+
+
+# Misalignment and attitude, (6) to (9)
+
+INSTALLED = turn(2.0, 0.1, -0.4)  # camera_zero_from_tracker
+TURN = np.array([3e-5, -5e-5, 8e-5])
+MISALIGNMENT = turn(*-TURN)  # the camera turns by TURN, coordinates the other way
+FIXED_MIRRORS = turn(0.7, -1.1, 0.2)  # what retroreflector and dichroic mirror do together
+
+
+def test_a_turn_of_the_camera_has_the_stated_sign():
+    for axis in range(3):
+        angles = np.zeros(3)
+        angles[axis] = 1e-4
+        # Right-handed turn of the camera's axes, seen from its zero position.
+        zero_from_now = turn(*angles)
+        np.testing.assert_allclose(misalignment_angles(zero_from_now.T), angles, atol=1e-16)
+    swings_to_x = turn(0, 1e-4, 0) @ [0, 0, 1]
+    assert swings_to_x[0] > 0
+
+
+def test_the_relations_hold_together_for_a_camera_that_turns():
+    tracker_from_now = (MISALIGNMENT @ INSTALLED).T
+    transform_zero = FIXED_MIRRORS @ INSTALLED.T
+    transform_now = FIXED_MIRRORS @ tracker_from_now
+    np.testing.assert_allclose(
+        moved_laser_transform(transform_zero, MISALIGNMENT), transform_now, atol=1e-15
+    )
+    np.testing.assert_allclose(
+        misalignment_between(transform_now, transform_zero), MISALIGNMENT, atol=1e-15
+    )
+    direct = misalignment(EMITTED, EMITTED @ transform_now.T, transform_zero)
+    np.testing.assert_allclose(misalignment_angles(direct), TURN, atol=1e-12)
+    corrected = corrected_installation(direct, INSTALLED)
+    np.testing.assert_allclose(corrected, tracker_from_now.T, atol=1e-12)
+    attitude = turn(-0.2, 2.2, 0.9)
+    star = np.array([0.36, 0.48, 0.8])
+    np.testing.assert_allclose(
+        inertial_attitude(corrected, attitude) @ star,
+        MISALIGNMENT @ (INSTALLED @ (attitude @ star)),
+        atol=1e-12,
+    )
+
+
+def test_directly_and_through_the_transforms_is_the_same():
+    received = frames_of_spots(200)
+    direct = misalignment(EMITTED, received, ZERO)
+    through = misalignment_between(laser_transform(EMITTED, received), ZERO)
+    np.testing.assert_allclose(direct, through, atol=1e-9)
+
+
+def test_the_text_before_8_names_the_transposed_installation():
+    # It calibrates R_cam,0^st; the product (8) needs R_st^cam,0.
+    expected = MISALIGNMENT @ INSTALLED
+    with_the_text = corrected_installation(MISALIGNMENT, INSTALLED.T)
+    assert np.abs(corrected_installation(MISALIGNMENT, INSTALLED) - expected).max() < 1e-15
+    assert np.abs(with_the_text - expected).max() > 0.5
+
+
+def test_the_misalignment_of_1_is_another_matrix_than_that_of_7():
+    tracker_from_now = (MISALIGNMENT @ INSTALLED).T
+    in_tracker = misalignment_in_tracker(MISALIGNMENT, INSTALLED.T)
+    np.testing.assert_allclose(in_tracker @ INSTALLED.T, tracker_from_now, atol=1e-15)
+    # Other axes and the other sign: about the tracker's axes it is the turn itself.
+    vector = Rotation.from_matrix(in_tracker).as_rotvec()
+    np.testing.assert_allclose(vector, INSTALLED.T @ TURN, atol=1e-15)
+    wrong = MISALIGNMENT @ INSTALLED.T
+    missed = Rotation.from_matrix(wrong @ tracker_from_now.T).magnitude()
+    assert missed > np.linalg.norm(TURN)
+
+
+def test_a_corner_cube_and_one_mirror_leave_no_proper_rotation():
+    # w looks back along the light, so it is minus the direction in which the light arrives.
+    normal = np.array([0.6, 0.0, 0.8])
+    mirror = np.eye(3) - 2 * np.outer(normal, normal)
+    corner_cube, roof = -np.eye(3), np.diag([1.0, -1.0, -1.0])
+    directions = emitted_directions([(0, -1), (-1, 0), (1, 0), (0, 2)], 3.0)
+    losses = {}
+    for name, retroreflector in (("corner cube", corner_cube), ("roof", roof)):
+        received = -(directions @ (mirror @ retroreflector).T)
+        losses[name] = float(solve(received, directions).loss)
+    assert losses["roof"] < 1e-25
+    assert losses["corner cube"] > 0.1
+
+
+# Noise
+
+
+def test_the_jacobian_is_the_derivative_of_the_full_solution():
+    jacobian = angle_jacobian(EMITTED, RECEIVED, received_jacobian(SPOTS, **TRACKER))
+    assert jacobian.shape == (3, 4, 2)
+    for spot in range(4):
+        for axis in range(2):
+            step = np.zeros((4, 2))
+            step[spot, axis] = 0.01
+            ahead, behind = (
+                misalignment_angles(
+                    misalignment(EMITTED, received_directions(SPOTS + s * step, **TRACKER), ZERO)
+                )
+                for s in (1, -1)
+            )
+            slope = (ahead - behind) / 0.02
+            np.testing.assert_allclose(jacobian[:, spot, axis], slope, rtol=1e-5, atol=1e-11)
+
+
+def test_the_jacobian_is_exact_where_the_fit_is_poor_and_weights_differ():
+    emitted = emitted_directions([(0, -0.2), (-0.3, 0), (0.3, 0.1), (0, 0.4)], 1.0)
+    weights = [1.0, 2.0, 3.0, 4.0]
+    zero = laser_transform(emitted, RECEIVED, weights, method="svd")
+    jacobian = angle_jacobian(emitted, RECEIVED, received_jacobian(SPOTS, **TRACKER), weights)
+    rng = np.random.default_rng(3)
+    for step in 0.02 * rng.standard_normal((5, 4, 2)):
+        ahead, behind = (
+            misalignment_angles(
+                misalignment(
+                    emitted, received_directions(SPOTS + s * step, **TRACKER), zero, weights
+                )
+            )
+            for s in (1, -1)
+        )
+        predicted = np.einsum("ink,nk->i", jacobian, step)
+        np.testing.assert_allclose(predicted, (ahead - behind) / 2, rtol=1e-5, atol=1e-9)
+
+
+def test_noise_through_the_jacobian_is_the_scatter_of_quest():
+    jacobian = angle_jacobian(EMITTED, RECEIVED, received_jacobian(SPOTS, **TRACKER))
+    predicted = NOISE * np.sqrt((jacobian**2).sum(axis=(1, 2)))
+    count = 20000
+    angles = misalignment_angles(misalignment(EMITTED, frames_of_spots(count), ZERO))
+    np.testing.assert_allclose(angles.std(axis=0), predicted, rtol=4 / np.sqrt(2 * count))
+    np.testing.assert_allclose(angles.mean(axis=0), 0, atol=4 * predicted.max() / np.sqrt(count))
+
+
+def test_noise_through_the_jacobian_agrees_with_the_covariance_of_the_attitude():
+    jacobian = angle_jacobian(EMITTED, RECEIVED, received_jacobian(SPOTS, **TRACKER))
+    in_pixels = NOISE**2 * np.einsum("ink,jnk->ij", jacobian, jacobian)
+    in_angles = attitude_covariance(EMITTED, NOISE * angle_from_pixels(1, 13e-6, 60e-3))
+    # Pixels off the boresight subtend a little less, and the cross fits the spots to 0.3 %.
+    np.testing.assert_allclose(np.diag(in_pixels), np.diag(in_angles), rtol=3e-3)
+
+
+def test_in_the_camera_frame_the_error_is_that_of_11_in_the_tracker_frame_roll_leaks_in():
+    transforms = laser_transform(EMITTED, frames_of_spots(20000))
+    in_camera = misalignment_angles(misalignment_between(transforms, ZERO)).std(axis=0)
+    in_tracker = misalignment_angles(transform_error_printed(transforms, ZERO)).std(axis=0)
+    relation = attitude_accuracy(NOISE, 4, angle_from_pixels(1, 13e-6, 60e-3))
+    np.testing.assert_allclose(in_camera[:2], relation, rtol=0.02)
+    assert 3 * relation / ARCSEC == pytest.approx(1.14, abs=0.005)
+    # The printed product T T_ref' would scatter twice as much about X and Y.
+    np.testing.assert_allclose(3 * in_tracker[:2] / ARCSEC, [1.94, 2.69], rtol=0.02)
+    # The roll, which the paper leaves out, is two hundred times worse.
+    assert 3 * in_camera[2] / ARCSEC == pytest.approx(218, rel=0.02)
+
+
+def test_the_jacobian_separates_the_axes():
+    jacobian = angle_jacobian(EMITTED, RECEIVED, received_jacobian(SPOTS, **TRACKER))
+    pixel = 13e-6 / 60e-3
+    moved_along_y = jacobian[..., 1].sum(axis=1)
+    moved_along_x = jacobian[..., 0].sum(axis=1)
+    # All spots moving along Y look like a turn about X, along X like one about Y, unlike signs.
+    np.testing.assert_allclose(moved_along_y[:2], [pixel, 0], atol=0.01 * pixel)
+    np.testing.assert_allclose(moved_along_x[:2], [0, -pixel], atol=0.01 * pixel)
+
+
+# The stage, (10)
+
+
+def test_the_stage_angle_in_closed_form():
+    assert stage_angle(2.0, 2.0) == pytest.approx(-np.pi / 4)
+    assert stage_angle(20e-6, 2.0) / ARCSEC == pytest.approx(-2.0626, abs=1e-4)
+    assert stage_angle(-20e-6, 2.0) > 0
+
+
+def test_the_printed_stage_relation_is_no_angle():
+    # 20 micrometres at 2 m: the printed form gives -4e-5 where the angle is -1e-5 rad.
+    printed = stage_angle_printed(20e-6, 2.0)
+    assert printed == pytest.approx(-4e-5, rel=1e-9)
+    assert printed / ARCSEC == pytest.approx(-8.2506, abs=1e-4)
+    # It grows with the focal length where it should fall: the ratio is f^2 (f in metres).
+    for focal in (0.5, 1.0, 2.0, 14.0):
+        ratio = stage_angle_printed(20e-6, focal) / stage_angle(20e-6, focal)
+        assert ratio == pytest.approx(focal**2, rel=1e-6)
+    # And the unit decides: the same bench in millimetres.
+    in_millimetres = stage_angle_printed(20e-3, 2000.0)
+    assert in_millimetres == pytest.approx(-40.005, abs=1e-3)
+    assert stage_angle(20e-3, 2000.0) == pytest.approx(stage_angle(20e-6, 2.0), rel=1e-12)
+
+
+def test_moved_lasers_look_like_a_turned_camera():
+    shifts = 1e-6 * np.array([(20, 0), (0, 20), (-60, 35)])
+    moved = emitted_directions(LASERS + shifts[:, np.newaxis, :], CAMERA_FOCAL_LENGTH)
+    angles = misalignment_angles(misalignment(EMITTED, moved @ ZERO.T, ZERO))
+    expected = stage_angles(shifts, CAMERA_FOCAL_LENGTH)
+    # A shift is not quite a turn away from the boresight: 2.7e-5 of it at 5 mrad.
+    np.testing.assert_allclose(angles, expected, atol=3e-5 * np.abs(expected).max())
+
+
+def test_10_prints_one_sign_for_two_axes_that_differ():
+    along_x, along_y = stage_angles([(20e-6, 0), (0, 20e-6)], 2.0)
+    printed = stage_angle(20e-6, 2.0)
+    assert along_x[1] == pytest.approx(printed)
+    assert along_y[0] == pytest.approx(-printed)
+    # The emitted light itself: a laser moved along +Y sends its light towards -Y.
+    (ahead,) = emitted_directions([(0, 20e-6)], 2.0)
+    np.testing.assert_allclose(rotation_from_vector([1e-5, 0, 0]) @ [0, 0, 1], ahead, atol=1e-12)
+
+
+# The accuracy, (11)
+
+
+def test_more_spots_and_more_frames_count_alike():
+    single = attitude_accuracy(NOISE, 4, 2e-4)
+    assert attitude_accuracy(NOISE, 4 * 100, 2e-4) == pytest.approx(single / 10)
+    received = frames_of_spots(4000, seed=8).reshape(400, 10, 4, 3)
+    angles = misalignment_angles(misalignment(EMITTED, received, ZERO, pooled=True))
+    expected = attitude_accuracy(NOISE, 40, angle_from_pixels(1, 13e-6, 60e-3))
+    np.testing.assert_allclose(angles[:, :2].std(axis=0), expected, rtol=4 / np.sqrt(800))

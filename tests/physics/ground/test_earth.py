@@ -1,0 +1,247 @@
+"""Earth rotation and lines of sight against numbers that others published."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reproduce.physics.attitude.misalignment import (
+    corrected_installation,
+    inertial_attitude,
+    misalignment_in_tracker,
+)
+from reproduce.physics.attitude.rotations import rotation_from_vector
+from reproduce.physics.ground.earth import (
+    EarthOrientation,
+    earth_fixed,
+    earth_from_inertial,
+    geodetic,
+    local_axes,
+    satellite_from_inertial,
+)
+from reproduce.physics.ground.imaging import (
+    Ellipsoid,
+    ground_jacobian,
+    image_vectors,
+    imaged_position,
+    imaging_chain,
+)
+
+DATA = Path(__file__).parents[1] / "data"
+ARCSEC = np.pi / 180 / 3600
+
+
+def sofa():
+    return json.loads((DATA / "earth_rotation.json").read_text())["sofa_cookbook_5.5"]
+
+
+def orientation(case, **changes):
+    settings = {
+        "ut1_utc": case["ut1_utc_s"],
+        "pole": (case["xp_arcsec"] * ARCSEC, case["yp_arcsec"] * ARCSEC),
+        "celestial_pole": (case["dX06_mas"] * ARCSEC / 1e3, case["dY06_mas"] * ARCSEC / 1e3),
+    }
+    return EarthOrientation(**(settings | changes))
+
+
+def test_the_matrix_of_the_sofa_cookbook():
+    case = sofa()
+    found = earth_from_inertial(case["utc"], orientation(case))
+    np.testing.assert_allclose(found, case["gcrs_to_itrs"], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "change", [{"ut1_utc": 0.0}, {"pole": (0.0, 0.0)}, {"celestial_pole": (0.0, 0.0)}]
+)
+def test_every_part_of_the_orientation_counts(change):
+    case = sofa()
+    found = earth_from_inertial(case["utc"], orientation(case, **change))
+    assert np.abs(found - case["gcrs_to_itrs"]).max() > 1e-10
+
+
+def test_many_times_at_once_are_the_single_ones():
+    times = np.array(["2007-04-05T12:00:00", "2016-12-31T23:59:59.25", "2020-02-29T00:00:00"])
+    many = earth_from_inertial(times, EarthOrientation(0.1))
+    for one, time in zip(many, times, strict=True):
+        np.testing.assert_array_equal(one, earth_from_inertial(time, EarthOrientation(0.1)))
+
+
+def published():
+    """Return the 480 published lines of sight, instrument position, chain and answers."""
+    case = json.loads((DATA / "geolocation_case_1.json").read_text())
+    elevation, azimuth = np.radians([case["elevation_deg"], case["azimuth_deg"]])
+    about_x = np.array(
+        [
+            [1, 0, 0],
+            [0, np.cos(elevation), -np.sin(elevation)],
+            [0, np.sin(elevation), np.cos(elevation)],
+        ]
+    )
+    about_y = np.array(
+        [
+            [np.cos(azimuth), 0, np.sin(azimuth)],
+            [0, 1, 0],
+            [-np.sin(azimuth), 0, np.cos(azimuth)],
+        ]
+    )
+    earth_from_iss = np.array(case["earth_from_inertial"]) @ case["inertial_from_iss"]
+    chain = (
+        earth_from_iss
+        @ np.array(case["iss_from_base"])
+        @ np.array(case["base_from_base_azimuth"])
+        @ about_y
+        @ np.array(case["yoke_azimuth_from_yoke_elevation"])
+        @ about_x
+        @ np.array(case["cradle_from_point"])
+    )
+    place = 1e3 * (
+        np.array(case["iss_position_km"]) + earth_from_iss @ case["instrument_in_iss_km"]
+    )
+    radii = 1e3 * np.array([case["equatorial_radius_km"], case["polar_radius_km"]])
+    ellipsoid = Ellipsoid(radii[0], 1.0 - radii[1] / radii[0])
+    answers = np.radians(case["latitude_longitude_deg"])[:, ::-1]
+    return np.array(case["pixels"]), place, chain, ellipsoid, answers
+
+
+def answered(sights, place, ellipsoid):
+    """Meet the ground along Earth-fixed lines of sight.
+
+    The published matrices are rounded and not quite rotations; the authors multiply them as they
+    stand, so the product is applied first and the model gets lines in Earth-fixed axes.
+    """
+    # The image vector points into the camera, against the line of sight.
+    return imaged_position(-sights, place, np.eye(3), ellipsoid).position
+
+
+def test_the_480_published_answers_to_a_micrometre():
+    pixels, place, chain, ellipsoid, answers = published()
+    found = answered(pixels @ chain.T, place, ellipsoid)
+    expected = earth_fixed(np.column_stack([answers, np.zeros(480)]), ellipsoid)
+    assert np.linalg.norm(found - expected, axis=-1).max() < 1e-6
+    np.testing.assert_allclose(geodetic(found, ellipsoid)[:, 2], 0.0, atol=1e-8)
+
+
+def test_the_published_answers_notice_a_milliarcsecond():
+    pixels, place, chain, ellipsoid, answers = published()
+    turned = rotation_from_vector([1e-3 * ARCSEC, 0, 0])
+    found = answered(pixels @ chain.T @ turned, place, ellipsoid)
+    expected = earth_fixed(np.column_stack([answers, np.zeros(480)]), ellipsoid)
+    assert np.linalg.norm(found - expected, axis=-1).max() > 1e-4
+
+
+def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
+    """A pixel, the bent installation, the stars, the turning Earth; and back from the ground.
+
+    Backwards the Earth turns by SOFA's printed matrix, and the installation is corrected as (8)
+    and (9) do it, not by the place that (1) gives the misalignment.
+    """
+    case = sofa()
+    earth = earth_from_inertial(case["utc"], orientation(case))
+    satellite = earth_fixed([0.3, 0.8, 5e5])
+    tracker_from_camera = rotation_from_vector([2.0, 0.3, -0.4])
+    bent = rotation_from_vector(30 * ARCSEC * np.array([-0.4, 0.7, -0.2]))
+    camera_from_tracker = corrected_installation(bent, tracker_from_camera.T)
+    # The attitude of the tracker is one that points the bent camera down.
+    down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
+    inertial_from_tracker = earth.T @ down @ camera_from_tracker
+    image = image_vectors([[0, 0], [0.11, -0.2], [-0.25, 0.17]], 14.0, (1e-3, -2e-3), (1e-5, 2e-5))
+    misaligned = misalignment_in_tracker(bent, tracker_from_camera)
+    chain = imaging_chain(earth, inertial_from_tracker, misaligned, tracker_from_camera)
+    found = imaged_position(image, satellite, chain).position
+    np.testing.assert_allclose(geodetic(found)[:, 2], 0.0, atol=1e-7)
+    seen = (found - satellite) @ np.array(case["gcrs_to_itrs"])
+    seen = seen @ inertial_attitude(camera_from_tracker, inertial_from_tracker.T).T
+    seen /= np.linalg.norm(seen, axis=-1, keepdims=True)
+    expected = -image / np.linalg.norm(image, axis=-1, keepdims=True)
+    # The printed matrix agrees with pyerfa's to 1e-11.
+    np.testing.assert_allclose(seen, expected, atol=2e-11)
+
+
+def test_geodetic_and_earth_fixed_undo_each_other():
+    rng = np.random.default_rng(3)
+    places = np.column_stack(
+        [rng.uniform(-3, 3, 50), rng.uniform(-1.5, 1.5, 50), rng.uniform(-1e3, 1e6, 50)]
+    )
+    np.testing.assert_allclose(geodetic(earth_fixed(places)), places, rtol=0, atol=2e-8)
+
+
+def test_local_axes_are_east_north_up():
+    place = earth_fixed([0.4, 0.7, 0.0])
+    east, north, up = local_axes(place)
+    step = 1e-6
+    moved = [earth_fixed([0.4 + step, 0.7, 0.0]), earth_fixed([0.4, 0.7 + step, 0.0])]
+    for axis, end in zip((east, north), moved, strict=True):
+        along = (end - place) / np.linalg.norm(end - place)
+        np.testing.assert_allclose(axis, along, atol=1e-6)
+    np.testing.assert_allclose(up, earth_fixed([0.4, 0.7, 1.0]) - place, atol=1e-8)
+
+
+def looking(tilt):
+    """A satellite over some place, its camera turned off the nadir; off-centre image points."""
+    satellite = earth_fixed([0.3, 0.8, 5e5])
+    down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
+    chain = imaging_chain(down, np.eye(3), np.eye(3), rotation_from_vector(tilt))
+    return image_vectors([[0.0, 0.0], [0.1, -0.2]], 14.0), satellite, chain
+
+
+def difference(function, step):
+    return (function(step) - function(-step)) / (2 * step)
+
+
+@pytest.mark.parametrize("tilt", [[0.0, 0.0, 0.0], [0.3, -0.2, 0.5]])
+def test_the_jacobian_is_the_derivative(tilt):
+    vectors, satellite, chain = looking(tilt)
+    found = ground_jacobian(vectors, satellite, chain)
+    for axis, unit in enumerate(np.eye(3)):
+
+        def at(satellite_step=0.0, turn=0.0, image=0.0, unit=unit):
+            turned = chain @ rotation_from_vector(turn * unit)
+            moved = satellite + satellite_step * unit
+            return imaged_position(vectors + image * unit, moved, turned).position
+
+        moved = difference(lambda s, at=at: at(satellite_step=s), 10.0)
+        np.testing.assert_allclose(found.by_satellite[..., axis], moved, atol=1e-6)
+        turned = difference(lambda s, at=at: at(turn=s), 1e-6)
+        np.testing.assert_allclose(found.by_turn[..., axis], turned, rtol=1e-6, atol=0.5)
+        shifted = difference(lambda s, at=at: at(image=s), 1e-5)
+        np.testing.assert_allclose(found.by_image[..., axis], shifted, rtol=1e-6, atol=0.05)
+
+
+def test_principal_point_and_focal_length_have_their_signs():
+    vectors, satellite, chain = looking([0.2, 0.1, 0.0])
+    found = ground_jacobian(vectors, satellite, chain)
+    points = [[0.0, 0.0], [0.1, -0.2]]
+
+    def at(focal=14.0, centre=(0.0, 0.0)):
+        return imaged_position(image_vectors(points, focal, centre), satellite, chain).position
+
+    by_focal = difference(lambda s: at(focal=14.0 + s), 1e-4)
+    by_x = difference(lambda s: at(centre=(s, 0.0)), 1e-5)
+    np.testing.assert_allclose(found.by_focal_length[..., 0], by_focal, rtol=1e-6, atol=0.01)
+    np.testing.assert_allclose(found.by_principal_point[..., 0], by_x, rtol=1e-6, atol=0.05)
+
+
+def test_moves_stay_in_the_tangent_plane():
+    vectors, satellite, chain = looking([0.3, -0.2, 0.5])
+    found = ground_jacobian(vectors, satellite, chain)
+    up = local_axes(found.position)[:, 2]
+    height = np.einsum("ni,nij->nj", up, found.by_turn)
+    assert np.abs(height).max() < 1e-6 * np.abs(found.by_turn).max()
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(ValueError, match="datetime64 or ISO"):
+        earth_from_inertial("yesterday", EarthOrientation(0.0))
+    with pytest.raises(ValueError, match="not a time"):
+        earth_from_inertial(np.datetime64("NaT"), EarthOrientation(0.0))
+    with pytest.raises(ValueError, match="milliseconds"):
+        EarthOrientation(-72.0)
+    with pytest.raises(ValueError, match="seconds of arc"):
+        EarthOrientation(0.0, pole=(0.03, 0.48))
+    with pytest.raises(ValueError, match="finite"):
+        EarthOrientation(np.nan)
+    with pytest.raises(ValueError, match="radians"):
+        earth_fixed([10.0, 50.0, 0.0])
+    with pytest.raises(ValueError, match="across the radius"):
+        satellite_from_inertial([1.0, 0, 0], [2.0, 0, 0])

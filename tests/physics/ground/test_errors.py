@@ -1,0 +1,191 @@
+"""Ground resolution and the imaging model (1) against closed forms, spheres and identities."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from reproduce.physics.attitude.lasers import emitted_directions
+from reproduce.physics.attitude.misalignment import misalignment_in_tracker
+from reproduce.physics.ground.errors import altitude_for_resolution, ground_error, ground_resolution
+from reproduce.physics.ground.imaging import (
+    WGS84,
+    EarthMissedError,
+    Ellipsoid,
+    distance_to_ground,
+    image_vectors,
+    imaged_position,
+    imaging_chain,
+)
+
+DOWN = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # earth_from_camera above (1, 0, 0)
+SATELLITE = np.array([WGS84.equatorial_radius + 500e3, 0, 0])
+
+
+def on_the_ellipsoid(points, ellipsoid=WGS84):
+    axes = [ellipsoid.equatorial_radius] * 2 + [ellipsoid.polar_radius]
+    return np.sum((points / np.array(axes)) ** 2, axis=-1)
+
+
+def test_resolution_and_altitude_are_inverses():
+    heights = np.geomspace(1e5, 4e7, 9)
+    pixels = ground_resolution(10.0, 1e-5, heights)
+    np.testing.assert_allclose(pixels, heights * 1e-6)
+    np.testing.assert_allclose(altitude_for_resolution(10.0, 1e-5, pixels), heights)
+
+
+def test_resolution_is_what_two_neighbouring_pixels_see():
+    focal, pitch = 10.0, 1e-5
+    imaged = imaged_position(
+        image_vectors([[-pitch / 2, 0], [pitch / 2, 0]], focal), SATELLITE, DOWN
+    )
+    apart = np.linalg.norm(imaged.position[1] - imaged.position[0])
+    assert apart == pytest.approx(ground_resolution(focal, pitch, 500e3), rel=1e-6)
+
+
+def test_a_pointing_error_moves_the_ground_position_by_altitude_times_angle():
+    angle = 5e-6
+    vectors = image_vectors([[0.0, 0.0]], 10.0)
+    turned = DOWN @ Rotation.from_rotvec([0, angle, 0]).as_matrix()
+    still, moved = (imaged_position(vectors, SATELLITE, chain) for chain in (DOWN, turned))
+    apart = np.linalg.norm(moved.position - still.position)
+    assert apart == pytest.approx(ground_error(500e3, angle), rel=1e-6)
+    assert ground_error(500e3, -angle) == -ground_error(500e3, angle)
+
+
+def test_positions_lie_on_the_ellipsoid_and_on_the_line():
+    rng = np.random.default_rng(1)
+    satellites = rng.standard_normal((300, 3))
+    satellites *= (rng.uniform(6.8e6, 4.2e7, 300) / np.linalg.norm(satellites, axis=-1))[:, None]
+    aim = 3e6 * rng.standard_normal((300, 3))  # points inside the Earth or near it
+    inside = on_the_ellipsoid(aim) < 0.9
+    satellites, aim = satellites[inside], aim[inside]
+    sight = aim - satellites
+    reach = distance_to_ground(satellites, sight)
+    ground = satellites + reach[:, None] * sight / np.linalg.norm(sight, axis=-1)[:, None]
+    np.testing.assert_allclose(on_the_ellipsoid(ground), 1, atol=1e-14)
+    # The near side: from the ground back to the satellite nothing is in the way.
+    assert (reach < np.linalg.norm(sight, axis=-1)).all()
+    outward = np.einsum("bi,bi->b", ground / [1, 1, (1 - WGS84.flattening) ** 2], sight)
+    assert (outward < 0).all()
+
+
+def test_the_distance_agrees_with_a_root_finder():
+    satellite, sight = np.array([3e6, -5e6, 4e6]), np.array([-0.5, 0.7, -0.4])
+    sight = sight / np.linalg.norm(sight)
+    root = brentq(
+        lambda t: on_the_ellipsoid(satellite + t * sight) - 1, 0, 3e6, xtol=1e-9, rtol=1e-15
+    )
+    assert distance_to_ground(satellite, sight) == pytest.approx(root, abs=1e-6)
+
+
+def test_a_sphere_has_a_closed_form():
+    sphere = Ellipsoid(6.4e6, 0.0)
+    tilt = 0.3
+    satellite = np.array([0, 0, 7e6])
+    # Law of sines in the triangle of centre, satellite and ground.
+    at_ground = np.pi - np.arcsin(7e6 * np.sin(tilt) / 6.4e6)
+    expected = 6.4e6 * np.sin(np.pi - tilt - at_ground) / np.sin(tilt)
+    found = distance_to_ground(satellite, [np.sin(tilt), 0, -np.cos(tilt)], sphere)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_at_the_poles_the_earth_is_flat_by_its_flattening():
+    height = distance_to_ground([0, 0, 7e6], [0, 0, -1])
+    assert 7e6 - height == pytest.approx(6356752.314245, abs=1e-6)
+
+
+def test_grazing_lines_meet_the_horizon_just_or_not():
+    satellite = np.array([7.0e6, 0, 0])
+    dip = np.arcsin(WGS84.equatorial_radius / 7.0e6)
+    just = [-np.cos(dip - 1e-7), np.sin(dip - 1e-7), 0]
+    past = [-np.cos(dip + 1e-7), np.sin(dip + 1e-7), 0]
+    horizon = np.sqrt(7.0e6**2 - WGS84.equatorial_radius**2)
+    assert distance_to_ground(satellite, just) == pytest.approx(horizon, rel=1e-3)
+    with pytest.raises(EarthMissedError, match=r"1 of 1 that miss it, 0 of them looking away"):
+        distance_to_ground(satellite, past)
+
+
+def test_looking_away_from_the_earth_is_an_error_not_a_place():
+    with pytest.raises(EarthMissedError, match=r"1 of 1 that miss it, 1 of them looking away"):
+        distance_to_ground(SATELLITE, [1, 0, 0])
+    with pytest.raises(EarthMissedError, match="check the sign of the boresight"):
+        imaged_position(image_vectors([[0, 0]], 1.0), SATELLITE, DOWN @ np.diag([-1, 1, -1]))
+    with pytest.raises(ValueError, match="origin: expected points outside the ellipsoid"):
+        distance_to_ground([6e6, 0, 0], [-1, 0, 0])
+
+
+def test_the_printed_model_holds_with_a_negative_scale():
+    # (1) as printed: satellite + m R [X, Y, -f], and (2) says which way the camera looks.
+    points = np.array([[0.02, -0.01], [0.0, 0.0], [-0.03, 0.015]])
+    chain = DOWN @ Rotation.from_rotvec([0.02, 0.1, 0.4]).as_matrix()
+    vectors = image_vectors(points, 10.0)
+    imaged = imaged_position(vectors, SATELLITE, chain)
+    printed = SATELLITE + imaged.scale[:, None] * (vectors @ chain.T)
+    np.testing.assert_allclose(printed, imaged.position, atol=1e-8)
+    np.testing.assert_allclose(on_the_ellipsoid(printed), 1, atol=1e-14)
+    assert (imaged.scale < 0).all()
+    sight = emitted_directions(points, 10.0)
+    np.testing.assert_allclose(vectors / np.linalg.norm(vectors, axis=-1)[:, None], -sight)
+
+
+def test_principal_point_and_distortion_shift_the_image():
+    plain = image_vectors([[0.0, 0.0]], 2.0)
+    np.testing.assert_allclose(
+        image_vectors([[0.013, 0.024]], 2.0, (0.01, 0.02), (0.003, 0.004)), plain, atol=1e-17
+    )
+    each = image_vectors([[1, 1], [2, 2]], 2.0, (0, 0), [[1, 0], [0, 1]])
+    np.testing.assert_array_equal(each, [[0, 1, -2], [2, 1, -2]])
+
+
+def test_the_chain_is_the_product_in_the_printed_order():
+    first, second, third, fourth = Rotation.random(4, random_state=np.random.default_rng(2))
+    np.testing.assert_allclose(
+        imaging_chain(*(r.as_matrix() for r in (first, second, third, fourth))),
+        (first * second * third * fourth).as_matrix(),
+        atol=1e-15,
+    )
+
+
+def test_a_batch_is_a_loop():
+    rng = np.random.default_rng(3)
+    chains = DOWN @ Rotation.from_rotvec(0.05 * rng.standard_normal((6, 3))).as_matrix()
+    satellites = SATELLITE + 1e4 * rng.standard_normal((6, 3))
+    vectors = image_vectors(0.05 * rng.standard_normal((4, 2)), 10.0)
+    together = imaged_position(vectors, satellites, chains)
+    assert together.position.shape == (6, 4, 3)
+    for i in range(6):
+        alone = imaged_position(vectors, satellites[i], chains[i])
+        np.testing.assert_allclose(together.position[i], alone.position, atol=1e-8)
+        np.testing.assert_allclose(together.scale[i], alone.scale, rtol=1e-14)
+
+
+def test_the_misalignment_of_7_in_the_place_of_r_u_doubles_the_error():
+    # The camera turns about its X axis; the tracker is mounted so that its X axis is the same.
+    turned = 5e-5
+    tracker_from_camera = Rotation.from_rotvec([2.0, 0, 0]).as_matrix()
+    misaligned = Rotation.from_rotvec([-turned, 0, 0]).as_matrix()  # camera_now_from_zero
+    earth_from_tracker = DOWN @ tracker_from_camera.T
+    vectors = image_vectors([[0.0, 0.0]], 10.0)
+
+    def seen(tracker_misalignment):
+        chain = imaging_chain(
+            np.eye(3), earth_from_tracker, tracker_misalignment, tracker_from_camera
+        )
+        return imaged_position(vectors, SATELLITE, chain).position[0]
+
+    truth = imaged_position(
+        vectors, SATELLITE, DOWN @ Rotation.from_rotvec([turned, 0, 0]).as_matrix()
+    ).position[0]
+    right = seen(misalignment_in_tracker(misaligned, tracker_from_camera))
+    np.testing.assert_allclose(right, truth, atol=1e-6)
+    uncorrected, wrong = seen(np.eye(3)), seen(misaligned)
+    assert np.linalg.norm(uncorrected - truth) == pytest.approx(500e3 * turned, rel=1e-3)
+    assert np.linalg.norm(wrong - truth) == pytest.approx(2 * 500e3 * turned, rel=1e-3)
+
+
+def test_an_ellipsoid_is_checked():
+    with pytest.raises(ValueError, match="flattening: expected from 0"):
+        Ellipsoid(6378137.0, 298.257223563)
+    with pytest.raises(ValueError, match="equatorial_radius: expected metres above zero"):
+        Ellipsoid(-1.0, 0.0)

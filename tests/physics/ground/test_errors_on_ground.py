@@ -1,0 +1,46 @@
+"""Ellipses and CE90 against closed forms and draws."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.ground.errors import circular_error, ellipse, ground_covariance
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.7, 0.3, 0.05, 0.001])
+def test_ce90_holds_ninety_in_a_hundred(ratio):
+    covariance = np.diag([4.0, 4.0 * ratio**2])
+    radius = float(circular_error(covariance))
+    draws = np.random.default_rng(6).normal(size=(400_000, 2)) * np.sqrt(covariance.diagonal())
+    share = (np.linalg.norm(draws, axis=1) < radius).mean()
+    assert share == pytest.approx(0.9, abs=4 * np.sqrt(0.09 / 400_000))
+
+
+def test_limits_have_their_closed_forms():
+    np.testing.assert_allclose(circular_error(np.eye(2)), np.sqrt(-2 * np.log(0.1)), rtol=1e-6)
+    np.testing.assert_allclose(circular_error(np.diag([1.0, 0.0])), 1.6448536, rtol=1e-4)
+    assert circular_error(np.zeros((2, 2))) == 0.0
+    np.testing.assert_allclose(circular_error(np.eye(2), 0.5), np.sqrt(2 * np.log(2)), rtol=1e-6)
+
+
+def test_the_ellipse_is_turned_from_north_to_east():
+    azimuth = np.radians(30.0)
+    along = np.array([np.sin(azimuth), np.cos(azimuth)])
+    across = np.array([np.cos(azimuth), -np.sin(azimuth)])
+    covariance = 9.0 * np.outer(along, along) + 4.0 * np.outer(across, across)
+    found = ellipse(covariance)
+    assert float(found.azimuth) == pytest.approx(azimuth)
+    assert (float(found.major), float(found.minor)) == pytest.approx((3.0, 2.0))
+
+
+def test_a_covariance_is_carried_with_its_correlation():
+    place = [6378137.0, 0.0, 0.0]
+    slopes = np.array([[0.0], [3.0], [4.0]])
+    found = ground_covariance(place, slopes, [[2.0]])
+    np.testing.assert_allclose(found, 2.0 * np.array([[9.0, 12.0], [12.0, 16.0]]), atol=1e-12)
+
+
+def test_nonsense_is_refused():
+    with pytest.raises(ValueError, match="negative variance"):
+        ellipse(np.diag([1.0, -1.0]))
+    with pytest.raises(ValueError, match="share"):
+        circular_error(np.eye(2), 90.0)

@@ -1,0 +1,95 @@
+"""Thermal series and their corrections, where the answer is known beforehand."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.ground.orbits import (
+    Thermal,
+    fourier_columns,
+    last_orbits,
+    orbital_period,
+    thermal_series,
+    trend_and_fourier,
+)
+
+QUIET = {"season": 0.0, "wander": 0.0, "trend": 0.0, "jumps": 0.0}
+
+
+def series(orbits=40, seed=1, **changes):
+    thermal = Thermal(1e-5, **(QUIET | changes))
+    return thermal_series(thermal, 5676.0, 32, orbits, np.random.default_rng(seed))
+
+
+def test_the_period_of_the_space_station():
+    assert float(orbital_period(400e3)) / 60 == pytest.approx(92.4, abs=0.3)
+
+
+def test_a_quiet_series_has_its_amplitude_and_repeats():
+    times, angles = series(harmonics=(1.0,))
+    assert angles.max() == pytest.approx(1e-5, rel=0.01)
+    # One orbit later the same, but for the slow turn of the phase with the season.
+    np.testing.assert_allclose(angles[32:], angles[:-32], atol=1e-5 * 0.001)
+    assert times[32] == pytest.approx(5676.0 / 86400)
+
+
+@pytest.mark.parametrize(
+    ("change", "value"), [("wander", 0.2), ("trend", 50.0), ("season", 0.3), ("jumps", 900.0)]
+)
+def test_every_part_is_there(change, value):
+    quiet, loud = series(orbits=400)[1], series(orbits=400, **{change: value})[1]
+    # About X alone: what is drawn there shifts the stream of what comes after it.
+    assert np.abs(loud - quiet)[:, 0].max() > 1e-7
+
+
+def test_the_wander_has_its_size_and_its_memory():
+    times, loud = series(orbits=4000, wander=0.5)
+    quiet = series(orbits=4000)[1]
+    wander = (loud - quiet)[:, 0] / 1e-5
+    assert wander.std() == pytest.approx(0.5, rel=0.15)
+    lag = round(0.2 / (times[1] - times[0]))
+    assert np.corrcoef(wander[lag:], wander[:-lag])[0, 1] == pytest.approx(np.exp(-1), abs=0.1)
+
+
+def test_trend_and_fourier_foretells_what_it_can_express():
+    times = np.arange(3000) * 0.002
+    phase = times / 0.065
+    angle = 2 * np.pi * phase
+    true = np.stack([3e-6 * times + 1e-5 * np.cos(angle), 5e-6 * np.sin(2 * angle)], axis=-1)
+    np.testing.assert_allclose(trend_and_fourier(times, phase, true, 1000), true, atol=1e-15)
+    third = true + np.stack([1e-6 * np.cos(3 * angle)] * 2, axis=-1)
+    missed = trend_and_fourier(times, phase, third, 1000) - third
+    assert np.abs(missed).max() > 0.9e-6, "a third harmonic is beyond the second degree"
+
+
+def test_last_orbits_follow_a_straight_change_of_the_coefficients():
+    phase = np.arange(20 * 16) / 16
+    growing = (1 + 0.1 * np.floor(phase)) * np.cos(2 * np.pi * phase)
+    true = np.stack([growing, -growing], axis=-1)
+    found = last_orbits(true, 16)
+    assert np.isnan(found[:48]).all()
+    np.testing.assert_allclose(found[48:], true[48:], atol=1e-12)
+
+
+def test_last_orbits_magnify_noise():
+    """Weights of -2/3, 1/3 and 4/3: the noise of a fitted orbit grows by the root of 7/3."""
+    noise = np.random.default_rng(2).normal(size=(3000 * 16, 2))
+    found = last_orbits(noise, 16)[48:]
+    kept = 7 / 16
+    assert found.var() == pytest.approx(kept * (4 + 1 + 16) / 9, rel=0.03)
+
+
+def test_columns_are_orthogonal_over_an_orbit():
+    columns = fourier_columns(np.arange(32) / 32, 3)
+    product = columns.T @ columns
+    np.testing.assert_allclose(product, np.diag(product.diagonal()), atol=1e-12)
+
+
+def test_nonsense_is_refused():
+    with pytest.raises(ValueError, match="amplitude"):
+        Thermal(0.0)
+    with pytest.raises(ValueError, match="altitude"):
+        orbital_period(-5.0)
+    with pytest.raises(ValueError, match="whole orbits"):
+        last_orbits(np.zeros((70, 2)), 16)
+    with pytest.raises(ValueError, match="calibrate longer"):
+        trend_and_fourier(np.arange(9.0), np.arange(9.0), np.zeros((9, 2)), 3)

@@ -1,0 +1,69 @@
+"""The image sensor against its own photon transfer curve and against its limits."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.images.detector import Detector, electrons, expose
+
+SENSOR = Detector(
+    quantum_efficiency=0.6, gain=0.8, dark_signal=30.0, read_noise=9.0, offset=200.0, bits=14
+)
+TRIALS = 40_000
+
+
+@pytest.mark.parametrize("photons", [0.0, 20.0, 1500.0])
+def test_exposures_have_the_mean_and_the_variance_of_the_model(photons):
+    draws = expose(np.full(TRIALS, photons), SENSOR, np.random.default_rng(5))
+    variance = float(SENSOR.output_variance(photons))
+    assert draws.mean() == pytest.approx(
+        float(SENSOR.mean_output(photons)), abs=4 * np.sqrt(variance / TRIALS)
+    )
+    assert draws.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / TRIALS))
+
+
+def test_the_output_is_whole_and_stays_within_its_bits():
+    sensor = Detector(gain=1.0, read_noise=20.0, offset=10.0, bits=8)
+    draws = expose(np.repeat([0.0, 1e4], 500), sensor, np.random.default_rng(1))
+    assert (draws == np.rint(draws)).all()
+    assert draws.min() == 0
+    assert draws.max() == 255
+    assert (draws[500:] == 255).all()
+
+
+def test_a_full_pixel_holds_no_more():
+    sensor = Detector(full_well=1000.0)
+    assert (expose(np.full(50, 1e5), sensor, np.random.default_rng(1)) == 1000.0).all()
+
+
+def test_the_inverse_returns_the_charge_of_the_light():
+    draws = expose(np.full(TRIALS, 1500.0), SENSOR, np.random.default_rng(2))
+    charge = electrons(draws, SENSOR)
+    assert charge.mean() == pytest.approx(900.0, abs=4 * charge.std() / np.sqrt(TRIALS))
+
+
+def test_the_noise_of_a_dark_pixel_has_three_parts():
+    assert SENSOR.noise_electrons() == pytest.approx(np.sqrt(30 + 81 + 1 / 12 / 0.64))
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"quantum_efficiency": 60.0}, "not a percentage"),
+        ({"gain": 0.0}, "gain"),
+        ({"gain": np.inf}, "gain"),
+        ({"read_noise": -1.0}, "read_noise"),
+        ({"bits": 0}, "bits"),
+        ({"bits": 33}, "bits"),
+        ({"full_well": -5.0}, "full_well"),
+    ],
+)
+def test_impossible_sensors_are_refused(setting, message):
+    with pytest.raises(ValueError, match=message):
+        Detector(**setting)
+
+
+def test_bad_light_and_bad_generators_are_refused():
+    with pytest.raises(ValueError, match="photons"):
+        expose([-1.0], SENSOR, np.random.default_rng(1))
+    with pytest.raises(TypeError, match="default_rng"):
+        expose([1.0], SENSOR, np.random.RandomState(1))

@@ -1,0 +1,103 @@
+"""Spectra against radiation laws written down elsewhere, and bad tables."""
+
+import numpy as np
+import pytest
+from scipy.constants import c, h, k
+from scipy.integrate import quad
+
+from reproduce.physics.images.spectra import (
+    ZERO_MAGNITUDE,
+    blackbody_band,
+    blackbody_photons,
+    channel_ratio,
+    tabulated_band,
+    tabulated_star,
+)
+
+
+def planck(wavelength, temperature):
+    """Photon radiance, up to a constant."""
+    return wavelength**-4 / (np.exp(h * c / (wavelength * k * temperature)) - 1)
+
+
+@pytest.mark.parametrize("temperature", [3000.0, 5800.0, 20000.0])
+def test_the_spectrum_is_plancks(temperature):
+    for wavelength in (400e-9, 680e-9):
+        expected = planck(wavelength, temperature) / planck(550e-9, temperature)
+        assert blackbody_photons(wavelength, temperature) == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_band_is_the_integral():
+    value, _ = quad(lambda x: planck(x * 1e-9, 4500) / planck(550e-9, 4500), 580, 680)
+    expected = ZERO_MAGNITUDE * 1e-9 * value
+    assert blackbody_band(0.0, 4500, 580e-9, 680e-9) == pytest.approx(expected, rel=1e-9)
+
+
+def test_five_magnitudes_are_a_factor_of_a_hundred():
+    bright, faint = blackbody_band([2.0, 7.0], 5800, 490e-9, 590e-9)
+    assert bright / faint == pytest.approx(100)
+
+
+def test_the_zero_point_is_about_a_thousand_photons_per_square_centimetre_and_angstrom():
+    """The figure of the textbooks, 1000 photons/(s cm^2 angstrom) at V = 0."""
+    per_square_centimetre_and_angstrom = ZERO_MAGNITUDE * 1e-4 * 1e-10
+    assert per_square_centimetre_and_angstrom == pytest.approx(1000, rel=0.02)
+    assert h * c / 550e-9 == pytest.approx(3.6117e-19, rel=1e-4)
+
+
+def test_hot_stars_are_blue_and_cool_ones_red():
+    ratio = blackbody_band(4, [3500, 20000], 400e-9, 500e-9) / blackbody_band(
+        4, [3500, 20000], 580e-9, 680e-9
+    )
+    assert ratio[0] < 0.5
+    assert ratio[1] > 1.5
+
+
+def test_very_cool_stars_do_not_overflow():
+    assert 0 <= blackbody_photons(400e-9, 10.0) < 1e-100
+
+
+def test_a_tabulated_blackbody_is_a_blackbody():
+    table = np.linspace(390e-9, 700e-9, 2001)
+    photons = ZERO_MAGNITUDE * blackbody_photons(table, 5000)
+    found = tabulated_band(table, np.stack([photons, 2 * photons]), 400e-9, 500e-9)
+    expected = float(blackbody_band(0, 5000, 400e-9, 500e-9))
+    np.testing.assert_allclose(found, [expected, 2 * expected], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wavelength", "low", "high", "message"),
+    [
+        ([500e-9, 400e-9], 410e-9, 420e-9, "rising"),
+        ([400e-9, 450e-9], 410e-9, 500e-9, "extend"),
+        ([400e-9, 450e-9], 450e-9, 410e-9, "lower edge"),
+    ],
+)
+def test_bad_tables_are_refused(wavelength, low, high, message):
+    with pytest.raises(ValueError, match=message):
+        tabulated_band(wavelength, [1.0, 1.0], low, high)
+
+
+def test_the_ratios_error_is_that_of_many_draws():
+    generator = np.random.default_rng(1)
+    top, bottom = generator.normal(4000, 60, 20_000), generator.normal(5000, 70, 20_000)
+    _, sigma = channel_ratio(4000, 5000, 60**2, 70**2)
+    assert (top / bottom).std() == pytest.approx(float(sigma), rel=0.03)
+
+
+def test_a_tabulated_blackbody_is_the_blackbody():
+    """Whatever the unit of its table; but for the curvature of the spectrum over 10 nm."""
+    wavelength = np.linspace(390e-9, 690e-9, 3001)
+    for temperature in (3500.0, 15000.0):
+        table = 7e11 * planck(wavelength, temperature)
+        for edges in ((400e-9, 500e-9), (580e-9, 680e-9)):
+            found = tabulated_star([3.0, 5.0], wavelength, table, *edges)
+            expected = blackbody_band([3.0, 5.0], temperature, *edges)
+            np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+def test_a_table_without_light_at_550_nm_is_refused():
+    with pytest.raises(ValueError, match="photons"):
+        tabulated_star(0.0, [400e-9, 700e-9], [0.0, 0.0], 400e-9, 500e-9)
+    with pytest.raises(ValueError, match="extend it"):
+        tabulated_star(0.0, [600e-9, 700e-9], [1.0, 1.0], 600e-9, 700e-9)

@@ -1,0 +1,130 @@
+"""Fitted centres beside another least-squares solver that starts from the brightest pixel."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, minimize
+
+from reproduce.physics.images.spot_fit import fitted_centre
+from reproduce.physics.images.spots import (
+    pixel_share_curvatures,
+    pixel_share_slopes,
+    spot_gradient,
+    spot_windows,
+)
+
+RADIUS, NOISE = 0.8, 10.0
+CENTRAL = float(spot_windows([0.0, 0.0], 1.0, RADIUS, [0, 0], 1)[0, 0])
+
+
+def scene(kind, size, count):
+    """Windows with read noise: faint spots, a neighbour as bright 3 px away, or light missing."""
+    generator = np.random.default_rng(size)
+    middle = np.full(2, size // 2) + generator.uniform(-0.5, 0.5, (count, 2))
+    light = generator.uniform(5, 8, count) * NOISE / CENTRAL
+    if kind == "too much background taken away":
+        light = np.full(count, 1e4)
+    windows = spot_windows(middle, light, RADIUS, [0, 0], size)
+    if kind == "neighbour":
+        angle = generator.uniform(0, 2 * np.pi, count)
+        beside = middle + 3 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        windows += spot_windows(beside, light, RADIUS, [0, 0], size)
+    noisy = generator.poisson(windows) + NOISE * generator.standard_normal(windows.shape)
+    return noisy - 100.0 if kind == "too much background taken away" else noisy
+
+
+def model(state, size):
+    return spot_windows(state[:2], max(state[2], 0.0), RADIUS, [0, 0], size)
+
+
+def brightest(window):
+    y, x = np.unravel_index(window.argmax(), window.shape)
+    return np.array([x, y, window.max() / CENTRAL])
+
+
+def least(window):
+    """Return the optimum of SciPy from the brightest pixel."""
+    size = len(window)
+
+    def slopes(state):
+        _, rows = spot_gradient(state, np.array(RADIUS), size, size)
+        return -rows.reshape(3, -1).T
+
+    def left(state):
+        return (window - model(state, size)).ravel()
+
+    fine = {"xtol": 1e-13, "ftol": 1e-14, "gtol": 1e-14, "max_nfev": 2000}
+    return least_squares(left, brightest(window), slopes, method="lm", x_scale="jac", **fine)
+
+
+@pytest.mark.parametrize("kind", ["faint", "neighbour", "too much background taken away"])
+@pytest.mark.parametrize("size", [5, 9, 11])
+def test_no_window_is_fitted_worse_than_from_the_brightest_pixel_by_scipy(kind, size):
+    windows = scene(kind, size, 60)
+    fit = fitted_centre(windows, [0, 0], RADIUS, weighting="uniform")
+    for row, window in enumerate(windows):
+        other = least(window)
+        if not fit.converged[row]:
+            assert (np.abs(other.x[:2] - size // 2) > size / 2 + 0.9).any(), other.x
+            continue
+        state = np.array([*fit.centre[row], fit.light[row]])
+        cost = 0.5 * np.square(window - model(state, size)).sum()
+        assert cost <= other.cost * (1 + 1e-9)
+        np.testing.assert_allclose(fit.centre[row], other.x[:2], rtol=0, atol=1e-4)
+    assert fit.converged.mean() > 0.98
+
+
+def test_the_likelihood_is_at_its_maximum_for_faint_spots_too():
+    windows = scene("faint", 7, 12)
+    fit = fitted_centre(windows, [0, 0], RADIUS, read_noise=NOISE)
+    assert fit.converged.all()
+
+    def cost(state, window):
+        mean = model(state, 7) + NOISE**2
+        return (mean - (window + NOISE**2) * np.log(mean)).sum()
+
+    for centre, light, window in zip(fit.centre, fit.light, windows, strict=True):
+        start = np.array([*centre, light])
+        found = minimize(cost, start, args=(window,), method="Nelder-Mead",
+                         options={"xatol": 1e-7, "fatol": 1e-10})  # fmt: skip
+        np.testing.assert_allclose(found.x[:2], centre, rtol=0, atol=1e-5)
+        far = minimize(cost, brightest(window), args=(window,), method="Nelder-Mead")
+        assert cost(start, window) <= far.fun + 1e-6
+
+
+def test_a_bad_window_is_named_and_spoils_no_other():
+    windows = scene("faint", 7, 5)
+    alone = fitted_centre(windows, [3, 4], RADIUS)
+    spoiled = windows.copy()
+    spoiled[1], spoiled[2], spoiled[3, 2, 2] = 0.0, -5.0, np.nan
+    fit = fitted_centre(spoiled, [3, 4], RADIUS)
+    assert fit.converged.tolist() == [True, False, False, False, True]
+    assert np.isnan(fit.centre[1:4]).all()
+    assert np.isnan(fit.light[1:4]).all()
+    np.testing.assert_allclose(fit.centre[[0, 4]], alone.centre[[0, 4]], rtol=0, atol=1e-9)
+
+
+def test_a_spot_outside_its_window_and_too_few_steps_do_not_count_as_fits():
+    outside = spot_windows([-3.0, 2.0], 1e4, 1.2, [0, 0], 5)
+    assert not fitted_centre(outside, [0, 0], 1.2).converged
+    window = scene("faint", 7, 1)[0]
+    assert not fitted_centre(window, [0, 0], RADIUS, steps=2).converged
+    assert fitted_centre(window, [0, 0], RADIUS).converged
+
+
+def test_a_batch_over_radii_gives_what_each_gives_alone():
+    radii = np.array([[0.6], [0.9]])
+    windows = spot_windows(np.array([2.2, 1.9]), 1e4, radii, [0, 0], 5)
+    windows = windows + np.random.default_rng(1).standard_normal((2, 3, 5, 5))
+    fit = fitted_centre(windows, [0, 0], radii)
+    assert fit.centre.shape == (2, 3, 2)
+    for row, radius in enumerate(radii[:, 0]):
+        for column in range(3):
+            alone = fitted_centre(windows[row, column], [0, 0], radius)
+            np.testing.assert_allclose(fit.centre[row, column], alone.centre, rtol=0, atol=1e-7)
+
+
+def test_curvatures_are_the_derivative_of_the_slopes():
+    step = 1e-6
+    ends = [pixel_share_slopes(0.3 + s, 0.7, -1, 3) for s in (step, -step)]
+    numeric = (ends[0] - ends[1]) / (2 * step)
+    np.testing.assert_allclose(pixel_share_curvatures(0.3, 0.7, -1, 3), numeric, rtol=1e-7)

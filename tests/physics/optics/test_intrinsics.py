@@ -1,0 +1,96 @@
+"""Calibrating one channel: against an iterating solver, a known law, and bad input."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from reproduce.physics.optics.camera import Camera, image_points
+from reproduce.physics.optics.intrinsics import fit_camera
+from reproduce.physics.validate import DegenerateGeometryError
+
+PITCH = 3.45e-6
+TRUTH = Camera(25.03e-3, (1030.2, 771.4), 34.1, PITCH)
+GENERATOR = np.random.default_rng(7)
+SLOPES = np.concatenate(
+    [GENERATOR.uniform((-0.14, -0.1), (0.14, 0.1), (60, 2)), np.ones((60, 1))], axis=1
+)
+CLEAN = image_points(SLOPES, TRUTH)
+SCALES = np.array([1e-3, 1.0, 1.0, 10.0])
+
+
+def residuals(scaled, points):
+    """The model (2) with (3), written out."""
+    focal, x, y, m = scaled * SCALES
+    ideal = focal * SLOPES[:, :2]
+    radius = (ideal**2).sum(axis=1, keepdims=True)
+    return (points - ideal * (1 + m * radius) / PITCH - (x, y)).ravel()
+
+
+def test_the_minimum_is_that_of_an_iterating_solver():
+    points = CLEAN + 0.1 * GENERATOR.standard_normal(CLEAN.shape)
+    start = np.array([25e-3, 1000, 800, 0]) / SCALES
+    iterated = least_squares(
+        residuals, start, "3-point", args=(points,), x_scale="jac", xtol=1e-15, ftol=1e-15
+    )
+    fit = fit_camera(SLOPES, points, PITCH)
+    np.testing.assert_allclose(fit.parameters / SCALES, iterated.x, rtol=1e-7)
+    inverse = np.linalg.inv(iterated.jac.T @ iterated.jac) * SCALES * SCALES[:, None]
+    np.testing.assert_allclose(fit.cofactor, inverse, rtol=1e-4, atol=0)
+
+
+def test_clean_points_give_back_the_camera_also_of_a_turned_detector():
+    fit = fit_camera(SLOPES, image_points(SLOPES, TRUTH, 0.01), PITCH, 0.01)
+    np.testing.assert_allclose(fit.parameters / SCALES, [25.03, 1030.2, 771.4, 3.41], rtol=1e-9)
+    np.testing.assert_allclose(fit.residuals, 0, atol=1e-9)
+
+
+def test_the_covariance_is_the_scatter_of_many_calibrations():
+    noisy = CLEAN + 0.05 * GENERATOR.standard_normal((4000, *CLEAN.shape))
+    fits = fit_camera(SLOPES, noisy, PITCH)
+    expected = np.sqrt(np.diag(fit_camera(SLOPES, CLEAN, PITCH).cofactor)) * 0.05
+    np.testing.assert_allclose(fits.parameters.std(axis=0), expected, rtol=0.05)
+    own = np.sqrt(np.diagonal(fits.covariance, axis1=-2, axis2=-1)).mean(axis=0)
+    np.testing.assert_allclose(own, expected, rtol=0.05)
+
+
+def test_a_batch_gives_what_each_gives_alone():
+    noisy = CLEAN + GENERATOR.standard_normal((3, *CLEAN.shape))
+    together = fit_camera(SLOPES, noisy, PITCH)
+    for row, points in enumerate(noisy):
+        alone = fit_camera(SLOPES, points, PITCH)
+        np.testing.assert_allclose(together.parameters[row], alone.parameters, rtol=1e-12)
+        np.testing.assert_allclose(together.cofactor[row], alone.cofactor, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("points", "error", "message"),
+    [
+        (CLEAN[:5], ValueError, "as many directions as points"),
+        (np.full_like(CLEAN, np.nan), ValueError, "finite"),
+        (-CLEAN, ValueError, "signs of the axes"),
+    ],
+)
+def test_bad_points_are_refused(points, error, message):
+    with pytest.raises(error, match=message):
+        fit_camera(SLOPES, points, PITCH)
+
+
+def test_one_ring_of_directions_fixes_no_distortion():
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ring = np.stack([0.1 * np.cos(turn), 0.1 * np.sin(turn), np.ones(12)], axis=-1)
+    with pytest.raises(DegenerateGeometryError, match="same slope"):
+        fit_camera(ring, image_points(ring, TRUTH), PITCH)
+
+
+def test_two_points_have_no_covariance_of_their_own():
+    fit = fit_camera([[0, 0, 1], [0.1, 0, 1], [0.2, 0, 1]], [[0, 0], [10, 0], [20, 0]], 1e-3)
+    assert fit.covariance.shape == (4, 4)
+    pair = fit_camera([[0.05, 0, 1], [0, 0.2, 1]], [[50, 0], [0, 200]], 1e-3)
+    with pytest.raises(DegenerateGeometryError, match="three points"):
+        _ = pair.covariance
+
+
+@pytest.mark.parametrize("pitch", [0.0, (1e-6, 2e-6)])
+def test_the_pitch_is_one_positive_number(pitch):
+    with pytest.raises(ValueError, match="pixel_pitch"):
+        fit_camera(SLOPES, CLEAN, pitch)

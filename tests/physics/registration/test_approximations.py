@@ -1,0 +1,100 @@
+"""Errors of the approximations: analytic and simulated in agreement, and both by hand."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.optics.camera import Camera, image_points
+from reproduce.physics.registration.approximations import (
+    EFFECTS,
+    Channels,
+    analytic_bias,
+    error_field,
+    even_positions,
+    imaged,
+    second_term_from_share,
+    simulated_bias,
+)
+
+PITCH = 3.45e-6
+HALF = np.array([2064, 1544]) * PITCH / 2
+EVEN = even_positions(HALF)
+SOURCE = Camera(25.0601e-3, (1033.9, 774.3), 57.0, PITCH)
+GREEN = Camera(25.0e-3, (1032.0, 772.0), 49.0, PITCH)
+CHANNELS = Channels(SOURCE, GREEN, np.radians(0.07), (3.0, -4.0), (2e-4, -1e-4), (4e5, 3e5))
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_analytic_and_simulated_bias_agree(effect):
+    simulated = simulated_bias(CHANNELS.only(effect), EVEN)
+    if effect == "coefficients":  # the cube is at work in both, and the difference counts
+        simulated = simulated - simulated_bias(CHANNELS.only("cube"), EVEN)
+    analytic = analytic_bias(CHANNELS, effect, HALF)
+    size = np.array([1 / 1e3, 1 / 1e3, 1.0, 1.0])  # a scale acts over a thousand pixels
+    tolerance = 0.005 * np.abs(analytic / size).max() * size
+    assert (np.abs(simulated - analytic) < tolerance).all()
+    assert np.abs(analytic).max() > 0
+
+
+@pytest.mark.parametrize("effect", ["coefficients", "cube"])
+def test_the_bias_of_the_scale_holds_far_from_a_scale_of_one(effect):
+    """Near one, a power of the scale more or less would pass unseen."""
+    far = Channels(Camera(25e-3, (0, 0), 57.0, PITCH), Camera(15e-3, (0, 0), 49.0, PITCH))
+    simulated = simulated_bias(far.only(effect), EVEN)[0]
+    if effect == "coefficients":
+        simulated -= simulated_bias(far.only("cube"), EVEN)[0]
+    assert simulated == pytest.approx(analytic_bias(far, effect, HALF)[0], rel=0.005)
+
+
+def test_the_error_of_the_cube_by_hand():
+    """A spot 4 mm out in x, of focal lengths 25.0601 and 25 mm."""
+    k = 25.0 / 25.0601
+    expected = (k**3 - k) * 57.0 * 4e-3**3 / PITCH
+    found = error_field(CHANNELS.only("cube"), [[4e-3, 0.0]])
+    np.testing.assert_allclose(found, [[expected, 0.0]], atol=1e-9)
+
+
+def test_the_error_of_the_coefficients_by_hand():
+    k = 25.0 / 25.0601
+    expected = (k**3 * 49.0 - k * 57.0) * 4e-3**3 / PITCH
+    found = error_field(CHANNELS.only("coefficients"), [[0.0, 4e-3]])
+    np.testing.assert_allclose(found, [[0.0, expected]], atol=1e-9)
+
+
+def test_a_wrong_pivot_moves_all_points_alike():
+    found = error_field(CHANNELS.only("pivot"), EVEN[:50])
+    np.testing.assert_allclose(found, np.broadcast_to(found[0], found.shape), atol=1e-9)
+    k, turn = 25.0 / 25.0601, np.radians(0.07)
+    expected = k * np.exp(1j * turn) * (3 - 4j) - (3 - 4j)
+    np.testing.assert_allclose(found[0], [expected.real, expected.imag], atol=1e-9)
+
+
+def test_a_tilted_detector_is_a_plane_cut_by_rays():
+    """The same point by solving for the ray's length in three dimensions."""
+    tilted = Channels(Camera(25e-3, (0, 0), 0, PITCH), GREEN, tilt=(0.02, 0.0))
+    (found,), _ = imaged(tilted, [[3e-3, 1e-3]])
+    # Plane: z = F + 0.02 x; ray: (3, 1, 25) times s.
+    s = 25e-3 / (25e-3 - 0.02 * 3e-3)
+    assert found[0] * PITCH == pytest.approx(np.hypot(3e-3 * s, 0.02 * 3e-3 * s), rel=1e-12)
+    assert found[1] * PITCH == pytest.approx(1e-3 * s, rel=1e-12)
+
+
+def test_without_tilt_and_second_term_the_camera_images():
+    plain = Channels(SOURCE, GREEN, 0.01)
+    positions = EVEN[:40]
+    directions = np.column_stack([positions, np.full(40, 25.0601e-3)])
+    source, reference = imaged(plain, positions)
+    np.testing.assert_allclose(source, image_points(directions, SOURCE, 0.01), atol=1e-9)
+    np.testing.assert_allclose(reference, image_points(directions, GREEN), atol=1e-9)
+
+
+def test_the_share_of_the_first_term():
+    second = second_term_from_share(SOURCE, 0.9, 4e-3)
+    first = 57.0 * 4e-3**2
+    assert first / (first + second * 4e-3**4) == pytest.approx(0.9)
+    with pytest.raises(ValueError, match="share"):
+        second_term_from_share(SOURCE, 90, 4e-3)
+
+
+def test_unknown_effects_are_refused():
+    with pytest.raises(ValueError, match="effect"):
+        CHANNELS.only("colour")

@@ -1,0 +1,50 @@
+"""The Cramér-Rao bound against the whole information matrix, true positions included."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.registration.calibration import jacobian, registration_bound
+from reproduce.physics.registration.similarity import Similarity, as_points, fit_similarity
+from reproduce.physics.validate import DegenerateGeometryError
+
+POINTS = np.random.default_rng(3).uniform(0, 2000, (9, 2))
+TRUTH = Similarity(1.3, 0.4, (2.0, -1.0), (900.0, 700.0))
+
+
+def whole_information(source_sigma, target_sigma):
+    """Fisher information of four parameters and eighteen coordinates, all unknown."""
+    count = len(POINTS)
+    by_parameters = jacobian(TRUTH.parameters, POINTS, TRUTH.pivot)
+    turn = np.stack([as_points(TRUTH.factor), as_points(1j * TRUTH.factor)], axis=-1)
+    by_position = np.zeros((2 * count, 2 * count))
+    for i in range(count):
+        by_position[np.ix_([i, count + i], [2 * i, 2 * i + 1])] = turn
+    target_rows = np.hstack([by_parameters, by_position]) / target_sigma
+    source_rows = np.hstack([np.zeros((2 * count, 4)), np.eye(2 * count)]) / source_sigma
+    return target_rows.T @ target_rows + source_rows.T @ source_rows
+
+
+def test_the_bound_is_that_of_the_whole_problem():
+    information = whole_information(0.2, 0.3)
+    size = np.sqrt(np.diag(information))
+    inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+    found = registration_bound(POINTS, TRUTH, 0.2, 0.3)
+    np.testing.assert_allclose(found, inverse[:4, :4], rtol=1e-7, atol=1e-14)
+
+
+def test_the_closed_form_reaches_the_bound():
+    generator = np.random.default_rng(4)
+    source = POINTS + 0.2 * generator.standard_normal((6000, *POINTS.shape))
+    target = TRUTH.transform(POINTS) + 0.3 * generator.standard_normal((6000, *POINTS.shape))
+    scatter = fit_similarity(source, target, TRUTH.pivot).parameters.var(axis=0)
+    bound = registration_bound(POINTS, TRUTH, 0.2, 0.3).diagonal()
+    np.testing.assert_allclose(scatter, bound, rtol=5 * np.sqrt(2 / 6000))
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(ValueError, match="noise in one channel"):
+        registration_bound(POINTS, TRUTH, 0.0, 0.0)
+    with pytest.raises(DegenerateGeometryError, match="coincident"):
+        registration_bound([[5, 5], [5, 5]], TRUTH, 0.1, 0.1)
+    with pytest.raises(ValueError, match="sigma"):
+        registration_bound(POINTS, TRUTH, -1.0, 0.0)

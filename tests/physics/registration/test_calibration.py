@@ -1,0 +1,254 @@
+"""The paper's iteration: derivatives, convergence, starting values, and its printed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reproduce.physics.registration.calibration import (
+    ConvergenceError,
+    Stopping,
+    calibrate,
+    calibrate_from_all,
+    constraint,
+    constraint_printed,
+    deviations,
+    gauss_newton_step,
+    gauss_newton_step_printed,
+    jacobian,
+    line_direction,
+    model_points,
+    random_starts,
+    starting_values,
+    two_line_rotation,
+)
+from reproduce.physics.registration.similarity import Similarity, fit_similarity
+from reproduce.physics.validate import DegenerateGeometryError
+
+TRUTH = Similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
+PIVOT = TRUTH.pivot
+START = (1.0, 0.0, 0.0, 0.0)
+
+
+def spots(count: int = 40, batch: tuple[int, ...] = (), seed: int = 1) -> tuple:
+    rng = np.random.default_rng(seed)
+    source = rng.uniform((0, 0), (2064, 1544), (*batch, count, 2))
+    return source, TRUTH.transform(source) + 0.05 * rng.normal(size=source.shape)
+
+
+def test_model_is_the_similarity_and_takes_a_negative_scale_too() -> None:
+    source, _ = spots()
+    np.testing.assert_allclose(
+        model_points(TRUTH.parameters, source, PIVOT), TRUTH.transform(source), atol=1e-10
+    )
+    turned = TRUTH.parameters * (-1, 1, 1, 1) + (0, np.pi, 0, 0)
+    np.testing.assert_allclose(
+        model_points(turned, source, PIVOT), TRUTH.transform(source), atol=1e-10
+    )
+
+
+def test_jacobian_agrees_with_finite_differences() -> None:
+    source, target = spots(9)
+    u = np.array([1.2, 0.4, 3.0, -2.0])
+    steps = np.diag([1e-5, 1e-5, 1e-2, 1e-2])
+    differences = [
+        (deviations(u - step, source, target, PIVOT) - deviations(u + step, source, target, PIVOT))
+        / (2 * step.sum())
+        for step in steps
+    ]
+    np.testing.assert_allclose(
+        jacobian(u, source, PIVOT), np.stack(differences, axis=-1), rtol=1e-8, atol=1e-6
+    )
+
+
+def test_rows_are_all_x_then_all_y() -> None:
+    source, target = spots(5)
+    left = deviations(START, source, target, PIVOT)
+    np.testing.assert_allclose(left, (target - source).T.ravel())
+    assert (jacobian(START, source, PIVOT)[:5, 2] == -1).all()
+    assert (jacobian(START, source, PIVOT)[5:, 3] == -1).all()
+
+
+def test_iteration_reaches_the_closed_form() -> None:
+    source, target = spots()
+    closed = fit_similarity(source, target, PIVOT)
+    result = calibrate(source, target, PIVOT, START)
+    np.testing.assert_allclose(result.parameters, closed.parameters, rtol=1e-10, atol=1e-10)
+    assert result.cost[-1] == pytest.approx(closed.chi_square)
+    np.testing.assert_allclose(
+        result.similarity.transform(source), closed.similarity.transform(source), atol=1e-9
+    )
+
+
+def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost() -> None:
+    source, target = spots()
+    start = (1.0, 0.002, 0.3, 0.3)
+    result = calibrate(source, target, PIVOT, start)
+    assert 1 <= result.first_stage < len(result.history) - 1
+    np.testing.assert_array_equal(result.history[0], start)
+    np.testing.assert_array_equal(result.history[1 : result.first_stage + 1, 2:], 0.3)
+    assert (result.history[result.first_stage + 1 :, 2:] != 0.3).all()
+    assert (np.diff(result.cost) <= 1e-9 * result.cost[0]).all()
+    for u, cost in zip(result.history, result.cost, strict=True):
+        left = target - model_points(u, source, PIVOT)
+        assert cost == pytest.approx((left**2).sum())
+
+
+def test_a_calibration_of_a_batch_comes_out_as_alone() -> None:
+    source, target = spots(12, (2, 3))
+    starts = random_starts(START, (0.1, 0.5, 5, 5), 3, np.random.default_rng(2))
+    together = calibrate(source, target, PIVOT, starts)
+    for i in np.ndindex(2, 3):
+        alone = calibrate(source[i], target[i], PIVOT, starts[i[1]])
+        np.testing.assert_allclose(together.parameters[i], alone.parameters, rtol=1e-9, atol=1e-9)
+
+
+def test_a_settled_calibration_stays_put_while_others_move() -> None:
+    source, target = spots()
+    closed = fit_similarity(source, target, PIVOT).parameters
+    result = calibrate(source, target, PIVOT, np.stack([closed, np.add(closed, (0.2, 1.0, 9, 9))]))
+    settled, moving = result.history[: result.first_stage + 1].swapaxes(0, 1)
+    assert len(settled) > 4
+    assert (settled[1:] == settled[1]).all()
+    assert (moving[2] != moving[1]).any()
+
+
+def test_noiseless_steps_converge_at_more_than_linear_speed() -> None:
+    source, _ = spots()
+    target = TRUTH.transform(source)
+    u = np.array([0.9, 0.3, 4.0, 4.0])
+    errors = []
+    for _ in range(4):
+        u = gauss_newton_step(u, source, target, PIVOT)
+        errors.append(abs(u[1] - 0.0011))
+    assert errors[1] < 0.1 * errors[0]
+    assert errors[2] < errors[1] ** 1.9
+
+
+def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
+    source, _ = spots()
+    target = TRUTH.transform(source)
+    solution = TRUTH.parameters
+    for offset in ((0, 0, 1e-3, 0), (0, 0, 0, -1.0), (0, 0, 2.0, 3.0)):
+        u = solution + offset
+        for step in range(1, 6):
+            u = gauss_newton_step_printed(u, source, target, PIVOT)
+            np.testing.assert_allclose(u - solution, np.multiply(offset, 2.0**step), atol=1e-7)
+    rng = np.random.default_rng(3)
+    for start in solution + rng.normal(size=(20, 4)) * (1e-3, 1e-3, 1, 1):
+        u, costs = start, []
+        for _ in range(6):
+            costs.append((deviations(u, source, target, PIVOT) ** 2).sum())
+            u = gauss_newton_step_printed(u, source, target, PIVOT)
+        assert (np.diff(costs) > 0).all()
+    stay = gauss_newton_step_printed(solution, source, target, PIVOT)
+    np.testing.assert_allclose(stay, solution, atol=1e-9)
+
+
+def test_the_two_signs_mirror_each_other() -> None:
+    source, target = spots()
+    u = np.array([1.01, 0.02, 1.0, 2.0])
+    right = gauss_newton_step(u, source, target, PIVOT)
+    printed = gauss_newton_step_printed(u, source, target, PIVOT)
+    np.testing.assert_allclose(right + printed, 2 * u, rtol=1e-14)
+
+
+def test_printed_constraint_holds_at_45_degrees_alone() -> None:
+    angles = np.radians(np.arange(0, 361, 5))
+    np.testing.assert_allclose(constraint(angles), 0, atol=1e-15)
+    np.testing.assert_allclose(constraint_printed(angles), np.cos(2 * angles), atol=1e-15)
+    held = np.abs(constraint_printed(angles)) < 1e-12
+    np.testing.assert_allclose(np.degrees(angles[held]), [45, 135, 225, 315])
+
+
+def test_line_direction_by_singular_vectors() -> None:
+    rng = np.random.default_rng(4)
+    points = rng.normal(size=(30, 2)) * (5, 0.5) @ [[0.8, 0.6], [-0.6, 0.8]] + (100, 50)
+    direction = line_direction(points)
+    axis = np.linalg.svd(points - points.mean(axis=0))[2][0]
+    assert abs(np.cos(direction) * axis[1] - np.sin(direction) * axis[0]) < 1e-12
+
+
+def test_line_direction_may_be_vertical() -> None:
+    assert line_direction([[3, 0], [3, 1], [3, 5]]) == pytest.approx(np.pi / 2)
+
+
+def test_starting_values_are_the_truth_without_noise() -> None:
+    line = np.stack([np.linspace(0, 2000, 9), np.full(9, 770.0)], axis=-1)
+    source = TRUTH.inverse().transform(line)
+    target_zero = PIVOT - TRUTH.shift
+    start = starting_values(source, line, PIVOT, target_zero)
+    np.testing.assert_allclose(start, (1.0, 0.0011, -0.4, 0.7), atol=1e-12)
+
+
+def test_one_pair_of_lines_serves_many_shifts_and_many_pairs_one_shift() -> None:
+    line = np.stack([np.linspace(0, 2000, 9), np.full(9, 770.0)], axis=-1)
+    sources = np.stack([TRUTH.inverse().transform(line), line])
+    zeros = PIVOT + np.array([[0.0, 0.0], [1.0, -2.0], [3.0, 5.0]])
+    for found, zero in zip(starting_values(line, line, zeros, PIVOT), zeros, strict=True):
+        np.testing.assert_allclose(found, [1.0, 0.0, *(zero - PIVOT)], atol=1e-12)
+    turned = starting_values(sources, np.stack([line, line]), PIVOT, PIVOT)
+    np.testing.assert_allclose(turned, [[1, 0.0011, 0, 0], [1, 0, 0, 0]], atol=1e-12)
+
+
+def test_two_line_rotation_takes_the_short_way_round() -> None:
+    up = [[0, 0], [np.cos(1.5), np.sin(1.5)]]
+    beyond = [[0, 0], [np.cos(1.7), np.sin(1.7)]]
+    assert two_line_rotation(up, beyond) == pytest.approx(0.2)
+    assert two_line_rotation(beyond, up) == pytest.approx(-0.2)
+
+
+def test_random_restarts_all_end_at_the_closed_form() -> None:
+    source, target = spots(15, (3,))
+    starts = random_starts(np.tile(START, (3, 1)), (0.5, 3.0, 50, 50), 20, np.random.default_rng(5))
+    assert starts.shape == (20, 3, 4)
+    assert (np.abs(starts - START) <= (0.5, 3.0, 50, 50)).all()
+    best = calibrate_from_all(source, target, PIVOT, starts)
+    closed = fit_similarity(source, target, PIVOT)
+    np.testing.assert_allclose(best.parameters, closed.parameters, atol=1e-9)
+    assert best.history.shape[1:] == (3, 4)
+    assert best.cost.shape[1:] == best.converged.shape == (3,)
+
+
+def test_restarts_choose_the_lowest_cost_among_those_that_settled() -> None:
+    source, target = spots(15)
+    # One step is enough at the solution and too few elsewhere.
+    closed = fit_similarity(source, target, PIVOT).parameters
+    starts = np.stack([np.add(closed, (0.1, 1.0, 9, 9)), closed])
+    best = calibrate_from_all(source, target, PIVOT, starts, Stopping(steps=1))
+    np.testing.assert_array_equal(best.history[0], closed)
+
+
+def test_too_few_steps_are_reported() -> None:
+    source, target = spots()
+    with pytest.raises(ConvergenceError, match="1 of 1"):
+        calibrate(source, target, PIVOT, START, Stopping(steps=1))
+    with pytest.raises(ConvergenceError, match="none"):
+        calibrate_from_all(source, target, PIVOT, [START], Stopping(steps=1))
+
+
+def test_a_start_at_scale_zero_is_reported() -> None:
+    source, target = spots()
+    with pytest.raises(DegenerateGeometryError, match="singular"):
+        gauss_newton_step((0, 0, 0, 0), source, target, PIVOT)
+    with pytest.raises(ConvergenceError):
+        calibrate(source, target, PIVOT, (0, 0, 0, 0))
+
+
+def test_a_cluster_far_from_the_pivot_is_refused() -> None:
+    source = np.random.default_rng(6).uniform(0, 1, (5, 2))
+    with pytest.raises(DegenerateGeometryError, match="fit_similarity"):
+        calibrate(source, source, (1e5, 0), START)
+    far = fit_similarity(source, source, (1e5, 0))
+    np.testing.assert_allclose(far.parameters, START, atol=1e-9)
+
+
+def test_random_starts_fill_the_box_evenly() -> None:
+    """Uniform on the box: mean in the middle, a third of the half width squared as variance."""
+    half_widths = np.array([0.5, 3.0, 50.0, 20.0])
+    found = (
+        random_starts(START, half_widths, 4000, np.random.default_rng(6)) - START
+    ) / half_widths
+    assert (np.abs(found) <= 1).all()
+    np.testing.assert_allclose(found.mean(axis=0), 0.0, atol=4 / np.sqrt(3 * 4000))
+    np.testing.assert_allclose(found.var(axis=0), 1 / 3, rtol=0.06)

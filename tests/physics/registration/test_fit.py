@@ -1,0 +1,372 @@
+"""Registering points: against other software, an iterating solver, known laws, wrong matches."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+from skimage.transform import EuclideanTransform, SimilarityTransform
+
+from reproduce.physics.registration.fit import fit_registration, prepare, repeated_median
+from reproduce.physics.registration.similarity import fit_similarity
+from reproduce.physics.registration.transforms import MODELS, Registration
+from reproduce.physics.validate import DegenerateGeometryError
+
+GENERATOR = np.random.default_rng(11)
+POINTS = GENERATOR.uniform((0, 0), (2064, 1544), (40, 2))
+PIVOT = np.array([1031.0, 770.0])
+TRUE = {
+    "shift": [-3.0, 2.0],
+    "rigid": [0.01, -3.0, 2.0],
+    "similarity": [1.002, 0.01, -3.0, 2.0],
+    "similarity+radial": [1.002, 0.01, -3.0, 2.0, 2e-9],
+    "affine": [1.001, 0.002, -0.003, 0.998, -3.0, 2.0],
+}
+# What a parameter moves at the edge of the field, to compare parameters in px.
+REACH = {"shift x": 1.0, "shift y": 1.0, "radial": 1e9}
+
+
+def reach(model):
+    return np.array([REACH.get(name, 1e3) for name in MODELS[model]])
+
+
+def noisy(model, sigma=0.1, shape=()):
+    clean = Registration(model, np.array(TRUE[model]), PIVOT).apply(POINTS)
+    return clean + sigma * GENERATOR.standard_normal((*shape, *clean.shape))
+
+
+@pytest.mark.parametrize(
+    ("model", "kind"),
+    [
+        ("similarity", SimilarityTransform),
+        ("rigid", EuclideanTransform),
+    ],
+)
+def test_agrees_with_scikit_image(model, kind):
+    target = noisy(model)
+    ours = fit_registration(POINTS, target, PIVOT, model=model).transform.apply(POINTS)
+    theirs = kind.from_estimate(POINTS, target)(POINTS)
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9)
+
+
+def test_agrees_with_opencv_in_single_precision():
+    target = noisy("similarity")
+    matrix, inliers = cv2.estimateAffinePartial2D(
+        POINTS, target, method=cv2.RANSAC, ransacReprojThreshold=5.0, refineIters=100
+    )
+    assert inliers.all()
+    ours = fit_registration(POINTS, target, PIVOT).transform
+    theirs = POINTS @ matrix[:, :2].T + matrix[:, 2]
+    np.testing.assert_allclose(ours.apply(POINTS), theirs, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_minimum_and_its_covariance_are_those_of_an_iterating_solver(model):
+    target, weights = noisy(model), GENERATOR.uniform(0.5, 2, len(POINTS))
+
+    def left(scaled):
+        transform = Registration(model, scaled / reach(model), PIVOT)
+        return (np.sqrt(weights)[:, None] * (target - transform.apply(POINTS))).ravel()
+
+    start = np.array(TRUE[model]) * reach(model)
+    found = least_squares(left, start, "3-point", x_scale="jac", xtol=1e-15, ftol=1e-15)
+    fit = fit_registration(POINTS, target, PIVOT, weights, model)
+    np.testing.assert_allclose(fit.parameters * reach(model), found.x, rtol=0, atol=1e-6)
+    inverse = np.linalg.inv(found.jac.T @ found.jac) / np.outer(reach(model), reach(model))
+    scale = np.sqrt(np.outer(np.diag(inverse), np.diag(inverse)))
+    np.testing.assert_allclose(fit.cofactor / scale, inverse / scale, atol=1e-6)
+    np.testing.assert_allclose(fit.chi_square, 2 * found.cost, rtol=1e-9)
+    freedom = 2 * len(POINTS) - len(MODELS[model])
+    assert int(fit.degrees_of_freedom) == freedom
+    np.testing.assert_allclose(fit.covariance, fit.cofactor * fit.chi_square / freedom, rtol=1e-12)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_known_covariances_of_both_images_give_honest_errors(model):
+    """Parameters scatter as the covariance says, and chi-square follows its law."""
+    trials, n = 1500, len(POINTS)
+    half = GENERATOR.uniform(-0.2, 0.2, (2, n, 2, 2)) + 0.3 * np.eye(2)
+    in_source, in_target = half @ np.swapaxes(half, -1, -2)
+    clean = Registration(model, np.array(TRUE[model]), PIVOT).apply(POINTS)
+    draws = GENERATOR.standard_normal((2, trials, n, 2, 1))
+    source = POINTS + (half[0] @ draws[0])[..., 0]
+    target = clean + (half[1] @ draws[1])[..., 0]
+    fit = fit_registration(
+        source,
+        target,
+        PIVOT,
+        model=model,
+        source_covariance=in_source,
+        target_covariance=in_target,
+    )
+    errors = fit.parameters - TRUE[model]
+    normal = np.einsum("ti,tij,tj->t", errors, np.linalg.inv(fit.covariance), errors)
+    count = len(MODELS[model])
+    assert normal.mean() == pytest.approx(count, abs=5 * np.sqrt(2 * count / trials))
+    freedom = 2 * n - count
+    assert fit.chi_square.mean() == pytest.approx(freedom, abs=5 * np.sqrt(2 * freedom / trials))
+    beyond = (fit.chi_square > chi2.ppf(0.95, freedom)).mean()
+    assert beyond == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / trials))
+
+
+def small_field(model, generator):
+    """A field so small, and errors so large and unequal, that errors of the source matter."""
+    n = 15
+    points, truth = generator.uniform(-40, 40, (n, 2)), np.array(TRUE[model])
+    if model == "similarity+radial":
+        truth[-1] = 2e-5
+    half = generator.uniform(-1, 1, (2, n, 2, 2)) + 2 * np.eye(2)
+    covariances = half @ np.swapaxes(half, -1, -2)
+    errors = (half @ generator.standard_normal((2, n, 2, 1)))[..., 0]
+    target = Registration(model, truth, np.zeros(2)).apply(points) + errors[1]
+    return points + errors[0], target, covariances
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("known", ["both", "source", "target"])
+def test_the_maximum_of_the_whole_likelihood_is_that_of_an_iterating_solver(model, known):
+    """The solver moves the true points too, one by one, and knows no elimination."""
+    source, target, (in_source, in_target) = small_field(model, np.random.default_rng(5))
+    weights = np.random.default_rng(6).uniform(0.5, 2, len(source))
+    given = {
+        "source_covariance": None if known == "target" else in_source,
+        "target_covariance": None if known == "source" else in_target,
+    }
+    fit = fit_registration(source, target, np.zeros(2), weights, model, **given)
+    # An image without a covariance is taken as free of errors: here, as nearly so.
+    tiny = np.broadcast_to(1e-8 * np.eye(2), in_source.shape)
+    used = [tiny if c is None else c for c in given.values()]
+    whitening = [np.linalg.inv(np.linalg.cholesky(c)) for c in used]
+    size = np.where(np.array(MODELS[model]) == "radial", 1e-5, 1.0)
+    root, count = np.sqrt(weights)[:, None], len(size)
+
+    def left(unknowns):
+        points = unknowns[count:].reshape(-1, 2)
+        transform = Registration(model, unknowns[:count] * size, np.zeros(2))
+        parts = (source - points, target - transform.apply(points))
+        white = [root * (w @ d[..., None])[..., 0] for w, d in zip(whitening, parts, strict=True)]
+        return np.concatenate(white).ravel()
+
+    begin = np.concatenate([np.array(TRUE[model]) / size, source.ravel()])
+    found = least_squares(left, begin, "3-point", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    sd = np.sqrt(np.diag(fit.covariance))
+    np.testing.assert_allclose((fit.parameters - found.x[:count] * size) / sd, 0, atol=2e-5)
+    assert float(fit.chi_square) == pytest.approx(2 * found.cost, rel=1e-6)
+    whole = np.linalg.inv(found.jac.T @ found.jac)[:count, :count] * np.outer(size, size)
+    np.testing.assert_allclose(
+        fit.covariance / np.outer(sd, sd), whole / np.outer(sd, sd), atol=1e-4
+    )
+
+
+def test_errors_of_the_source_do_not_draw_the_scale_towards_zero():
+    """In a thousand fits of a small field, beside fits that take the source as free of errors."""
+    generator = np.random.default_rng(3)
+    points = generator.uniform(-40, 40, (1000, 60, 2))
+    source, target = (points + 4 * generator.standard_normal(points.shape) for _ in range(2))
+    error = 16 * np.eye(2)
+    naive = fit_registration(source, target, np.zeros(2), target_covariance=error)
+    known = fit_registration(
+        source, target, np.zeros(2), source_covariance=error, target_covariance=error
+    )
+    # k cos(theta), because the length k itself is drawn away from zero by its own scatter.
+    naive, known = (fit.parameters[:, 0] * np.cos(fit.parameters[:, 1]) for fit in (naive, known))
+    # By hand: the scale shrinks by the share of the noise in the spread of the measured points.
+    shrunk = 16 / (80**2 / 12 + 16)
+    luck = known.std() / np.sqrt(1000)
+    assert naive.mean() == pytest.approx(1 - shrunk, abs=4 * luck)
+    assert known.mean() == pytest.approx(1, abs=4 * luck)
+    assert luck < shrunk / 20
+
+
+def test_equal_round_errors_by_hand():
+    """The rotation stays that of least squares; the scale is the root of Deming's equation."""
+    target = noisy("similarity", 3.0)
+    source = POINTS + 2 * GENERATOR.standard_normal(POINTS.shape)
+    in_source, in_target = 4.0, 9.0
+    known = fit_registration(
+        source,
+        target,
+        PIVOT,
+        source_covariance=in_source * np.eye(2),
+        target_covariance=in_target * np.eye(2),
+    )
+    plain = fit_similarity(source, target, PIVOT)
+    offsets, targets = (p - p.mean(axis=0) for p in (source, target))
+    spread, target_spread = np.square(offsets).sum(), np.square(targets).sum()
+    common = plain.similarity.scale * spread
+    middle = in_target * spread - in_source * target_spread
+    roots = np.roots([in_source * common, middle, -in_target * common])
+    assert known.parameters[0] == pytest.approx(roots[roots > 0].item(), rel=1e-10)
+    assert known.parameters[0] - plain.parameters[0] > 1e-6
+    assert known.parameters[1] == pytest.approx(plain.parameters[1], abs=1e-12)
+    middles = known.transform.apply(source.mean(axis=0)[None])[0]
+    np.testing.assert_allclose(middles, target.mean(axis=0), atol=1e-9)
+    variance = in_target + plain.similarity.scale**2 * in_source
+    expected = variance * plain.cofactor
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(known.covariance / scale, expected / scale, atol=1e-4)
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_the_fast_path_is_the_general_one(order):
+    """Rows in memory order go the fast way, columns the general one."""
+    target = noisy("similarity")
+    general = fit_similarity(POINTS, target, PIVOT)
+    fit = fit_registration(np.array(POINTS, order=order), np.array(target, order=order), PIVOT)
+    np.testing.assert_allclose(fit.parameters, general.parameters, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(fit.residuals, general.residuals, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(fit.covariance, general.covariance, rtol=1e-10, atol=1e-25)
+    np.testing.assert_allclose(fit.chi_square, general.chi_square, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "pivot"),
+    [
+        (np.full((4, 2), np.nan), np.zeros((4, 2)), (0, 0)),
+        (np.full((4, 2), 7.0), POINTS[:4], (0, 0)),
+        (POINTS[:4], np.full((4, 2), 7.0), (0, 0)),
+        (POINTS[:4], POINTS[:5], (0, 0)),
+        (POINTS[:4], POINTS[:4], (np.inf, 0)),
+        (POINTS[:4], POINTS[:4], (0, 0, 0)),
+        (POINTS[:4] * np.inf, POINTS[:4], (0, 0)),
+    ],
+)
+def test_the_fast_path_refuses_what_the_general_one_refuses(source, target, pivot):
+    with pytest.raises(ValueError) as general:  # noqa: PT011, the messages are compared
+        fit_similarity(source, target, pivot)
+    with pytest.raises(type(general.value)) as fast:
+        fit_registration(source, target, pivot)
+    assert str(fast.value) == str(general.value)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_two_fifths_of_wrong_matches_do_no_harm(model):
+    target = noisy(model, 0.05)
+    wrong = GENERATOR.permutation(len(POINTS))[:16]
+    target[wrong] += GENERATOR.uniform(20, 400, (16, 2))
+    right = np.ones(len(POINTS))
+    right[wrong] = 0
+    fit = fit_registration(POINTS, target, PIVOT, model=model, robust=True)
+    clean = fit_registration(POINTS, target, PIVOT, right, model)
+    assert (fit.weights[wrong] == 0).all()
+    assert (fit.weights[right > 0] > 0).mean() > 0.9
+    apart = fit.transform.apply(POINTS) - clean.transform.apply(POINTS)
+    assert np.abs(apart).max() < 0.05
+    again = fit_registration(POINTS, target, PIVOT, model=model, robust=True)
+    np.testing.assert_array_equal(again.parameters, fit.parameters)
+
+
+def test_without_wrong_matches_the_robust_fit_is_nearly_as_good():
+    target = noisy("similarity", 0.1, (400,))
+    robust = fit_registration(POINTS, target, PIVOT, robust=True).parameters
+    plain = fit_registration(POINTS, target, PIVOT).parameters
+    efficiency = plain.var(axis=0) / robust.var(axis=0)
+    assert (efficiency > 0.85).all()
+    assert (efficiency < 1.02).all()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_batch_gives_what_each_gives_alone(model):
+    targets = noisy(model, 0.1, (3,))
+    together = fit_registration(POINTS, targets, PIVOT, model=model)
+    for row, target in enumerate(targets):
+        alone = fit_registration(POINTS, target, PIVOT, model=model)
+        difference = (together.parameters[row] - alone.parameters) * reach(model)
+        assert np.abs(difference).max() < 1e-8
+        np.testing.assert_allclose(together.covariance[row], alone.covariance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_transforms_are_undone_and_composed(model):
+    transform = Registration(model, np.array(TRUE[model]), PIVOT)
+    landed = transform.apply(POINTS)
+    np.testing.assert_allclose(transform.inverse().apply(landed), POINTS, atol=1e-9)
+    assert transform.inverse().inverse() is transform
+    twice = transform.after(transform)
+    np.testing.assert_allclose(twice.apply(POINTS), transform.apply(landed), atol=1e-9)
+    back = twice.inverse()
+    np.testing.assert_allclose(back.apply(twice.apply(POINTS)), POINTS, atol=1e-8)
+    home = transform.inverse().after(transform)
+    np.testing.assert_allclose(home.apply(POINTS), POINTS, atol=1e-9)
+    np.testing.assert_allclose(twice.after(back).apply(landed), landed, atol=1e-8)
+
+
+def test_the_order_of_a_composition_matters_and_is_kept():
+    turn = Registration("rigid", np.array([0.5, 3.0, 4.0]), PIVOT)
+    bend = Registration("similarity+radial", np.array(TRUE["similarity+radial"]), PIVOT)
+    both = bend.after(turn)
+    np.testing.assert_allclose(both.apply(POINTS), bend.apply(turn.apply(POINTS)), atol=1e-9)
+    assert np.abs(both.apply(POINTS) - turn.apply(bend.apply(POINTS))).max() > 1
+    np.testing.assert_allclose(both.inverse().apply(both.apply(POINTS)), POINTS, atol=1e-8)
+
+
+def test_the_repeated_median_bears_almost_half_of_the_points():
+    clean = Registration("similarity", np.array(TRUE["similarity"]), PIVOT).apply(POINTS)
+    clean[:19] = GENERATOR.uniform(0, 2000, (19, 2))
+    found = repeated_median(prepare(POINTS, clean, PIVOT, None, "similarity"))
+    # Without noise the right ones agree exactly, and the median is near them, not at them.
+    assert (np.abs(found - TRUE["similarity"]) * reach("similarity") < 40).all()
+    few = clean.copy()
+    few[10:19] = Registration("similarity", np.array(TRUE["similarity"]), PIVOT).apply(POINTS)[
+        10:19
+    ]
+    found = repeated_median(prepare(POINTS, few, PIVOT, None, "similarity"))
+    assert (np.abs(found - TRUE["similarity"]) * reach("similarity") < 1e-9).all()
+
+
+def test_the_radial_term_is_undone_on_both_sides_of_zero():
+    for c in (-5e-8, 5e-8):
+        transform = Registration("similarity+radial", np.array([1, 0, 0, 0, c]), PIVOT)
+        landed = transform.apply(POINTS)
+        assert np.abs(landed - POINTS).max() > 10
+        np.testing.assert_allclose(transform.undo(landed), POINTS, atol=1e-8)
+
+
+def test_a_folded_image_is_refused():
+    folding = Registration("similarity+radial", np.array([1, 0, 0, 0, -1e-6]), np.zeros(2))
+    with pytest.raises(DegenerateGeometryError, match="folds"):
+        folding.undo([[500.0, 0.0]])
+
+
+def test_a_flattened_image_is_refused():
+    flat = Registration("affine", np.array([1.0, 0, 0, 0, 0, 0]), np.zeros(2))
+    with pytest.raises(DegenerateGeometryError, match="cannot be undone"):
+        flat.undo([[1.0, 0.0]])
+
+
+def test_weights_of_zero_drop_points():
+    target = noisy("affine")
+    weights = np.ones(len(POINTS))
+    weights[:5] = 0
+    fit = fit_registration(POINTS, target, PIVOT, weights, "affine")
+    kept = fit_registration(POINTS[5:], target[5:], PIVOT, model="affine")
+    np.testing.assert_allclose(fit.parameters, kept.parameters, rtol=1e-9, atol=1e-9)
+    assert fit.degrees_of_freedom == kept.degrees_of_freedom
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"model": "projective"}, "similarity"),
+        ({"target_covariance": np.eye(3)}, "shape"),
+        ({"target_covariance": -np.eye(2)}, "variances above zero"),
+        ({"source_covariance": [[1, 0.5], [0, 1]]}, "symmetric"),
+        ({"source_covariance": np.ones((7, 2, 2)) + np.eye(2)}, "one for each of 40"),
+        ({"weights": -np.ones(40), "model": "rigid"}, "zero or more"),
+    ],
+)
+def test_bad_input_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        fit_registration(POINTS, POINTS, PIVOT, **arguments)
+
+
+def test_points_that_fix_too_little_are_refused():
+    line = np.column_stack([np.arange(9.0), np.arange(9.0)])
+    with pytest.raises(DegenerateGeometryError, match="fix every parameter"):
+        fit_registration(line, line, PIVOT, model="affine")
+    with pytest.raises(DegenerateGeometryError, match="three or more"):
+        fit_registration(line[:2], line[:2], PIVOT, robust=True)
+    with pytest.raises(DegenerateGeometryError, match="parameters"):
+        _ = fit_registration(line[:1], line[:1], PIVOT, model="shift").covariance
+    with pytest.raises(DegenerateGeometryError, match="one place"):
+        fit_registration(np.zeros((5, 2)), line[:5], PIVOT, robust=True, model="shift")

@@ -1,0 +1,101 @@
+"""Resampled images: light and centroids arrive where the transform says."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.spots import render_frame
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.resample import fused_image, registered_image
+from reproduce.physics.registration.similarity import Similarity, fit_similarity
+from reproduce.physics.registration.transforms import Registration
+
+TRANSFORM = Similarity(1.01, 0.02, (1.3, -0.7), (30.0, 20.0))
+SPOT = np.array([[33.3, 27.8]])
+
+
+@pytest.mark.parametrize("order", [1, 3])
+def test_a_spot_arrives_with_its_light_where_the_transform_says(order):
+    image = render_frame(SPOT, 1e5, 1.2, (64, 48))
+    found = registered_image(image, TRANSFORM, order=order)
+    assert found.sum() == pytest.approx(1e5, rel=2e-3)
+    expected = TRANSFORM.transform(SPOT)[0]
+    np.testing.assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters"),
+    [
+        ("shift", [3.2, -1.4]),
+        ("rigid", [0.05, 3.2, -1.4]),
+        ("similarity", [1.05, 0.05, 3.2, -1.4]),
+        ("similarity+radial", [1.05, 0.05, 3.2, -1.4, 2e-4]),
+        ("affine", [1.05, 0.03, -0.06, 0.97, 3.2, -1.4]),
+        ("affine", [-1.0, 0.0, 0.0, 1.0, 3.2, -1.4]),  # a mirror image
+    ],
+)
+def test_what_a_fit_returns_carries_an_image(model, parameters):
+    """The light too, though the radial term enlarges the spot where it is."""
+    pivot = np.array([30.0, 22.0])
+    truth = Registration(model, np.array(parameters), pivot)
+    source = np.random.default_rng(2).uniform(0, 60, (12, 2))
+    fit = fit_registration(source, truth.apply(source), pivot, model=model)
+    image = render_frame(SPOT, 1e5, 1.2, (64, 48))
+    found = registered_image(image, fit)
+    assert found.sum() == pytest.approx(1e5, rel=3e-3)
+    expected = truth.apply(SPOT)[0]
+    np.testing.assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.02)
+    np.testing.assert_array_equal(registered_image(image, fit.transform), found)
+    part = registered_image(image[10:46, 12:60], fit, order=1, corner=(12, 10))
+    whole = registered_image(image, fit, order=1)
+    np.testing.assert_allclose(part[5:-5, 5:-5], whole[15:41, 17:55], rtol=1e-9, atol=1e-6)
+
+
+def test_all_forms_of_one_similarity_give_one_image():
+    source = np.random.default_rng(2).uniform(0, 60, (12, 2))
+    image = render_frame(SPOT, 1e5, 1.2, (64, 48))
+    fit = fit_similarity(source, TRANSFORM.transform(source), TRANSFORM.pivot)
+    for form in (fit, fit.similarity, fit_registration(source, TRANSFORM.transform(source),
+                                                       TRANSFORM.pivot)):  # fmt: skip
+        np.testing.assert_allclose(
+            registered_image(image, form), registered_image(image, TRANSFORM), atol=1e-6
+        )
+
+
+def test_a_window_is_a_part_of_the_whole():
+    image = render_frame(SPOT, 1e5, 1.0, (64, 48))
+    whole = registered_image(image, TRANSFORM, order=1)
+    part = registered_image(image[15:40, 20:50], TRANSFORM, order=1, corner=(20, 15))
+    np.testing.assert_allclose(part[5:-5, 5:-5], whole[20:35, 25:45], rtol=1e-9, atol=1e-9)
+
+
+def test_nothing_happens_without_a_transform():
+    image = np.random.default_rng(1).normal(size=(9, 7))
+    found = registered_image(image, Similarity(1, 0, (0, 0), (3, 3)))
+    np.testing.assert_allclose(found, image, atol=1e-12)
+
+
+def test_images_add_up():
+    layers = [np.full((2, 3), value) for value in (1.0, 10.0, 100.0)]
+    np.testing.assert_array_equal(fused_image(layers), np.full((2, 3), 111.0))
+    np.testing.assert_array_equal(fused_image(layers, [1, 0.5, 0]), np.full((2, 3), 6.0))
+    assert layers[0][0, 0] == 1.0, "the images given stay as they are"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fused_image([]), "one or more"),
+        (lambda: fused_image([np.ones((2, 2)), np.ones((2, 3))]), "same shape"),
+        (lambda: fused_image([np.ones((2, 2))], [1, 2]), "one each"),
+        (lambda: registered_image(np.ones((2, 3, 3)), TRANSFORM), "singly"),
+        (lambda: registered_image(np.ones((3, 3)), TRANSFORM, order=2), "order"),
+        (
+            lambda: registered_image(np.ones((3, 3)), Similarity([1, 1], 0, (0, 0), (0, 0))),
+            "batch",
+        ),
+    ],
+)
+def test_bad_input_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

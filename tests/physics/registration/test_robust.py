@@ -1,0 +1,76 @@
+"""Robust fits: what their covariance covers, and which points known errors let them drop."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from reproduce.physics.registration.fit import TUKEY, fit_registration
+from reproduce.physics.registration.transforms import Registration
+
+PIVOT = np.array([1031.0, 770.0])
+TRUE = np.array([1.002, 0.01, -3.0, 2.0])
+
+
+def field(generator, trials, n, wrong=0.0, sigma=0.1):
+    """Points all over the field and where they land, a share of them matched wrongly."""
+    source = generator.uniform((0, 0), (2064, 1544), (trials, n, 2))
+    target = Registration("similarity", TRUE, PIVOT).apply(source)
+    target += sigma * generator.standard_normal(target.shape)
+    dropped = generator.random((trials, n)).argsort(axis=1) < round(wrong * n)
+    target += dropped[..., None] * generator.uniform(-400, 400, target.shape)
+    return source, target
+
+
+def efficiency(constant, dimensions):
+    """Variance of the mean over that of the biweight's location, for Gaussian vectors."""
+
+    def mean(value):
+        return quad(lambda r: value(r, (r / constant) ** 2) * r ** (dimensions - 1)
+                    * np.exp(-(r**2) / 2), 0, constant)[0]  # fmt: skip
+
+    slope = mean(lambda _, u: (1 - u) ** 2 - 4 * u * (1 - u) / dimensions)
+    square = mean(lambda r, u: ((1 - u) ** 2 * r) ** 2 / dimensions)
+    whole = quad(lambda r: r ** (dimensions - 1) * np.exp(-(r**2) / 2), 0, np.inf)[0]
+    return slope**2 / (square * whole)
+
+
+def test_the_constant_is_as_efficient_as_its_comment_says():
+    assert efficiency(TUKEY, 1) == pytest.approx(0.95, abs=5e-4)
+    assert efficiency(TUKEY, 2) == pytest.approx(0.929, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("n", "wrong", "expected"),
+    [(20, 0.0, (0.685, 0.935)), (20, 0.2, (0.685, 0.935)), (83, 0.0, (0.683, 0.95))],
+)
+def test_one_and_two_sigma_cover_what_is_said_of_them(n, wrong, expected):
+    """A part of the study behind `RegistrationFit.covariance`, to four standard errors."""
+    trials = 1000
+    source, target = field(np.random.default_rng(n), trials, n, wrong)
+    fit = fit_registration(source, target, PIVOT, robust=True)
+    sd = np.sqrt(np.diagonal(fit.covariance, axis1=-2, axis2=-1))
+    off = np.abs(fit.parameters - TRUE) / sd
+    for share, limit in zip(expected, (1.0, norm.ppf(0.975)), strict=True):
+        luck = np.sqrt(share * (1 - share) / trials)
+        np.testing.assert_allclose((off < limit).mean(axis=0), share, rtol=0, atol=4 * luck)
+
+
+@pytest.mark.parametrize("known", ["covariances", "weights"])
+def test_points_are_judged_by_their_own_errors(known):
+    generator = np.random.default_rng(2)
+    sigma = np.tile([0.02, 0.5], 40)[:, None]
+    source, target = field(generator, 300, 80, sigma=sigma)
+    target[:, 0, 0] += 50 * 0.02
+    errors = np.square(sigma)[..., None] * np.eye(2)
+    given = {"target_covariance": errors} if known == "covariances" else {}
+    weights = None if known == "covariances" else sigma[:, 0] ** -2.0
+    fit = fit_registration(source, target, PIVOT, weights, robust=True, **given)
+    assert (fit.weights[:, 0] == 0).all(), "fifty standard deviations off"
+    assert (fit.weights[:, 1::2] > 0).mean() > 0.99, "as far off as they may be"
+    assert (fit.weights[:, 2::2] > 0).mean() > 0.99
+    best = fit_registration(source[:, 1:], target[:, 1:], PIVOT, target_covariance=errors[1:])
+    normal = np.square(fit.parameters - TRUE).mean(axis=0)
+    np.testing.assert_array_less(normal, 1.4 * np.square(best.parameters - TRUE).mean(axis=0))
+    claimed = np.diagonal(fit.covariance, axis1=-2, axis2=-1).mean(axis=0)
+    np.testing.assert_allclose(claimed / normal, 1, atol=5 * np.sqrt(2 / len(source)))

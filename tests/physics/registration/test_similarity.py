@@ -1,0 +1,272 @@
+"""The similarity and its closed-form fit against SciPy, linear algebra and invariances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from reproduce.physics.optics.camera import Camera, image_points
+from reproduce.physics.registration.similarity import (
+    Similarity,
+    SimilarityFit,
+    fit_similarity,
+    principal_point_shift,
+    rmse,
+    rmse_per_axis,
+    similarity_between,
+)
+from reproduce.physics.validate import DegenerateGeometryError
+
+TRUTH = Similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
+
+
+def spots(count: int = 60, seed: int = 1, sigma: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    source = rng.uniform((0, 0), (2064, 1544), (count, 2))
+    return source, TRUTH.transform(source) + sigma * rng.normal(size=source.shape)
+
+
+def residuals_by_matrix(u: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """The model with an explicit matrix, independent of the complex numbers inside."""
+    c, s = np.cos(u[1]), np.sin(u[1])
+    turned = (source - TRUTH.pivot) @ (u[0] * np.array([[c, s], [-s, c]]))
+    return target - (turned + TRUTH.pivot - u[2:])
+
+
+def by_scipy(source: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple:
+    solved = least_squares(
+        lambda u: (np.sqrt(weights)[:, None] * residuals_by_matrix(u, source, target)).ravel(),
+        (1.0, 0.0, 0.0, 0.0),
+        x_scale="jac",
+        jac="3-point",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    return solved.x, np.linalg.inv(solved.jac.T @ solved.jac), 2 * solved.cost
+
+
+def covariance_units(fit: SimilarityFit) -> np.ndarray:
+    """One standard deviation each, to compare covariances of unlike units."""
+    sd = np.sqrt(np.diagonal(fit.cofactor, axis1=-2, axis2=-1))
+    return sd[..., :, None] * sd[..., None, :]
+
+
+def test_transform_is_the_matrix_form() -> None:
+    source, target = spots(sigma=0)
+    np.testing.assert_allclose(residuals_by_matrix(TRUTH.parameters, source, target), 0, atol=1e-11)
+
+
+def test_affine_form_gives_the_same_points() -> None:
+    source, target = spots(sigma=0)
+    matrix, translation = TRUTH.affine()
+    np.testing.assert_allclose(source @ matrix.T + translation, target, atol=1e-11)
+    assert np.linalg.det(matrix) == pytest.approx(1.003**2)
+
+
+def test_limits_of_the_transform() -> None:
+    source, _ = spots()
+    np.testing.assert_array_equal(Similarity(1, 0, (0, 0), (5, 6)).transform(source), source)
+    shifted = Similarity(1, 0, (2, -3), (0, 0)).transform(source)
+    np.testing.assert_allclose(shifted, source - (2, -3))
+    quarter = Similarity(1, np.pi / 2, (0, 0), (0, 0)).transform([[1, 0]])
+    np.testing.assert_allclose(quarter, [[0, 1]], atol=1e-15)
+    scaled = Similarity(3, 0.4, (0, 0), (5, 6)).transform([[5, 6]])
+    np.testing.assert_allclose(scaled, [[5, 6]])
+
+
+def test_inverse_and_composition() -> None:
+    source, target = spots(sigma=0)
+    np.testing.assert_allclose(TRUTH.inverse().transform(target), source, atol=1e-11)
+    np.testing.assert_allclose(TRUTH.inverse().after(TRUTH).parameters, (1, 0, 0, 0), atol=1e-12)
+    second = Similarity(0.7, 2.0, (10, 20), (3, 4))
+    np.testing.assert_allclose(
+        second.after(TRUTH).transform(source), second.transform(target), atol=1e-11
+    )
+
+
+def test_the_same_transform_about_another_pivot() -> None:
+    source, target = spots(sigma=0)
+    moved = TRUTH.about((0, 0))
+    np.testing.assert_allclose(moved.transform(source), target, atol=1e-11)
+    np.testing.assert_allclose(moved.shift, -TRUTH.affine()[1], atol=1e-11)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_fit_agrees_with_scipy(weighted: bool) -> None:
+    source, target = spots()
+    weights = np.random.default_rng(2).uniform(0, 3, len(source)) if weighted else None
+    fit = fit_similarity(source, target, TRUTH.pivot, weights)
+    ones = np.ones(len(source)) if weights is None else weights
+    solution, cofactor, chi_square = by_scipy(source, target, ones)
+    np.testing.assert_allclose(fit.parameters, solution, atol=1e-9)
+    np.testing.assert_allclose(
+        fit.cofactor / covariance_units(fit), cofactor / covariance_units(fit), atol=1e-7
+    )
+    assert fit.chi_square == pytest.approx(chi_square, rel=1e-10)
+    np.testing.assert_allclose(
+        fit.covariance, fit.cofactor * chi_square / (2 * len(source) - 4), rtol=1e-10
+    )
+
+
+def test_fit_agrees_with_linear_algebra() -> None:
+    source, target = spots(12)
+    q = source - TRUTH.pivot
+    one, zero = np.ones(len(q)), np.zeros(len(q))
+    design = np.concatenate(
+        [np.stack([q[:, 0], -q[:, 1], -one, zero], 1), np.stack([q[:, 1], q[:, 0], zero, -one], 1)]
+    )
+    observed = (target - TRUTH.pivot).T.ravel()
+    (a, b, *shift), chi_square, *_ = np.linalg.lstsq(design, observed)
+    fit = fit_similarity(source, target, TRUTH.pivot)
+    np.testing.assert_allclose(
+        fit.parameters, (np.hypot(a, b), np.arctan2(b, a), *shift), rtol=1e-9, atol=1e-12
+    )
+    assert fit.chi_square == pytest.approx(chi_square[0])
+
+
+def test_fit_without_noise_returns_the_truth() -> None:
+    for truth in (TRUTH, Similarity(0.2, 3.1, (900, -5), (0, 0)), Similarity(1, 0, (0, 0), (9, 9))):
+        source, _ = spots()
+        fit = fit_similarity(source, truth.transform(source), truth.pivot)
+        np.testing.assert_allclose(fit.parameters, truth.parameters, rtol=1e-12, atol=1e-10)
+        np.testing.assert_allclose(fit.residuals, 0, atol=1e-10)
+
+
+def test_residuals_are_target_minus_transformed_source() -> None:
+    source, target = spots()
+    fit = fit_similarity(source, target, TRUTH.pivot)
+    np.testing.assert_allclose(fit.residuals, target - fit.similarity.transform(source), atol=1e-11)
+    np.testing.assert_allclose(fit.residuals.sum(axis=0), 0, atol=1e-9)
+
+
+def test_covariance_is_the_scatter_of_many_fits() -> None:
+    rng = np.random.default_rng(3)
+    source, target = spots(20, sigma=0)
+    noisy = target + 0.05 * rng.normal(size=(4000, 20, 2))
+    fits = fit_similarity(source, noisy, TRUTH.pivot)
+    predicted = 0.05**2 * fit_similarity(source, target, TRUTH.pivot).cofactor
+    whitened = np.linalg.solve(
+        np.linalg.cholesky(predicted), (fits.parameters - TRUTH.parameters).T
+    )
+    # 4000 draws: a variance scatters by sqrt(2 / 4000) = 0.022, a correlation by 0.016.
+    np.testing.assert_allclose(np.cov(whitened), np.eye(4), atol=0.09)
+    np.testing.assert_allclose(whitened.mean(axis=1), 0, atol=4.5 / np.sqrt(4000))
+    variance = fits.covariance[:, 0, 0].mean()
+    assert variance == pytest.approx(predicted[0, 0], rel=0.03)
+
+
+def test_scale_and_rotation_do_not_depend_on_pivot_or_translation() -> None:
+    source, target = spots()
+    fit = fit_similarity(source, target, TRUTH.pivot)
+    moved = fit_similarity(source - 50.0, target + 7.0, (-300.0, 9000.0))
+    np.testing.assert_allclose(moved.parameters[:2], fit.parameters[:2], rtol=1e-11)
+    np.testing.assert_allclose(moved.residuals, fit.residuals, atol=1e-10)
+    np.testing.assert_allclose(
+        fit.similarity.about((0, 0)).shift,
+        fit_similarity(source, target, (0, 0)).similarity.shift,
+        atol=1e-10,
+    )
+
+
+def test_a_far_origin_costs_no_digits() -> None:
+    source, target = spots()
+    near = fit_similarity(source, target, TRUTH.pivot)
+    far = fit_similarity(source + 1e9, target + 1e9, TRUTH.pivot + 1e9)
+    # Coordinates of 1e9 px are themselves rounded to 1e-7 px.
+    np.testing.assert_allclose(far.parameters[:2], near.parameters[:2], atol=1e-9)
+    np.testing.assert_allclose(far.similarity.shift, near.similarity.shift, atol=1e-6)
+
+
+def test_weights_act_like_repeated_points_and_zero_like_absence() -> None:
+    source, target = spots(6)
+    weights = np.array([2, 1, 3, 0, 1, 1])
+    weighted = fit_similarity(source, target, TRUTH.pivot, weights)
+    repeated = fit_similarity(
+        np.repeat(source, weights, axis=0), np.repeat(target, weights, axis=0), TRUTH.pivot
+    )
+    np.testing.assert_allclose(weighted.parameters, repeated.parameters, atol=1e-10)
+    np.testing.assert_allclose(
+        weighted.cofactor / covariance_units(weighted),
+        repeated.cofactor / covariance_units(weighted),
+        atol=1e-12,
+    )
+    assert weighted.chi_square == pytest.approx(repeated.chi_square)
+    assert weighted.degrees_of_freedom == 2 * 5 - 4
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_a_batch_is_a_loop(weighted: bool) -> None:
+    pairs = [spots(15, seed) for seed in range(6)]
+    source, target = (np.stack(side).reshape(2, 3, 15, 2) for side in zip(*pairs, strict=True))
+    pivot = np.random.default_rng(4).uniform(0, 1000, (2, 3, 2))
+    weights = np.random.default_rng(5).uniform(0, 2, (2, 3, 15)) if weighted else None
+    together = fit_similarity(source, target, pivot, weights)
+    assert together.parameters.shape == (2, 3, 4)
+    for i in np.ndindex(2, 3):
+        alone = fit_similarity(
+            source[i], target[i], pivot[i], None if weights is None else weights[i]
+        )
+        for name in ("parameters", "covariance", "residuals", "chi_square"):
+            np.testing.assert_allclose(
+                getattr(together, name)[i], getattr(alone, name), rtol=1e-12, atol=1e-13
+            )
+
+
+def test_one_source_serves_many_targets() -> None:
+    source, target = spots(10)
+    targets = np.stack([target, target + 1])
+    fit = fit_similarity(source, targets, TRUTH.pivot)
+    np.testing.assert_allclose(fit.parameters[0] - fit.parameters[1], (0, 0, 1, 1), atol=1e-10)
+    assert fit.cofactor.shape == (2, 4, 4)
+
+
+def test_two_points_fit_exactly_and_tell_no_variance() -> None:
+    source, target = spots(2)
+    fit = fit_similarity(source, target, TRUTH.pivot)
+    np.testing.assert_allclose(fit.residuals, 0, atol=1e-10)
+    assert fit.cofactor.shape == (4, 4)
+    with pytest.raises(DegenerateGeometryError, match="three points"):
+        _ = fit.covariance
+
+
+def test_a_mirror_image_is_refused() -> None:
+    source = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
+    with pytest.raises(DegenerateGeometryError, match="mirror"):
+        fit_similarity(source, source * (1, -1), (0, 0))
+
+
+def test_similarity_between_cameras_is_exact_without_distortion() -> None:
+    slopes = np.random.default_rng(6).uniform(-0.1, 0.1, (9, 2))
+    stars = np.concatenate([slopes, np.ones((9, 1))], axis=1)
+    green = Camera(25e-3, (1030, 770), 0, 4e-6)
+    blue = Camera(24e-3, (1029, 772), 0, 3e-6)
+    theta = 0.02
+    between = similarity_between(blue, theta, green)
+    np.testing.assert_allclose(
+        between.transform(image_points(stars, blue, theta)), image_points(stars, green), atol=1e-10
+    )
+    np.testing.assert_array_equal(
+        between.shift, principal_point_shift(blue.principal_point, green.principal_point)
+    )
+
+
+def test_similarity_between_cameras_holds_distortion_scaled_as_assumed() -> None:
+    k, theta = 1.002, -0.001
+    stars = [[0.1, -0.08, 1.0], [0.0, 0.1, 1.0]]
+    green = Camera(25e-3, (1030, 770), 40.0, 4e-6)
+    blue = Camera(25e-3 / k, (1029, 772), 40.0 * k**2, 4e-6)
+    between = similarity_between(blue, theta, green)
+    np.testing.assert_allclose(
+        between.transform(image_points(stars, blue, theta)), image_points(stars, green), atol=1e-10
+    )
+
+
+def test_rmse_counts_both_axes() -> None:
+    rng = np.random.default_rng(7)
+    points, reference = rng.normal(size=(2, 3, 30, 2))
+    per_axis = rmse_per_axis(points, reference)
+    assert per_axis.shape == (3, 2)
+    np.testing.assert_allclose(per_axis**2, ((points - reference) ** 2).sum(axis=1) / 30)
+    np.testing.assert_allclose(rmse(points, reference), np.hypot(*per_axis.T))
