@@ -17,6 +17,7 @@ export JUPYTER_DATA_DIR := $(CURDIR)/.venv/jupyter
 export JUPYTER_RUNTIME_DIR := $(CURDIR)/.venv/jupyter
 PY := .venv/bin/python
 STAMP := .venv/.installed
+TESTS := .venv/.installed-tests
 UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
 
 help:  ## this list
@@ -28,32 +29,41 @@ book: $(STAMP)  ## build the book and say where it is
 	@$(PY) .venv/bin/jupyter-book build book -W --keep-going -n --all
 	@printf '\nThe book is ready. Open %s\n' "$(CURDIR)/book/_build/html/index.html"
 
-test: $(STAMP)  ## run the tests, with line coverage
+test: $(TESTS)  ## run the tests, with line coverage
 	@$(PY) -m pytest -m "not browser" --numprocesses auto --maxprocesses 4 --dist worksteal \
 		--cov --cov-report=term --benchmark-disable
 
-check: $(STAMP)  ## lint, format, types, citation file
+check: $(TESTS)  ## lint, format, types
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
-	@$(PY) .venv/bin/cffconvert --validate -i CITATION.cff
 
-browser-test: $(STAMP)  ## read the built pages in a headless Chromium
+browser-test: $(TESTS)  ## read the built pages in a headless Chromium
 	@$(PY) -m pytest -m browser tests/book
 
-bench: $(STAMP)  ## time what the project promises to be fast
+bench: $(TESTS)  ## time what the project promises to be fast
 	@$(PY) -m pytest benchmarks --benchmark-only --benchmark-columns=min,median,rounds
 
-same: $(STAMP)  ## compute every number of the book under other arithmetic, and compare
+same: $(TESTS)  ## compute every number of the book under other arithmetic, and compare
 	@$(PY) tools/same_numbers.py
 
-mutants: $(STAMP)  ## change the code in many places and see whether the tests notice
+mutants: $(TESTS)  ## change the code in many places and see whether the tests notice
 	@$(PY) tools/mutation.py
 
-lock: $(STAMP)  ## resolve environment.txt again
-	@$(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
-		--generate-hashes --no-emit-index-url --all-extras --group lock \
-		--upgrade --quiet --output-file environment.txt pyproject.toml
+COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
+	--generate-hashes --no-emit-index-url --quiet
+
+lock: $(STAMP)  ## resolve environment.txt and tools/environment-test.txt again
+	@$(COMPILE) --extra book --group lock --upgrade --output-file environment.txt pyproject.toml
+	@$(COMPILE) --all-extras --group lock --constraint environment.txt --upgrade \
+		--output-file tools/environment-test.txt pyproject.toml
+	@for platform in x86_64-unknown-linux-gnu aarch64-apple-darwin x86_64-pc-windows-msvc; do \
+		for version in 3.11 3.13; do \
+			$(PY) -m uv pip install --quiet --dry-run --only-binary :all: --require-hashes \
+				--python-platform $$platform --python-version $$version \
+				--target dist/nowhere --requirement environment.txt || exit 1; \
+		done; \
+	done
 
 checksums:  ## record the checksums of the printed numbers, after both entries agree
 	@cd data/printed && find . -name '*.toml' -o -name '*.csv' | sed 's|^\./||' | LC_ALL=C sort \
@@ -67,9 +77,20 @@ $(STAMP): environment.txt pyproject.toml
 	@if ! $(PY) -m pip --version >/dev/null 2>&1; then \
 		found=$$(sh tools/find-python) && "$$found" -m venv --clear .venv; \
 	fi
-	@echo "Installing the locked packages into .venv"
-	@$(PY) -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)"
+	@echo "Installing the locked packages into .venv, some 180 of them, 0.9 GB, once"
+	@$(PY) -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)" || { \
+		echo "No package index can be reached. The first run needs one; later runs do not." >&2; \
+		exit 1; }
 	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) environment.txt
 	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@$(PY) -c "import matplotlib.font_manager"  # says so on a page where it takes long
+	@rm -f $(TESTS)
+	@touch $@
+
+# All that environment.txt holds, in the same versions, and what tests and tools need beside.
+$(TESTS): $(STAMP) tools/environment-test.txt
+	@echo "Installing the locked packages of the tests into .venv"
+	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) \
+		tools/environment-test.txt
+	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@

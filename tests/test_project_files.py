@@ -1,5 +1,6 @@
 """Promises between the project's own files."""
 
+import json
 import math
 import os
 import re
@@ -7,6 +8,7 @@ import subprocess
 import tomllib
 from pathlib import Path
 
+import jsonschema
 import pytest
 import yaml
 
@@ -30,10 +32,12 @@ def project() -> dict:
     return tomllib.loads(read("pyproject.toml"))
 
 
-@pytest.fixture(scope="module")
-def locked() -> dict[str, str]:
-    """Name and version of every package in the lock."""
-    return dict(re.findall(r"^([a-z0-9._-]+)==([^ ;\\]+)", read("environment.txt"), re.MULTILINE))
+READERS, TESTS = LOCKS = ("environment.txt", "tools/environment-test.txt")
+
+
+def locked(lock: str) -> dict[str, str]:
+    """Name and version of every package in a lock."""
+    return dict(re.findall(r"^([a-z0-9._-]+)==([^ ;\\]+)", read(lock), re.MULTILINE))
 
 
 def test_one_version_everywhere() -> None:
@@ -47,6 +51,16 @@ def test_one_version_everywhere() -> None:
 def test_build_reads_the_version_from_the_package(project: dict) -> None:
     assert project["project"]["dynamic"] == ["version"]
     assert project["tool"]["hatch"]["version"]["path"] == "src/reproduce/__init__.py"
+
+
+def test_citation_file_keeps_its_format() -> None:
+    schema = json.loads(read("tests/data/citation-file-format-1.2.0.json"))
+    # Dates are text in the schema.
+    citation = yaml.load(read("CITATION.cff"), Loader=yaml.BaseLoader)
+    validator = jsonschema.Draft7Validator(schema)
+    assert [error.message for error in validator.iter_errors(citation)] == []
+    del citation["authors"]
+    assert not validator.is_valid(citation)
 
 
 def test_both_papers_are_cited() -> None:
@@ -65,31 +79,53 @@ def test_licences_are_complete_and_linked(project: dict) -> None:
         assert re.findall(r"\bLICENSE(?:-TEXT)?\b", read(page)), page
 
 
-def test_lock_names_the_command_that_makes_it() -> None:
-    named = read("environment.txt").splitlines()[1].lstrip("# ").split()
-    recipe = re.search(r"uv (pip compile(?:.*\\\n)*.*)", read("Makefile"))
+@pytest.mark.parametrize("lock", LOCKS)
+def test_lock_names_the_command_that_makes_it(lock: str) -> None:
+    named = read(lock).splitlines()[1].lstrip("# ").split()
+    makefile = read("Makefile").replace("\\\n", " ")
+    common = re.search(r"^COMPILE = \$\(PY\) -m uv (.*)$", makefile, re.MULTILINE)
+    recipe = re.search(rf"\$\(COMPILE\) (.*--output-file {re.escape(lock)}.*)", makefile)
+    assert common is not None
     assert recipe is not None
     # uv leaves out of the head what does not bear on the result.
-    written = set(recipe[1].replace("\\\n", " ").split()) - {"--quiet", "--upgrade"}
+    written = {*common[1].split(), *recipe[1].split()} - {"--quiet", "--upgrade"}
     assert set(named) - {"uv"} == written
 
 
-def test_lock_covers_every_dependency(project: dict, locked: dict[str, str]) -> None:
-    extras = project["project"]["optional-dependencies"].values()
-    wanted = [
+def test_locks_cover_every_dependency(project: dict) -> None:
+    extras = project["project"]["optional-dependencies"]
+    reader = [
         *project["build-system"]["requires"],
         *project["project"]["dependencies"],
         *project["dependency-groups"]["lock"],
-        *(requirement for extra in extras for requirement in extra),
+        *extras["book"],
     ]
-    names = {re.split(r"[^a-z0-9._-]", requirement)[0] for requirement in wanted}
-    assert names - set(locked) == set()
+    for lock, wanted in (
+        (READERS, reader),
+        (TESTS, reader + [requirement for extra in extras.values() for requirement in extra]),
+    ):
+        names = {re.split(r"[^a-z0-9._-]", requirement)[0] for requirement in wanted}
+        assert names - set(locked(lock)) == set()
 
 
-def test_every_locked_package_has_a_hash(locked: dict[str, str]) -> None:
-    blocks = re.split(r"\n(?=[a-z0-9])", read("environment.txt"))
+def test_the_lock_of_the_tests_holds_that_of_the_reader() -> None:
+    reader = locked(READERS)
+    tests = locked(TESTS)
+    assert {name: tests.get(name) for name in reader} == reader
+
+
+def test_a_reader_installs_nothing_of_the_tests() -> None:
+    ours = {"pytest", "hypothesis", "mypy", "ruff", "playwright", "scikit-image", "dask"}
+    ours |= {"opencv-python-headless", "photutils", "astropy", "cosmic-ray"}
+    assert ours <= set(locked(TESTS))
+    assert not ours & set(locked(READERS))
+
+
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_locked_package_has_a_hash(lock: str) -> None:
+    blocks = re.split(r"\n(?=[a-z0-9])", read(lock))
     hashed = [block for block in blocks if "--hash=sha256:" in block]
-    assert len(hashed) == len(locked)
+    assert len(hashed) == len(locked(lock))
 
 
 def test_dependencies_have_lower_bounds(project: dict) -> None:
