@@ -77,7 +77,7 @@ $(STAMP): environment.txt pyproject.toml
 	@if ! $(PY) -m pip --version >/dev/null 2>&1; then \
 		found=$$(sh tools/find-python) && "$$found" -m venv --clear .venv; \
 	fi
-	@echo "Installing the locked packages into .venv, some 180 of them, 0.9 GB, once"
+	@echo "Installing the $$(grep -c '^[a-z].*==' environment.txt) locked packages into .venv, once"
 	@$(PY) -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)" || { \
 		echo "No package index can be reached. The first run needs one; later runs do not." >&2; \
 		exit 1; }
@@ -89,7 +89,7 @@ $(STAMP): environment.txt pyproject.toml
 
 # All that environment.txt holds, in the same versions, and what tests and tools need beside.
 $(TESTS): $(STAMP) tools/environment-test.txt
-	@echo "Installing the locked packages of the tests into .venv"
+	@echo "Installing what the tests need beside into .venv, once"
 	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) \
 		tools/environment-test.txt
 	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .

@@ -1,0 +1,59 @@
+"""Build sdist and wheel, install the wheel alone into an empty environment, and use it there.
+
+The wheel is built from the sdist. In the empty environment, in a folder far from the checkout,
+`reproduce check` judges everything and one notebook of the book runs in its own kernel.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import venv
+from pathlib import Path
+
+import nbformat
+from myst_nb.core.read import read_myst_markdown_notebook
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "book" / "niu2024" / "context.md"
+
+
+def run(*command: str | Path, folder: Path) -> None:
+    """Run a command in a folder, without the variables that could lead back to the checkout."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    subprocess.run([str(part) for part in command], cwd=folder, env=clean, check=True)
+
+
+def main() -> None:
+    """Build, install, check and run; a failing step stops with its own exit code."""
+    uv = (sys.executable, "-m", "uv")
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        run(*uv, "build", "--quiet", "--no-build-isolation", "--python", sys.executable,
+            "--out-dir", folder, ROOT, folder=folder)  # fmt: skip
+        (wheel,) = folder.glob("*.whl")
+        (sdist,) = folder.glob("*.tar.gz")
+        print(f"{sdist.name}: {sdist.stat().st_size / 2**20:.1f} MiB")
+        print(f"{wheel.name}: {wheel.stat().st_size / 2**20:.1f} MiB")
+        venv.create(folder / "empty")
+        python = folder / "empty" / "bin" / "python"
+        run(*uv, "pip", "install", "--quiet", "--python", python,
+            "--constraint", ROOT / "environment.txt", f"{wheel}[book]", folder=folder)  # fmt: skip
+        run(python.with_name("reproduce"), "check", folder=folder)
+        notebook = read_myst_markdown_notebook(PAGE.read_text(encoding="utf-8"))
+        notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
+        nbformat.write(notebook, folder / "page.ipynb")  # type: ignore[no-untyped-call]
+        run(python, "-m", "jupyter", "nbconvert", "--to", "notebook", "--execute", "--log-level",
+            "WARN", "page.ipynb", "--output", "executed.ipynb", folder=folder)  # fmt: skip
+        executed = folder / "executed.ipynb"
+        shown = nbformat.read(executed, as_version=4)  # type: ignore[no-untyped-call]
+        outputs = sum(len(cell.outputs) for cell in shown.cells if cell.cell_type == "code")
+        if not outputs:
+            sys.exit(f"{PAGE.name}: expected outputs, got none")
+        print(f"{PAGE.name}: {outputs} outputs")
+
+
+if __name__ == "__main__":
+    main()
