@@ -24,15 +24,15 @@ from skimage.transform import SimilarityTransform
 
 from reproduce.papers.niu2024 import images, laboratory, study
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.similarity import Similarity
+from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
 
 POINTS, RATIO = 137, 0.5
 REPLICATES, SECONDS, GIBIBYTE = 10_000, 30.0, 2**20  # ru_maxrss counts KiB
 STARS, FRAME_SECONDS = 200, 2.0
-TRUTH = Similarity(1.002, -0.001, (-1.0, -2.0), (1030.0, 770.0))
+TRUTH = Registration.similarity(1.002, -0.001, (-1.0, -2.0), (1030.0, 770.0))
 SOURCE = np.random.default_rng(1).uniform((0, 0), (2064, 1544), (POINTS, 2))
-TARGET = TRUTH.transform(SOURCE) + 0.05 * np.random.default_rng(2).normal(size=(POINTS, 2))
+TARGET = TRUTH.apply(SOURCE) + 0.05 * np.random.default_rng(2).normal(size=(POINTS, 2))
 
 
 def with_covariance() -> object:

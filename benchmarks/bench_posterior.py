@@ -37,14 +37,14 @@ from reproduce.inference.radial import affine_model, radial_model, similarity_mo
 from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration.similarity import Similarity
+from reproduce.physics.registration.transforms import Registration
 from reproduce.views.posterior import plan_for, run
 from reproduce.views.posterior_calibration import REPLICATES, SEED
 
 Points = NDArray[np.float64]
 
 PIVOT = np.array([1030.0, 770.0])
-TRUTH = Similarity(1.002, -0.001, (-1.0, -2.0), PIVOT)
+TRUTH = Registration.similarity(1.002, -0.001, (-1.0, -2.0), PIVOT)
 MANY, PROMISED, PROMISED_MANY, SPREAD = 100_000, 15, 1000, 0.2
 WALKERS = plan_for("registration").walkers
 CORES, BOOK_SECONDS, CALIBRATION_SECONDS, REPLICATES_TIMED = 2, 120, 600, 60
@@ -68,7 +68,7 @@ def peak() -> int:
 def data(count: int) -> tuple[Points, Points]:
     generator = np.random.default_rng(1)
     source = generator.uniform((0, 0), (2064, 1544), (count, 2))
-    return source, TRUTH.transform(source) + 0.07 * generator.normal(size=source.shape)
+    return source, TRUTH.apply(source) + 0.07 * generator.normal(size=source.shape)
 
 
 def plain_log_posterior(u: Points, source: Points, target: Points) -> float:

@@ -21,17 +21,18 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from reproduce.physics.optics.simulate import noisy_centroids
 from reproduce.physics.registration.calibration import calibrate
-from reproduce.physics.registration.similarity import Similarity, SimilarityFit, fit_similarity
+from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.physics.registration.transforms import Registration
 
 Points = NDArray[np.float64]
 
 POINTS, CALIBRATIONS = 137, 1000
 RATIO, LIMIT = 20, 0.1
-TRUTH = Similarity(1.002, -0.001, (-1.0, -2.0), (1030.0, 770.0))
+TRUTH = Registration.similarity(1.002, -0.001, (-1.0, -2.0), (1030.0, 770.0))
 START = (1.0, 0.0, 0.0, 0.0)
 SOURCE = np.random.default_rng(1).uniform((0, 0), (2064, 1544), (POINTS, 2))
-TARGET = TRUTH.transform(SOURCE) + 0.05 * np.random.default_rng(2).normal(size=(POINTS, 2))
-CHANNELS = np.stack([SOURCE, TRUTH.transform(SOURCE)])
+TARGET = TRUTH.apply(SOURCE) + 0.05 * np.random.default_rng(2).normal(size=(POINTS, 2))
+CHANNELS = np.stack([SOURCE, TRUTH.apply(SOURCE)])
 
 
 def residuals(u: Points) -> Points:
@@ -44,8 +45,8 @@ def residuals(u: Points) -> Points:
     return left
 
 
-def one_fit() -> SimilarityFit:
-    return fit_similarity(SOURCE, TARGET, TRUTH.pivot)
+def one_fit() -> RegistrationFit:
+    return fit_registration(SOURCE, TARGET, TRUTH.pivot)
 
 
 def by_scipy() -> OptimizeResult:
@@ -90,7 +91,7 @@ def bench_one_registration_with_covariance(benchmark: BenchmarkFixture) -> None:
 
 
 @pytest.mark.benchmark(group="simulated calibrations")
-@pytest.mark.parametrize("fit", [fit_similarity, two_stages])
+@pytest.mark.parametrize("fit", [fit_registration, two_stages])
 def bench_simulated_calibrations(benchmark: BenchmarkFixture, fit: Callable[..., object]) -> None:
     """Time noise and fits of all replicates in one call, and hold them to the promise."""
     benchmark(simulated, fit)

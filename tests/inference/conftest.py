@@ -5,10 +5,10 @@ import pytest
 
 from reproduce.inference.lasers import Platform
 from reproduce.inference.registration import registration_model
-from reproduce.physics.registration.similarity import Similarity
+from reproduce.physics.registration.transforms import Registration
 
 PIVOT = np.array([1030.0, 770.0])
-TRUTH = Similarity(1.002, -0.001, (-0.4, -0.6), PIVOT)
+TRUTH = Registration.similarity(1.002, -0.001, (-0.4, -0.6), PIVOT)
 NOISE = 0.07
 
 
@@ -16,7 +16,7 @@ def stars(count=137, seed=1, noise=NOISE):
     """Return source and target points of a registration whose truth is `TRUTH`."""
     generator = np.random.default_rng(seed)
     source = generator.uniform((0, 0), (2064, 1544), (count, 2))
-    return source, TRUTH.transform(source) + noise * generator.normal(size=source.shape)
+    return source, TRUTH.apply(source) + noise * generator.normal(size=source.shape)
 
 
 @pytest.fixture(scope="session")

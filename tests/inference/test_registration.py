@@ -16,7 +16,7 @@ from reproduce.inference.radial import linear_log_evidence, linear_model
 from reproduce.inference.registration import principal_point_model, registration_model
 from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.variants import distortion_model, field_noise_model, student_model
-from reproduce.physics.registration.similarity import fit_similarity
+from reproduce.physics.registration.fit import fit_registration
 
 PIVOT = np.array([1030.0, 770.0])
 
@@ -169,7 +169,7 @@ def test_exact_evidence_against_quadrature():
     source = np.array([[0.0, 0], [1, 0], [0, 1]])
     target = source + np.array([[0.01, 0], [0, 0.02], [0, 0]])
     exact = closed_form.registration_posterior(source, target, (0, 0))
-    fit = fit_similarity(source, target, (0, 0))
+    fit = fit_registration(source, target, (0, 0))
     _, logdet = np.linalg.slogdet(exact.scale * exact.freedom / exact.squares)
 
     def over_noise(log_noise):

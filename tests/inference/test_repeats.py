@@ -18,7 +18,8 @@ from reproduce.inference.variants import distortion_model, field_noise_model, st
 from reproduce.papers.chen2023.published import quest_angles
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude.misalignment import stage_angles
-from reproduce.physics.registration.similarity import Similarity, fit_similarity
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
 
 PIVOT = np.array([1030.0, 770.0])
 
@@ -45,7 +46,7 @@ def test_same_digits_against_the_closed_form(registration, drawn):
 
     def repeat(parameters, generator):
         targets = np.stack([registration.simulate(one, generator) for one in parameters])
-        return fit_similarity(data.source, targets, data.pivot).parameters[:, 2:]
+        return fit_registration(data.source, targets, data.pivot).parameters[:, 2:]
 
     half = 0.005
     printed = np.round(exact.mean[2:] / 0.01 + [0, 1]) * 0.01
@@ -103,7 +104,7 @@ def test_rmse_at_new_stars_is_the_chi_square_one(registration, drawn):
     stars = registration.likelihood.elsewhere(source)
     truth = np.repeat(posterior.draws[:1], 4000, axis=0)
     k, theta, *shift = truth[0, :4]
-    registered = Similarity(k, theta, shift, PIVOT).transform(source)
+    registered = Registration.similarity(k, theta, shift, PIVOT).apply(source)
     found = rmse_at(stars, registered, truth, np.random.default_rng(4))
     law = stats.chi2(2 * len(source))
     scaled = np.square(found / truth[0, 4]) * len(source)
@@ -115,9 +116,9 @@ def test_consequences_at_new_stars_follow_the_noise_and_the_error_of_the_transfo
 ):
     _, posterior = drawn
     data = registration.likelihood
-    fit = fit_similarity(data.source, data.target, data.pivot)
+    fit = fit_registration(data.source, data.target, data.pivot)
     source = np.random.default_rng(3).uniform((0, 0), (2064, 1544), (52, 2))
-    consequence = NewStars(data.elsewhere(source), fit.similarity.transform(source), 28.5)
+    consequence = NewStars(data.elsewhere(source), fit.transform.apply(source), 28.5)
     found = consequence(posterior.draws)
     rmse = found["test points, RMSE"].values
     # Noise of both axes, and a little more: four fitted numbers over so many stars.

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from reproduce.papers.niu2024 import angles, camera, simulation
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
-from reproduce.physics.registration.similarity import fit_similarity
+from reproduce.physics.registration.fit import fit_registration
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 
@@ -82,7 +82,7 @@ def test_the_iteration_ends_at_the_closed_form():
     found = simulation.calibrations(DOOR, SEED, 20)
     for position, channel in enumerate(("red", "blue"), start=1):
         source, green = noisy[:, position], noisy[:, 0]
-        closed = fit_similarity(source, green, source[:, zero])
+        closed = fit_registration(source, green, source[:, zero])
         np.testing.assert_allclose(found[channel].parameters, closed.parameters, rtol=0, atol=2e-9)
 
 
@@ -92,7 +92,7 @@ def test_the_predictions_centre_is_the_fit_without_noise(prediction, channel):
     true = noiseless()
     position = ("green", "red", "blue").index(channel)
     zero = np.flatnonzero(np.isclose(angles.literal(DOOR).angles, 0).all(axis=1)).item()
-    clean = fit_similarity(true[position], true[0], true[position, zero]).parameters
+    clean = fit_registration(true[position], true[0], true[position, zero]).parameters
     for row, value in zip(ROWS, clean, strict=True):
         draws = prediction[f"{row}.{channel}"].draws
         assert abs(draws.mean() - value) < 4.5 * draws.std() / np.sqrt(draws.size), row

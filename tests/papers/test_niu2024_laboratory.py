@@ -7,7 +7,7 @@ from reproduce.papers.declare import Blocked
 from reproduce.papers.niu2024 import alone, angles, laboratory
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import registration_bound
-from reproduce.physics.registration.similarity import Similarity, similarity_between
+from reproduce.physics.registration.transforms import Registration, similarity_between
 from reproduce.printed.given import given
 
 DOOR = given([*laboratory.rmse_before.given, *laboratory.INSTRUMENT])
@@ -90,7 +90,7 @@ def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
     """Registered with the printed scale, spots by the focal lengths leave over too much."""
     true = channel_centroids(laboratory.cameras(DOOR), laboratory.rotations(DOOR), field(41))
     shift = (-0.9256, 1.0961)
-    registered = Similarity(1.0012, np.radians(-0.0351), shift, shift).transform(true[2])
+    registered = Registration.similarity(1.0012, np.radians(-0.0351), shift, shift).apply(true[2])
     left = np.sqrt(np.square(registered - true[0]).mean(axis=0))
     assert (left > 1.5 * np.array(RESIDUAL["blue"])).all()
 

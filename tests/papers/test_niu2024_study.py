@@ -14,7 +14,7 @@ from reproduce.physics.registration.calibration import (
     registration_bound,
     starting_values,
 )
-from reproduce.physics.registration.similarity import similarity_between
+from reproduce.physics.registration.transforms import similarity_between
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.store import studies

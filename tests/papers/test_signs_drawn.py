@@ -14,7 +14,7 @@ from reproduce.physics.attitude.lasers import emitted_directions
 from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
 from reproduce.physics.ground.earth import geodetic
 from reproduce.physics.light.raytrace import mirror_train
-from reproduce.physics.registration.similarity import fit_similarity
+from reproduce.physics.registration.fit import fit_registration
 
 LASERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * 0.1
 STILL = np.eye(3)
@@ -185,7 +185,7 @@ def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     points = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 3.0]])
     back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     blue, green = points @ back.T + origin["blue"], points + origin["green"]
-    found = fit_similarity(blue, green, pivot=origin["blue"]).parameters
+    found = fit_registration(blue, green, pivot=origin["blue"]).parameters
     drawn_shift = arrows[2, 0] - arrows[0, 0]
     assert found == pytest.approx([1.0, angle, *drawn_shift])
 

@@ -17,7 +17,7 @@ from reproduce.physics.attitude.wahba import attitude
 from reproduce.physics.images import centroids
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.optics import arrangements, camera, chromatic, rotary, simulate
-from reproduce.physics.registration import calibration, similarity
+from reproduce.physics.registration import calibration, closed_form, transforms
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.resample import registered_image
 from reproduce.physics.validate import DegenerateGeometryError
@@ -30,7 +30,7 @@ PIVOT = np.array([500.0, 400.0])
 CAMERA = camera.Camera(25e-3, PIVOT, 40.0, 4e-6)
 SEEDS = SeedSequence(1)
 STARLIGHT = np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 1.0]])
-SIMILARITY = similarity.Similarity(1.001, 0.001, (0.5, 0.5), PIVOT)
+SIMILARITY = transforms.Registration.similarity(1.001, 0.001, (0.5, 0.5), PIVOT)
 FIT = {"source": SOURCE, "target": TARGET, "pivot": PIVOT}
 STEP = {"parameters": START, **FIT}
 
@@ -106,24 +106,29 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "rotary_matrix": (rotary.rotary_matrix, {"external": 0.1, "middle": 0.1}),
     "rotary_matrix_printed": (rotary.rotary_matrix_printed, {"external": 0.1, "middle": 0.1}),
     "starlight": (rotary.starlight, {"external": 0.1, "middle": 0.1}),
-    "Similarity": (
-        similarity.Similarity,
+    "similarity": (
+        transforms.Registration.similarity,
         {"scale": 1.0, "rotation": 0.1, "shift": np.zeros(2), "pivot": PIVOT},
     ),
-    "Similarity.transform": (SIMILARITY.transform, {"points": SOURCE}),
-    "Similarity.about": (SIMILARITY.about, {"pivot": PIVOT}),
+    "apply": (SIMILARITY.apply, {"points": SOURCE}),
     "principal_point_shift": (
-        similarity.principal_point_shift,
+        transforms.principal_point_shift,
         {"principal_point": PIVOT, "reference_principal_point": PIVOT},
     ),
     "similarity_between": (
-        similarity.similarity_between,
+        transforms.similarity_between,
         {"camera": CAMERA, "rotation": 0.1, "reference": CAMERA},
     ),
-    "fit_similarity": (similarity.fit_similarity, {**FIT, "weights": np.ones(4)}),
-    "rmse": (similarity.rmse, {"points": SOURCE, "reference": TARGET}),
-    "rmse_per_axis": (similarity.rmse_per_axis, {"points": SOURCE, "reference": TARGET}),
-    "paired_points": (similarity.paired_points, {"source": SOURCE, "target": TARGET}),
+    "fit_registration": (fit_registration, {**FIT, "weights": np.ones(4)}),
+    "closed_similarity": (closed_form.closed_similarity, {**FIT, "weights": np.ones(4)}),
+    "registration_bound": (
+        calibration.registration_bound,
+        {"source": SOURCE, "similarity": SIMILARITY, "source_sigma": 0.1, "target_sigma": 0.1},
+    ),
+    "parameter_names": (transforms.parameter_names, {"model": "rigid"}),
+    "rmse": (closed_form.rmse, {"points": SOURCE, "reference": TARGET}),
+    "rmse_per_axis": (closed_form.rmse_per_axis, {"points": SOURCE, "reference": TARGET}),
+    "paired_points": (closed_form.paired_points, {"source": SOURCE, "target": TARGET}),
     "model_points": (
         calibration.model_points,
         {"parameters": START, "source": SOURCE, "pivot": PIVOT},
@@ -215,9 +220,18 @@ def refuses(name: str, argument: str, value: Any) -> str:
 
 
 def test_the_table_holds_every_public_function() -> None:
-    modules = (arrangements, calibration, camera, chromatic, rotary, similarity, simulate)
+    modules = (
+        arrangements,
+        calibration,
+        camera,
+        chromatic,
+        closed_form,
+        rotary,
+        simulate,
+        transforms,
+    )
     # These take arrays that others have checked, to go fast.
-    inner = {"per_point", "as_complex", "as_points", "refuse_mirrored"}
+    inner = {"per_point", "as_complex", "as_points", "refuse_mirrored", "linear_part"}
     for module in modules:
         for name, thing in vars(module).items():
             own = getattr(thing, "__module__", None) == module.__name__
@@ -275,13 +289,13 @@ def test_a_count_that_is_none_is_refused(name: str, argument: str) -> None:
 @given(st.floats(max_value=0, exclude_max=True, allow_infinity=False))
 def test_negative_sigma_weights_and_widths_are_refused(value: float) -> None:
     assert "zero or more" in refuses("noisy_centroids", "sigma", value)
-    assert "zero or more" in refuses("fit_similarity", "weights", np.array([1, 1, value, 1]))
+    assert "zero or more" in refuses("fit_registration", "weights", np.array([1, 1, value, 1]))
     assert "zero or more" in refuses("random_starts", "half_widths", START + value)
     assert "zero or more" in refuses("spawned_angles", "half_range", np.array([value, 0.1]))
 
 
 def test_unlike_counts_are_refused() -> None:
-    for name in ("fit_similarity", "rmse", "deviations", "gauss_newton_step", "calibrate"):
+    for name in ("fit_registration", "rmse", "deviations", "gauss_newton_step", "calibrate"):
         second = "reference" if name == "rmse" else "target"
         assert "4 and 3" in refuses(name, second, TARGET[:3])
     assert "2 cameras" in refuses("channel_centroids", "cameras", [CAMERA, CAMERA])
@@ -291,10 +305,10 @@ def test_unlike_counts_are_refused() -> None:
 @pytest.mark.parametrize(
     ("name", "argument", "value"),
     [
-        ("fit_similarity", "pivot", np.zeros((3, 2))),
+        ("fit_registration", "pivot", np.zeros((3, 2))),
         ("rmse", "reference", np.stack([TARGET] * 3)),
         ("calibrate", "start", np.stack([START] * 3)),
-        ("Similarity.transform", "points", None),
+        ("apply", "points", None),
         ("image_points", "rotation", np.zeros(3)),
         ("rotary_matrix", "middle", np.zeros(3)),
         ("noisy_centroids", "centroids", np.zeros((3, 1, 4, 2))),
@@ -307,23 +321,23 @@ def test_unlike_batches_are_refused(name: str, argument: str, value: Any) -> Non
         for key, value in arguments.items()
         if isinstance(value, np.ndarray) and key != argument
     } or {key: np.zeros(2) for key in arguments if key == "external"}
-    if name == "Similarity.transform":
-        pairs = similarity.Similarity([1, 1], 0, (0, 0), PIVOT)
-        function, two, value = pairs.transform, {}, np.stack([SOURCE] * 3)
+    if name == "apply":
+        pairs = transforms.Registration.similarity([1, 1], 0, (0, 0), PIVOT)
+        function, two, value = pairs.apply, {}, np.stack([SOURCE] * 3)
     if name == "noisy_centroids":
         two = {}
     with pytest.raises(ValueError, match=r"expected leading .* got .*; give"):
         function(**{**arguments, **two, argument: value})
 
 
-@pytest.mark.parametrize("name", ["fit_similarity", "calibrate", "gauss_newton_step"])
+@pytest.mark.parametrize("name", ["fit_registration", "calibrate", "gauss_newton_step"])
 @given(point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 4))
 def test_one_point_and_coincident_points_are_refused(
     name: str, point: tuple[float, float], count: int
 ) -> None:
     same = np.tile(point, (count, 1))
     changes = {"source": same, "target": TARGET[:count]}
-    if name == "fit_similarity":
+    if name == "fit_registration":
         changes["weights"] = None
     with pytest.raises(DegenerateGeometryError, match=r"expected .*, got .*; \w+"):
         call(name, **changes)
@@ -331,15 +345,15 @@ def test_one_point_and_coincident_points_are_refused(
 
 def test_coincident_targets_are_refused() -> None:
     same = np.tile(TARGET[:1], (4, 1))
-    for name in ("fit_similarity", "calibrate"):
+    for name in ("fit_registration", "calibrate"):
         with pytest.raises(DegenerateGeometryError, match="target"):
             call(name, target=same)
 
 
 def test_zero_weights_are_refused_and_one_is_not_enough() -> None:
-    assert "at least one" in refuses("fit_similarity", "weights", np.zeros(4))
+    assert "at least one" in refuses("fit_registration", "weights", np.zeros(4))
     with pytest.raises(DegenerateGeometryError, match="weight above zero"):
-        call("fit_similarity", weights=[0, 0, 1, 0])
+        call("fit_registration", weights=[0, 0, 1, 0])
 
 
 @given(point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 5))
@@ -379,14 +393,14 @@ def test_a_fit_of_anything_is_finite_or_refused(data: st.DataObject) -> None:
         data.draw(npst.arrays(float, (count, 2), elements=elements)) for _ in range(2)
     )
     try:
-        fit = similarity.fit_similarity(source, target, (0.0, 0.0))
+        fit = fit_registration(source, target, (0.0, 0.0))
     except DegenerateGeometryError:
         return
     assert np.isfinite(fit.parameters).all()
     assert np.isfinite(fit.cofactor).all()
     size = 1 + np.abs(target).max()
     np.testing.assert_allclose(fit.residuals.sum(axis=0), 0, atol=1e-9 * size)
-    again = target - fit.similarity.transform(source)
+    again = target - fit.transform.apply(source)
     np.testing.assert_allclose(fit.residuals, again, atol=1e-9 * size)
 
 

@@ -13,7 +13,8 @@ from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.inference.sensitivity import leanings
 from reproduce.papers.chen2023.posteriors import READS, platform
-from reproduce.physics.registration.similarity import Similarity, fit_similarity
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views import posterior as running
@@ -29,7 +30,7 @@ def stars(noise=0.05, scale=1.0006, rotation=0.002, wrong=0, count=81):
     """Stars of known truth about the middle of the field, some wrongly matched."""
     generator = np.random.default_rng(7)
     source = generator.uniform((0, 0), FIELD, (count, 2))
-    target = Similarity(scale, rotation, (3, 1), FIELD / 2).transform(source)
+    target = Registration.similarity(scale, rotation, (3, 1), FIELD / 2).apply(source)
     target = target + noise * generator.normal(size=target.shape)
     target[:wrong] = generator.uniform((0, 0), FIELD, (wrong, 2))
     return source, target
@@ -90,7 +91,7 @@ def test_widths_are_those_of_least_squares_however_large_the_noise(
 ):
     source, target = stars(noise=noise, wrong=wrong)
     record, rows = sampled(name, written(tmp_path, source, target), "--steps", steps)
-    fit = fit_similarity(source, target, source.mean(axis=0))
+    fit = fit_registration(source, target, source.mean(axis=0))
     freedom = float(fit.degrees_of_freedom)
     expected = np.sqrt(np.diagonal(fit.covariance) * freedom / (freedom - 2))
     # The density of the scale k exp(i theta) is flat in k and theta: as good as Student's here.
@@ -104,7 +105,7 @@ def test_widths_are_those_of_least_squares_however_large_the_noise(
 def test_a_free_pivot_does_not_bound_the_noise(tmp_path):
     source, target = stars(wrong=8)
     found = drawn(from_file("registration-principal-point", written(tmp_path, source, target)))
-    fit = fit_similarity(source, target, source.mean(axis=0))
+    fit = fit_registration(source, target, source.mean(axis=0))
     assert moments(found, "scale")[1] == pytest.approx(np.sqrt(fit.covariance[0, 0]), rel=0.1)
     assert leanings(found) == []
 

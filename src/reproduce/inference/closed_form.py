@@ -19,7 +19,7 @@ from scipy.special import gammaln
 from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import LogUniform, Uniform
 from reproduce.inference.registration import GaussianRegistration
-from reproduce.physics.registration.similarity import fit_similarity
+from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 
 Flat = Literal["affine", "polar"]
@@ -141,7 +141,7 @@ def registration_posterior(
     >>> np.sqrt(np.diagonal(exact.covariance)).round(3)
     array([0.707, 0.707, 1.   , 1.   ])
     """
-    fit = fit_similarity(source, target, pivot)
+    fit = fit_registration(source, target, pivot)
     k, theta = fit.parameters[:2]
     mean = np.array([k * np.cos(theta), k * np.sin(theta), *fit.parameters[2:]])
     # Jacobian of (a, b) by (k, theta): carries the fit's cofactor over.
@@ -190,7 +190,7 @@ def cramer_rao_bound(model: Model) -> FloatArray:
     array([0.035, 0.035, 0.05 , 0.05 , 0.025])
     """
     plain = _plain(model)
-    fit = fit_similarity(plain.source, plain.target, plain.pivot)
+    fit = fit_registration(plain.source, plain.target, plain.pivot)
     freedom = 2 * len(plain.source) - 4
     variance = float(fit.chi_square) / freedom
     others = np.sqrt(np.diagonal(fit.cofactor) * variance)

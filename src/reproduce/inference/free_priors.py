@@ -10,7 +10,7 @@ import numpy as np
 
 from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.priors import LogUniform, Prior, Uniform
-from reproduce.physics.registration.similarity import SimilarityFit, fit_similarity
+from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray
 
 # Of the residual of least squares: ends of the noise, as good as none.
@@ -52,7 +52,7 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
     if len(source) < 4:
         raise ValueError(f"expected four or more stars, got {len(source)}; add some")
     robust = robust_similarity(source, target, pivot)
-    fit = fit_similarity(source, target, pivot)
+    fit = fit_registration(source, target, pivot)
     residual = _residual(fit)
     k, theta, x, y = fit.parameters.tolist()
     if residual < ROUNDING * max(largest, float(np.abs(pivot).max())):
@@ -61,7 +61,7 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
             f"{k:.10g}, rotation {np.degrees(theta):.10g} deg, shift {x:.10g} and {y:.10g} px"
         )
     # No least-squares scale exceeds the ratio of both patterns' sizes.
-    size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() / fit.spread))
+    size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() * fit.cofactor[0, 0]))
     size = max(size, float(robust.fit.parameters[0]))
     error = residual * float(np.sqrt(fit.cofactor[2, 2]))
     reach = max(FIELDS * float(np.ptp(target, axis=0).max()), ERRORS * error)
@@ -78,6 +78,6 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
     }  # fmt: skip
 
 
-def _residual(fit: SimilarityFit) -> float:
+def _residual(fit: RegistrationFit) -> float:
     """Standard deviation of a residual coordinate, in px."""
     return float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))

@@ -25,7 +25,8 @@ from reproduce.inference.registration import (
     triangular,
     with_priors,
 )
-from reproduce.physics.registration.similarity import Similarity, as_complex, fit_similarity
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration, as_complex
 from reproduce.physics.validate import FloatArray
 
 CHANNELS = ("red", "blue")
@@ -107,12 +108,12 @@ class JointRegistration:
     ) -> tuple[FloatArray, FloatArray]:
         """Blue and green points for one parameter vector, given the red ones; in px."""
         red, blue = (
-            Similarity(u[0], u[1], u[2:4], pivot)
+            Registration.similarity(u[0], u[1], u[2:4], pivot)
             for u, pivot in zip((parameters[:4], parameters[4:8]), self.pivots, strict=True)
         )
         noise = parameters[8] * generator.normal(size=(3, *self.target.shape))
-        true = red.transform(self.sources[0] + noise[0])
-        return blue.inverse().transform(true) + noise[1], true + noise[2]
+        true = red.apply(self.sources[0] + noise[0])
+        return blue.inverse().apply(true) + noise[1], true + noise[2]
 
     def given(self, data: tuple[FloatArray, FloatArray]) -> Self:
         """The same red points with other blue and green ones."""
@@ -150,7 +151,7 @@ class JointRegistration:
             checks = fit_checks(source, green, pivot)
             found.update({f"{name}: {key}": value for key, value in checks.items()})
         left = [
-            fit_similarity(source, green, pivot).residuals.ravel()
+            fit_registration(source, green, pivot).residuals.ravel()
             for source, pivot in zip((self.sources[0], blue), self.pivots, strict=True)
         ]
         found["correlation of both residuals"] = float(np.asarray(np.corrcoef(left))[0, 1])

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.similarity import SimilarityFit, fit_similarity
+from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
 # The robust fit takes all pairs of so many stars; its residuals are then those of all stars.
@@ -41,7 +40,7 @@ def least_squares(
         Estimates and errors. Those of the similarity take the residuals' own variance, whatever
         is in it; the noise is the share of one coordinate in it.
     """
-    fit = fit_similarity(source, target, pivot)
+    fit = fit_registration(source, target, pivot)
     freedom = float(fit.degrees_of_freedom)
     residual = np.sqrt(fit.chi_square / freedom)
     noise = residual / np.sqrt(1 + fit.parameters[0] ** 2 * source_noise)
@@ -58,7 +57,7 @@ def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dic
         Residuals in px; their mean outwards and around in the outer half of the field is zero
         only if a similarity is the right model.
     """
-    fit = fit_similarity(source, target, pivot)
+    fit = fit_registration(source, target, pivot)
     offsets = source - pivot
     radius = np.hypot(*offsets.T)
     outer = radius >= np.median(radius)
@@ -80,7 +79,7 @@ class RobustFit:
 
     Parameters
     ----------
-    fit : SimilarityFit
+    fit : RegistrationFit
         Of those alone.
     noise : float
         Standard deviation of a residual coordinate of those, in px.
@@ -90,7 +89,7 @@ class RobustFit:
         The stars that do not fit, the furthest first.
     """
 
-    fit: SimilarityFit
+    fit: RegistrationFit
     noise: float
     off: FloatArray
     suspects: NDArray[np.intp]
@@ -145,7 +144,7 @@ def robust_similarity(source: FloatArray, target: FloatArray, pivot: FloatArray)
     spread = float(np.median(length)) / MEDIAN_LENGTH * (1 + 5 / (count - 2))
     rounding = ROUNDING * float(np.abs([source, target]).max())
     good = length <= FAR * max(spread, rounding)
-    fit = fit_similarity(source[good], target[good], pivot)
+    fit = fit_registration(source[good], target[good], pivot)
     freedom = max(float(fit.degrees_of_freedom), 1.0)
     noise = max(float(np.sqrt(fit.chi_square / freedom)), rounding)
     furthest = np.argsort(-length)

@@ -15,7 +15,7 @@ from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
 from reproduce.inference.model import Quantity
-from reproduce.physics.registration.similarity import as_complex, as_points
+from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
 # Parameter vectors that are worked on at once: bounds the memory.

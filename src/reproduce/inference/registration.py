@@ -23,13 +23,9 @@ from numpy.typing import NDArray
 from reproduce.inference.least_squares import fit_checks, least_squares
 from reproduce.inference.model import Derived, Model, Parameter
 from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
-from reproduce.physics.registration.similarity import (
-    Similarity,
-    as_complex,
-    as_points,
-    fit_similarity,
-    paired_points,
-)
+from reproduce.physics.registration.closed_form import paired_points
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration, as_complex, as_points
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
 
@@ -133,7 +129,7 @@ class GaussianRegistration:
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The least-squares fit and its standard errors."""
-        fit = fit_similarity(self.source, self.target, self.pivot)
+        fit = fit_registration(self.source, self.target, self.pivot)
         freedom = 2 * len(self.source) - 4
         variance = fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
         noise = max(float(np.sqrt(variance)), 1e-12)
@@ -221,7 +217,7 @@ def registration_model(
     Raises
     ------
     ValueError, DegenerateGeometryError
-        As for `physics.registration.fit_similarity`; also with fewer than four points.
+        As for `physics.registration.fit_registration`; also with fewer than four points.
 
     Examples
     --------
@@ -237,7 +233,7 @@ def registration_model(
             "needs are the least that say anything of the noise"
         )
     pivot = finite_array("pivot", pivot, shape=(2,))
-    fit = fit_similarity(source, target, pivot)
+    fit = fit_registration(source, target, pivot)
     parameters = with_priors(registration_parameters(source, target), priors)
     return Model(
         name,
@@ -299,6 +295,6 @@ def principal_point_model(base: Model, sigma: float) -> Model:
     )
 
 
-def as_similarity(parameters: FloatArray, pivot: FloatArray) -> Similarity:
+def as_similarity(parameters: FloatArray, pivot: FloatArray) -> Registration:
     """The transforms that parameter vectors stand for, batch shape (n,)."""
-    return Similarity(parameters[:, 0], parameters[:, 1], parameters[:, 2:4], pivot)
+    return Registration.similarity(parameters[:, 0], parameters[:, 1], parameters[:, 2:4], pivot)

@@ -18,7 +18,7 @@ from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model, Parameter
 from reproduce.inference.priors import Normal, Uniform
 from reproduce.inference.registration import GaussianRegistration
-from reproduce.physics.registration.similarity import as_complex, as_points
+from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
 # Steps of Newton's method for the inverse distortion; each doubles the digits.

@@ -16,7 +16,8 @@ from reproduce.physics.optics.simulate import (
     spawned_normals,
     table_starlight,
 )
-from reproduce.physics.registration.similarity import fit_similarity, similarity_between
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import similarity_between
 
 CAMERAS = [
     Camera(25.1e-3, (1034.0, 774.0), 0.0, 4e-6),
@@ -49,7 +50,7 @@ def test_channels_register_onto_the_reference() -> None:
     red, green, blue = channel_centroids(CAMERAS, ROTATIONS, ANGLES)
     for points, i in ((red, 0), (blue, 2)):
         expected = similarity_between(CAMERAS[i], ROTATIONS[i], CAMERAS[1])
-        fit = fit_similarity(points, green, CAMERAS[i].principal_point)
+        fit = fit_registration(points, green, CAMERAS[i].principal_point)
         np.testing.assert_allclose(fit.parameters, expected.parameters, atol=1e-10)
 
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from reproduce.physics.registration.calibration import jacobian, registration_bound
-from reproduce.physics.registration.similarity import Similarity, as_points, fit_similarity
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration, as_points
 from reproduce.physics.validate import DegenerateGeometryError
 
 POINTS = np.random.default_rng(3).uniform(0, 2000, (9, 2))
-TRUTH = Similarity(1.3, 0.4, (2.0, -1.0), (900.0, 700.0))
+TRUTH = Registration.similarity(1.3, 0.4, (2.0, -1.0), (900.0, 700.0))
 
 
 def whole_information(source_sigma, target_sigma):
@@ -35,8 +36,8 @@ def test_the_bound_is_that_of_the_whole_problem():
 def test_the_closed_form_reaches_the_bound():
     generator = np.random.default_rng(4)
     source = POINTS + 0.2 * generator.standard_normal((6000, *POINTS.shape))
-    target = TRUTH.transform(POINTS) + 0.3 * generator.standard_normal((6000, *POINTS.shape))
-    scatter = fit_similarity(source, target, TRUTH.pivot).parameters.var(axis=0)
+    target = TRUTH.apply(POINTS) + 0.3 * generator.standard_normal((6000, *POINTS.shape))
+    scatter = fit_registration(source, target, TRUTH.pivot).parameters.var(axis=0)
     bound = registration_bound(POINTS, TRUTH, 0.2, 0.3).diagonal()
     np.testing.assert_allclose(scatter, bound, rtol=5 * np.sqrt(2 / 6000))
 

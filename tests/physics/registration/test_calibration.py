@@ -22,10 +22,11 @@ from reproduce.physics.registration.calibration import (
     starting_values,
     two_line_rotation,
 )
-from reproduce.physics.registration.similarity import Similarity, fit_similarity
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import DegenerateGeometryError
 
-TRUTH = Similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
+TRUTH = Registration.similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
 PIVOT = TRUTH.pivot
 START = (1.0, 0.0, 0.0, 0.0)
 
@@ -33,18 +34,16 @@ START = (1.0, 0.0, 0.0, 0.0)
 def spots(count: int = 40, batch: tuple[int, ...] = (), seed: int = 1) -> tuple:
     rng = np.random.default_rng(seed)
     source = rng.uniform((0, 0), (2064, 1544), (*batch, count, 2))
-    return source, TRUTH.transform(source) + 0.05 * rng.normal(size=source.shape)
+    return source, TRUTH.apply(source) + 0.05 * rng.normal(size=source.shape)
 
 
 def test_model_is_the_similarity_and_takes_a_negative_scale_too() -> None:
     source, _ = spots()
     np.testing.assert_allclose(
-        model_points(TRUTH.parameters, source, PIVOT), TRUTH.transform(source), atol=1e-10
+        model_points(TRUTH.parameters, source, PIVOT), TRUTH.apply(source), atol=1e-10
     )
     turned = TRUTH.parameters * (-1, 1, 1, 1) + (0, np.pi, 0, 0)
-    np.testing.assert_allclose(
-        model_points(turned, source, PIVOT), TRUTH.transform(source), atol=1e-10
-    )
+    np.testing.assert_allclose(model_points(turned, source, PIVOT), TRUTH.apply(source), atol=1e-10)
 
 
 def test_jacobian_agrees_with_finite_differences() -> None:
@@ -71,12 +70,12 @@ def test_rows_are_all_x_then_all_y() -> None:
 
 def test_iteration_reaches_the_closed_form() -> None:
     source, target = spots()
-    closed = fit_similarity(source, target, PIVOT)
+    closed = fit_registration(source, target, PIVOT)
     result = calibrate(source, target, PIVOT, START)
     np.testing.assert_allclose(result.parameters, closed.parameters, rtol=1e-10, atol=1e-10)
     assert result.cost[-1] == pytest.approx(closed.chi_square)
     np.testing.assert_allclose(
-        result.similarity.transform(source), closed.similarity.transform(source), atol=1e-9
+        result.transform.apply(source), closed.transform.apply(source), atol=1e-9
     )
 
 
@@ -105,7 +104,7 @@ def test_a_calibration_of_a_batch_comes_out_as_alone() -> None:
 
 def test_a_settled_calibration_stays_put_while_others_move() -> None:
     source, target = spots()
-    closed = fit_similarity(source, target, PIVOT).parameters
+    closed = fit_registration(source, target, PIVOT).parameters
     result = calibrate(source, target, PIVOT, np.stack([closed, np.add(closed, (0.2, 1.0, 9, 9))]))
     settled, moving = result.history[: result.first_stage + 1].swapaxes(0, 1)
     assert len(settled) > 4
@@ -115,7 +114,7 @@ def test_a_settled_calibration_stays_put_while_others_move() -> None:
 
 def test_noiseless_steps_converge_at_more_than_linear_speed() -> None:
     source, _ = spots()
-    target = TRUTH.transform(source)
+    target = TRUTH.apply(source)
     u = np.array([0.9, 0.3, 4.0, 4.0])
     errors = []
     for _ in range(4):
@@ -127,7 +126,7 @@ def test_noiseless_steps_converge_at_more_than_linear_speed() -> None:
 
 def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
     source, _ = spots()
-    target = TRUTH.transform(source)
+    target = TRUTH.apply(source)
     solution = TRUTH.parameters
     for offset in ((0, 0, 1e-3, 0), (0, 0, 0, -1.0), (0, 0, 2.0, 3.0)):
         u = solution + offset
@@ -175,7 +174,7 @@ def test_line_direction_may_be_vertical() -> None:
 
 def test_starting_values_are_the_truth_without_noise() -> None:
     line = np.stack([np.linspace(0, 2000, 9), np.full(9, 770.0)], axis=-1)
-    source = TRUTH.inverse().transform(line)
+    source = TRUTH.inverse().apply(line)
     target_zero = PIVOT - TRUTH.shift
     start = starting_values(source, line, PIVOT, target_zero)
     np.testing.assert_allclose(start, (1.0, 0.0011, -0.4, 0.7), atol=1e-12)
@@ -183,7 +182,7 @@ def test_starting_values_are_the_truth_without_noise() -> None:
 
 def test_one_pair_of_lines_serves_many_shifts_and_many_pairs_one_shift() -> None:
     line = np.stack([np.linspace(0, 2000, 9), np.full(9, 770.0)], axis=-1)
-    sources = np.stack([TRUTH.inverse().transform(line), line])
+    sources = np.stack([TRUTH.inverse().apply(line), line])
     zeros = PIVOT + np.array([[0.0, 0.0], [1.0, -2.0], [3.0, 5.0]])
     for found, zero in zip(starting_values(line, line, zeros, PIVOT), zeros, strict=True):
         np.testing.assert_allclose(found, [1.0, 0.0, *(zero - PIVOT)], atol=1e-12)
@@ -204,7 +203,7 @@ def test_random_restarts_all_end_at_the_closed_form() -> None:
     assert starts.shape == (20, 3, 4)
     assert (np.abs(starts - START) <= (0.5, 3.0, 50, 50)).all()
     best = calibrate_from_all(source, target, PIVOT, starts)
-    closed = fit_similarity(source, target, PIVOT)
+    closed = fit_registration(source, target, PIVOT)
     np.testing.assert_allclose(best.parameters, closed.parameters, atol=1e-9)
     assert best.history.shape[1:] == (3, 4)
     assert best.cost.shape[1:] == best.converged.shape == (3,)
@@ -213,7 +212,7 @@ def test_random_restarts_all_end_at_the_closed_form() -> None:
 def test_restarts_choose_the_lowest_cost_among_those_that_settled() -> None:
     source, target = spots(15)
     # One step is enough at the solution and too few elsewhere.
-    closed = fit_similarity(source, target, PIVOT).parameters
+    closed = fit_registration(source, target, PIVOT).parameters
     starts = np.stack([np.add(closed, (0.1, 1.0, 9, 9)), closed])
     best = calibrate_from_all(source, target, PIVOT, starts, Stopping(steps=1))
     np.testing.assert_array_equal(best.history[0], closed)
@@ -237,9 +236,9 @@ def test_a_start_at_scale_zero_is_reported() -> None:
 
 def test_a_cluster_far_from_the_pivot_is_refused() -> None:
     source = np.random.default_rng(6).uniform(0, 1, (5, 2))
-    with pytest.raises(DegenerateGeometryError, match="fit_similarity"):
+    with pytest.raises(DegenerateGeometryError, match="fit_registration"):
         calibrate(source, source, (1e5, 0), START)
-    far = fit_similarity(source, source, (1e5, 0))
+    far = fit_registration(source, source, (1e5, 0))
     np.testing.assert_allclose(far.parameters, START, atol=1e-9)
 
 

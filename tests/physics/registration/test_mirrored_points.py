@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.similarity import fit_similarity
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import MirroredPointsError
 
@@ -35,7 +34,7 @@ def test_a_batch_says_how_many_are_mirrored():
     source, target = field(10, 0.1)
     sources = np.stack([source, source * FLIPS[0], source * FLIPS[1]])
     with pytest.raises(MirroredPointsError, match="in 2 of 3 sets"):
-        fit_similarity(sources, target, PIVOT)
+        fit_registration(sources, target, PIVOT)
 
 
 @pytest.mark.parametrize("wrong", [0, 20, 32])
@@ -63,7 +62,7 @@ def test_points_that_are_not_mirrored_pass_whatever_their_noise(n, noise, flat):
     generator = np.random.default_rng(n)
     source = generator.uniform(0, 1000, (3000, n, 2)) * [1.0, flat]
     target = source + noise * generator.standard_normal(source.shape)
-    assert fit_similarity(source, target, PIVOT).parameters.shape == (3000, 4)
+    assert fit_registration(source, target, PIVOT).parameters.shape == (3000, 4)
 
 
 @pytest.mark.parametrize("robust", [False, True])

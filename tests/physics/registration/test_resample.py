@@ -7,10 +7,9 @@ from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.spots import render_frame
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.resample import fused_image, registered_image
-from reproduce.physics.registration.similarity import Similarity, fit_similarity
 from reproduce.physics.registration.transforms import Registration
 
-TRANSFORM = Similarity(1.01, 0.02, (1.3, -0.7), (30.0, 20.0))
+TRANSFORM = Registration.similarity(1.01, 0.02, (1.3, -0.7), (30.0, 20.0))
 SPOT = np.array([[33.3, 27.8]])
 
 
@@ -19,7 +18,7 @@ def test_a_spot_arrives_with_its_light_where_the_transform_says(order):
     image = render_frame(SPOT, 1e5, 1.2, (64, 48))
     found = registered_image(image, TRANSFORM, order=order)
     assert found.sum() == pytest.approx(1e5, rel=2e-3)
-    expected = TRANSFORM.transform(SPOT)[0]
+    expected = TRANSFORM.apply(SPOT)[0]
     np.testing.assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.01)
 
 
@@ -54,8 +53,8 @@ def test_what_a_fit_returns_carries_an_image(model, parameters):
 def test_all_forms_of_one_similarity_give_one_image():
     source = np.random.default_rng(2).uniform(0, 60, (12, 2))
     image = render_frame(SPOT, 1e5, 1.2, (64, 48))
-    fit = fit_similarity(source, TRANSFORM.transform(source), TRANSFORM.pivot)
-    for form in (fit, fit.similarity, fit_registration(source, TRANSFORM.transform(source),
+    fit = fit_registration(source, TRANSFORM.apply(source), TRANSFORM.pivot)
+    for form in (fit, fit.transform, fit_registration(source, TRANSFORM.apply(source),
                                                        TRANSFORM.pivot)):  # fmt: skip
         np.testing.assert_allclose(
             registered_image(image, form), registered_image(image, TRANSFORM), atol=1e-6
@@ -71,7 +70,7 @@ def test_a_window_is_a_part_of_the_whole():
 
 def test_nothing_happens_without_a_transform():
     image = np.random.default_rng(1).normal(size=(9, 7))
-    found = registered_image(image, Similarity(1, 0, (0, 0), (3, 3)))
+    found = registered_image(image, Registration.similarity(1, 0, (0, 0), (3, 3)))
     np.testing.assert_allclose(found, image, atol=1e-12)
 
 
@@ -91,7 +90,9 @@ def test_images_add_up():
         (lambda: registered_image(np.ones((2, 3, 3)), TRANSFORM), "singly"),
         (lambda: registered_image(np.ones((3, 3)), TRANSFORM, order=2), "order"),
         (
-            lambda: registered_image(np.ones((3, 3)), Similarity([1, 1], 0, (0, 0), (0, 0))),
+            lambda: registered_image(
+                np.ones((3, 3)), Registration.similarity([1, 1], 0, (0, 0), (0, 0))
+            ),
             "batch",
         ),
     ],

@@ -13,7 +13,7 @@ from numpy.random import SeedSequence
 from reproduce.papers.niu2024 import angles, laboratory
 from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids, table_starlight
-from reproduce.physics.registration.similarity import SimilarityFit, fit_similarity
+from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -56,7 +56,7 @@ def calibrated_alone(
 
 def registered(
     given: Given, seed: SeedSequence, replicates: int, error: float
-) -> dict[str, SimilarityFit]:
+) -> dict[str, RegistrationFit]:
     """Register both channels with green on the twin, as the first rows of Table 4 were.
 
     The fit is the closed form, which is where the paper's iteration ends; its pivot is the spot at
@@ -74,7 +74,7 @@ def registered(
     noisy = noisy_centroids(true, error, seed, replicates)
     zero = np.flatnonzero(np.isclose(table, 0.0).all(axis=-1)).item()
     return {
-        channel: fit_similarity(noisy[:, place], noisy[:, 0], noisy[:, place, zero])
+        channel: fit_registration(noisy[:, place], noisy[:, 0], noisy[:, place, zero])
         for place, channel in enumerate(laboratory.REGISTERED, start=1)
     }
 

@@ -118,7 +118,7 @@ def measured_colours(
         If the window of a star reaches over the edge of a frame.
     """
     back = [transform.inverse() for transform in images.similarities(door)]
-    places = [centres, *(transform.transform(centres) for transform in back)]
+    places = [centres, *(transform.apply(centres) for transform in back)]
     light = [
         cut_windows(image, window_corners(at, images.WINDOW), images.WINDOW).sum(axis=(-2, -1))
         for image, at in zip(frames, places, strict=True)

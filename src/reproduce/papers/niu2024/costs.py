@@ -24,7 +24,7 @@ from reproduce.physics.registration.approximations import (
     second_term_from_share,
     simulated_bias,
 )
-from reproduce.physics.registration.similarity import fit_similarity
+from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -184,7 +184,7 @@ def _cost(
         simulated = simulated - simulated_bias(whole.only("cube"), positions)
     length = np.hypot(*error.T)
     # The same projection that a fit makes: onto scale, rotation and shift of the positions.
-    left = fit_similarity(positions * 1e6, positions * 1e6 + error, (0.0, 0.0)).residuals
+    left = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0)).residuals
     return Cost(
         table,
         channel,

@@ -11,7 +11,7 @@ import numpy as np
 
 from reproduce.papers.niu2024.sketch import BLUE, GREEN, LOOKS
 from reproduce.papers.sketch import SIZE, Look, arc, arrow, beside, box, diagram, label, line
-from reproduce.physics.registration.similarity import Similarity, principal_point_shift
+from reproduce.physics.registration.transforms import Registration, principal_point_shift
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def draw_planes(axes: Axes) -> None:
 def _plane(axes: Axes, origin: FloatArray, turn: float, look: Look) -> None:
     """Draw a detector about its principal point, with its axes."""
     # A spot of this channel is laid into the other by the same turn that turns the axes.
-    turned = Similarity(1.0, turn, (0.0, 0.0), (0.0, 0.0)).transform
+    turned = Registration.similarity(1.0, turn, (0.0, 0.0), (0.0, 0.0)).apply
     corners = turned([[-4, -3], [4, -3], [4, 3], [-4, 3], [-4, -3]]) + origin
     axes.plot(*corners.T, color=look.colour, linestyle=look.line, label=look.name)
     axes.plot(*origin, look.marker, color=look.colour, markersize=7)

@@ -13,7 +13,7 @@ from reproduce.papers.niu2024.sketch import BLUE, GREEN
 from reproduce.papers.sketch import arrow, beside, box, canvas, label, line, turning
 from reproduce.physics.optics.camera import ideal_positions
 from reproduce.physics.optics.rotary import starlight
-from reproduce.physics.registration.similarity import Similarity
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
@@ -33,13 +33,13 @@ def registration_steps() -> FloatArray:
     ndarray, shape (4, 2)
         Pixel coordinates in the units of the drawing; the last row is the registered spot.
     """
-    steps = Similarity(
+    steps = Registration.similarity(
         scale=[1.0, 1.0, SCALE, SCALE],
         rotation=[0.0, ANGLE, ANGLE, ANGLE],
         shift=np.outer([0.0, 0.0, 0.0, 1.0], SHIFT),
         pivot=PIVOT,
     )
-    return steps.transform([SPOT])[:, 0]
+    return steps.apply([SPOT])[:, 0]
 
 
 def draw_registration(figure: Figure) -> None:
@@ -66,7 +66,9 @@ def draw_registration(figure: Figure) -> None:
 
 def _turned(share: float) -> FloatArray:
     """Return the spot after a share of its turn about the pivot."""
-    about: FloatArray = Similarity(1.0, share * ANGLE, (0.0, 0.0), PIVOT).transform([SPOT])[0]
+    about: FloatArray = Registration.similarity(1.0, share * ANGLE, (0.0, 0.0), PIVOT).apply(
+        [SPOT]
+    )[0]
     return about
 
 

@@ -16,7 +16,7 @@ from reproduce.physics.registration.calibration import (
     random_starts,
     starting_values,
 )
-from reproduce.physics.registration.similarity import rmse
+from reproduce.physics.registration.closed_form import rmse
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 

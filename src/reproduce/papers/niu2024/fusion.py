@@ -21,7 +21,7 @@ from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import spot_windows, window_corners
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.resample import registered_image
-from reproduce.physics.registration.similarity import Similarity
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -200,7 +200,7 @@ def exposures(
 
 
 def combinations(
-    windows: FloatArray, corner: FloatArray, transforms: list[Similarity]
+    windows: FloatArray, corner: FloatArray, transforms: list[Registration]
 ) -> list[FloatArray]:
     """Return green alone, the plain sum, and the sum after registration.
 
@@ -210,7 +210,7 @@ def combinations(
         Green, red, blue, in electrons.
     corner : ndarray, shape (2,)
         Their first pixel.
-    transforms : list of Similarity
+    transforms : list of Registration
         Red and blue onto green.
 
     Returns

@@ -28,7 +28,7 @@ from reproduce.physics.images.spots import render_frame, window_corners
 from reproduce.physics.optics.camera import Camera, detector_centre
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.resample import fused_image, registered_image
-from reproduce.physics.registration.similarity import Similarity, similarity_between
+from reproduce.physics.registration.transforms import Registration, similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.stars import spectra
@@ -83,7 +83,7 @@ def cameras(door: Given) -> list[Camera]:
     ]
 
 
-def similarities(door: Given) -> list[Similarity]:
+def similarities(door: Given) -> list[Registration]:
     """Return the transforms of red and blue onto green, as a perfect calibration would have them.
 
     Parameters
@@ -93,7 +93,7 @@ def similarities(door: Given) -> list[Similarity]:
 
     Returns
     -------
-    list of Similarity
+    list of Registration
         Red, blue.
     """
     used, turns = cameras(door), laboratory.rotations(door)
@@ -212,14 +212,14 @@ def frames(
     return Frames(images, positions, photons)
 
 
-def register(images: Sequence[FloatArray], transforms: Sequence[Similarity]) -> list[FloatArray]:
+def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
     """Return green as it is, and the other images on the pixels of green.
 
     Parameters
     ----------
     images : sequence of ndarray, each of shape (height, width)
         Green, red, blue.
-    transforms : sequence of Similarity
+    transforms : sequence of Registration
         Red and blue onto green.
 
     Returns

@@ -35,7 +35,9 @@ from reproduce.physics.optics.simulate import (
     spawned_angles,
     spawned_normals,
 )
-from reproduce.physics.registration.similarity import Similarity, fit_similarity, rmse_per_axis
+from reproduce.physics.registration.closed_form import rmse_per_axis
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -201,8 +203,8 @@ def registered_points(given: Given, angles: FloatArray) -> FloatArray:
         # The source's principal point is the shift, as green's is the origin here.
         shift = _shift(given, channel)
         scale = given[f"{CALIBRATION}#scale.{channel}"]
-        laid = Similarity(scale, rotations(given)[position], shift, shift)
-        points.append(laid.inverse().transform(green))
+        laid = Registration.similarity(scale, rotations(given)[position], shift, shift)
+        points.append(laid.inverse().apply(green))
     return np.stack(points, axis=-3)
 
 
@@ -261,7 +263,7 @@ def rmse_after(given: Given) -> Results:
     results: dict[str, Blocked] = {}
     for position, channel in enumerate(REGISTERED, start=1):
         pivot = cameras(given)[position].principal_point
-        fit = fit_similarity(true[position], true[0], pivot)
+        fit = fit_registration(true[position], true[0], pivot)
         misfit = np.square(fit.residuals).mean(axis=0)
         expected = np.sqrt(misfit + 2 * given[f"{SETTINGS}#noise"] ** 2)
         for axis, value in zip("xy", expected, strict=True):

@@ -21,7 +21,7 @@ from reproduce.papers.niu2024 import angles, simulation
 from reproduce.papers.posteriors import published_cells, simulated
 from reproduce.physics.optics.camera import angle_from_pixels
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids, spawned_angles
-from reproduce.physics.registration.similarity import fit_similarity
+from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -78,9 +78,9 @@ def new_stars(
     NewStars
         With the least-squares transform of the data.
     """
-    fit = fit_similarity(likelihood.source, likelihood.target, likelihood.pivot)
+    fit = fit_registration(likelihood.source, likelihood.target, likelihood.pivot)
     source = _source(given, channel)
-    registered = fit.similarity.transform(source)
+    registered = fit.transform.apply(source)
     stars = likelihood.elsewhere(source)
     return NewStars(stars, registered, pixel_angle(given), columns, prefix)
 
@@ -177,8 +177,8 @@ def _calibrated(
     generator: Generator,
 ) -> FloatArray:
     """Least-squares parameters of many calibrations and their RMSE at test points, (n, 5)."""
-    fit = fit_similarity(source, target, likelihood.pivot)
-    registered = fit.similarity.transform(stars.source)
+    fit = fit_registration(source, target, likelihood.pivot)
+    registered = fit.transform.apply(stars.source)
     return np.column_stack([fit.parameters, rmse_at(stars, registered, parameters, generator)])
 
 

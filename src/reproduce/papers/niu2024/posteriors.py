@@ -47,7 +47,8 @@ from reproduce.papers.niu2024.new_stars import (
 from reproduce.papers.posteriors import OWN_DATA, Declared, published_cells, simulated
 from reproduce.physics.optics.chromatic import scale_factor
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
-from reproduce.physics.registration.similarity import fit_similarity, similarity_between
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -177,7 +178,7 @@ def _response(true: FloatArray, step: float = 1e-3) -> FloatArray:
     # The zero position gives the pivot, as in the calibration of section 3.2.
     zero = int(np.argmin(np.hypot(*(true[0] - true[0].mean(axis=0)).T)))
     found = np.concatenate(
-        [fit_similarity(batch[:, i], batch[:, 0], batch[:, i, zero]).parameters for i in (1, 2)],
+        [fit_registration(batch[:, i], batch[:, 0], batch[:, i, zero]).parameters for i in (1, 2)],
         axis=-1,
     )
     return np.asarray((found[1:] - found[0]).T / step)

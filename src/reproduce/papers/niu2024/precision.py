@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from reproduce.papers.niu2024 import angles, simulation
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import registration_bound
-from reproduce.physics.registration.similarity import fit_similarity, similarity_between
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -50,7 +51,7 @@ def of_channel(door: Given, channel: str) -> Precision:
     used, turns = simulation.cameras(door), simulation.rotations(door)
     true = channel_centroids(used, turns, angles.literal(door).angles)
     implied = similarity_between(used[place], turns[place], used[0])
-    fitted = fit_similarity(true[place], true[0], used[place].principal_point)
+    fitted = fit_registration(true[place], true[0], used[place].principal_point)
     sigma = door[f"{simulation.SETTINGS}#noise"]
     bound = registration_bound(true[place], implied, sigma, sigma).diagonal()
     return Precision(implied.parameters, fitted.parameters - implied.parameters, bound**0.5)

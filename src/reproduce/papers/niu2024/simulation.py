@@ -35,7 +35,7 @@ from reproduce.physics.optics.simulate import (
     spawned_normals,
 )
 from reproduce.physics.registration.calibration import Calibration, calibrate, starting_values
-from reproduce.physics.registration.similarity import rmse_per_axis
+from reproduce.physics.registration.closed_form import rmse_per_axis
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -247,7 +247,7 @@ def residuals(
     return {
         channel: (
             rmse_per_axis(measured[:, place], measured[:, 0]),
-            rmse_per_axis(found[channel].similarity.transform(measured[:, place]), measured[:, 0]),
+            rmse_per_axis(found[channel].transform.apply(measured[:, place]), measured[:, 0]),
         )
         for place, channel in enumerate(REGISTERED, start=1)
     }

@@ -31,7 +31,9 @@ from reproduce.papers.niu2024 import angles, simulation
 from reproduce.papers.niu2024.counting import MEASURED
 from reproduce.papers.niu2024.simulation import SHIFTS, TESTS
 from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
-from reproduce.physics.registration.similarity import Similarity, fit_similarity, rmse_per_axis
+from reproduce.physics.registration.closed_form import rmse_per_axis
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray, whole_number
 from reproduce.printed.given import Given
 
@@ -231,15 +233,15 @@ def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[Floa
                 yield _outcome(similarity, points)
 
 
-def _calibrated(measured: FloatArray, zero: FloatArray, table: FloatArray) -> Similarity:
+def _calibrated(measured: FloatArray, zero: FloatArray, table: FloatArray) -> Registration:
     green, source = measured[:, 0], measured[:, 1]
     at_zero = np.flatnonzero(np.isclose(table, 0.0).all(axis=-1))
     pivot = source[:, at_zero[0]] if len(at_zero) else zero[:, 1, 0]
-    return fit_similarity(source, green, pivot).similarity
+    return fit_registration(source, green, pivot).transform
 
 
-def _outcome(similarity: Similarity, points: FloatArray) -> FloatArray:
+def _outcome(similarity: Registration, points: FloatArray) -> FloatArray:
     green, source = points[:, 0], points[:, 1]
     before = rmse_per_axis(source, green)
-    after = rmse_per_axis(similarity.transform(source), green)
+    after = rmse_per_axis(similarity.apply(source), green)
     return np.concatenate([similarity.parameters, before, after], axis=-1)

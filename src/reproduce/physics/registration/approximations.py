@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.optics.camera import Camera, turned_onto_detector
-from reproduce.physics.registration.similarity import fit_similarity, similarity_between
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray, finite_array, positive
 
 EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")
@@ -156,7 +157,7 @@ def simulated_bias(channels: Channels, positions: ArrayLike) -> FloatArray:
     source, reference = imaged(channels, positions)
     truth = similarity_between(channels.source, channels.rotation, channels.reference)
     pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
-    return fit_similarity(source, reference, pivot).parameters - truth.parameters
+    return fit_registration(source, reference, pivot).parameters - truth.parameters
 
 
 def imaged(channels: Channels, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -4,7 +4,7 @@ Image points have shape (..., n, 2), in px, x before y, with the centre of the f
 (0, 0); parameter vectors u = (k, theta, shift x, shift y) have shape (..., 4); the leading axes are
 a batch of calibrations, each of which comes out as it would alone. Starting vectors come from two
 lines and the zero position (`starting_values`) and at random (`random_starts`).
-`similarity.fit_similarity` reaches the same minimum in closed form: this module shows the paper's
+`fit.fit_registration` reaches the same minimum in closed form: this module shows the paper's
 iteration, its convergence, and the Cramér-Rao bound that no unbiased calibration goes below.
 
 The print couples the iteration to the constraint cos^2 + cos^2 = 1, which holds at odd multiples of
@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.similarity import (
-    Similarity,
+from reproduce.physics.registration.closed_form import paired_points
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import (
+    Registration,
     as_complex,
     as_points,
-    fit_similarity,
-    paired_points,
     principal_point_shift,
 )
 from reproduce.physics.validate import (
@@ -48,7 +48,7 @@ SINGULAR_SPREAD = 1e-7
 def model_points(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> FloatArray:
     """Where the model lays the source points, f_x and f_y, for any parameter vector.
 
-    Unlike `Similarity` it takes a negative scale too, which an iteration may pass through.
+    Unlike a `Registration` it takes a negative scale too, which an iteration may pass through.
 
     Parameters
     ----------
@@ -306,7 +306,7 @@ def _refuse_singular(regular: BoolArray) -> None:
         raise DegenerateGeometryError(
             f"expected points that fix every free parameter, got {int((~regular).sum())} singular "
             "normal matrices; give two or more different points (far from a distant pivot use "
-            "fit_similarity) and a starting scale other than zero"
+            "fit_registration) and a starting scale other than zero"
         )
 
 
@@ -523,10 +523,10 @@ class Calibration:
         )
 
     @property
-    def similarity(self) -> Similarity:
+    def transform(self) -> Registration:
         """The final transform."""
         final = self.parameters
-        return Similarity(final[..., 0], final[..., 1], final[..., 2:], self.pivot)
+        return Registration.similarity(final[..., 0], final[..., 1], final[..., 2:], self.pivot)
 
 
 def calibrate(
@@ -700,7 +700,7 @@ def _two_stages(
         start=start.shape[:-1],
     )
     # The closed form refuses what has no unique answer; the iteration would settle anywhere.
-    fit_similarity(source, target, pivot)
+    fit_registration(source, target, pivot)
     _refuse_narrow(source, pivot)
     start = np.broadcast_to(start, (*batch, PARAMETERS))
     first, _ = _iterate(source, target, pivot, start, (2, stopping))
@@ -720,7 +720,7 @@ def _refuse_narrow(source: FloatArray, pivot: FloatArray) -> None:
         raise DegenerateGeometryError(
             "source: expected points spread over more than a three-thousandth of their distance "
             "from the pivot, got a narrow cluster; add spots across the field of view, or use "
-            "fit_similarity"
+            "fit_registration"
         )
 
 
@@ -749,7 +749,7 @@ def _iterate(
 
 def registration_bound(
     source: ArrayLike,
-    similarity: Similarity,
+    similarity: Registration,
     source_sigma: ArrayLike,
     target_sigma: ArrayLike,
 ) -> FloatArray:
@@ -762,7 +762,7 @@ def registration_bound(
     ----------
     source : array_like, shape (..., n, 2)
         True source points, in px.
-    similarity : Similarity
+    similarity : Registration
         The true transform.
     source_sigma, target_sigma : array_like, shape (...)
         Standard deviations of one coordinate of one spot, in px; not both zero.
@@ -783,7 +783,7 @@ def registration_bound(
     --------
     Two points 2 px apart: the mean of two shifts, and the slope of a short lever.
 
-    >>> identity = Similarity(1.0, 0.0, (0, 0), (0, 0))
+    >>> identity = Registration.similarity(1.0, 0.0, (0, 0), (0, 0))
     >>> registration_bound([[-1, 0], [1, 0]], identity, 0.0, 1.0).diagonal()
     array([0.5, 0.5, 0.5, 0.5])
     """

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import affine_transform, map_coordinates
 
 from reproduce.physics.registration.fit import RegistrationFit
-from reproduce.physics.registration.similarity import Similarity, SimilarityFit
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray, finite_array
 
@@ -23,7 +22,7 @@ ORDERS = (0, 1, 3)
 
 def registered_image(
     image: ArrayLike,
-    transform: Similarity | Registration | SimilarityFit | RegistrationFit,
+    transform: Registration | RegistrationFit,
     *,
     order: Literal[0, 1, 3] = 3,
     corner: tuple[int, int] = (0, 0),
@@ -38,7 +37,7 @@ def registered_image(
     ----------
     image : array_like, shape (height, width)
         In any unit of light, background taken away: outside the image there is nothing.
-    transform : Similarity, Registration, or what `fit_similarity` or `fit_registration` returns
+    transform : Registration or RegistrationFit
         From source to target; a single one.
     order : int
         0 for the nearest pixel, 1 for straight lines, 3 for cubic splines.
@@ -63,7 +62,7 @@ def registered_image(
 
     >>> image = np.zeros((3, 4))
     >>> image[1, 2] = 8.0
-    >>> registered_image(image, Similarity(1, 0, (1, 0), (0, 0)), order=1)
+    >>> registered_image(image, Registration.similarity(1, 0, (1, 0), (0, 0)), order=1)
     array([[0., 0., 0., 0.],
            [0., 8., 0., 0.],
            [0., 0., 0., 0.]])
@@ -73,24 +72,18 @@ def registered_image(
         raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
     if order not in ORDERS:
         raise ValueError(f"order: expected one of {ORDERS}, got {order!r}")
-    if isinstance(transform, SimilarityFit):
-        transform = transform.similarity
-    elif isinstance(transform, RegistrationFit):
+    if isinstance(transform, RegistrationFit):
         transform = transform.transform
     if transform.batch:
         raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
     first = finite_array("corner", corner, shape=(2,))
     if first.ndim != 1:
         raise ValueError(f"corner: expected one, got shape {first.shape}; give x and y")
-    if isinstance(transform, Registration) and transform.model == "similarity+radial":
+    if transform.model == "similarity+radial":
         return _bent(light, transform, order, first)
-    if isinstance(transform, Similarity):
-        matrix, origin = transform.inverse().affine()
-        enlarged = float(transform.scale) ** 2
-    else:
-        matrix = np.asarray(np.linalg.inv(transform.matrix), dtype=np.float64)
-        origin = transform.undo([[0.0, 0.0]])[0]
-        enlarged = abs(float(np.linalg.det(transform.matrix)))
+    matrix = np.asarray(np.linalg.inv(transform.matrix), dtype=np.float64)
+    origin = transform.undo([[0.0, 0.0]])[0]
+    enlarged = abs(float(np.linalg.det(transform.matrix)))
     # Source position of target pixel p: matrix (p + corner) + origin - corner; y before x below.
     offset = (matrix @ first + origin - first)[::-1]
     resampled = affine_transform(

@@ -1,7 +1,8 @@
 """Transforms that lay one image over another: apply, undo, invert, compose.
 
 Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
-(0, 0). A `Registration` is one of five models about a fixed pivot, with q = point - pivot:
+(0, 0); the leading axes are a batch of transforms. A `Registration` is one of five models about a
+fixed pivot, with q = point - pivot:
 
 * shift: q + pivot - shift;
 * rigid: R(theta) q + pivot - shift;
@@ -9,7 +10,9 @@ Image points have shape (..., n, 2), in px, x before y, with the centre of the f
 * similarity+radial: k R(theta) q (1 + c r^2) + pivot - shift, with r the length of q;
 * affine: A q + pivot - shift.
 
-R(theta) turns x towards y for a positive angle; the shift is subtracted, as in `similarity`.
+R(theta) turns x towards y for a positive angle. The shift is the source channel's principal point
+minus the target's, so it is *subtracted*. A similarity takes a point as the complex number x + iy:
+scaling and rotating is then one multiplication.
 """
 
 from __future__ import annotations
@@ -18,14 +21,18 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics.optics.camera import Camera
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
     common_batch,
     finite_array,
+    positive,
 )
+
+ComplexArray = NDArray[np.complex128]
 
 # Names of the parameters, in the order in which every array has them. Angles in radians, shifts in
 # px, the radial coefficient in px^-2, scales and matrix elements without unit.
@@ -37,6 +44,29 @@ MODELS: dict[str, tuple[str, ...]] = {
     "affine": ("xx", "xy", "yx", "yy", "shift x", "shift y"),
 }
 NEWTON_STEPS = 50
+
+
+def as_complex(points: FloatArray) -> ComplexArray:
+    """Return points (..., 2) as complex numbers x + iy of shape (...).
+
+    Examples
+    --------
+    >>> as_complex(np.array([[3.0, 4.0]]))
+    array([3.+4.j])
+    """
+    return np.ascontiguousarray(points).view(np.complex128)[..., 0]
+
+
+def as_points(numbers: ComplexArray) -> FloatArray:
+    """Return complex numbers x + iy of shape (...) as points (..., 2).
+
+    Examples
+    --------
+    >>> as_points(np.array([3 + 4j]))
+    array([[3., 4.]])
+    """
+    # Not ascontiguousarray, which would give a single number an axis it does not have.
+    return np.asarray(numbers, order="C")[..., None].view(np.float64)
 
 
 class Transform(Protocol):
@@ -55,6 +85,8 @@ class Transform(Protocol):
 @dataclass(frozen=True, eq=False)
 class Registration:
     """One of the five models with its parameters; one transform or a batch of them.
+
+    Implements: niu2024 (13), (15), (16), (17), (18).
 
     Attributes
     ----------
@@ -87,6 +119,51 @@ class Registration:
         object.__setattr__(self, "pivot", pivot)
 
     @classmethod
+    def similarity(
+        cls, scale: ArrayLike, rotation: ArrayLike, shift: ArrayLike, pivot: ArrayLike
+    ) -> Registration:
+        """Make a scale, rotation and shift about a pivot: the four parameters of niu2024.
+
+        Parameters
+        ----------
+        scale : array_like, shape (...)
+            Scale factor k, above zero.
+        rotation : array_like, shape (...)
+            Angle theta, in radians.
+        shift : array_like, shape (..., 2)
+            Source principal point minus target principal point, in px.
+        pivot : array_like, shape (..., 2)
+            The point rotated and scaled about, in px: the source channel's principal point.
+
+        Returns
+        -------
+        Registration
+            Of the model "similarity".
+
+        Raises
+        ------
+        ValueError
+            If a parameter is not finite, has the wrong shape, or `scale` is not above zero.
+
+        Examples
+        --------
+        Double the distance from the pivot (5, 5), then subtract the shift (1, 0).
+
+        >>> Registration.similarity(2.0, 0.0, (1, 0), (5, 5)).apply([[6, 5]])
+        array([[6., 5.]])
+        """
+        k, theta = positive("scale", scale), finite_array("rotation", rotation)
+        moved, about = (
+            finite_array(name, value, shape=(2,))
+            for name, value in (("shift", shift), ("pivot", pivot))
+        )
+        common_batch(
+            scale=k.shape, rotation=theta.shape, shift=moved.shape[:-1], pivot=about.shape[:-1]
+        )
+        columns = np.broadcast_arrays(k, theta, moved[..., 0], moved[..., 1])
+        return cls.unchecked("similarity", np.stack(columns, axis=-1), about)
+
+    @classmethod
     def unchecked(cls, model: str, parameters: FloatArray, pivot: FloatArray) -> Registration:
         """Make a registration from what a fit has just computed, without checking it again."""
         registration = object.__new__(cls)
@@ -99,6 +176,21 @@ class Registration:
     def batch(self) -> tuple[int, ...]:
         """The batch shape; () for a single transform."""
         return np.broadcast_shapes(self.parameters.shape[:-1], self.pivot.shape[:-1])
+
+    @property
+    def scale(self) -> FloatArray:
+        """The scale factor k, shape (...), of a model that has one."""
+        return self._named("scale")
+
+    @property
+    def rotation(self) -> FloatArray:
+        """The angle theta in radians, shape (...), of a model that has one."""
+        return self._named("rotation")
+
+    @property
+    def factor(self) -> ComplexArray:
+        """The complex number k exp(i theta) of a similarity, shape (...)."""
+        return np.asarray(self.scale * np.exp(1j * self.rotation))
 
     @property
     def matrix(self) -> FloatArray:
@@ -137,6 +229,9 @@ class Registration:
             If `points` is not finite or has the wrong shape.
         """
         offsets = self._offsets(points, self.pivot)
+        if self.model == "similarity":
+            landed = self.factor[..., None] * as_complex(offsets)
+            return as_points(landed + as_complex(self.pivot - self.shift)[..., None])
         if self.model == "similarity+radial":
             squared = np.square(offsets).sum(axis=-1, keepdims=True)
             offsets = offsets * (1 + self.radial[..., None, None] * squared)
@@ -176,13 +271,54 @@ class Registration:
             straight = straight * _shrink(np.hypot(straight[..., 0], straight[..., 1]), self.radial)
         return np.asarray(straight + self.pivot[..., None, :])
 
+    def affine(self) -> tuple[FloatArray, FloatArray]:
+        """Write the transform as matrix and translation: matrix @ point + translation.
+
+        Implements: niu2024 (4).
+
+        Returns
+        -------
+        ndarray, shape (..., 2, 2)
+            The matrix: T = k R(theta) of a similarity.
+        ndarray, shape (..., 2)
+            The translation, in px. It is not minus the shift: it also undoes the pivot.
+
+        Raises
+        ------
+        ValueError
+            If the transform bends straight lines, by a radial term.
+        """
+        if self.model == "similarity+radial":
+            raise ValueError(
+                "expected a transform that keeps lines straight, got one with a radial term; "
+                "apply it to points instead"
+            )
+        matrix = self.matrix
+        return matrix, self.pivot - self.shift - (matrix @ self.pivot[..., None])[..., 0]
+
     def inverse(self) -> Transform:
-        """Return the transform from target to source."""
-        return Inverse(self)
+        """Return the transform from target to source; of a similarity, about the same pivot."""
+        if self.model != "similarity":
+            return Inverse(self)
+        back = 1 / self.factor
+        return _similarity(back, as_points(-back * as_complex(self.shift)), self.pivot)
 
     def after(self, first: Transform) -> Transform:
-        """Return the composition: apply `first`, then this one."""
-        return Chain((first, self))
+        """Return the composition: apply `first`, then this one.
+
+        Two similarities make a similarity, about the pivot of the first; others stay a chain.
+        """
+        if not (isinstance(first, Registration) and self.model == first.model == "similarity"):
+            return Chain((first, self))
+        common_batch(registration=self.batch, first=first.batch)
+        landed = self.apply(first.apply(first.pivot[..., None, :]))[..., 0, :]
+        return _similarity(self.factor * first.factor, first.pivot - landed, first.pivot)
+
+    def _named(self, name: str) -> FloatArray:
+        names = MODELS[self.model]
+        if name not in names:
+            raise ValueError(f"expected a model with a {name}, got {self.model!r}")
+        return self.parameters[..., names.index(name)]
 
     def _offsets(self, points: ArrayLike, origin: FloatArray) -> FloatArray:
         points = finite_array("points", points, shape=(None, 2))
@@ -237,6 +373,76 @@ class Chain:
     def after(self, first: Transform) -> Transform:
         """Return the composition: apply `first`, then this one."""
         return Chain((first, *self.steps))
+
+
+def principal_point_shift(
+    principal_point: ArrayLike, reference_principal_point: ArrayLike
+) -> FloatArray:
+    """The shift of a channel against the reference: the difference of principal points.
+
+    Implements: niu2024 (14).
+
+    Parameters
+    ----------
+    principal_point, reference_principal_point : array_like, shape (..., 2)
+        In px.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Channel minus reference, in px.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or has the wrong shape.
+
+    Examples
+    --------
+    >>> principal_point_shift((7, 9), (5, 10))
+    array([ 2., -1.])
+    """
+    channel = finite_array("principal_point", principal_point, shape=(2,))
+    reference = finite_array("reference_principal_point", reference_principal_point, shape=(2,))
+    common_batch(principal_point=channel.shape[:-1], reference_principal_point=reference.shape[:-1])
+    return channel - reference
+
+
+def similarity_between(camera: Camera, rotation: ArrayLike, reference: Camera) -> Registration:
+    """The similarity that the imaging parameters of two channels imply, distortion left aside.
+
+    Parameters
+    ----------
+    camera, reference : Camera
+        The source channel and the reference (target) channel.
+    rotation : array_like, shape (...)
+        Angle of the source detector against the reference, in radians.
+
+    Returns
+    -------
+    Registration
+        Scale: ratio of focal lengths in px; shift: difference of principal points; pivot: the
+        principal point of `camera`. Exact where both distortions are zero.
+
+    Raises
+    ------
+    ValueError
+        If `rotation` is not finite or the batch shapes do not broadcast.
+
+    Examples
+    --------
+    >>> green = Camera(30e-3, (10, 10), 0, 1e-5)
+    >>> similarity_between(Camera(20e-3, (11, 9), 0, 1e-5), 0.0, green).parameters
+    array([ 1.5,  0. ,  1. , -1. ])
+    """
+    rotation = finite_array("rotation", rotation)
+    common_batch(camera=camera.batch, reference=reference.batch, rotation=rotation.shape)
+    # In px, so that channels may differ in pixel pitch too; the paper's do not.
+    scale = (reference.focal_length / camera.focal_length) * (
+        camera.pixel_pitch / reference.pixel_pitch
+    )
+    shift = principal_point_shift(camera.principal_point, reference.principal_point)
+    return Registration.similarity(scale, rotation, shift, camera.principal_point)
 
 
 def parameter_names(model: str) -> tuple[str, ...]:
@@ -317,3 +523,11 @@ def _shrink(radius: FloatArray, radial: FloatArray) -> FloatArray:
         if (np.abs(step) <= 1e-13 * (1 + radius)).all():
             break
     return np.asarray(1 / (1 + c * solved**2))[..., None]
+
+
+def _similarity(factor: ComplexArray, shift: FloatArray, pivot: FloatArray) -> Registration:
+    # Checking again what has just been computed would cost as much as the arithmetic.
+    columns = np.broadcast_arrays(
+        np.abs(factor), np.arctan2(factor.imag, factor.real), shift[..., 0], shift[..., 1]
+    )
+    return Registration.unchecked("similarity", np.stack(columns, axis=-1), pivot)
