@@ -185,8 +185,11 @@ def _readings(records: tuple[Record, ...]) -> list[dict[str, Any]]:
 def _joint_sentence(joint: TableRecord | None) -> str:
     if joint is None:
         return ""
+    subject = "The one predicted cell"
+    if joint.cells > 1:
+        subject = f"All {joint.cells} predicted cells together"
     return (
-        f"All {joint.cells} predicted cells together: a table simulated whole is at least as "
+        f"{subject}: a table simulated whole is at least as "
         f"surprising with probability {words.joint_chance(joint)} "
         f"({joint.replicates:,} replicates). {joint.outside} of them lie outside the central "
         f"99 % of their prediction; {joint.expected_outside:.2g} would by chance."
