@@ -1,7 +1,7 @@
 """What heat may do, term by term as the paper lists them (chen2023, II-B).
 
 The paper gives most of these terms in words. What its numbers allow is how large each may grow
-until it feigns as much as the monitoring errs by: the three-sigma accuracy of the averaged
+until it mimics as much as the monitoring errs by: the three-sigma accuracy of the averaged
 misalignment.
 """
 
@@ -72,7 +72,7 @@ def heat() -> Study:
 
 
 def thermal() -> Study:
-    """Thermal terms: what each feigns, and how large it may be.
+    """Thermal terms: what each mimics, and how large it may be.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def thermal() -> Study:
     door = given((*light_study.READS, FLIGHT))
     accuracy = float(door.array(light_study.ACCURACY).max())
     rows = (*_laser_rows(door, accuracy), *_mirror_rows(door, accuracy))
-    head = ("Term", "tilt that it feigns", "as large as the accuracy at", "which takes")
+    head = ("Term", "tilt that it mimics", "as large as the accuracy at", "which takes")
     caption = (
         "Thermal terms of the flight camera, against the three-sigma accuracy of a hundred frames. "
         "The last column takes the expansion coefficient that the paper prints, for a support as "

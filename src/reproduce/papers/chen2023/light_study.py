@@ -148,7 +148,7 @@ def _tilt_and_roll(angles: FloatArray) -> str:
 
 
 def dichroic() -> Study:
-    """How much a tilt of the dichroic mirror feigns, and the tolerance that follows.
+    """How much a tilt of the dichroic mirror mimics, and the tolerance that follows.
 
     Returns
     -------

@@ -40,7 +40,7 @@ AGES = ((0.0, 1.0, "first day"), (6.0, 7.0, "after a week"), (30.0, 31.0, "after
 LAST_DAY = (364.0, 365.0, "after a year")
 # The year is looked at every so many samples where only a quantile of all of it is asked for.
 STRIDE = 7
-# Where the search for the amplitude that a correction still bears begins, and its steps.
+# Where the search for the amplitude that a correction still tolerates begins, and its steps.
 LARGEST, HALVINGS = 4096.0, 40
 NAMES = (
     "no correction",

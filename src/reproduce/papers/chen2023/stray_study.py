@@ -3,7 +3,7 @@
 The paper keeps stray light from the Sun and the Earth out with a baffle, light of the landscape
 with the narrow filter, and laser light out of the camera by matching the beam to its aperture. It
 prints the bands and mean transmissions of the mirror, and no power, width or attenuation. So what
-can be said is how much of each light the mirror may send on, and how much a spot bears.
+can be said is how much of each light the mirror may send on, and how much a spot tolerates.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def stray() -> Study:
             f"{background:.1f} electrons per px, of {signal:.0f} in a spot",
         ),
         (
-            "slope of the background that feigns the averaged accuracy",
+            "slope of the background that mimics the averaged accuracy",
             f"{slope:.2f} electrons per px from one px to the next",
         ),
     )
@@ -69,7 +69,7 @@ def stray() -> Study:
 
 
 def tolerances(door: Given) -> tuple[float, float, float]:
-    """Return the light of a spot and how much stray light its centroid bears.
+    """Return the light of a spot and how much stray light its centroid tolerates.
 
     Parameters
     ----------
