@@ -26,6 +26,7 @@ help:  ## this list
 book: $(STAMP)  ## build the book and say where it is
 	@$(PY) tools/drop_stale_pages.py
 	@$(PY) -m reproduce.views.downloads book/_extra
+	@$(PY) -m reproduce.views.facts book/_build/facts.json
 	@$(PY) .venv/bin/jupyter-book build book -W --keep-going -n --all
 	@printf '\nThe book is ready. Open %s\n' "$(CURDIR)/book/_build/html/index.html"
 

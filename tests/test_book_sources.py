@@ -42,7 +42,7 @@ def prose(text):
 @pytest.mark.parametrize("path", PAGES, ids=lambda p: p.relative_to(BOOK).as_posix())
 def test_no_number_is_typed_into_a_sentence(path):
     typed = [m.group() for m in TYPED.finditer(prose(path.read_text(encoding="utf-8")))]
-    assert typed == [], "take the number from the ledger: pages.glue and {glue:text}"
+    assert typed == [], "take the number from the ledger, with a role"
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_typed_numbers_are_seen(sentence):
     [
         "See Table 3 and equation (17).",
         "$x = 0.5$ px",
-        "{glue:text}`a-printed` off",
+        "{printed}`niu2024/table-3#scale.red` off",
         "`0.5 px`",
         "four of 8 cells",
         "```python\nx = 0.5\n```",

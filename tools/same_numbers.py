@@ -97,11 +97,14 @@ def arithmetic() -> dict[str, Any]:
 
 def computed(pages: list[str]) -> dict[str, Any]:
     """Return the ledger and what the given pages show, computed in this process."""
-    from reproduce.judge.ledger import build
-
     shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}
-    ledger = json.loads(build().model_dump_json()) if not pages else {}
-    return {"arithmetic": arithmetic(), "pages": shown, "ledger": ledger}
+    if pages:
+        return {"arithmetic": arithmetic(), "pages": shown, "ledger": {}}
+    from reproduce.views.facts import facts
+    from reproduce.views.sayings import whole_ledger
+
+    ledger = json.loads(whole_ledger().model_dump_json())
+    return {"arithmetic": arithmetic(), "pages": {"sentences": facts()}, "ledger": ledger}
 
 
 def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[str, Any]:

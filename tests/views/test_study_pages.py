@@ -131,18 +131,6 @@ def test_the_cost_tables_have_a_row_for_every_effect():
     assert cost_pages.biases().text.count("<tr>") == 1 + 20
 
 
-def test_what_the_pages_say_is_said():
-    """Labels used in the book that belong to the studies exist."""
-    known = study_pages.sayings() | cost_pages.sayings() | fusion_pages.sayings()
-    used = {
-        label
-        for text in TEXTS
-        for label in re.findall(r"\{glue:text\}`(niu2024-(?:study|cost|fusion)-[^`]+)`", text)
-    }
-    assert used
-    assert used <= set(known)
-
-
 def test_the_tables_of_the_images_have_a_row_for_every_star():
     stars, magnitudes = len(fusion.STARS), len(fusion.MAGNITUDES)
     html = fusion_pages.centroids().text

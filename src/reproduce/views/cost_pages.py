@@ -74,19 +74,11 @@ def sayings() -> dict[str, str]:
     Returns
     -------
     dict
-        Label to text: ``niu2024-cost-EFFECT-TABLE-CHANNEL-rms`` and ``-left``, in px.
+        Label to text: ``EFFECT-TABLE-CHANNEL-rms``, ``-left`` and ``-peak``, in px.
     """
     said = {}
     for cost in _all():
         name = "-".join((cost.effect, cost.table, cost.channel)).lower().replace(" ", "-")
         for what, value in (("rms", cost.rms), ("left", cost.left), ("peak", cost.peak)):
-            said[f"niu2024-cost-{name}-{what}"] = f"{_length(value)}\u202fpx"
+            said[f"{name}-{what}"] = f"{_length(value)}\u202fpx"
     return said
-
-
-def glue_costs() -> None:
-    """Make the costs available to the sentences of a page; see `sayings`."""
-    from myst_nb import glue as glue_one
-
-    for label, text in sayings().items():
-        glue_one(label, text, display=False)

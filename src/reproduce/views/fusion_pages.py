@@ -107,7 +107,7 @@ def stand_ins() -> Html:
 
 
 def sayings() -> dict[str, str]:
-    """Return what sentences may say of the images; labels begin with ``niu2024-fusion-``."""
+    """Return what sentences may say of the images: label to text."""
     arrays = _study().arrays
     likely = fusion.METHODS.index("maximum likelihood")
     fourth = fusion.MAGNITUDES.index(4.0)
@@ -118,7 +118,7 @@ def sayings() -> dict[str, str]:
     loss = arrays["signal_to_noise"][..., 1] / arrays["signal_to_noise"][..., 2]
     frame = _frame()
     off = np.abs(frame.pulls)
-    said = {
+    return {
         "green": f"{green:.3f}\u202fpx",
         "plain": f"{plain:.2f}\u202fpx",
         "registered": f"{registered:.3f}\u202fpx",
@@ -137,12 +137,3 @@ def sayings() -> dict[str, str]:
         "frame-within-one": f"{(off < 1).mean():.0%}".replace("%", "\u202f%"),
         "frame-within-two": f"{(off < 2).mean():.0%}".replace("%", "\u202f%"),
     }
-    return {f"niu2024-fusion-{label}": text for label, text in said.items()}
-
-
-def glue_fusion() -> None:
-    """Make the numbers of the images available to the sentences of a page; see `sayings`."""
-    from myst_nb import glue as glue_one
-
-    for label, text in sayings().items():
-        glue_one(label, text, display=False)

@@ -25,7 +25,7 @@ from reproduce.views import cite, keys, words
 from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.figures import draw
 from reproduce.views.inline_svg import inline
-from reproduce.views.sayings import filled, item_ledger, sayable, whole_ledger
+from reproduce.views.sayings import filled, item_ledger, whole_ledger
 
 
 @dataclass(frozen=True)
@@ -372,21 +372,3 @@ def angle_arrangements() -> Html:
     ]
     half = np.degrees(angles.half_ranges(door)).round(3).tolist()
     return Html(_templates().get_template("arrangements.html").render(rows=rows, half=half))
-
-
-def glue(*names: str) -> None:
-    """Make ledger numbers available to the sentences of a page.
-
-    Parameters
-    ----------
-    *names : str
-        Addresses of cells. For each, the page may then use the anchor of the cell followed by
-        ``-printed``, ``-computed``, ``-verdict`` or ``-probability``. A key instead of an address
-        yields ``-joint`` (its joint probability) and one count per verdict, such as ``-exact``; a
-        paper's name or ``all`` yields these counts for the paper or for everything.
-    """
-    from myst_nb import glue as glue_one
-
-    for name in names:
-        for label, text in sayable(name).items():
-            glue_one(label, words.powers(text), display=False)

@@ -54,7 +54,7 @@ def sayable(name: str) -> dict[str, str]:
     Returns
     -------
     dict
-        Label to text; see `reproduce.views.pages.glue` for the labels.
+        Label to text; the anchor of the name, a hyphen, and what is said.
 
     Raises
     ------

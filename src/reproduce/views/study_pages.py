@@ -245,13 +245,7 @@ def _signed(value: float, error: float) -> str:
 
 
 def sayings() -> dict[str, str]:
-    """Return what sentences may say of the study.
-
-    Returns
-    -------
-    dict
-        Label to text, each label beginning with ``niu2024-study-``.
-    """
+    """Return what sentences may say of the study: label to text."""
     note, tails, joint = _study().note, _tails(), _joint()
     outside = (tails < 1 - CENTRAL).sum(axis=-1)
     every = study.readings(given(study.READS))
@@ -260,7 +254,7 @@ def sayings() -> dict[str, str]:
     groups = {name: place for place, name in enumerate(judged.GROUPS)}
     far = _study().arrays["distance"]
     but_scales = joint[..., groups["all but the scales"]]
-    said = {
+    return {
         "readings": str(outside.size),
         "cells": str(tails.shape[-1]),
         "replicates": f"{int(note['replicates']):,}",
@@ -283,16 +277,7 @@ def sayings() -> dict[str, str]:
         "best-scale": order(float(tails[..., judged.SCALE].max())),
         "least-counted": f"{judged.LEAST}",
     }
-    return {f"niu2024-study-{label}": text for label, text in said.items()}
 
 
 def _common(values: Any) -> str:
     return " or ".join(sorted(set(values)))
-
-
-def glue_study() -> None:
-    """Make the study's numbers available to the sentences of a page; see `sayings`."""
-    from myst_nb import glue as glue_one
-
-    for label, text in sayings().items():
-        glue_one(label, text, display=False)

@@ -1,0 +1,57 @@
+"""Sphinx extension: roles that put a computed number into a sentence.
+
+``{printed}`niu2024/table-3#scale.red``` shows what the paper prints, ``{computed}`` what the
+project computes, ``{verdict}`` what comes of it; ``{fact}`niu2024/readings#best-joint``` shows a
+number that a study names, ``{fact}`niu2024/table-3 differs``` a count. The roles only look up what
+`reproduce.views.facts` has written beside the pages; a name that is not there fails the build.
+"""
+
+import json
+from functools import cache
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxRole
+
+FILE = Path("_build") / "facts.json"
+
+
+@cache
+def facts(path: Path, changed: float) -> dict[str, str]:
+    """Read the facts from a file that last changed at a time."""
+    found: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))["facts"]
+    return found
+
+
+def name_of(role: str, text: str) -> str:
+    """Return the name under which a fact is stored.
+
+    >>> name_of("computed", "niu2024/table-3#scale.red")
+    'niu2024/table-3#scale.red computed'
+    >>> name_of("fact", "niu2024/readings#best-joint")
+    'niu2024/readings#best-joint'
+    """
+    return text if role == "fact" else f"{text} {role}"
+
+
+class Fact(SphinxRole):
+    """The text of a fact, which a style may set apart from typed words."""
+
+    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        """Look the fact up."""
+        path = Path(self.env.srcdir) / FILE
+        self.env.note_dependency(str(path))
+        name = name_of(self.name, self.text)
+        known = facts(path, path.stat().st_mtime)
+        if name not in known:
+            message = self.inliner.reporter.error(f"no fact is called {name!r}", line=self.lineno)
+            return [], [message]
+        return [nodes.inline(self.rawtext, known[name], classes=["rp-fact"])], []
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the roles."""
+    for role in ("printed", "computed", "verdict", "fact"):
+        app.add_role(role, Fact())
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

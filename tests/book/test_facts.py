@@ -1,0 +1,77 @@
+"""The numbers of sentences: computed once, looked up by roles, and missed where there are none."""
+
+import io
+import json
+import re
+from pathlib import Path
+
+import pytest
+from sphinx.application import Sphinx
+
+from reproduce.views import facts
+
+BOOK = Path(__file__).resolve().parents[2] / "book"
+ROLE = re.compile(r"\{(printed|computed|verdict|fact)\}`([^`]+)`")
+PAGES = [path for path in BOOK.rglob("*.md") if "_build" not in path.parts]
+# Double precision holds sixteen digits: nothing is worth saying to better than this.
+NOISE = re.compile(r"10⁻1[3-9]|10⁻¹[³-⁹]|\d[eE][-−]1[3-9]")
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, str]:
+    return facts.facts()
+
+
+def test_every_number_of_a_sentence_is_known(known):
+    wanted = {
+        name if role == "fact" else f"{name} {role}"
+        for path in PAGES
+        for role, name in ROLE.findall(path.read_text(encoding="utf-8"))
+    }
+    assert len(wanted) > 200
+    assert wanted <= set(known)
+
+
+def test_a_fact_says_something_and_no_rounding_noise(known):
+    assert [name for name, text in known.items() if not text or NOISE.search(text)] == []
+
+
+def test_facts_are_those_of_the_ledger(known):
+    assert known["niu2024/table-3#scale.red printed"] == "0.9973"
+    assert known["niu2024/table-3#scale.red verdict"] == "differs"
+    assert known["all cells"] == str(int(known["niu2024 cells"]) + int(known["chen2023 cells"]))
+
+
+def test_facts_are_computed_once_until_something_changes(tmp_path, monkeypatch):
+    monkeypatch.setattr(facts, "facts", lambda: {"a": "1"})
+    path = tmp_path / "new" / "facts.json"
+    assert facts.write(path)
+    assert not facts.write(path)
+    assert json.loads(path.read_text())["facts"] == {"a": "1"}
+    monkeypatch.setattr(facts, "fingerprint", lambda: "another")
+    assert facts.write(path)
+
+
+def built(folder: Path, text: str) -> tuple[str, str]:
+    """Build a page with the roles; return what the build complains of, and the page."""
+    (folder / "_build").mkdir()
+    (folder / "_build" / "facts.json").write_text(json.dumps({"facts": {"k#a computed": "4.2"}}))
+    (folder / "index.md").write_text(f"# Page\n\n{text}\n")
+    out, complaints = folder / "out", io.StringIO()
+    app = Sphinx(
+        str(folder), None, str(out), str(out), "text", status=None, warning=complaints,
+        confoverrides={"extensions": ["myst_parser", "fact_roles"]},
+    )  # fmt: skip
+    app.build()
+    return complaints.getvalue(), (out / "index.txt").read_text()
+
+
+def test_a_role_puts_the_number_into_the_sentence(tmp_path):
+    complaints, page = built(tmp_path, "It is {computed}`k#a` or {fact}`k#a computed`.")
+    assert "It is 4.2 or 4.2." in page
+    assert "ERROR" not in complaints
+
+
+def test_a_number_that_is_not_there_is_an_error_of_the_build(tmp_path):
+    complaints, _ = built(tmp_path, "It is {printed}`k#a`.")
+    assert "index.md:3: ERROR: no fact is called 'k#a printed'" in complaints
