@@ -8,17 +8,15 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from reproduce.inference import averaging, boxes, censored
-from reproduce.inference.evidence import small_log_evidence
+from reproduce.inference.quadrature import small_log_evidence, summed
 from reproduce.inference.sampling import Plan, sample
+from reproduce.papers.chen2023.posteriors import COLUMNS, column_model
 from reproduce.papers.posteriors import posteriors
-
-COLUMNS = [name for name in posteriors() if name.startswith("frame-averaging")]
 
 
 @pytest.fixture(scope="module")
 def sampled():
-    return {name: sample(posteriors()[name].model(), Plan(5, steps=250, warmup=100))
-            for name in COLUMNS}  # fmt: skip
+    return {name: sample(column_model(name), Plan(5, steps=250, warmup=100)) for name in COLUMNS}
 
 
 def plain_integral(mean, covariance, low, high, nodes=5):
@@ -149,16 +147,12 @@ def test_result_is_smooth_where_intervals_change_sides(kind):
 
 
 @pytest.mark.parametrize("floor", [True, False])
-def test_evidence_by_quadrature_against_a_finer_integral(sampled, floor):
+def test_evidence_by_quadrature_against_a_finer_integral(floor):
     """Other nodes for the parameters, and another integral of the box."""
-    name = "frame-averaging-misalignment-x"
-    posterior = sampled[name]
-    if not floor:
-        rival = posteriors()[name].rival_models()[0]
-        posterior = sample(rival, Plan(5, steps=250, warmup=100))
-    likelihood = posterior.model.likelihood
+    model = column_model("misalignment-x", floor)
+    likelihood = model.likelihood
     plain = PlainAveraging(
         likelihood.counts, likelihood.printed, likelihood.half_unit, likelihood.frames, floor
     )
-    finer = replace(posterior, model=replace(posterior.model, likelihood=plain))
-    assert abs(small_log_evidence(posterior) - small_log_evidence(finer, 0.2)) < 1e-3
+    finer = summed(replace(model, likelihood=plain), 0.2)
+    assert abs(small_log_evidence(model) - finer.log_evidence) < 1e-3

@@ -24,7 +24,7 @@ from reproduce.views.cli import main
 
 SMALL = 40
 REDONE = 7
-STUDIES = sorted({stored.study_of(name) for name in posteriors()})
+STUDIES = list(posteriors())
 
 
 @pytest.fixture(scope="module")

@@ -102,5 +102,4 @@ def centroid_noise_model(likelihood: CentroidNoiseLikelihood, stated: float) -> 
     prior = LogUniform(1e-4, 10.0, "from a ten-thousandth of a pixel to the size of a spot; no "
                        "scale preferred")  # fmt: skip
     parameter = Parameter("noise", r"\sigma", "px", prior)
-    title = "Effective centroid noise, from the errors of the calibrated parameters"
-    return Model("centroid-noise", title, (parameter,), likelihood, {"noise": stated})
+    return Model("centroid-noise", (parameter,), likelihood, {"noise": stated})

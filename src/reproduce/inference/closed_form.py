@@ -200,7 +200,7 @@ def cramer_rao_bound(model: Model) -> FloatArray:
 
 def _plain(model: Model) -> GaussianRegistration:
     plain = model.likelihood
-    if not isinstance(plain, GaussianRegistration) or plain.source_noise or plain.pivot_free:
+    if not isinstance(plain, GaussianRegistration) or plain.source_noise:
         raise UnsuitableModelError(f"{model.name}: expected the plain registration of one channel")
     return plain
 

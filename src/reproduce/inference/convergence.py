@@ -131,22 +131,34 @@ def diagnose(names: tuple[str, ...], chain: FloatArray) -> tuple[Diagnosis, ...]
     tuple of Diagnosis
         In the order of the parameters.
     """
-    found = []
-    for column, name in enumerate(names):
-        draws = chain[..., column]
-        time = diagnostics.autocorrelation_time(draws)
-        found.append(
-            Diagnosis(
-                name,
-                diagnostics.split_rhat(thinned(draws, time)),
-                time,
-                draws.shape[1] / time,
-                diagnostics.bulk_size(draws),
-                diagnostics.tail_size(draws),
-                diagnostics.mcse_mean(draws),
-            )
-        )
-    return tuple(found)
+    return tuple(diagnosed(name, chain[..., i]) for i, name in enumerate(names))
+
+
+def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
+    """Return the numbers of one quantity.
+
+    Parameters
+    ----------
+    name : str
+        Which.
+    draws : ndarray, shape (ensembles, steps, walkers)
+        All draws after warm-up.
+
+    Returns
+    -------
+    Diagnosis
+        The standard error in the unit of the draws.
+    """
+    time = diagnostics.autocorrelation_time(draws)
+    return Diagnosis(
+        name,
+        diagnostics.split_rhat(thinned(draws, time)),
+        time,
+        draws.shape[1] / time,
+        diagnostics.bulk_size(draws),
+        diagnostics.tail_size(draws),
+        float(draws.std() / np.sqrt(draws.size / time)),
+    )
 
 
 def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates) -> None:

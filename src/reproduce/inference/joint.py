@@ -197,7 +197,6 @@ def joint_model(
     estimate = dict(zip(names, likelihood.start()[0].tolist(), strict=False))
     return Model(
         "registration-joint",
-        "Registration of both channels: they share the green noise",
         with_priors((*parameters, noise), None),
         likelihood,
         estimate,

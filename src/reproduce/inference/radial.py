@@ -229,8 +229,7 @@ def linear_model(base: Model, shape: Shape, width: float = WIDTH) -> Model:
         Parameter(name, f"c_{i}", "px", prior) for i, (name, prior) in enumerate(priors, start=1)
     )
     noise = base.parameters[4]
-    name = f"registration-{shape}"
-    return Model(name, f"Registration: {shape}", (*parameters, noise), likelihood)
+    return Model(f"registration-{shape}", (*parameters, noise), likelihood)
 
 
 def radial_model(base: Model, width: float = WIDTH) -> Model:

@@ -274,7 +274,6 @@ def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
                   "error stays well below an arc second")  # fmt: skip
     return Model(
         "table-5",
-        "Effective focal length, angle bias and noise from the stage test",
         (
             focal_parameter(nominal),
             Parameter("noise", r"\sigma", "arcsec", LogUniform(*NOISE,

@@ -17,8 +17,8 @@ from reproduce.inference.registration import GaussianRegistration
 from reproduce.inference.repeats import Published
 from reproduce.inference.variants import PointwiseRegistration
 from reproduce.papers.declare import ROOT_SEED
+from reproduce.papers.declare_posterior import published_cells, simulated
 from reproduce.papers.niu2024 import angles, simulation
-from reproduce.papers.posteriors import published_cells, simulated
 from reproduce.physics.pixel_angles import angle_from_pixels
 from reproduce.physics.registration import fit_similarity
 from reproduce.physics.simulate import channel_centroids, noisy_centroids, spawned_angles
