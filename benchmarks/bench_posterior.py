@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from reproduce.inference.calibration import replicate
-from reproduce.inference.convergence import diagnose
+from reproduce.inference.diagnostics import diagnose
 from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors

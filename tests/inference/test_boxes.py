@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from reproduce.inference import averaging, boxes, censored
+from reproduce.inference import averaging, rounded
 from reproduce.inference.quadrature import small_log_evidence, summed
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.chen2023.posteriors import COLUMNS, column_model
@@ -84,8 +84,8 @@ def test_likelihood_of_data_from_the_prior():
         order = likelihood.rule.order
         root = np.linalg.cholesky(covariance[:, order[:, None], order])
         low, high = likelihood.box
-        points = censored.quasi_random(6, 2**13, seed=3)
-        many = censored.log_box(mean[:, order], root, low[order], high[order], points)
+        points = rounded.quasi_random(6, 2**13, seed=3)
+        many = rounded.log_box(mean[:, order], root, low[order], high[order], points)
         # Where a posterior would be.
         errors.append(np.abs(likelihood(around) - many)[many > many.max() - 8].max())
     assert np.median(errors) < 2e-3
@@ -101,22 +101,22 @@ def test_independent_numbers_multiply(size):
     low = generator.normal(size=size)
     high = low + generator.uniform(0.05, 4, size)
     covariance = np.repeat(np.diag(scatter**2)[None], 4, axis=0)
-    rule = boxes.BoxRule.of(covariance[0], high - low)
+    rule = rounded.BoxRule.of(covariance[0], high - low)
     assert (rule.points is not None) == (size == 12)
-    found = boxes.log_box_by_rule(mean, covariance, low, high, rule)
-    exact = censored.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
+    found = rounded.log_box_by_rule(mean, covariance, low, high, rule)
+    exact = rounded.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
     np.testing.assert_allclose(found, exact, atol=2e-3)
 
 
 def test_narrow_numbers_come_first_and_take_few_nodes():
     widths = np.array([0.5, 0.01, 9.0, 0.1, 1.0])
-    rule = boxes.BoxRule.of(np.eye(5), widths)
+    rule = rounded.BoxRule.of(np.eye(5), widths)
     np.testing.assert_array_equal(rule.order, np.argsort(widths))
     assert rule.nodes == (1, 2, 3, 4)
     assert not any(rule.wide)
     # The second number is narrow given the first, not by itself.
     close = np.array([[1.0, 0.9, 0], [0.9, 1.0, 0], [0, 0, 1.0]])
-    rule = boxes.BoxRule.of(close, np.array([1.0, 1.01, 1.5]))
+    rule = rounded.BoxRule.of(close, np.array([1.0, 1.01, 1.5]))
     np.testing.assert_array_equal(rule.order, [0, 2, 1])
     assert rule.wide == (False, True)
 
@@ -124,7 +124,7 @@ def test_narrow_numbers_come_first_and_take_few_nodes():
 def test_rows_do_not_depend_on_each_other(sampled):
     """More rows than are worked on at once."""
     likelihood, draws = sampled[COLUMNS[0]].model.likelihood, sampled[COLUMNS[0]].draws[:300]
-    assert len(draws) * likelihood.rule.size > 2 * boxes.AT_ONCE
+    assert len(draws) * likelihood.rule.size > 2 * rounded.AT_ONCE
     alone = np.concatenate([likelihood(row[None]) for row in draws[::37]])
     np.testing.assert_allclose(likelihood(draws)[::37], alone, rtol=1e-13)
 
@@ -136,12 +136,12 @@ def test_result_is_smooth_where_intervals_change_sides(kind):
     mean = np.linspace(-1, 1, 2001)[:, None] * np.array([1.0, 0.7, 0.4])
     many = np.repeat(covariance[None], len(mean), axis=0)
     if kind == "rule":
-        rule = boxes.BoxRule.of(covariance, high - low)
+        rule = rounded.BoxRule.of(covariance, high - low)
         assert all(rule.wide)
-        found = boxes.log_box_by_rule(mean, many, low, high, rule)
+        found = rounded.log_box_by_rule(mean, many, low, high, rule)
     else:
         root = np.linalg.cholesky(many)
-        found = censored.log_box(mean, root, low, high, censored.quasi_random(3))
+        found = rounded.log_box(mean, root, low, high, rounded.quasi_random(3))
     # Bends of a smooth function are as small as the square of the step.
     assert np.abs(np.diff(found, 2)).max() < 10 * (mean[1, 0] - mean[0, 0]) ** 2
 

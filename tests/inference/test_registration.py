@@ -17,6 +17,8 @@ from reproduce.inference.radial import linear_log_evidence, linear_model
 from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.variants import distortion_model, student_model
+from reproduce.papers.niu2024.posteriors import beside_the_registration
+from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import fit_similarity
 
 PIVOT = np.array([1030.0, 770.0])
@@ -276,6 +278,18 @@ def test_unknown_prior_is_refused(registration):
     data = registration.likelihood
     with pytest.raises(ValueError, match="names among scale"):
         registration_model(data.source, data.target, data.pivot, priors={"sale": None})
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5])
+def test_a_principal_point_that_is_off_moves_the_shift_as_told(angle):
+    """The same stars fitted again about a point so far away, in any direction."""
+    model = posteriors()["registration"].model()
+    told = beside_the_registration(model)
+    data, off = model.likelihood, told["principal-point"].value
+    pivots = (data.pivot, data.pivot + off * np.array([np.cos(angle), np.sin(angle)]))
+    shifts = [fit_similarity(data.source, data.target, one).parameters[2:] for one in pivots]
+    moved = told["shift-by-principal-point"].value
+    np.testing.assert_allclose(np.hypot(*(shifts[1] - shifts[0])), moved, rtol=1e-6)
 
 
 @pytest.mark.parametrize("growth", [0.0, 0.4])

@@ -7,12 +7,11 @@ import pytest
 from scipy import stats
 
 from reproduce.inference.averaging import AveragingLikelihood, averaging_model
-from reproduce.inference.checks import Share, tail_share
+from reproduce.inference.checks import Published, Share, repeats, tail_share
 from reproduce.inference.closed_form import registration_posterior
 from reproduce.inference.new_stars import NewStars, rmse_at, true_places
 from reproduce.inference.posterior import Posterior
 from reproduce.inference.reference_angles import log_same_hypothesis
-from reproduce.inference.repeats import Published, repeats
 from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.variants import distortion_model, student_model
 from reproduce.papers.posteriors import posteriors

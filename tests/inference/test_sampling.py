@@ -14,7 +14,7 @@ import emcee
 import numpy as np
 import pytest
 
-from reproduce.inference.convergence import ConvergenceError
+from reproduce.inference.diagnostics import ConvergenceError
 from reproduce.inference.posterior import load_arviz
 from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Plan, ResumeError, sample

@@ -14,9 +14,9 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.censored import log_box, quasi_random
 from reproduce.inference.model import Model, Parameter
 from reproduce.inference.priors import LogUniform
+from reproduce.inference.rounded import log_box, quasi_random
 from reproduce.physics.validate import FloatArray
 
 

@@ -70,8 +70,12 @@ class SpotLikelihood(ABC):
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted spots at the start and at the end of each group, in px."""
         first, last = self.turns(parameters)
-        start = self.landed(parameters, first)
-        return start, start if first is last else self.landed(parameters, last)
+        if first is last:
+            start = self.landed(parameters, first)
+            return start, start
+        both = self.landed(parameters, np.concatenate([first, last], axis=1))
+        count = first.shape[1]
+        return both[:, :count], both[:, count:]
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""

@@ -12,7 +12,7 @@ from unittest import mock
 import numpy as np
 
 from reproduce.inference import diagnostics
-from reproduce.inference.convergence import (
+from reproduce.inference.diagnostics import (
     Diagnosis,
     Gates,
     diagnose,
@@ -174,7 +174,7 @@ def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Ro
     values : ndarray, shape (ensembles, steps, walkers)
         In that unit.
     known : Diagnosis
-        Its numbers, from `convergence.diagnosed`, the standard error in that unit.
+        Its numbers, from `diagnostics.diagnosed`, the standard error in that unit.
 
     Returns
     -------

@@ -103,7 +103,7 @@ def summed(model: Model, finer: float = 1) -> Summed:
     Summed
         The sum adds an error far below a thousandth, for the posteriors are smooth. What remains
         is the error of the log likelihood itself: for boxes of printed numbers, that of
-        `boxes.log_box_by_rule` or `censored.log_box`, averaged over the posterior.
+        `rounded.log_box_by_rule` or `rounded.log_box`, averaged over the posterior.
 
     Raises
     ------

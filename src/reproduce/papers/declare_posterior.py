@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
+from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
-from reproduce.inference.repeats import Published
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store.points import Table

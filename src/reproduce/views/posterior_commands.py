@@ -90,7 +90,7 @@ def posterior(model: str | None, list_models: bool, as_json: bool, **options: An
 
 
 def _sample(name: str, as_json: bool, options: dict[str, Any]) -> None:
-    from reproduce.inference.convergence import ConvergenceError
+    from reproduce.inference.diagnostics import ConvergenceError
     from reproduce.inference.model import StartError
     from reproduce.inference.sampling import ResumeError
     from reproduce.views import posterior as running

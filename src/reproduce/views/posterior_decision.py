@@ -6,10 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from reproduce.inference.checks import Range, Share, tail_share
+from reproduce.inference.checks import Range, Repeat, Share, repeats, tail_share
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean
 from reproduce.inference.posterior import Posterior, digits
-from reproduce.inference.repeats import Repeat, repeats
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior as running
 from reproduce.views.markup import html_table

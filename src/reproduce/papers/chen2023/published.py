@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
+from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
-from reproduce.inference.repeats import Published
 from reproduce.inference.stage_table import StageTableLikelihood
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.declare_posterior import OWN_DATA, published_cells, simulated

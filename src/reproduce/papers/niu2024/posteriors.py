@@ -13,6 +13,7 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from reproduce.inference.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
+from reproduce.inference.checks import Published
 from reproduce.inference.closed_form import cramer_rao_bound, registration_log_evidence
 from reproduce.inference.joint import JointRegistration, joint_model
 from reproduce.inference.least_squares import noise_growth
@@ -20,7 +21,6 @@ from reproduce.inference.model import Model
 from reproduce.inference.new_stars import Together
 from reproduce.inference.quadrature import small_log_evidence
 from reproduce.inference.registration import GaussianRegistration, registration_model
-from reproduce.inference.repeats import Published
 from reproduce.inference.variants import (
     PointwiseRegistration,
     distortion_model,
