@@ -33,7 +33,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from reproduce.inference.calibration import replicate
 from reproduce.inference.diagnostics import diagnose
-from reproduce.inference.registration import registration_model
+from reproduce.inference.models.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.similarity import Similarity

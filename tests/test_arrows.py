@@ -99,6 +99,11 @@ def test_forbidden_imports_are_seen(tmp_path, folder, line):
     assert list(violations(path, folder))
 
 
+@pytest.mark.parametrize("path", sorted((SOURCE / "inference").glob("*.py")), ids=lambda p: p.name)
+def test_the_engine_of_the_posteriors_knows_no_model(path):
+    assert [name for name in imports(path) if name.startswith("reproduce.inference.models")] == []
+
+
 def test_every_folder_has_its_arrows():
     folders = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
     assert folders == set(ARROWS)

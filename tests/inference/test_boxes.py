@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from reproduce.inference import averaging, rounded
+from reproduce.inference.models import averaging, rounded
 from reproduce.inference.quadrature import small_log_evidence, summed
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.chen2023.posteriors import COLUMNS, column_model

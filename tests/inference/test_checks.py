@@ -8,8 +8,8 @@ from scipy import stats
 
 from reproduce.inference.checks import Range, predictive_checks, two_sided
 from reproduce.inference.model import Parameter
+from reproduce.inference.models.registration import GaussianRegistration, registration_model
 from reproduce.inference.priors import LogUniform, Normal
-from reproduce.inference.registration import GaussianRegistration, registration_model
 from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.sensitivity import NOTABLE, _distance, sensitivities
 

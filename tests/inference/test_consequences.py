@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.inference.averaging import predicted_error, scatter_of_averages
+from reproduce.inference.models.averaging import predicted_error, scatter_of_averages
 from reproduce.papers.chen2023.consequences import (
     Averaged,
     OnTheGround,

@@ -6,18 +6,18 @@ from scipy import stats
 
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
 from reproduce.inference.evidence import log_evidence
-from reproduce.inference.lasers import SpotStatistics
-from reproduce.inference.misalignment import (
+from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.misalignment import (
     drift_model,
     misalignment_model,
 )
-from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.small_angle import (
+from reproduce.inference.models.small_angle import (
     errors_with_free_lasers,
     small_angle_log_evidence,
     small_angle_posterior,
     spot_bound,
 )
+from reproduce.inference.sampling import Plan, sample
 from reproduce.physics.lasers import emitted_directions, received_directions
 from reproduce.physics.misalignment import laser_transform, misalignment, misalignment_angles
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from reproduce.inference import averaging, reference_angles, rounded
+from reproduce.inference.models import averaging, reference_angles, rounded
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.averaging import scatter_of_averages

@@ -7,16 +7,16 @@ import pytest
 from scipy.stats import binomtest
 
 from reproduce.inference.calibration import LEVELS, intervals, simulated
-from reproduce.inference.joint import JointRegistration, joint_model
-from reproduce.inference.lasers import SpotStatistics
-from reproduce.inference.misalignment import (
+from reproduce.inference.model import Estimated
+from reproduce.inference.models.joint import JointRegistration, joint_model
+from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.misalignment import (
     drift_model,
     misalignment_model,
 )
-from reproduce.inference.model import Estimated
+from reproduce.inference.models.quest import Quest
+from reproduce.inference.models.variants import distortion_model, student_model
 from reproduce.inference.priors import Normal
-from reproduce.inference.quest import Quest
-from reproduce.inference.variants import distortion_model, student_model
 from reproduce.papers.posteriors import posteriors
 
 REPLICATES = 600

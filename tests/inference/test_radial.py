@@ -10,10 +10,16 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 
 from reproduce.inference.model import UnsuitableModelError
+from reproduce.inference.models.radial import (
+    TERMS,
+    WIDTH,
+    WIDTHS,
+    linear_log_evidence,
+    linear_model,
+)
+from reproduce.inference.models.registration import registration_model
+from reproduce.inference.models.variants import distortion_model
 from reproduce.inference.priors import Uniform
-from reproduce.inference.radial import TERMS, WIDTH, WIDTHS, linear_log_evidence, linear_model
-from reproduce.inference.registration import registration_model
-from reproduce.inference.variants import distortion_model
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior_choice
 

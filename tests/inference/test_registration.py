@@ -7,16 +7,16 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from reproduce.inference import closed_form
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
 from reproduce.inference.evidence import log_evidence
-from reproduce.inference.joint import joint_model
-from reproduce.inference.least_squares import noise_growth
+from reproduce.inference.models import closed_form
+from reproduce.inference.models.joint import joint_model
+from reproduce.inference.models.least_squares import noise_growth
+from reproduce.inference.models.radial import linear_log_evidence, linear_model
+from reproduce.inference.models.registration import registration_model
+from reproduce.inference.models.variants import distortion_model, student_model
 from reproduce.inference.priors import LogUniform, Uniform
-from reproduce.inference.radial import linear_log_evidence, linear_model
-from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.variants import distortion_model, student_model
 from reproduce.papers.niu2024.posteriors import beside_the_registration
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import fit_similarity

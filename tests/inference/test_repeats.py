@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.inference.averaging import AveragingLikelihood, averaging_model
 from reproduce.inference.checks import Published, Share, repeats, tail_share
-from reproduce.inference.closed_form import registration_posterior
-from reproduce.inference.new_stars import NewStars, rmse_at, true_places
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
+from reproduce.inference.models.closed_form import registration_posterior
+from reproduce.inference.models.new_stars import NewStars, rmse_at, true_places
+from reproduce.inference.models.reference_angles import log_same_hypothesis
+from reproduce.inference.models.variants import distortion_model, student_model
 from reproduce.inference.posterior import Posterior
-from reproduce.inference.reference_angles import log_same_hypothesis
 from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.variants import distortion_model, student_model
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import fit_similarity
 from reproduce.physics.similarity import Similarity

@@ -7,9 +7,9 @@ import pytest
 
 from reproduce.inference.diagnostics import mcse_deviation, mcse_quantile
 from reproduce.inference.evidence import log_evidence
+from reproduce.inference.models.table_readings import CROSSED, PRINTED, Reading, hypotheses, read
 from reproduce.inference.quadrature import summed
 from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.table_readings import CROSSED, PRINTED, Reading, hypotheses, read
 from reproduce.papers.chen2023.posteriors import readings
 from reproduce.papers.posteriors import posteriors
 from reproduce.views.posterior import plan_for

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from reproduce.inference import free_priors
+from reproduce.inference.models import free_priors
+from reproduce.inference.models.registration import registration_model
 from reproduce.inference.posterior import Posterior
 from reproduce.inference.priors import LogUniform
-from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.inference.sensitivity import leanings
 from reproduce.papers.chen2023.simulated_spots import READS, platform

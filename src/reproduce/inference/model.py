@@ -115,7 +115,7 @@ class Model:
 
     Examples
     --------
-    See `reproduce.inference.registration.registration_model`.
+    See `reproduce.inference.models.registration.registration_model`.
     """
 
     name: str

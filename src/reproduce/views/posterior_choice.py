@@ -6,15 +6,15 @@ import numpy as np
 
 from reproduce.inference.evidence import Evidence, log_evidence
 from reproduce.inference.model import Model, UnsuitableModelError
-from reproduce.inference.posterior import digits
-from reproduce.inference.radial import (
+from reproduce.inference.models.radial import (
     WIDTHS,
     affine_model,
     linear_log_evidence,
     radial_model,
     similarity_model,
 )
-from reproduce.inference.table_readings import Read
+from reproduce.inference.models.table_readings import Read
+from reproduce.inference.posterior import digits
 from reproduce.papers.chen2023.posteriors import FLOORS, summed_columns, table_reads
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior as running

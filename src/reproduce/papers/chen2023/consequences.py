@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.inference.averaging import predicted_error
 from reproduce.inference.model import Quantity
+from reproduce.inference.models.averaging import predicted_error
 from reproduce.papers.chen2023.lasers import SIGMAS
 from reproduce.physics.ground import ground_error
 from reproduce.physics.stage import stage_angles

@@ -12,20 +12,24 @@ from functools import cache, partial
 
 import numpy as np
 
-from reproduce.inference.averaging import AveragingLikelihood, averaging_model
-from reproduce.inference.lasers import SpotStatistics
-from reproduce.inference.misalignment import ConstantLikelihood, drift_model, misalignment_model
 from reproduce.inference.model import Model, UnsuitableModelError
-from reproduce.inference.priors import HalfNormal
-from reproduce.inference.quadrature import small_log_evidence, summed
-from reproduce.inference.reference_angles import HYPOTHESES, ReferenceAngles
-from reproduce.inference.small_angle import (
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
+from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.misalignment import (
+    ConstantLikelihood,
+    drift_model,
+    misalignment_model,
+)
+from reproduce.inference.models.reference_angles import HYPOTHESES, ReferenceAngles
+from reproduce.inference.models.small_angle import (
     errors_with_free_lasers,
     small_angle_log_evidence,
     spot_bound,
 )
-from reproduce.inference.stage_table import StageTableLikelihood, table_model
-from reproduce.inference.table_readings import Read, Reading, hypotheses, read
+from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
+from reproduce.inference.models.table_readings import Read, Reading, hypotheses, read
+from reproduce.inference.priors import HalfNormal
+from reproduce.inference.quadrature import small_log_evidence, summed
 from reproduce.papers.chen2023 import lasers, published, simulated_spots, users_spots, users_tables
 from reproduce.papers.chen2023.consequences import Averaged, OnTheGround, StageTest
 from reproduce.papers.chen2023.simulated_spots import images, platform

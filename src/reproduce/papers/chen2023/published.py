@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
-from reproduce.inference.stage_table import StageTableLikelihood
+from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.declare_posterior import OWN_DATA, published_cells, simulated
 from reproduce.physics.validate import FloatArray

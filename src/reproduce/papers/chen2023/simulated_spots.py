@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.lasers import Platform
+from reproduce.inference.models.lasers import Platform
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.physics.camera import detector_centre

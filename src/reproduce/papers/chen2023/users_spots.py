@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import (
+from reproduce.inference.model import Model
+from reproduce.inference.models.lasers import Platform, SpotStatistics
+from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT,
     SpotLikelihood,
     drift_model,
     misalignment_model,
 )
-from reproduce.inference.model import Model
 from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.papers.chen2023.simulated_spots import READS, platform
 from reproduce.papers.declare_posterior import File

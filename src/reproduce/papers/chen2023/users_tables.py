@@ -15,12 +15,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from reproduce.inference.averaging import AveragingLikelihood, averaging_model
 from reproduce.inference.model import Model
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
+from reproduce.inference.models.reference_angles import ReferenceAngles
+from reproduce.inference.models.registration import with_priors
+from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
 from reproduce.inference.priors import HalfNormal, LogUniform, Normal, Prior
-from reproduce.inference.reference_angles import ReferenceAngles
-from reproduce.inference.registration import with_priors
-from reproduce.inference.stage_table import StageTableLikelihood, table_model
 from reproduce.papers.declare_posterior import File
 from reproduce.physics.validate import FloatArray
 from reproduce.store.points import Table, TableFileError

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from reproduce.inference.checks import Published
-from reproduce.inference.joint import JointRegistration
 from reproduce.inference.model import Model, Quantity
-from reproduce.inference.new_stars import NewStars, Stars, rmse_at
-from reproduce.inference.registration import GaussianRegistration
-from reproduce.inference.variants import PointwiseRegistration
+from reproduce.inference.models.joint import JointRegistration
+from reproduce.inference.models.new_stars import NewStars, Stars, rmse_at
+from reproduce.inference.models.registration import GaussianRegistration
+from reproduce.inference.models.variants import PointwiseRegistration
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import published_cells, simulated
 from reproduce.papers.niu2024 import angles, simulation

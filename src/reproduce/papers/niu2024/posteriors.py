@@ -12,20 +12,20 @@ from functools import partial
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from reproduce.inference.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
 from reproduce.inference.checks import Published
-from reproduce.inference.closed_form import cramer_rao_bound, registration_log_evidence
-from reproduce.inference.joint import JointRegistration, joint_model
-from reproduce.inference.least_squares import noise_growth
 from reproduce.inference.model import Model
-from reproduce.inference.new_stars import Together
-from reproduce.inference.quadrature import small_log_evidence
-from reproduce.inference.registration import GaussianRegistration, registration_model
-from reproduce.inference.variants import (
+from reproduce.inference.models.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
+from reproduce.inference.models.closed_form import cramer_rao_bound, registration_log_evidence
+from reproduce.inference.models.joint import JointRegistration, joint_model
+from reproduce.inference.models.least_squares import noise_growth
+from reproduce.inference.models.new_stars import Together
+from reproduce.inference.models.registration import GaussianRegistration, registration_model
+from reproduce.inference.models.variants import (
     PointwiseRegistration,
     distortion_model,
     student_model,
 )
+from reproduce.inference.quadrature import small_log_evidence
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import (
     OWN_DATA,

@@ -10,13 +10,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from reproduce.inference.free_priors import free_priors
-from reproduce.inference.joint import CHANNELS, joint_model
-from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model
+from reproduce.inference.models.free_priors import free_priors
+from reproduce.inference.models.joint import CHANNELS, joint_model
+from reproduce.inference.models.least_squares import robust_similarity
+from reproduce.inference.models.registration import registration_model, with_priors
+from reproduce.inference.models.variants import (
+    PointwiseRegistration,
+    distortion_model,
+    student_model,
+)
 from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
-from reproduce.inference.registration import registration_model, with_priors
-from reproduce.inference.variants import PointwiseRegistration, distortion_model, student_model
 from reproduce.papers.declare_posterior import File, Pivot
 from reproduce.physics.validate import FloatArray
 from reproduce.store.points import Table, TableFileError

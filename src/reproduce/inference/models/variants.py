@@ -14,10 +14,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model, Parameter
+from reproduce.inference.models.least_squares import robust_similarity
+from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.priors import Normal, Uniform
-from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.similarity import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 

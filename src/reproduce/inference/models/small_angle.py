@@ -14,8 +14,8 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp
 
-from reproduce.inference.misalignment import ConstantLikelihood, SpotLikelihood
 from reproduce.inference.model import Model, UnsuitableModelError
+from reproduce.inference.models.misalignment import ConstantLikelihood, SpotLikelihood
 from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 

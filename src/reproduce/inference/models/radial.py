@@ -16,10 +16,10 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp
 
-from reproduce.inference.least_squares import fit_checks
 from reproduce.inference.model import Model, Parameter, UnsuitableModelError
+from reproduce.inference.models.least_squares import fit_checks
+from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.priors import LogUniform, Normal, Uniform
-from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.validate import FloatArray
 
 Shape = Literal["similarity", "radial", "affine"]

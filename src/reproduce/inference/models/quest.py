@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from reproduce.inference.lasers import Platform, SpotStatistics
+from reproduce.inference.models.lasers import Platform, SpotStatistics
 from reproduce.physics.lasers import emitted_directions, received_directions, received_jacobian
 from reproduce.physics.misalignment import (
     angle_jacobian,

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.least_squares import fit_checks
 from reproduce.inference.model import Derived, Model
-from reproduce.inference.registration import (
+from reproduce.inference.models.least_squares import fit_checks
+from reproduce.inference.models.registration import (
     GaussianRegistration,
     registration_parameters,
     triangular,

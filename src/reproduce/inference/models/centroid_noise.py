@@ -15,8 +15,8 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.model import Model, Parameter
+from reproduce.inference.models.rounded import log_box, quasi_random
 from reproduce.inference.priors import LogUniform
-from reproduce.inference.rounded import log_box, quasi_random
 from reproduce.physics.validate import FloatArray
 
 

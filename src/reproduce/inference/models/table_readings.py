@@ -17,9 +17,9 @@ from scipy.interpolate import make_interp_spline
 from scipy.special import logsumexp
 
 from reproduce.inference.model import Model
+from reproduce.inference.models.reference_angles import NODES, WEIGHTS, in_radians, log_rounded
+from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.inference.priors import LogUniform, Normal, Uniform
-from reproduce.inference.reference_angles import NODES, WEIGHTS, in_radians, log_rounded
-from reproduce.inference.stage_table import StageTableLikelihood
 from reproduce.physics.validate import FloatArray
 
 PRINTED, CROSSED = (0, 1), (1, 0)

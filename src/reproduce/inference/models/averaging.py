@@ -18,8 +18,8 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.models.rounded import BoxRule, log_box_by_rule
 from reproduce.inference.priors import HalfNormal, LogUniform
-from reproduce.inference.rounded import BoxRule, log_box_by_rule
 from reproduce.physics.averaging import averaged_error, scatter_of_averages
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.least_squares import fit_checks, least_squares
 from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.models.least_squares import fit_checks, least_squares
 from reproduce.inference.priors import LogUniform, Prior, Uniform
 from reproduce.physics.registration import fit_similarity, paired_points
 from reproduce.physics.similarity import Similarity, as_complex, as_points

@@ -16,11 +16,11 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.lasers import Platform, SpotStatistics
 from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.models.lasers import Platform, SpotStatistics
+from reproduce.inference.models.quest import Quest, none
+from reproduce.inference.models.registration import with_priors
 from reproduce.inference.priors import LogUniform, Normal, Prior
-from reproduce.inference.quest import Quest, none
-from reproduce.inference.registration import with_priors
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
