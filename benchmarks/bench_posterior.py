@@ -32,14 +32,14 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from reproduce.inference.calibration import replicate
-from reproduce.inference.convergence import diagnose
-from reproduce.inference.radial import affine_model, radial_model, similarity_model
-from reproduce.inference.registration import registration_model
+from reproduce.inference.diagnostics import diagnose
+from reproduce.inference.models.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.transforms import Registration
 from reproduce.views.posterior import plan_for, run
 from reproduce.views.posterior_calibration import REPLICATES, SEED
+from reproduce.views.posterior_choice import exact_evidence
 
 Points = NDArray[np.float64]
 
@@ -48,7 +48,6 @@ TRUTH = Registration.similarity(1.002, -0.001, (-1.0, -2.0), PIVOT)
 MANY, PROMISED, PROMISED_MANY, SPREAD = 100_000, 15, 1000, 0.2
 WALKERS = plan_for("registration").walkers
 CORES, BOOK_SECONDS, CALIBRATION_SECONDS, REPLICATES_TIMED = 2, 120, 600, 60
-TRANSFORMS = {"similarity": similarity_model, "radial": radial_model, "affine": affine_model}
 GIBIBYTE = 1024**2  # in kibibytes
 
 
@@ -164,23 +163,24 @@ def bench_registration_posterior_of_many_points(benchmark: BenchmarkFixture) -> 
     assert peak() < GIBIBYTE
 
 
-def sampled(name: str, rival: int | str | None) -> tuple[int, float, int]:
+def sampled(name: str, rival: int | None) -> tuple[int, float, int]:
     """Sample one model of the book; returns process, its seconds and its peak memory so far."""
     before = time.process_time()
     declared = posteriors()[name]
-    if isinstance(rival, str):
-        model = TRANSFORMS[rival](declared.model())
-    else:
-        model = declared.model() if rival is None else declared.rival_models()[rival]
+    model = declared.model() if rival is None else declared.rival_models()[rival]
     run(model, plan_for(name))
     return os.getpid(), time.process_time() - before, peak()
 
 
 def all_posteriors() -> tuple[dict[int, float], dict[int, int]]:
     """Sample all posteriors from nothing on two cores: seconds and peak memory of each process."""
-    tasks: list[tuple[str, int | str | None]] = [(name, None) for name in posteriors()]
-    tasks += [(n, i) for n, d in posteriors().items() for i in range(len(d.rivals))]
-    tasks += [("registration", transform) for transform in TRANSFORMS]
+    tasks: list[tuple[str, int | None]] = [(name, None) for name in posteriors()]
+    tasks += [
+        (name, i)
+        for name, declared in posteriors().items()
+        for i, rival in enumerate(declared.rival_models())
+        if exact_evidence(name, rival) is None
+    ]
     seconds: dict[int, float] = defaultdict(float)
     memory: dict[int, int] = defaultdict(int)
     with ProcessPoolExecutor(CORES, mp_context=get_context("spawn")) as pool:

@@ -126,6 +126,11 @@ def test_a_room_of_physics_that_climbs_is_seen(tmp_path):
     assert not list(climbs(path, "registration"))
 
 
+@pytest.mark.parametrize("path", sorted((SOURCE / "inference").glob("*.py")), ids=lambda p: p.name)
+def test_the_engine_of_the_posteriors_knows_no_model(path):
+    assert [name for name in imports(path) if name.startswith("reproduce.inference.models")] == []
+
+
 def test_every_folder_has_its_arrows():
     rooms = {path.parent.name for path in (SOURCE / "physics").glob("*/__init__.py")}
     assert rooms == set(ROOMS)

@@ -7,18 +7,16 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from reproduce.inference import averaging, boxes, censored
-from reproduce.inference.evidence import small_log_evidence
+from reproduce.inference.models import averaging, rounded
+from reproduce.inference.quadrature import small_log_evidence, summed
 from reproduce.inference.sampling import Plan, sample
+from reproduce.papers.chen2023.posteriors import COLUMNS, column_model
 from reproduce.papers.posteriors import posteriors
-
-COLUMNS = [name for name in posteriors() if name.startswith("frame-averaging")]
 
 
 @pytest.fixture(scope="module")
 def sampled():
-    return {name: sample(posteriors()[name].model(), Plan(5, steps=250, warmup=100))
-            for name in COLUMNS}  # fmt: skip
+    return {name: sample(column_model(name), Plan(5, steps=250, warmup=100)) for name in COLUMNS}
 
 
 def plain_integral(mean, covariance, low, high, nodes=5):
@@ -86,8 +84,8 @@ def test_likelihood_of_data_from_the_prior():
         order = likelihood.rule.order
         root = np.linalg.cholesky(covariance[:, order[:, None], order])
         low, high = likelihood.box
-        points = censored.quasi_random(6, 2**13, seed=3)
-        many = censored.log_box(mean[:, order], root, low[order], high[order], points)
+        points = rounded.quasi_random(6, 2**13, seed=3)
+        many = rounded.log_box(mean[:, order], root, low[order], high[order], points)
         # Where a posterior would be.
         errors.append(np.abs(likelihood(around) - many)[many > many.max() - 8].max())
     assert np.median(errors) < 2e-3
@@ -103,22 +101,22 @@ def test_independent_numbers_multiply(size):
     low = generator.normal(size=size)
     high = low + generator.uniform(0.05, 4, size)
     covariance = np.repeat(np.diag(scatter**2)[None], 4, axis=0)
-    rule = boxes.BoxRule.of(covariance[0], high - low)
+    rule = rounded.BoxRule.of(covariance[0], high - low)
     assert (rule.points is not None) == (size == 12)
-    found = boxes.log_box_by_rule(mean, covariance, low, high, rule)
-    exact = censored.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
+    found = rounded.log_box_by_rule(mean, covariance, low, high, rule)
+    exact = rounded.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
     np.testing.assert_allclose(found, exact, atol=2e-3)
 
 
 def test_narrow_numbers_come_first_and_take_few_nodes():
     widths = np.array([0.5, 0.01, 9.0, 0.1, 1.0])
-    rule = boxes.BoxRule.of(np.eye(5), widths)
+    rule = rounded.BoxRule.of(np.eye(5), widths)
     np.testing.assert_array_equal(rule.order, np.argsort(widths))
     assert rule.nodes == (1, 2, 3, 4)
     assert not any(rule.wide)
     # The second number is narrow given the first, not by itself.
     close = np.array([[1.0, 0.9, 0], [0.9, 1.0, 0], [0, 0, 1.0]])
-    rule = boxes.BoxRule.of(close, np.array([1.0, 1.01, 1.5]))
+    rule = rounded.BoxRule.of(close, np.array([1.0, 1.01, 1.5]))
     np.testing.assert_array_equal(rule.order, [0, 2, 1])
     assert rule.wide == (False, True)
 
@@ -126,7 +124,7 @@ def test_narrow_numbers_come_first_and_take_few_nodes():
 def test_rows_do_not_depend_on_each_other(sampled):
     """More rows than are worked on at once."""
     likelihood, draws = sampled[COLUMNS[0]].model.likelihood, sampled[COLUMNS[0]].draws[:300]
-    assert len(draws) * likelihood.rule.size > 2 * boxes.AT_ONCE
+    assert len(draws) * likelihood.rule.size > 2 * rounded.AT_ONCE
     alone = np.concatenate([likelihood(row[None]) for row in draws[::37]])
     np.testing.assert_allclose(likelihood(draws)[::37], alone, rtol=1e-13)
 
@@ -138,27 +136,23 @@ def test_result_is_smooth_where_intervals_change_sides(kind):
     mean = np.linspace(-1, 1, 2001)[:, None] * np.array([1.0, 0.7, 0.4])
     many = np.repeat(covariance[None], len(mean), axis=0)
     if kind == "rule":
-        rule = boxes.BoxRule.of(covariance, high - low)
+        rule = rounded.BoxRule.of(covariance, high - low)
         assert all(rule.wide)
-        found = boxes.log_box_by_rule(mean, many, low, high, rule)
+        found = rounded.log_box_by_rule(mean, many, low, high, rule)
     else:
         root = np.linalg.cholesky(many)
-        found = censored.log_box(mean, root, low, high, censored.quasi_random(3))
+        found = rounded.log_box(mean, root, low, high, rounded.quasi_random(3))
     # Bends of a smooth function are as small as the square of the step.
     assert np.abs(np.diff(found, 2)).max() < 10 * (mean[1, 0] - mean[0, 0]) ** 2
 
 
 @pytest.mark.parametrize("floor", [True, False])
-def test_evidence_by_quadrature_against_a_finer_integral(sampled, floor):
+def test_evidence_by_quadrature_against_a_finer_integral(floor):
     """Other nodes for the parameters, and another integral of the box."""
-    name = "frame-averaging-misalignment-x"
-    posterior = sampled[name]
-    if not floor:
-        rival = posteriors()[name].rival_models()[0]
-        posterior = sample(rival, Plan(5, steps=250, warmup=100))
-    likelihood = posterior.model.likelihood
+    model = column_model("misalignment-x", floor)
+    likelihood = model.likelihood
     plain = PlainAveraging(
         likelihood.counts, likelihood.printed, likelihood.half_unit, likelihood.frames, floor
     )
-    finer = replace(posterior, model=replace(posterior.model, likelihood=plain))
-    assert abs(small_log_evidence(posterior) - small_log_evidence(finer, 0.2)) < 1e-3
+    finer = summed(replace(model, likelihood=plain), 0.2)
+    assert abs(small_log_evidence(model) - finer.log_evidence) < 1e-3

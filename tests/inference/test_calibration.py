@@ -16,7 +16,7 @@ from reproduce.inference.calibration import (
     intervals,
     replicate,
 )
-from reproduce.inference.registration import GaussianRegistration
+from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 from reproduce.views import posterior_calibration as stored
@@ -24,7 +24,7 @@ from reproduce.views.cli import main
 
 SMALL = 40
 REDONE = 7
-STUDIES = sorted({stored.study_of(name) for name in posteriors()})
+STUDIES = list(posteriors())
 
 
 @pytest.fixture(scope="module")

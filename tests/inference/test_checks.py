@@ -1,12 +1,15 @@
 """Predictive checks, sensitivity to the priors, evidence: each sees what it should."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from reproduce.inference.checks import Range, predictive_checks, two_sided
-from reproduce.inference.priors import LogUniform
-from reproduce.inference.registration import principal_point_model, registration_model
+from reproduce.inference.model import Parameter
+from reproduce.inference.models.registration import GaussianRegistration, registration_model
+from reproduce.inference.priors import LogUniform, Normal
 from reproduce.inference.sampling import Plan, sample
 from reproduce.inference.sensitivity import NOTABLE, _distance, sensitivities
 
@@ -31,8 +34,28 @@ def test_distortion_is_seen(registration):
     assert {c.name: c.tail.value for c in found}["outer residual, outwards (px)"] < 0.02
 
 
+class FreePivot(GaussianRegistration):
+    """With one more parameter, how far the principal point is off in x: the data cannot tell."""
+
+    def weights(self, parameters):
+        weights = super().weights(parameters)
+        weights[:, 1] -= (weights[:, 0] + 1) * parameters[:, 5]
+        return weights
+
+    def start(self):
+        centre, spread = super().start()
+        return np.append(centre, 0.0), np.append(spread, 0.1)
+
+
 def test_only_the_principal_point_answers_to_its_prior(registration):
-    free = sample(principal_point_model(registration, 1.0), Plan(5, steps=1000, warmup=200))
+    data = registration.likelihood
+    pivot = Parameter("pivot-x", "p_x", "px", Normal(0.0, 1.0, "for a test"))
+    model = replace(
+        registration,
+        parameters=(*registration.parameters, pivot),
+        likelihood=FreePivot(data.source, data.target, data.pivot),
+    )
+    free = sample(model, Plan(5, steps=1000, warmup=200))
     found = {one.name: one for one in sensitivities(free)}
     assert found["pivot-x"].prior > NOTABLE > found["pivot-x"].likelihood
     assert found["scale"].prior < NOTABLE < found["scale"].likelihood

@@ -1,18 +1,14 @@
 """What posteriors mean for pointing and on the ground, against simulations of the instruments."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from reproduce.inference.averaging import predicted_error, scatter_of_averages
+from reproduce.inference.models.averaging import predicted_error, scatter_of_averages
 from reproduce.papers.chen2023.consequences import (
     Averaged,
-    NominalTracker,
     OnTheGround,
     StageTest,
 )
-from reproduce.papers.chen2023.published import quest_angles
 from reproduce.papers.niu2024.new_stars import NoiseAlone
 from reproduce.papers.posteriors import posteriors
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -47,22 +43,6 @@ def test_bias_and_noise_of_the_stage_test():
     wrong = (length / 2.0 - length / 2.06) * ARCSEC_PER_RADIAN
     told = found["last state, nominal focal length"].values
     np.testing.assert_allclose(told, wrong, rtol=1e-6)
-
-
-@pytest.mark.parametrize("ratio", [0.98, 1.03])
-def test_a_wrong_tracker_length_scales_the_misalignment_found(platform, ratio):
-    """Spots of another tracker, read by QUEST as those of the nominal one."""
-    true = replace(platform, tracker_focal_length=ratio * platform.tracker_focal_length)
-    turn = np.array([2e-4, -1.5e-4, 0.0])
-    angles = np.stack([np.zeros(3), turn])
-    mount, scale = np.zeros((1, 3)), np.ones(1)
-    spots = true.predicted(mount, angles[None], scale, platform.camera_focal_length)
-    found = quest_angles(platform, spots)[0, 1]
-    error = np.linalg.norm(found) - np.linalg.norm(turn)
-    consequence = NominalTracker(ALTITUDE, float(np.linalg.norm(turn)), 0.06)
-    told = consequence(np.array([[2.0, ratio * 0.06, 0.02]]))
-    np.testing.assert_allclose(told["pointing error"].values, error * ARCSEC_PER_RADIAN, rtol=0.02)
-    np.testing.assert_allclose(told["position error"].values, error * ALTITUDE, rtol=0.02)
 
 
 def test_errors_of_averages_on_the_ground():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from reproduce.inference import diagnostics, pareto
-from reproduce.inference.convergence import ConvergenceError, Gates, diagnose, require, thinned
+from reproduce.inference.diagnostics import ConvergenceError, Gates, diagnose, require, thinned
 from reproduce.inference.moves import mixture
 from reproduce.inference.posterior import digits, load_arviz
 

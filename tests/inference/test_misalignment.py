@@ -5,24 +5,24 @@ import pytest
 from scipy import stats
 
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
-from reproduce.inference.directions import directions_model
 from reproduce.inference.evidence import log_evidence
-from reproduce.inference.lasers import SpotStatistics
-from reproduce.inference.misalignment import (
+from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.misalignment import (
     drift_model,
     misalignment_model,
 )
-from reproduce.inference.model import UnsuitableModelError
+from reproduce.inference.models.small_angle import (
+    errors_with_free_lasers,
+    small_angle_log_evidence,
+    small_angle_posterior,
+    spot_bound,
+)
 from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.small_angle import small_angle_posterior, spot_bound
-from reproduce.inference.states import states_model
-from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
 from reproduce.physics.attitude.misalignment import (
     laser_transform,
     misalignment,
     misalignment_angles,
-    stage_angles,
 )
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -133,60 +133,45 @@ def test_small_angle_posterior_is_the_normal_law_of_all_images(platform):
     np.testing.assert_allclose(exact.log_evidence, known, atol=1e-4)
 
 
-def test_posteriors_are_as_wide_as_the_bound(posterior, directions):
-    """Weak priors: nothing narrower, and hardly wider. Where priors decide there is no bound."""
-    for one in (posterior, directions):
-        bound = spot_bound(one.model)
-        for i, name in enumerate(one.model.names):
-            chain = one.chain[..., i]
-            assert abs(chain.std() / bound[i] - 1) < 5 * mcse_deviation(chain) / bound[i] + 2e-3, (
-                name
-            )
-    with pytest.raises(UnsuitableModelError, match="leave a combination"):
-        spot_bound(posteriors()["misalignment-states"].model())
+def test_posterior_is_as_wide_as_the_bound(posterior):
+    """Weak priors: nothing narrower, and hardly wider."""
+    bound = spot_bound(posterior.model)
+    for i, name in enumerate(posterior.model.names):
+        chain = posterior.chain[..., i]
+        assert abs(chain.std() / bound[i] - 1) < 5 * mcse_deviation(chain) / bound[i] + 2e-3, name
 
 
-def test_evidence_of_scale_and_directions_is_the_exact_one(constant, posterior, directions):
-    for sampled in (posterior, directions):
-        found = log_evidence(sampled, 1)
-        assert found.reliable
-        exact = small_angle_posterior(sampled.model).log_evidence
-        assert abs(found.value - exact) < 4 * found.error + 1e-3
+def test_sampled_evidence_is_the_exact_one(posterior):
+    found = log_evidence(posterior, 1)
+    assert found.reliable
+    exact = small_angle_log_evidence(posterior.model)
+    assert abs(found.value - exact) < 4 * found.error + 1e-3
 
 
-@pytest.fixture(scope="module")
-def directions(platform, spots):
-    model = directions_model(platform, SpotStatistics.of(spots, (False, False)))
-    return sample(model, Plan(5, steps=800, warmup=300))
-
-
-def test_directions_of_the_lasers_are_found(platform):
-    """Lasers set askew come back, each its own way, and the misalignment beside them."""
+def test_free_lasers_leave_what_their_motion_tells(platform):
+    """Independent: two groups of spots laser by laser, the turn fitted to their motion alone."""
     askew = np.array([[3.0, -4.0], [0.0, 6.0], [-5.0, 0.0], [2.0, 2.0]]) / ARCSEC_PER_RADIAN
     lasers = np.broadcast_to(platform.lasers - 2.0 * askew, (1, 4, 2))
-    generator = np.random.default_rng(3)
+    mount, step, counts = np.zeros((1, 3)), 1e-5, (100, 400)
+
+    def spots(turn):
+        return platform.landed(mount, turn[None, None], lasers, 2.0)[0, 0]
+
+    response = [(spots(TURN + one) - spots(TURN - one)).ravel() / (2 * step)
+                for one in step * np.eye(3)]  # fmt: skip
+    generator = np.random.default_rng(2)
+    motion = (spots(TURN) - spots(np.zeros(3))).ravel()
+    noise = NOISE * np.hypot(*(1 / np.sqrt(counts)))
+    moved = motion + noise * generator.normal(size=(4000, 8))
+    fitted = (moved - motion) @ np.linalg.pinv(response)
     groups = [
-        platform.landed(np.zeros((1, 3)), turn[None, None], lasers, 2.0)[:, 0]
-        + NOISE * generator.normal(size=(400, 4, 2))
-        for turn in (np.zeros(3), TURN)
+        spots(turn) + NOISE * generator.normal(size=(count, 4, 2))
+        for count, turn in zip(counts, (np.zeros(3), TURN), strict=True)
     ]
-    model = directions_model(platform, SpotStatistics.of(groups, (False, False)))
-    centre, spread = model.likelihood.start()
-    truth = np.concatenate([TURN, askew.ravel(), [NOISE]])
-    assert np.abs((centre - truth) / spread).max() < 4
-    assert np.abs(askew).max() > 20 * spread[3:-1].max()
-
-
-def test_directions_reduce_to_the_common_scale(platform, constant, spots):
-    """A pattern that is larger by a share has directions that are larger by it."""
-    model = directions_model(platform, SpotStatistics.of(spots, (False, False)))
-    point = np.concatenate([np.zeros(3), TURN, [1.01, 0.02]])
-    slopes = -platform.lasers / platform.camera_focal_length
-    free = np.concatenate([TURN, (0.01 * slopes).ravel(), [0.02]])
-    found = model.likelihood(free[None])
-    np.testing.assert_allclose(found, constant.likelihood(point[None]), rtol=1e-12)
-    whole = model.likelihood.full(free[None], spots)
-    np.testing.assert_allclose(found, whole, rtol=1e-11)
+    model = misalignment_model(platform, SpotStatistics.of(groups, (False, False)))
+    np.testing.assert_allclose(
+        errors_with_free_lasers(model.likelihood), fitted.std(axis=0), rtol=0.05
+    )
 
 
 def test_error_of_the_calibration_group_is_included(platform, posterior, spots):
@@ -195,19 +180,6 @@ def test_error_of_the_calibration_group_is_included(platform, posterior, spots):
     sure = misalignment_model(platform, SpotStatistics.of(still, (False, False)))
     ratio = posterior.chain[..., 3].std() / sure.likelihood.start()[1][3]
     np.testing.assert_allclose(ratio, np.sqrt(2), rtol=0.05)
-
-
-def test_states_hold_the_ratio_of_stage_scale_and_focal_length(platform):
-    motions = np.stack([np.arange(5) * 20e-6] * 2, axis=-1)
-    turns = [(angle, angle) for angle in stage_angles(motions, 2.0)]
-    statistics = SpotStatistics.of(images(platform, turns), (False,) * 5)
-    model = states_model(platform, statistics, motions)
-    focal, scale = (sample(model, Plan(5, steps=600, warmup=300)).draws[:, i] for i in (3, 4))
-    ratio = scale / focal * 2.0
-    assert abs(ratio.mean() - 1) < 4 * ratio.std()
-    # The data hold the ratio; the stage scale keeps its prior, and the focal length adds the two.
-    np.testing.assert_allclose(scale.std(), 0.002, rtol=0.05)
-    np.testing.assert_allclose((focal / 2.0).std(), np.hypot(ratio.std(), scale.std()), rtol=0.05)
 
 
 def test_statistics_simulated_as_drawn_from_images(constant, platform):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from reproduce.papers.chen2023.posteriors import COLUMNS, FLOORS, summed_columns
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior as running
 from reproduce.views import posterior_choice, posterior_decision, posterior_pages
@@ -130,39 +131,48 @@ def test_every_model_has_every_step_on_the_page_that_links_them(name, step):
 
 def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one(monkeypatch):
     """Only a model that has no closed form shows "none"; any other error is told."""
-    found = running.book_posterior("registration")
-    assert float(posterior_choice.exact_evidence(found))
-    joint = running.book_posterior("registration-joint")
-    assert posterior_choice.exact_evidence(joint) == "none"
-    assert posterior_decision.bounded(joint) == ""
+    plain, rival = (posteriors()["registration"].model(),
+                    *posteriors()["registration"].rival_models())  # fmt: skip
+    assert isinstance(posterior_choice.exact_evidence("registration", plain), float)
+    assert posterior_choice.exact_evidence("registration", rival) is None
+    joint = posteriors()["registration-joint"].model()
+    assert posterior_choice.exact_evidence("registration-joint", joint) is None
+    assert posterior_decision.bounded("registration-joint") == ""
 
     def broken(model):
         raise TypeError("a fault")
 
-    monkeypatch.setattr(posterior_choice, "registration_log_evidence", broken)
-    monkeypatch.setattr(posterior_decision, "cramer_rao_bound", broken)
+    faulty = replace(posteriors()["registration"], evidence=broken, bound=broken)
+    monkeypatch.setitem(posteriors(), "registration", faulty)
     with pytest.raises(TypeError, match="a fault"):
-        posterior_choice.exact_evidence(found)
+        posterior_choice.exact_evidence("registration", plain)
     with pytest.raises(TypeError, match="a fault"):
-        posterior_decision.bounded(found)
+        posterior_decision.bounded("registration")
 
 
 def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():
     """The ratio of evidences is the mean ratio of the priors over the posterior."""
-    name = "frame-averaging"
-    found = running.book_posterior(name)
+    found = running.book_posterior("frame-averaging")
     prior = found.model.parameters[1].prior
     floor = found.draws[:, 1]
-    told = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_choice.floors(name))
-    shown = [float(text.replace("−", "-")) for text in told]
-    assert len(shown) == len(posterior_choice.FLOORS)
-    ours = shown[posterior_choice.FLOORS.index(1)]
-    for factor, value in zip(posterior_choice.FLOORS, shown, strict=True):
+    gains = summed_columns()[0].gains
+    for factor, value in zip(FLOORS, gains, strict=True):
         other = replace(prior, sigma=factor * prior.sigma)
         ratio = np.exp(other.log_density(floor) - prior.log_density(floor))
         expected, error = ratio.mean(), ratio.std() / np.sqrt(len(ratio))
-        assert abs(np.exp(value - ours) - expected) < 4 * error + 0.012
-    assert max(shown) - min(shown) > 0.5
+        assert abs(np.exp(value - gains[FLOORS.index(1)]) - expected) <= 4 * error
+    assert max(gains) - min(gains) > 0.5
+
+
+def test_evidence_of_a_floor_stands_in_the_table_of_the_rival():
+    """The page of the model and the table of the columns say the same of the first column."""
+    declared = posteriors()["frame-averaging"]
+    (rival,) = declared.rival_models()
+    found = declared.evidence(declared.model()) - declared.evidence(rival)
+    assert abs(found - summed_columns()[0].gains[FLOORS.index(1)]) < 1e-6
+    shown = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_choice.columns_of_table_4())
+    assert len(shown) == len(COLUMNS) * len(FLOORS)
+    assert float(shown[1].replace("−", "-")) == pytest.approx(found, abs=0.006)
 
 
 LOADED = """

@@ -4,41 +4,32 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest, norm
+from scipy.stats import binomtest
 
 from reproduce.inference.calibration import LEVELS, intervals, simulated
-from reproduce.inference.directions import directions_model
-from reproduce.inference.joint import JointRegistration, joint_model
-from reproduce.inference.lasers import SpotStatistics
-from reproduce.inference.misalignment import (
+from reproduce.inference.model import Estimated
+from reproduce.inference.models.joint import JointRegistration, joint_model
+from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.misalignment import (
     drift_model,
     misalignment_model,
 )
-from reproduce.inference.model import Estimated
+from reproduce.inference.models.quest import Quest
+from reproduce.inference.models.variants import distortion_model, student_model
 from reproduce.inference.priors import Normal
-from reproduce.inference.quest import Quest
-from reproduce.inference.registration import GaussianRegistration, principal_point_model
-from reproduce.inference.states import StageLikelihood, states_model
-from reproduce.inference.variants import distortion_model, field_noise_model, student_model
 from reproduce.papers.posteriors import posteriors
 
 REPLICATES = 600
 SEED = 3
 PIVOT = np.array([1030.0, 770.0])
 DRIFT = tuple(f"drift-{a}" for a in "xyz")
-DIRECTIONS = tuple(f"direction-{i}-{a}" for i in range(1, 5) for a in "xy")
 # Of which parameters the papers' methods give no estimate, model by model.
 UNKNOWN = {
     "registration": (),
-    "registration-blue": (),
     "registration-joint": (),
     "registration-student": ("noise", "log-freedom"),
-    "registration-field-noise": ("noise", "growth"),
     "registration-distortion": ("source-distortion", "target-distortion"),
-    "registration-principal-point": ("pivot-x", "pivot-y"),
     "misalignment": ("laser-scale",),
-    "misalignment-directions": DIRECTIONS,
-    "misalignment-states": ("stage-scale", "laser-scale"),
     "misalignment-drift": (*DRIFT, "laser-scale"),
 }
 
@@ -68,26 +59,16 @@ def group(frames=400, groups=2, lever=0.0):
     return SpotStatistics(spots, spots, np.full(groups, float(frames)), levers, 1.0)
 
 
-MOTIONS = np.stack([np.arange(5) * 20e-6, np.arange(5)[::-1] * 10e-6 - 40e-6], axis=-1)
-
 # Each model with what makes it one for which its estimator is meant.
 WELL_SPECIFIED = {
     "registration": lambda r, _: r,
     "registration-joint": lambda r, _: pair(r),
     "registration-joint-alike": lambda r, _: pair(r, 1.0, 1.0),
     "registration-student": lambda r, _: held(student_model(r), **{"log-freedom": 4.0}),
-    "registration-field-noise": lambda r, _: held(field_noise_model(r), growth=0.0),
     "registration-distortion": lambda r, _: held(
         distortion_model(r), **{"source-distortion": 0.0, "target-distortion": 0.0}
     ),
-    "registration-principal-point": lambda r, _: principal_point_model(r, 1e-12),
     "misalignment": lambda _, p: misalignment_model(p, group()),
-    "misalignment-directions": lambda _, p: held(
-        directions_model(p, group()), **dict.fromkeys(DIRECTIONS, 0.0)
-    ),
-    "misalignment-states": lambda _, p: held(
-        states_model(p, group(groups=5), MOTIONS), **{"stage-scale": 1.0}
-    ),
     "misalignment-drift": lambda _, p: held(
         drift_model(p, group(lever=134.0)), **dict.fromkeys(DRIFT, 0.0)
     ),
@@ -133,20 +114,6 @@ def test_rough_errors_of_the_start_do_not_cover_as_claimed(registration):
         assert surprises(right)[wrong] > 1e-4
 
 
-class Ridged(StageLikelihood):
-    """With the errors of the ridged fit, which holds what the data do not tell."""
-
-    def estimate(self):
-        return self.start()
-
-
-def test_ridged_fit_covers_too_often(platform):
-    right = states_model(platform, group(groups=5), MOTIONS)
-    data = right.likelihood
-    ridged = replace(right, likelihood=Ridged(data.platform, data.statistics, data.motions))
-    assert surprises(ridged)["stage-scale"] < 1e-12
-
-
 @pytest.mark.parametrize("name", list(posteriors()))
 def test_estimators_know_what_the_papers_estimate(name):
     model = posteriors()[name].model()
@@ -164,7 +131,7 @@ def test_estimators_know_what_the_papers_estimate(name):
     np.testing.assert_array_equal((covered == -1).all(axis=(0, 1)), np.isnan(centre))
 
 
-@pytest.mark.parametrize("name", ["misalignment", "misalignment-drift", "misalignment-states"])
+@pytest.mark.parametrize("name", ["misalignment", "misalignment-drift"])
 def test_errors_of_quest_are_its_response_to_every_spot(name, platform):
     """Independent: each mean coordinate moved by itself, QUEST run again, nothing linearised."""
     _, fitted = simulated(WELL_SPECIFIED[name](None, platform), SEED, 1)
@@ -184,35 +151,6 @@ def test_errors_of_quest_are_its_response_to_every_spot(name, platform):
     known = ~np.isnan(errors[:-1])
     expected = scatter * np.sqrt(variance[:-1])
     np.testing.assert_allclose(errors[:-1][known], expected[known], rtol=3e-4)
-
-
-def test_focal_length_does_not_know_the_error_of_the_stage(platform):
-    """The stage scale passes into it whole, and its interval covers less often by just that."""
-    model = states_model(platform, group(groups=5), MOTIONS)
-    index = model.names.index("focal-length")
-    covered, expected = [], []
-    for replicate in range(REPLICATES):
-        truth, fitted = simulated(model, SEED, replicate)
-        centre, spread = (part[index] for part in fitted.likelihood.estimate())
-        assert abs(centre - truth[index] / truth[index + 1]) < 5 * spread
-        reach = norm.ppf(0.975) * spread
-        covered.append(abs(centre - truth[index]) <= reach)
-        expected.append(2 * norm.cdf(reach / np.hypot(spread, 0.002 * centre)) - 1)
-    assert np.mean(expected) < 0.9
-    error = np.sqrt(np.mean(expected) * (1 - np.mean(expected)) / REPLICATES)
-    assert abs(np.mean(covered) - np.mean(expected)) < 4 * error
-
-
-def test_shift_does_not_know_the_error_of_the_pivot(registration):
-    """With a pivot off by p the fitted shift is that of the model plus (w - 1) p."""
-    model = principal_point_model(registration, 2.0)
-    truth = np.array([1.5, 0.2, 3.0, -4.0, 1e-6, 1.0, -2.0])
-    data = model.given(model.simulate(truth, np.random.default_rng(1))).likelihood
-    assert isinstance(data, GaussianRegistration)
-    centre, spread = data.estimate()
-    off = (1.5 * np.exp(0.2j) - 1) * (1 - 2j)
-    np.testing.assert_allclose(centre[2:4] - truth[2:4], [off.real, off.imag], atol=1e-5)
-    assert (spread[2:4] < 1e-5).all()
 
 
 def test_drift_is_taken_for_noise(platform):

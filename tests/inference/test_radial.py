@@ -10,11 +10,16 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 
 from reproduce.inference.model import UnsuitableModelError
+from reproduce.inference.models.radial import (
+    TERMS,
+    WIDTH,
+    WIDTHS,
+    linear_log_evidence,
+    linear_model,
+)
+from reproduce.inference.models.registration import registration_model
+from reproduce.inference.models.variants import distortion_model
 from reproduce.inference.priors import Uniform
-from reproduce.inference.radial import TERMS, WIDTH, WIDTHS, linear_log_evidence, linear_model
-from reproduce.inference.registration import registration_model
-from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.variants import distortion_model
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior_choice
 
@@ -117,19 +122,13 @@ def test_other_priors_are_refused(few):
             linear_log_evidence(replace(model, parameters=tuple(parameters)))
 
 
-def test_table_shows_every_width_and_whose_data_they_are(monkeypatch):
-    monkeypatch.setattr(
-        posterior_choice.running, "run",
-        lambda model, plan: sample(model, Plan(5, steps=500, warmup=200)),
-    )  # fmt: skip
+def test_table_shows_every_width_and_whose_data_they_are():
     base = posteriors()["registration"].model()
     table = posterior_choice.transforms("registration")
     rows = [re.sub("<[^>]+>", " ", row).split() for row in table.split("<tr>")]
     for shape in TERMS:
         row = next(row for row in rows if row[:1] == [f"registration-{shape}"])
-        assert row[4:] == [
+        assert row[1:] == [
             f"{linear_log_evidence(linear_model(base, shape, width)):.3f}" for width in WIDTHS
         ]
-        sampled, error = float(row[1]), float(row[2])
-        assert abs(sampled - float(row[4 + WIDTHS.index(WIDTH)])) < 4 * error + 0.05
     assert "our own simulation" in table

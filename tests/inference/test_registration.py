@@ -7,15 +7,18 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from reproduce.inference import closed_form
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
 from reproduce.inference.evidence import log_evidence
-from reproduce.inference.joint import joint_model
+from reproduce.inference.models import closed_form
+from reproduce.inference.models.joint import joint_model
+from reproduce.inference.models.least_squares import noise_growth
+from reproduce.inference.models.radial import linear_log_evidence, linear_model
+from reproduce.inference.models.registration import registration_model
+from reproduce.inference.models.variants import distortion_model, student_model
 from reproduce.inference.priors import LogUniform, Uniform
-from reproduce.inference.radial import linear_log_evidence, linear_model
-from reproduce.inference.registration import principal_point_model, registration_model
 from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.variants import distortion_model, field_noise_model, student_model
+from reproduce.papers.niu2024.posteriors import beside_the_registration
+from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.fit import fit_registration
 
 PIVOT = np.array([1030.0, 770.0])
@@ -46,7 +49,7 @@ def start_of(model, count=64):
 
 def test_sufficient_statistics_agree_with_all_points(registration, joint):
     """To far better than the log likelihood varies over the start."""
-    for model in (registration, joint, principal_point_model(registration, 1.0)):
+    for model in (registration, joint):
         points = start_of(model)
         whole = model.likelihood.full(points)
         np.testing.assert_allclose(model.likelihood(points), whole, rtol=1e-10, atol=1e-7)
@@ -249,8 +252,6 @@ def test_equal_distortions_cancel_under_the_identity(registration):
 def test_variants_reduce_to_the_plain_registration(registration):
     plain = start_of(registration, 16)
     expected = registration.likelihood(plain)
-    uneven = field_noise_model(registration).likelihood(np.column_stack([plain, np.zeros(16)]))
-    np.testing.assert_allclose(uneven, expected, rtol=1e-9)
     straight = distortion_model(registration).likelihood(
         np.column_stack([plain, np.zeros((16, 2))])
     )
@@ -277,3 +278,31 @@ def test_unknown_prior_is_refused(registration):
     data = registration.likelihood
     with pytest.raises(ValueError, match="names among scale"):
         registration_model(data.source, data.target, data.pivot, priors={"sale": None})
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5])
+def test_a_principal_point_that_is_off_moves_the_shift_as_told(angle):
+    """The same stars fitted again about a point so far away, in any direction."""
+    model = posteriors()["registration"].model()
+    told = beside_the_registration(model)
+    data, off = model.likelihood, told["principal-point"].value
+    pivots = (data.pivot, data.pivot + off * np.array([np.cos(angle), np.sin(angle)]))
+    shifts = [fit_registration(data.source, data.target, one).parameters[2:] for one in pivots]
+    moved = told["shift-by-principal-point"].value
+    np.testing.assert_allclose(np.hypot(*(shifts[1] - shifts[0])), moved, rtol=1e-6)
+
+
+@pytest.mark.parametrize("growth", [0.0, 0.4])
+def test_growth_of_the_noise_is_found_within_its_error(growth):
+    """Over many fields: the mean is the truth, and the scatter is the error that is told."""
+    generator = np.random.default_rng(6)
+    source = generator.uniform((0, 0), (2064, 1544), (137, 2))
+    rho = np.square(source - PIVOT).sum(axis=1)
+    noise = 0.07 * np.exp(growth * rho / rho.max())[:, None]
+    found = np.array([
+        noise_growth(source, source + noise * generator.normal(size=source.shape), PIVOT)
+        for _ in range(400)
+    ])  # fmt: skip
+    scatter = found[:, 0].std()
+    assert abs(found[:, 0].mean() - growth) < 4 * scatter / np.sqrt(400) + 0.02
+    np.testing.assert_allclose(scatter, found[0, 1], rtol=0.12)

@@ -14,9 +14,9 @@ import emcee
 import numpy as np
 import pytest
 
-from reproduce.inference.convergence import ConvergenceError
+from reproduce.inference.diagnostics import ConvergenceError
+from reproduce.inference.models.registration import registration_model
 from reproduce.inference.posterior import load_arviz
-from reproduce.inference.registration import registration_model
 from reproduce.inference.sampling import Plan, ResumeError, sample
 
 PLAN = Plan(3, steps=600, warmup=200, checkpoint=100)
@@ -78,7 +78,7 @@ def test_folder_of_another_run_is_refused(registration, tmp_path):
 KILLED = """
 import sys, numpy as np
 from pathlib import Path
-from reproduce.inference.registration import registration_model
+from reproduce.inference.models.registration import registration_model
 from reproduce.inference.sampling import Plan, sample
 data = np.load(sys.argv[1])
 model = registration_model(data["source"], data["target"], data["pivot"])

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reproduce.inference.evidence import log_evidence, small_log_evidence
+from reproduce.inference.diagnostics import mcse_deviation, mcse_quantile
+from reproduce.inference.evidence import log_evidence
+from reproduce.inference.models.table_readings import CROSSED, PRINTED, Reading, hypotheses, read
+from reproduce.inference.quadrature import summed
 from reproduce.inference.sampling import Plan, sample
-from reproduce.inference.table_readings import CROSSED, PRINTED, Reading, hypotheses, read
 from reproduce.papers.chen2023.posteriors import readings
 from reproduce.papers.posteriors import posteriors
 from reproduce.views.posterior import plan_for
@@ -85,8 +87,16 @@ def test_sampled_evidence_of_small_models_is_that_of_the_sums(name):
     declared = posteriors()[name]
     for model in (declared.model(), *declared.rival_models()):
         posterior = sample(model, Plan(5, steps=300, warmup=120))
-        exact = small_log_evidence(posterior, 0.7)
+        sums = summed(model, 0.7)
+        exact = sums.log_evidence
         # Smooth: the nodes play no part.
-        assert abs(exact - small_log_evidence(posterior, 0.5)) < 1e-6
+        assert abs(exact - summed(model, 0.5).log_evidence) < 1e-6
+        for i, one in enumerate(posterior.diagnoses):
+            chain = posterior.chain[..., i]
+            assert abs(chain.mean() - sums.means[i]) < 4 * one.mcse
+            assert abs(chain.std() - sums.deviations[i]) < 5 * mcse_deviation(chain)
+            for probability in (0.1, 0.975):
+                off = np.quantile(chain, probability) - sums.quantile(i, probability)
+                assert abs(off) < 5 * mcse_quantile(chain, probability)
         sampled = log_evidence(posterior, 1)
         assert abs(sampled.value - exact) < 4 * sampled.error + 1e-3

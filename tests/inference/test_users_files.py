@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023.posteriors import READS, platform
+from reproduce.papers.chen2023.simulated_spots import READS, platform
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.posterior_data import FORMATS, NONE, READERS, from_file
+from reproduce.views.posterior_data import formats, from_file
+
+READERS = {key: one.file for key, one in posteriors().items() if not isinstance(one.file, str)}
 
 STARS = np.random.default_rng(1).uniform(0, 1000, (40, 2))
 
@@ -28,17 +30,16 @@ def star_rows(columns):
 
 
 def spot_rows(columns):
-    """Twenty images in each of two groups, or in three states of a stage."""
+    """Twenty images in each of two groups."""
     instrument = platform(given(READS))
     generator = np.random.default_rng(1)
-    steps = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 30.0]])[: 3 if len(columns) == 6 else 2]
-    turns = stage_angles(steps * 1e-6, instrument.camera_focal_length)
+    turns = stage_angles(np.array([[0.0, 0.0], [20e-6, 0.0]]), instrument.camera_focal_length)
     rows = []
-    for state, turn in enumerate(turns):
+    for group, turn in enumerate(turns):
         spots = instrument.predicted(np.zeros((1, 3)), turn[None, None], np.ones(1), 2.0)[0, 0]
         for image in spots + 0.02 * generator.normal(size=(20, *spots.shape)):
             for laser, (x, y) in enumerate(image.round(4), start=1):
-                rows.append((state, laser, x, y, *steps[state][: len(columns) - 4]))
+                rows.append((group, laser, x, y))
     return rows
 
 
@@ -64,39 +65,29 @@ def stage(columns):
     return [(*stage_positions()[0], 0, 0, 0, 0), *moved]
 
 
-def geometry(columns):
-    """The printed pattern, moved; the stage test."""
-    spots = platform(given(READS)).spots + np.array([5.0, -3.0])
-    angles = [[f"{a:.3f}" for a in pair] for pair in stage_angles_arcsec()]
-    blocks = (spots.round(3).tolist(), stage_positions().tolist(), angles)
-    return [
-        (block, item, *pair)
-        for block, pairs in enumerate(blocks)
-        for item, pair in enumerate(pairs, start=1)
-    ]
-
-
 def rows_for(name):
-    columns = READERS[name][0]
+    columns = READERS[name].columns
     if name.startswith("registration"):
         return star_rows(columns)
     if name.startswith("misalignment"):
         return spot_rows(columns)
     if name.startswith("frame"):
         return averages(columns)
-    return {"table-5": stage, "geometry": geometry}[name](columns)
+    return stage(columns)
 
 
 def test_every_model_takes_a_file_or_says_why_not():
-    assert set(READERS) | set(NONE) == set(posteriors())
-    assert {columns for columns, _ in READERS.values()} == {columns for _, columns, _ in FORMATS}
+    told = {name: columns for names, columns, _ in formats() for name in names}
+    assert set(told) == set(posteriors())
+    assert {name for name, columns in told.items() if columns == ("none",)} == {"centroid-noise"}
+    assert all(told[name] == file.columns for name, file in READERS.items())
 
 
 @pytest.mark.parametrize("name", list(READERS))
 def test_users_data_make_a_model_that_starts(tmp_path, name):
-    path = written(tmp_path, READERS[name][0], rows_for(name))
+    path = written(tmp_path, READERS[name].columns, rows_for(name))
     model = from_file(name, path)
-    assert model.name == name or name == "registration-blue"
+    assert model.name == name
     assert model.names == posteriors()[name].model().names
     start = model.start(np.random.default_rng(1), 8)
     assert np.isfinite(model.log_posterior(start)).all()
@@ -108,17 +99,15 @@ def test_users_data_make_a_model_that_starts(tmp_path, name):
     [
         ("registration-student", "shift-x", 3.0),
         ("registration-joint", "red-shift-x", 3.0),
-        ("misalignment-directions", "angle-y", -20e-6 / 2),
+        ("misalignment", "angle-y", -20e-6 / 2),
         ("misalignment-drift", "drift-x", 0.0),
-        ("misalignment-states", "stage-scale", 1.0),
         ("frame-averaging", "white", 0.40 / ARCSEC_PER_RADIAN),
         ("table-5", "focal-length", 3.0),
-        ("geometry", "focal-length", 3.0),
     ],
 )
 def test_users_data_lead_to_their_own_truth(tmp_path, name, parameter, truth):
     """By the rough estimate that starts the sampler, within a few of its errors."""
-    model = from_file(name, written(tmp_path, READERS[name][0], rows_for(name)))
+    model = from_file(name, written(tmp_path, READERS[name].columns, rows_for(name)))
     centre, spread = model.likelihood.start()
     i = model.names.index(parameter)
     assert abs(centre[i] - truth) < 4 * spread[i]
@@ -144,34 +133,25 @@ def replaced(rows, row, column, value):
         ),
         ("misalignment-drift", 9, 1, 5, r"line 11, column 2 \(laser\): expected a whole .* 1 to 4"),
         ("misalignment", 9, 1, 3, r"column 2 \(laser\): expected as many lines for each laser"),
-        (
-            "misalignment-states",
-            170,
-            4,
-            21,
-            r"line 172, column 5 \(motion_x_um\): expected the same",
-        ),
         ("frame-averaging", 1, 0, 1, r"line 3, column 1 \(frames\): expected more frames"),
         ("frame-averaging", 1, 1, 0, r"line 3, column 2 \(error_arcsec\): expected a standard"),
         ("frame-averaging", 2, 2, 300, r"line 4, column 3 \(series\): expected one number"),
         ("table-5", 0, 3, "0.5", r"line 2, column 4 \(monitored_y_arcsec\): expected zero"),
-        ("geometry", 1, 0, 3, r"line 3, column 1 \(block\): expected 0"),
-        ("geometry", 1, 1, 3, r"line 3, column 2 \(item\): expected the items"),
     ],
 )
 def test_wrong_files_are_refused_by_line_and_column(tmp_path, name, row, column, value, message):
     rows = replaced(rows_for(name), row, column, value)
     with pytest.raises(TableFileError, match=message):
-        from_file(name, written(tmp_path, READERS[name][0], rows))
+        from_file(name, written(tmp_path, READERS[name].columns, rows))
 
 
 def test_rounding_is_that_of_the_digits_written(tmp_path):
-    path = written(tmp_path, READERS["frame-averaging"][0], averages(()))
+    path = written(tmp_path, READERS["frame-averaging"].columns, averages(()))
     assert from_file(
         "frame-averaging", path
     ).likelihood.half_unit * ARCSEC_PER_RADIAN == pytest.approx(0.005)
     rows = [(n, f"{float(e):.3f}", s) for n, e, s in averages(())]
-    path = written(tmp_path, READERS["frame-averaging"][0], rows)
+    path = written(tmp_path, READERS["frame-averaging"].columns, rows)
     assert from_file(
         "frame-averaging", path
     ).likelihood.half_unit * ARCSEC_PER_RADIAN == pytest.approx(5e-4)
@@ -181,8 +161,8 @@ def test_priors_follow_the_data_and_not_the_paper(tmp_path):
     """A field ten times as large: priors in px ten times as wide."""
     widths = []
     for size in (1, 10):
-        rows = (np.array(star_rows(READERS["registration-distortion"][0])) * size).tolist()
-        path = written(tmp_path, READERS["registration-distortion"][0], rows)
+        rows = (np.array(star_rows(READERS["registration-distortion"].columns)) * size).tolist()
+        path = written(tmp_path, READERS["registration-distortion"].columns, rows)
         model = from_file("registration-distortion", path)
         widths.append([model.parameters[2].prior.high, model.parameters[5].prior.sigma])
     np.testing.assert_allclose(np.array(widths[1]) / widths[0], 10)

@@ -19,8 +19,7 @@ from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import NDArray
 from scipy.stats import binom, norm
 
-from reproduce.inference.convergence import thinned
-from reproduce.inference.diagnostics import autocorrelation_time
+from reproduce.inference.diagnostics import autocorrelation_time, thinned
 from reproduce.inference.model import Estimated, Model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.physics.validate import FloatArray, whole_number

@@ -87,8 +87,6 @@ class Parameter:
         Its prior, in SI units or px.
     shown : float
         How many shown units one SI unit is: ARCSEC_PER_RADIAN for an angle shown in arcsec.
-    offset : float
-        Subtracted before showing, in SI units: 1 for a scale shown as its excess over one.
     """
 
     name: str
@@ -96,7 +94,6 @@ class Parameter:
     unit: str
     prior: Prior
     shown: float = 1.0
-    offset: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +102,8 @@ class Model:
 
     Parameters
     ----------
-    name, title : str
-        Its key and what it is about, in one line.
+    name : str
+        What it is called in tables, messages and stored runs.
     parameters : tuple of Parameter
         In the order of the columns of every parameter array.
     likelihood : Likelihood
@@ -118,11 +115,10 @@ class Model:
 
     Examples
     --------
-    See `reproduce.inference.registration.registration_model`.
+    See `reproduce.inference.models.registration.registration_model`.
     """
 
     name: str
-    title: str
     parameters: tuple[Parameter, ...]
     likelihood: Likelihood
     estimate: Mapping[str, float] = field(default_factory=dict)
@@ -209,9 +205,9 @@ class Model:
         """Why a rough estimate, shape (d,), has no finite posterior, and what to do."""
         for value, one in zip(rough.tolist(), self.parameters, strict=True):
             if not np.isfinite(one.prior.log_density(np.array([value]))[0]):
-                prior = in_unit(one.prior, one.shown, one.offset)
+                prior = in_unit(one.prior, one.shown)
                 return (
-                    f"the rough estimate of {one.name} is {(value - one.offset) * one.shown:.6g} "
+                    f"the rough estimate of {one.name} is {value * one.shown:.6g} "
                     f"{one.unit}, its prior {prior}; check the data, or widen the prior"
                 )
         return (

@@ -12,7 +12,14 @@ from unittest import mock
 import numpy as np
 
 from reproduce.inference import diagnostics
-from reproduce.inference.convergence import Diagnosis, Gates, require, thinned
+from reproduce.inference.diagnostics import (
+    Diagnosis,
+    Gates,
+    diagnose,
+    diagnosed,
+    require,
+    thinned,
+)
 from reproduce.inference.model import Model, Quantity
 from reproduce.physics.validate import FloatArray
 
@@ -93,11 +100,22 @@ class Posterior:
 
     def rows(self) -> list[Row]:
         """Return the summary of every parameter, in the unit shown."""
-        rows = []
-        for column, parameter in enumerate(self.model.parameters):
-            values = (self.chain[..., column] - parameter.offset) * parameter.shown
-            rows.append(summarised(parameter.name, parameter.unit, values))
-        return rows
+        return self._rows
+
+    @cached_property
+    def _rows(self) -> list[Row]:
+        known = self.diagnoses or diagnose(self.model.names, self.chain)
+        return [
+            summarised(
+                parameter.name,
+                parameter.unit,
+                self.chain[..., column] * parameter.shown,
+                replace(one, mcse=one.mcse * parameter.shown),
+            )
+            for column, (parameter, one) in enumerate(
+                zip(self.model.parameters, known, strict=True)
+            )
+        ]
 
     def consequences(self) -> list[tuple[Row, Quantity]]:
         """Return the summary of every derived quantity, of draws thinned as `draws` are.
@@ -122,7 +140,8 @@ class Posterior:
         found = self.model.derived(chain.reshape(-1, self.model.dimension))
         rows = []
         for name, quantity in found.items():
-            row = summarised(name, quantity.unit, quantity.values.reshape(chain.shape[:3]))
+            values = quantity.values.reshape(chain.shape[:3])
+            row = summarised(name, quantity.unit, values, diagnosed(name, values))
             rows.append((replace(row, time=stride * row.time), quantity))
         return rows
 
@@ -145,7 +164,7 @@ def _diagnosis(row: Row, steps: int) -> Diagnosis:
     return Diagnosis(row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse)
 
 
-def summarised(name: str, unit: str, values: FloatArray) -> Row:
+def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Row:
     """Summarise one quantity.
 
     Parameters
@@ -154,6 +173,8 @@ def summarised(name: str, unit: str, values: FloatArray) -> Row:
         Which, and its unit.
     values : ndarray, shape (ensembles, steps, walkers)
         In that unit.
+    known : Diagnosis
+        Its numbers, from `diagnostics.diagnosed`, the standard error in that unit.
 
     Returns
     -------
@@ -162,7 +183,6 @@ def summarised(name: str, unit: str, values: FloatArray) -> Row:
     """
     ends = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     low, median, high = np.quantile(values, (ends[0], 0.5, ends[1]))
-    time = diagnostics.autocorrelation_time(values)
     return Row(
         name,
         unit,
@@ -171,12 +191,12 @@ def summarised(name: str, unit: str, values: FloatArray) -> Row:
         float(low),
         float(median),
         float(high),
-        diagnostics.mcse_mean(values),
+        known.mcse,
         max(diagnostics.mcse_quantile(values, end) for end in ends),
-        diagnostics.split_rhat(thinned(values, time)),
-        diagnostics.bulk_size(values),
-        diagnostics.tail_size(values),
-        time,
+        known.rhat,
+        known.bulk,
+        known.tail,
+        known.time,
     )
 
 

@@ -232,30 +232,30 @@ class HalfNormal:
         return f"half-normal of scale {self.sigma:.6g}"
 
 
-def in_unit(prior: Prior, scale: float, offset: float) -> Prior:
+def in_unit(prior: Prior, scale: float) -> Prior:
     """Return a prior of the same parameter in another unit, to be read, not sampled.
 
     Parameters
     ----------
     prior : Prior
         In SI units or px.
-    scale, offset : float
-        The number read is (value - offset) times scale.
+    scale : float
+        How many of that unit one SI unit is.
 
     Returns
     -------
     Prior
-        Of the number read; a prior that knows no shift keeps its place.
+        Of the number read.
 
     Examples
     --------
-    >>> str(in_unit(Uniform(0.5, 2.0, "a doctest"), 10.0, 1.0))
-    'uniform from -5 to 10'
+    >>> str(in_unit(Uniform(0.5, 2.0, "a doctest"), 10.0))
+    'uniform from 5 to 20'
     """
     if isinstance(prior, Uniform):
-        return Uniform((prior.low - offset) * scale, (prior.high - offset) * scale, prior.reason)
+        return Uniform(prior.low * scale, prior.high * scale, prior.reason)
     if isinstance(prior, Normal):
-        return Normal((prior.mean - offset) * scale, prior.sigma * scale, prior.reason)
+        return Normal(prior.mean * scale, prior.sigma * scale, prior.reason)
     if isinstance(prior, LogUniform):
         return LogUniform(prior.low * scale, prior.high * scale, prior.reason)
     if isinstance(prior, LogNormal):

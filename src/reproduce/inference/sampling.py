@@ -21,7 +21,7 @@ from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
 
 from reproduce.inference import moves
 from reproduce.inference.checkpoints import CheckpointBackend
-from reproduce.inference.convergence import Gates, diagnose, require
+from reproduce.inference.diagnostics import Gates, diagnose, require
 from reproduce.inference.model import Model
 from reproduce.inference.posterior import Posterior
 from reproduce.physics.validate import FloatArray, whole_number

@@ -174,9 +174,9 @@ def leanings(posterior: Posterior) -> list[Leaning]:
     for parameter, column in zip(
         posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
     ):
-        shown = in_unit(parameter.prior, parameter.shown, parameter.offset)
+        shown = in_unit(parameter.prior, parameter.shown)
         for end, share in _leaning(parameter.prior, column.ravel()):
-            place = None if end is None else (end - parameter.offset) * parameter.shown
+            place = None if end is None else end * parameter.shown
             found.append(Leaning(parameter.name, place, parameter.unit, str(shown), share))
     return found
 

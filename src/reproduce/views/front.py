@@ -583,7 +583,7 @@ class Posterior(_Shown):
         rows = {
             one.name: {
                 "unit": one.unit,
-                "prior": str(in_unit(one.prior, one.shown, one.offset)),
+                "prior": str(in_unit(one.prior, one.shown)),
                 "why": one.prior.reason,
             }
             for one in self.draws_of.model.parameters
@@ -595,7 +595,7 @@ class Posterior(_Shown):
         """All draws, one column per parameter, in the unit shown."""
         found = self.draws_of
         shown = {
-            f"{one.name} ({one.unit})": (column - one.offset) * one.shown
+            f"{one.name} ({one.unit})": column * one.shown
             for one, column in zip(found.model.parameters, found.draws.T, strict=True)
         }
         return pd.DataFrame(shown)

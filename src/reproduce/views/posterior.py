@@ -19,18 +19,6 @@ from reproduce.inference.sensitivity import leanings
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.posteriors import posteriors
 
-# Kept steps: fifty autocorrelation times with room. Heavy tails need more, two dimensions less.
-STEPS = 700
-OTHER_STEPS = {
-    "misalignment-drift": 1100,
-    "registration-student": 1000,
-    "frame-averaging": 400,
-    "centroid-noise": 400,
-}
-
-# Walkers of models whose likelihood costs next to nothing: many at once are nearly free.
-WALKERS = {"registration": 160, "registration-blue": 160, "registration-joint": 160}
-
 
 def plan_for(
     name: str,
@@ -44,7 +32,7 @@ def plan_for(
     Parameters
     ----------
     name : str
-        The model.
+        The posterior's key.
     steps : int, optional
         Kept steps in place of the usual number.
     ensembles : int
@@ -59,14 +47,14 @@ def plan_for(
     Plan
         How many of everything, and the seed.
     """
-    steps = steps or next((n for key, n in OTHER_STEPS.items() if name.startswith(key)), STEPS)
-    walkers, warmup = walkers or WALKERS.get(name, 0), max(150, steps // 4)
+    declared = posteriors()[name]
+    steps = steps or declared.steps
     return Plan(
         ROOT_SEED if seed is None else seed,
         ensembles=ensembles,
-        walkers=walkers,
+        walkers=walkers or declared.walkers,
         steps=steps,
-        warmup=warmup,
+        warmup=max(150, steps // 4),
     )
 
 
@@ -108,13 +96,6 @@ def run(
 def book_posterior(name: str) -> Posterior:
     """Return the posterior of a model of the book, sampled once in a process."""
     return run(posteriors()[name].model(), plan_for(name))
-
-
-@cache
-def rival_posteriors(name: str) -> tuple[Posterior, ...]:
-    """Return the posteriors of a model's rivals."""
-    models = posteriors()[name].rival_models()
-    return tuple(run(model, plan_for(name)) for model in models)
 
 
 def all_rows(posterior: Posterior) -> list[Row]:
@@ -168,8 +149,7 @@ def provenance(name: str) -> tuple[dict[str, Any], str]:
     if not declared.simulated:
         return {"kind": "printed", "paper": declared.paper}, f"as printed in {declared.paper}"
     parameters = {one.name: one for one in declared.model().parameters}
-    truth = {key: (value - parameters[key].offset) * parameters[key].shown
-             for key, value in declared.true_values().items()}  # fmt: skip
+    truth = {key: value * parameters[key].shown for key, value in declared.true_values().items()}
     shown = ", ".join(
         f"{key} {value:.6g}" + ("" if parameters[key].unit == "1" else f" {parameters[key].unit}")
         for key, value in truth.items()

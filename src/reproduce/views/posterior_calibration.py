@@ -185,8 +185,7 @@ def coverage_rows(found: Calibration) -> list[tuple[str, ...]]:
 
 def studies_of_all() -> dict[str, Calibration]:
     """Return the stored calibration of every model, in the order of the book."""
-    names = dict.fromkeys(study_of(name) for name in posteriors())
-    return {name: load(name) for name in names}
+    return {name: load(name) for name in posteriors()}
 
 
 def overview_rows(found: dict[str, Calibration]) -> list[tuple[str, ...]]:
@@ -240,12 +239,3 @@ def _chance(value: float) -> str:
 def _share(value: float, count: int) -> str:
     error = np.sqrt(max(value * (1 - value), 1 / count) / count)
     return f"{100 * value:.1f} ± {100 * error:.1f} %"
-
-
-def study_of(name: str) -> str:
-    """Return the model whose stored calibration holds for a model.
-
-    The columns of Table IV are one model with four sets of data: same design, same priors. A
-    calibration replaces the data, so one study holds for all four.
-    """
-    return "frame-averaging" if name.startswith("frame-averaging") else name

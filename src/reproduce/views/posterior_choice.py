@@ -2,53 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cache
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from reproduce.inference.closed_form import registration_log_evidence
-from reproduce.inference.evidence import Evidence, log_evidence, small_log_evidence
-from reproduce.inference.model import UnsuitableModelError
-from reproduce.inference.posterior import Posterior, digits
-from reproduce.inference.priors import HalfNormal
-from reproduce.inference.radial import (
-    WIDTH,
+from reproduce.inference.evidence import Evidence, log_evidence
+from reproduce.inference.model import Model, UnsuitableModelError
+from reproduce.inference.models.radial import (
     WIDTHS,
     affine_model,
     linear_log_evidence,
     radial_model,
     similarity_model,
 )
-from reproduce.inference.small_angle import small_angle_posterior
-from reproduce.inference.stage_table import StageTableLikelihood
-from reproduce.inference.table_readings import Read, read
-from reproduce.papers.chen2023.posteriors import readings
+from reproduce.inference.models.table_readings import Read
+from reproduce.inference.posterior import digits
+from reproduce.papers.chen2023.posteriors import FLOORS, summed_columns, table_reads
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior as running
 from reproduce.views.markup import html_table
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-# Scales of the floor's prior, over ours.
-FLOORS = (0.25, 1, 4)
-
 
 def compared(name: str) -> str:
-    """Return the evidence of a model and its rivals, with the exact one where there is one."""
-    chain = (running.book_posterior(name), *running.rival_posteriors(name))
-    sampled = [log_evidence(one, one.seed) for one in chain]
-    rows = [
-        (found.name, digits(found.value, found.error), f"{found.error:.1g}",
-         _ratio(found, sampled[0]), f"{found.shape:.2f}", exact_evidence(one))
-        for one, found in zip(chain, sampled, strict=True)
-    ]  # fmt: skip
-    head = ("Model", "log evidence", "MCSE", "less the first one's", "Pareto k",
-            "closed form or quadrature")  # fmt: skip
+    """Return the evidence of a model and its rivals, with the exact one where there is one.
+
+    The model has been sampled anyway; a rival is sampled only where there is no other way.
+    """
+    declared = posteriors()[name]
+    rows: list[tuple[str, ...]] = []
+    first, first_error = 0.0, 0.0
+    for model in (running.book_posterior(name).model, *declared.rival_models()):
+        exact, told = exact_evidence(name, model), ("not needed", "", "")
+        value, error = exact or 0.0, 0.0
+        if exact is None or not rows:
+            found = _sampled(name, model, is_rival=bool(rows))
+            told = (
+                digits(found.value, found.error), f"{found.error:.1g}", f"{found.shape:.2f}",
+            )  # fmt: skip
+            value, error = (found.value, found.error) if exact is None else (exact, 0.0)
+        if not rows:
+            first, first_error = value, error
+        less = _difference(value - first, float(np.hypot(error, first_error))) if rows else "0"
+        rows.append((model.name, *told, "none" if exact is None else f"{exact:.3f}", less))
+    head = ("Model", "log evidence, sampled", "MCSE", "Pareto k", "closed form or quadrature",
+            "less the first one's")  # fmt: skip
     caption = "Evidence (natural logarithm) under the priors above; differences decide."
-    if posteriors()[name].simulated and len(chain) > 1:
+    if declared.simulated and len(rows) > 1:
         caption += (
             " The data are our own simulation: which model is preferred tests the method, and says "
             "nothing of the instrument."
@@ -56,46 +53,24 @@ def compared(name: str) -> str:
     return html_table(head, rows, caption)
 
 
-def _ratio(one: Evidence, first: Evidence) -> str:
-    if one is first:
-        return "0"
-    error = float(np.hypot(one.error, first.error))
-    return f"{digits(one.value - first.value, error)} ± {error:.1g}"
+def _sampled(name: str, model: Model, is_rival: bool) -> Evidence:
+    found = running.run(model, running.plan_for(name)) if is_rival else running.book_posterior(name)
+    return log_evidence(found, found.seed)
 
 
-def exact_evidence(one: Posterior) -> str:
-    """Return the log evidence without sampling, where there is a way, or say that there is none."""
-    ways: tuple[Callable[[Posterior], float], ...] = (
-        lambda found: linear_log_evidence(found.model),
-        lambda found: registration_log_evidence(found.model),
-        lambda found: small_angle_posterior(found.model).log_evidence,
-        small_log_evidence,
-        _table_evidence,
-    )
-    for way in ways:
-        try:
-            return f"{way(one):.3f}"
-        except UnsuitableModelError:
-            continue
-    return "none"
+def _difference(value: float, error: float) -> str:
+    if error == 0:
+        return f"{value:.3f}".replace("-", "−")
+    return f"{digits(value, error)} ± {error:.1g}".replace("-", "−")
 
 
-def _table_evidence(one: Posterior) -> float:
-    """Log evidence of the stage table by quadrature: of one hypothesis, or of both with halves."""
-    if not isinstance(one.model.likelihood, StageTableLikelihood):
-        raise UnsuitableModelError(f"{one.model.name}: expected the stage table")
-    as_printed, crossed = table_reads()[:2]
-    hypothesis = one.model.likelihood.hypothesis
-    if hypothesis is not None:
-        return (as_printed, crossed)[hypothesis].log_evidence
-    return float(np.logaddexp(as_printed.log_evidence, crossed.log_evidence) - np.log(2))
-
-
-@cache
-def table_reads() -> tuple[Read, ...]:
-    """Return what every reading of Table V comes to, summed once in a process."""
-    model = posteriors()["table-5"].model()
-    return tuple(read(model, reading) for reading in readings())
+def exact_evidence(name: str, model: Model) -> float | None:
+    """Return the log evidence of a model or rival without sampling, where there is a way."""
+    evidence = posteriors()[name].evidence
+    try:
+        return None if evidence is None else evidence(model)
+    except UnsuitableModelError:
+        return None
 
 
 def columns_of_table_5() -> str:
@@ -130,15 +105,11 @@ def _moments(one: Read, i: int, factor: float, unit: str) -> str:
 def transforms(name: str) -> str:
     """Return the evidence of similarity, radial term and affine transform, under several priors."""
     base = posteriors()[name].model()
-    rows = []
-    for rival in (similarity_model, radial_model, affine_model):
-        one = running.run(rival(base), running.plan_for(name))
-        sampled = log_evidence(one, one.seed)
-        exact = [f"{linear_log_evidence(rival(base, width)):.3f}" for width in WIDTHS]
-        rows.append((one.model.name, digits(sampled.value, sampled.error), f"{sampled.error:.1g}",
-                     f"{sampled.shape:.2f}", *exact))  # fmt: skip
-    head = ("Transform", f"log evidence, sampled, {WIDTH:g} px", "MCSE", "Pareto k",
-            *(f"without sampling, {width:g} px" for width in WIDTHS))  # fmt: skip
+    rows = [
+        (rival(base).name, *(f"{linear_log_evidence(rival(base, width)):.3f}" for width in WIDTHS))
+        for rival in (similarity_model, radial_model, affine_model)
+    ]
+    head = ("Transform", *(f"log evidence, {width:g} px" for width in WIDTHS))
     caption = (
         "Similarity against its rivals. Displacements at the edge of the field have equal priors; "
         "those that a rival adds to the similarity are Gaussian about nothing with the standard "
@@ -154,37 +125,22 @@ def transforms(name: str) -> str:
     return html_table(head, rows, caption)
 
 
-def floors(*names: str) -> str:
-    """Return how much more evident the white noise is with a floor, under several priors of it.
-
-    Parameters
-    ----------
-    *names : str
-        Columns of Table IV.
-
-    Returns
-    -------
-    str
-        An HTML table.
-    """
+def columns_of_table_4() -> str:
+    """Return white noise and floor of every column of Table IV, and the evidence of a floor."""
     rows = []
-    for name in names:
-        found = running.book_posterior(name)
-        (without,) = running.rival_posteriors(name)
-        plain, floor = small_log_evidence(without), found.model.parameters[1]
-        if not isinstance(floor.prior, HalfNormal):
-            raise TypeError(f"{name}: expected a half-normal floor, got {floor.prior}")
-        told = []
-        for factor in FLOORS:
-            prior = HalfNormal(factor * floor.prior.sigma, floor.prior.reason)
-            parameters = (found.model.parameters[0], replace(floor, prior=prior))
-            model = replace(found.model, parameters=parameters)
-            told.append(f"{small_log_evidence(replace(found, model=model)) - plain:+.2f}")
-        rows.append((name, f"{floor.prior.sigma * floor.shown:.3g} {floor.unit}", *told))
-    head = ("Column", "scale of the prior", *(f"times {factor:g}" for factor in FLOORS))
+    for one in summed_columns():
+        decimals = 1 - int(np.floor(np.log10(one.white_error)))
+        rows.append((
+            one.column.replace("-", ", "),
+            f"{one.white:.{decimals}f} ± {one.white_error:.2g} arcsec",
+            f"{one.floor:.2g} arcsec", f"{one.prior:.3g} arcsec",
+            *(f"{gain:+.2f}".replace("-", "−") for gain in one.gains),
+        ))  # fmt: skip
+    head = ("Column", "white noise of one frame", "floor, 97.5 % below", "scale of its prior",
+            *(f"evidence of a floor, scale times {factor:g}" for factor in FLOORS))  # fmt: skip
     caption = (
-        "Log evidence of a floor less that of none, for priors of the floor narrower and wider "
-        "than ours: what changes its sign is decided by the prior."
+        "Every column by itself, one sigma, summed over nodes without sampling; and the log "
+        "evidence of a floor less that of none, for priors of the floor narrower and wider than "
+        "ours: what changes its sign is decided by the prior."
     )
-    return html_table(head, [[cell.replace("-", "−") if i > 1 else cell
-                              for i, cell in enumerate(row)] for row in rows], caption)  # fmt: skip
+    return html_table(head, rows, caption)

@@ -90,7 +90,7 @@ def posterior(model: str | None, list_models: bool, as_json: bool, **options: An
 
 
 def _sample(name: str, as_json: bool, options: dict[str, Any]) -> None:
-    from reproduce.inference.convergence import ConvergenceError
+    from reproduce.inference.diagnostics import ConvergenceError
     from reproduce.inference.model import StartError
     from reproduce.inference.sampling import ResumeError
     from reproduce.views import posterior as running
@@ -120,18 +120,19 @@ def _sample(name: str, as_json: bool, options: dict[str, Any]) -> None:
         click.echo(json.dumps({**record, "data": data, "remarks": remarks}, indent=2,
                               ensure_ascii=False))  # fmt: skip
         return
-    _show(found, words, remarks)
+    _show(name, found, words, remarks)
 
 
-def _show(found: Posterior, words: str, remarks: list[str]) -> None:
+def _show(name: str, found: Posterior, words: str, remarks: list[str]) -> None:
     from rich.console import Console
 
     from reproduce.inference.sensitivity import leanings
+    from reproduce.papers.posteriors import posteriors
     from reproduce.views import posterior as running
 
     console = Console()
     console.print(f"Data: {words}", highlight=False, markup=False)
-    console.print(f"{found.model.name}: {found.model.title}", style="bold", highlight=False)
+    console.print(f"{name}: {posteriors()[name].title}", style="bold", highlight=False)
     console.print(running.summary_table(found))
     console.print(
         f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
@@ -168,7 +169,7 @@ def _list_models(as_json: bool) -> None:
     from reproduce.papers.posteriors import posteriors
 
     known = posteriors()
-    titles = {name: declared.model().title for name, declared in known.items()}
+    titles = {name: declared.title for name, declared in known.items()}
     if as_json:
         click.echo(json.dumps(titles, indent=2, ensure_ascii=False))
         return
@@ -223,7 +224,7 @@ def calibrate(
     name = _known(model)
     if intervals:
         try:
-            found = posterior_calibration.renew(posterior_calibration.study_of(name))
+            found = posterior_calibration.renew(name)
         except StudyError as error:
             raise click.ClickException(str(error)) from error
     else:

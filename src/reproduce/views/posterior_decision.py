@@ -5,15 +5,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reproduce.inference.checks import Range, Share, tail_share
-from reproduce.inference.closed_form import cramer_rao_bound
+from reproduce.inference.checks import Range, Repeat, Share, repeats, tail_share
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean
-from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.posterior import Posterior, digits
-from reproduce.inference.repeats import Repeat, repeats
-from reproduce.inference.small_angle import spot_bound
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior as running
 from reproduce.views.markup import html_table
@@ -54,7 +49,7 @@ def placed(found: Posterior) -> str:
         if parameter.name not in found.model.estimate:
             continue
         estimate, chain = found.model.estimate[parameter.name], found.chain[..., i]
-        shown = (estimate - parameter.offset) * parameter.shown
+        shown = estimate * parameter.shown
         width = chain.std()
         off = (estimate - chain.mean()) / width
         error = np.hypot(mcse_mean(chain), off * mcse_deviation(chain)) / width
@@ -108,11 +103,13 @@ def _end(end: float, error: float) -> str:
     return f"{end:.0e}" if 0 < abs(end) < TINY else digits(end, error)
 
 
-def bounded(found: Posterior) -> str:
+def bounded(name: str) -> str:
     """Return the Cramér-Rao bound beside the width of the posterior, where it is simple."""
-    bounds = _bounds(found.model)
-    if bounds is None:
+    bound = posteriors()[name].bound
+    if bound is None:
         return ""
+    found = running.book_posterior(name)
+    bounds = bound(found.model)
     rows = []
     for i, (parameter, bound) in enumerate(zip(found.model.parameters, bounds, strict=True)):
         chain = found.chain[..., i]
@@ -126,15 +123,6 @@ def bounded(found: Posterior) -> str:
         "may make the posterior narrower."
     )
     return html_table(head, rows, caption)
-
-
-def _bounds(model: Model) -> NDArray[np.float64] | None:
-    for way in (cramer_rao_bound, spot_bound):
-        try:
-            return way(model)
-        except UnsuitableModelError:
-            continue
-    return None
 
 
 @cache

@@ -68,7 +68,7 @@ def traces(posterior: Posterior, alternative: str) -> str:
     def draw(figure: Figure) -> None:
         panels = figure.subplots(-(-model.dimension // 2), 2, sharex=True, squeeze=False).ravel()
         for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=False)):
-            values = (chain[..., i] - parameter.offset) * parameter.shown
+            values = chain[..., i] * parameter.shown
             steps = np.arange(values.shape[1]) * stride
             for ensemble in values:
                 axes.plot(steps, np.median(ensemble, axis=1), linewidth=0.7)
@@ -104,14 +104,12 @@ def corner(posterior: Posterior, alternative: str) -> str:
     rows = posterior.draws
     rows = rows[np.linspace(0, len(rows) - 1, min(POINTS, len(rows))).astype(int)]
     scale = np.array([p.shown for p in model.parameters])
-    offset = np.array([p.offset for p in model.parameters])
     truths = [model.estimate.get(name, np.nan) for name in model.names]
-    marked = [None if np.isnan(t) else (t - o) * s
-              for t, o, s in zip(truths, offset, scale, strict=True)]  # fmt: skip
+    marked = [None if np.isnan(t) else t * s for t, s in zip(truths, scale, strict=True)]
 
     def draw(figure: Figure) -> None:
         package.corner(
-            (rows - offset) * scale,
+            rows * scale,
             labels=[_label(p) for p in model.parameters],
             truths=marked, truth_color="#D55E00", color="#0072B2", fig=figure, bins=24,
             plot_datapoints=False, plot_density=False, no_fill_contours=True, max_n_ticks=3,
@@ -123,7 +121,7 @@ def corner(posterior: Posterior, alternative: str) -> str:
 
     def draw_one(figure: Figure) -> None:
         axes = figure.subplots()
-        axes.hist((rows[:, 0] - offset[0]) * scale[0], bins=40, density=True, histtype="step")
+        axes.hist(rows[:, 0] * scale[0], bins=40, density=True, histtype="step")
         if marked[0] is not None:
             axes.axvline(marked[0], color="#D55E00", linestyle="--")
         axes.set(xlabel=_label(model.parameters[0]), ylabel="posterior density")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.views import posterior as running
 from reproduce.views import posterior_calibration as calibrations
@@ -20,7 +23,8 @@ def glue(*names: str) -> None:
     ----------
     *names : str
         Models. For every parameter and consequence a page may use ``MODEL-NAME-mean``, ``-sd``,
-        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens. Of the
+        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens. For every aside
+        ``MODEL-NAME``, and ``MODEL-NAME-error`` where it has one. Of the
         calibration, ``MODEL-sbc-replicates``, ``-failed``, ``-quantities`` and ``-least-p``, and
         ``MODEL-sbc-NAME-published``: how many of the published estimator's 95 % intervals cover.
     """
@@ -33,11 +37,26 @@ def glue(*names: str) -> None:
             gap = "" if row.unit == "1" else f"\u202f{row.unit}"
             for what, text in (("mean", mean), ("sd", deviation), ("low", low), ("high", high)):
                 glue_one(f"{label}-{what}", f"{text.replace('-', '−')}{gap}", display=False)
+        _glue_asides(glue_one, name)
         _glue_calibration(glue_one, name)
 
 
+def _glue_asides(glue_one: Callable[..., None], name: str) -> None:
+    asides = posteriors()[name].asides
+    if asides is None:
+        return
+    for key, one in asides(running.book_posterior(name).model).items():
+        gap = "" if one.unit == "1" else f"\u202f{one.unit}"
+        text = f"{one.value:.2g}"
+        if one.error:
+            decimals = max(0, 1 - int(np.floor(np.log10(one.error))))
+            text = f"{one.value:z.{decimals}f}"
+            glue_one(f"{name}-{key}-error", f"{one.error:.{decimals}f}{gap}", display=False)
+        glue_one(f"{name}-{key}", f"{text.replace('-', '−')}{gap}", display=False)
+
+
 def _glue_calibration(glue_one: Callable[..., None], name: str) -> None:
-    stored = calibrations.load(calibrations.study_of(name))
+    stored = calibrations.load(name)
     text = {
         "replicates": f"{stored.replicates:,}",
         "failed": str(int(stored.failed.sum())),

@@ -58,10 +58,10 @@ def model(name: str) -> Html:
     built = running.book_posterior(name).model
     rows = []
     for one in built.parameters:
-        prior = in_unit(one.prior, one.shown, one.offset)
+        prior = in_unit(one.prior, one.shown)
         rows.append((one.name, one.unit, str(prior), one.prior.reason))
     kind = "simulated from the printed settings" if declared.simulated else "as printed"
-    caption = f"{built.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."
+    caption = f"{declared.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."
     table = html_table(("Parameter", "Unit", "Prior", "Why"), rows, caption)
     return _artefact("model", name, table)
 
@@ -139,7 +139,7 @@ def decision(name: str) -> Html:
     found = running.book_posterior(name)
     parts = [
         deciding.placed(found),
-        deciding.bounded(found),
+        deciding.bounded(name),
         deciding.repeated(name),
         choosing.compared(name),
     ]
@@ -167,26 +167,16 @@ def columns_of_table_5() -> Html:
     return _boxed(choosing.columns_of_table_5())
 
 
-def floor_choice(*names: str) -> Html:
-    """Show the evidence of a floor in columns of Table IV, under several priors of the floor.
-
-    Parameters
-    ----------
-    *names : str
-        Models of columns.
-
-    Returns
-    -------
-    Html
-        A table.
-    """
-    return _boxed(choosing.floors(*names))
+def columns_of_table_4() -> Html:
+    """Show white noise and floor of every column of Table IV, and what speaks for a floor."""
+    return _boxed(choosing.columns_of_table_4())
 
 
 def file_formats() -> Html:
     """Show which columns a user's own file has, for every model that takes one."""
-    rows = [(models, ", ".join(columns), told) for models, columns, told in formats.FORMATS]
-    rows += [(name, "none", why) for name, why in formats.NONE.items()]
+    rows = [
+        (", ".join(names), ", ".join(columns), told) for names, columns, told in formats.formats()
+    ]
     return _boxed(html_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
 
 
@@ -240,12 +230,11 @@ def reproducing(name: str) -> Html:
     Html
         A table, a figure and commands.
     """
-    study = calibrations.study_of(name)
     commands = (
-        f"<pre>reproduce posterior {name}\nreproduce calibrate {study} "
+        f"<pre>reproduce posterior {name}\nreproduce calibrate {name} "
         f"--replicates {calibrations.REPLICATES}</pre>"
     )
-    stored = calibrations.load(study)
+    stored = calibrations.load(name)
     head = ("Quantity", "evenness of ranks, p", "50 % covers", "95 % covers",
             "published estimator, 95 % covers")  # fmt: skip
     caption = (

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.inference.averaging import predicted_error
 from reproduce.inference.model import Quantity
+from reproduce.inference.models.averaging import predicted_error
 from reproduce.papers.chen2023.lasers import SIGMAS
 from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.physics.ground.errors import ground_error
@@ -46,26 +46,6 @@ class OnTheGround:
 
 
 @dataclass(frozen=True, eq=False)
-class LastState:
-    """The same for the angles of the stage's last state.
-
-    Parameters
-    ----------
-    ground : OnTheGround
-        Takes angles as its first two columns.
-    motion : ndarray, shape (2,)
-        Of the stage, in metres.
-    """
-
-    ground: OnTheGround
-    motion: FloatArray
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
-        """Errors about the posterior mean: pointing in arcsec, position in metres."""
-        return self.ground(stage_angles(parameters[:, 4, None] * self.motion, parameters[:, 3]))
-
-
-@dataclass(frozen=True, eq=False)
 class StageTest:
     """What bias, noise and a focal length other than the nominal one cost, after Table V.
 
@@ -101,39 +81,6 @@ class StageTest:
                 wrong * ARCSEC_PER_RADIAN,
                 "arcsec",
                 "error of its angle, were the focal length nominal",
-            ),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class NominalTracker:
-    """What a tracker's focal length other than the nominal one does to a misalignment.
-
-    Spots move by the focal length of the tracker times the misalignment: taken for the nominal
-    one, every misalignment is found too large or small in the ratio of the two.
-
-    Parameters
-    ----------
-    altitude : float
-        In metres.
-    misalignment : float
-        That is to be found, in radians.
-    nominal : float
-        Nominal focal length of the tracker, in metres.
-    """
-
-    altitude: float
-    misalignment: float
-    nominal: float
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
-        """Error of the misalignment found, positive where it is found too large."""
-        error = self.misalignment * (parameters[:, 1] / self.nominal - 1)
-        meaning = "of a misalignment as large as that of the stage's last state, lengths nominal"
-        return {
-            "pointing error": Quantity(error * ARCSEC_PER_RADIAN, "arcsec", meaning),
-            "position error": Quantity(
-                ground_error(self.altitude, error), "m", "the same on the ground"
             ),
         }
 

@@ -1,4 +1,4 @@
-"""Posteriors of chen2023: misalignment of the simulated platform, and three printed tables.
+"""Posteriors of chen2023: misalignment of the simulated platform, and two printed tables.
 
 The spots of single images are not published. The misalignments therefore take one simulation of
 the platform, with the printed spots, their printed scatter and a seed of our own; the tables are
@@ -7,113 +7,62 @@ taken as printed.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
-from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.averaging import AveragingLikelihood, averaging_model
-from reproduce.inference.directions import directions_model
-from reproduce.inference.geometry import GeometryLikelihood, geometry_model
-from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import drift_model, misalignment_model
-from reproduce.inference.model import Model
-from reproduce.inference.reference_angles import HYPOTHESES, ReferenceAngles
-from reproduce.inference.stage_table import StageTableLikelihood, table_model
-from reproduce.inference.states import states_model
-from reproduce.inference.table_readings import Reading, hypotheses
-from reproduce.papers.chen2023 import lasers, published
-from reproduce.papers.chen2023.consequences import (
-    Averaged,
-    LastState,
-    NominalTracker,
-    OnTheGround,
-    StageTest,
+from reproduce.inference.model import Model, UnsuitableModelError
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
+from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.misalignment import (
+    ConstantLikelihood,
+    drift_model,
+    misalignment_model,
 )
-from reproduce.papers.declare import ROOT_SEED
-from reproduce.papers.posteriors import Declared
-from reproduce.physics.attitude.misalignment import stage_angles
+from reproduce.inference.models.reference_angles import HYPOTHESES, ReferenceAngles
+from reproduce.inference.models.small_angle import (
+    errors_with_free_lasers,
+    small_angle_log_evidence,
+    spot_bound,
+)
+from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
+from reproduce.inference.models.table_readings import Read, Reading, hypotheses, read
+from reproduce.inference.priors import HalfNormal
+from reproduce.inference.quadrature import small_log_evidence, summed
+from reproduce.papers.chen2023 import lasers, published, simulated_spots, users_spots, users_tables
+from reproduce.papers.chen2023.consequences import Averaged, OnTheGround, StageTest
+from reproduce.papers.chen2023.simulated_spots import images, platform
+from reproduce.papers.declare_posterior import Aside, Declaration
 from reproduce.physics.ground.errors import altitude_for_resolution
-from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import ARCSEC_PER_RADIAN
 
-DATA_SEED = (ROOT_SEED, 2)
 SATELLITE = "chen2023/table-1"
 AVERAGES = "chen2023/table-4"
 STAGE = "chen2023/table-5"
 FRAMES = "chen2023/text-accuracy#frames"
-STATE_FRAMES = "chen2023/text-effectiveness#frames-per-state"
 GROUND = tuple(
     f"{SATELLITE}#panchromatic-{what}.value"
     for what in ("focal-length", "pixel-size", "ground-resolution")
 )
-READS = (*lasers.READS, lasers.SCATTER, FRAMES, *GROUND, f"{STAGE}#*.position-?", STATE_FRAMES)
-STAGE_READS = (f"{STAGE}#*.position-?", f"{STAGE}#*.reference-?", lasers.READS[2], *GROUND)
+READS = (*simulated_spots.READS, FRAMES, *GROUND)
+STAGE_READS = (
+    *(f"{STAGE}#*.{what}" for what in ("position-?", "reference-?", "monitoring-?")),
+    lasers.READS[2],
+    *GROUND,
+)
+# Columns of Table IV: the first is sampled, all are summed.
+COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")
+AVERAGE_READS = (f"{AVERAGES}#*.frames", FRAMES, *GROUND)
+# Scales of the floor's prior, over ours.
+FLOORS = (0.25, 1.0, 4.0)
 # Frames whose errors are predicted: one, the most of the table, and as many as it never tried.
 SHOWN_COUNTS = (1, 100, 1000)
 # The misalignment of the simulation: as large as the text expects on orbit, with a roll.
 TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
 DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
-
-
-def platform(given: Given) -> Platform:
-    """The platform as designed, with the centre of the detector for the principal point."""
-    spots = given.array(lasers.SPOTS).reshape(-1, 2)
-    pixels = given.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
-    return Platform(
-        lasers.designed_positions(spots, given[lasers.DIAGONAL]),
-        given[f"{lasers.PLATFORM}#telescope-focal-length.value"],
-        given[f"{lasers.PLATFORM}#tracker-focal-length.value"],
-        given[f"{lasers.PLATFORM}#tracker-pixel-size.value"],
-        detector_centre(pixels),
-        spots,
-    )
-
-
-def images(
-    given: Given, turns: list[tuple[FloatArray, FloatArray]], frames: int, stream: int
-) -> list[FloatArray]:
-    """Simulate spots of groups of images.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-    turns : list of tuple of ndarray, shape (3,)
-        Misalignment at the start and at the end of each group, in radians.
-    frames : int
-        Images in each group.
-    stream : int
-        Which of the streams of random numbers.
-
-    Returns
-    -------
-    list of ndarray, shape (frames, 4, 2)
-        In px.
-    """
-    seed = SeedSequence(DATA_SEED[0], spawn_key=(DATA_SEED[1], stream))
-    generator = Generator(PCG64(seed))
-    design = platform(given)
-    noise = np.sqrt(np.square(given.array(lasers.SCATTER) / lasers.SIGMAS).mean())
-    # The printed spots fill less than the designed square: simulate what was printed.
-    scale = np.full(frames, _pattern_scale(design))
-    groups = []
-    for first, last in turns:
-        turn = first + np.linspace(0, 1, frames)[:, None] * (last - first)
-        true = design.predicted(
-            np.zeros((frames, 3)), turn[:, None], scale, design.camera_focal_length
-        )[:, 0]
-        groups.append(true + noise * generator.normal(size=true.shape))
-    return groups
-
-
-def _pattern_scale(design: Platform) -> float:
-    sizes = [np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)]
-    magnification = design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
-    return float(sizes[0] / (sizes[1] * magnification))
 
 
 def _ground(given: Given, first: int = 3) -> OnTheGround:
@@ -135,19 +84,9 @@ def truth(given: Given, drift: bool = False) -> dict[str, float]:
             for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
 
 
-def states_truth(given: Given) -> dict[str, float]:
-    """The focal length and the stage of the simulation: as designed."""
-    return {"focal-length": platform(given).camera_focal_length, "stage-scale": 1.0}
-
-
 def misalignment(given: Given) -> Model:
     """A constant misalignment after a calibration group."""
     return misalignment_model(platform(given), _still(given), derived=_ground(given))
-
-
-def directions(given: Given) -> Model:
-    """The same images, the direction of every laser free."""
-    return directions_model(platform(given), _still(given), derived=_ground(given, 0))
 
 
 def drift(given: Given) -> Model:
@@ -157,18 +96,6 @@ def drift(given: Given) -> Model:
     spots = images(given, turns, given.count(FRAMES), 1)
     statistics = SpotStatistics.of(spots, (False, True))
     return drift_model(platform(given), statistics, derived=_ground(given))
-
-
-def states(given: Given) -> Model:
-    """The five states of the stage, with the printed positions."""
-    positions = stage_positions(given)
-    motions = positions - positions[0]
-    design = platform(given)
-    turns = [(angle, angle) for angle in stage_angles(motions, design.camera_focal_length)]
-    spots = images(given, turns, given.count(STATE_FRAMES), 2)
-    statistics = SpotStatistics.of(spots, (False,) * len(motions))
-    consequences = LastState(_ground(given, 0), motions[-1])
-    return states_model(design, statistics, motions, derived=consequences)
 
 
 def stage_positions(given: Given) -> FloatArray:
@@ -182,16 +109,78 @@ def _last_motion(given: Given) -> FloatArray:
     return np.asarray(positions[-1] - positions[0])
 
 
-def frame_averaging(given: Given, column: str, floor: bool = True) -> Model:
+def frame_averaging(given: Given, column: str = COLUMNS[0], floor: bool = True) -> Model:
     """White noise and floor of one column of Table IV."""
     counts = tuple(int(n) for n in given.array(f"{AVERAGES}#*.frames"))
     addresses = [f"{AVERAGES}#{count}.{column}" for count in counts]
     printed = np.array([given[a] for a in addresses]) / lasers.SIGMAS
     half = given.half_unit(addresses[0]) / lasers.SIGMAS
     likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), floor)
-    name = "frame-averaging" if column == COLUMNS[0] else f"frame-averaging-{column}"
     derived = Averaged(SHOWN_COUNTS, _ground(given).altitude) if floor else None
-    return averaging_model(likelihood, name if floor else f"{name}-without-floor", derived=derived)
+    return averaging_model(likelihood, derived=derived)
+
+
+@dataclass(frozen=True)
+class SummedColumn:
+    """One column of Table IV, summed without sampling; one sigma, in arcsec.
+
+    Parameters
+    ----------
+    column : str
+        Which.
+    white, white_error : float
+        White noise of one frame: mean and standard deviation.
+    floor : float
+        The floor is below it with a probability of 97.5 %.
+    prior : float
+        Scale of the floor's prior.
+    gains : tuple of float
+        Log evidence of a floor less that of none, for every scale of `FLOORS`.
+    """
+
+    column: str
+    white: float
+    white_error: float
+    floor: float
+    prior: float
+    gains: tuple[float, ...]
+
+
+@cache
+def summed_columns() -> tuple[SummedColumn, ...]:
+    """Sum the posterior of every column of Table IV, with a floor and without one."""
+    return tuple(map(_summed_column, COLUMNS))
+
+
+def column_model(column: str, floor: bool = True) -> Model:
+    """Return the model of any column of Table IV, with its data."""
+    return frame_averaging(given((*AVERAGE_READS, f"{AVERAGES}#*.{column}")), column, floor)
+
+
+def _summed_column(column: str) -> SummedColumn:
+    model = column_model(column)
+    white, floor = model.parameters
+    prior = floor.prior
+    if not isinstance(prior, HalfNormal):
+        raise TypeError(f"floor: expected a half-normal prior, got {prior}")
+    under = [
+        replace(
+            model, parameters=(white, replace(floor, prior=replace(prior, sigma=f * prior.sigma)))
+        )
+        for f in FLOORS
+    ]
+    # The widest prior reaches furthest; the others only weigh its nodes otherwise.
+    wide = summed(under[-1])
+    ours = replace(wide, model=model)
+    plain = small_log_evidence(column_model(column, floor=False))
+    return SummedColumn(
+        column,
+        float(ours.means[0]) * ARCSEC_PER_RADIAN,
+        float(ours.deviations[0]) * ARCSEC_PER_RADIAN,
+        ours.quantile(1, 0.975) * ARCSEC_PER_RADIAN,
+        prior.sigma * ARCSEC_PER_RADIAN,
+        tuple(wide.log_evidence_under(one) - plain for one in under),
+    )
 
 
 def reference_angles(given: Given) -> ReferenceAngles:
@@ -228,49 +217,61 @@ def readings() -> list[Reading]:
     return hypotheses(printed, printed[0] + motions, door.half_unit(f"{STAGE}#2.motion-x"))
 
 
-def geometry(given: Given) -> Model:
-    """Focal lengths and laser spacing from spots and stage test."""
-    design = platform(given)
-    likelihood = GeometryLikelihood(
-        design.spots,
-        design.lasers / (given[lasers.DIAGONAL] / 2),
-        given.half_unit("chen2023/text-extraction#spot-1-x"),
-        design.pixel_pitch,
-        reference_angles(given),
-        (design.camera_focal_length, design.tracker_focal_length, given[lasers.DIAGONAL]),
-    )
-    camera, tracker, _ = likelihood.design
-    largest = float(np.linalg.norm(stage_angles(_last_motion(given), camera)))
-    model = geometry_model(likelihood, float(2 * design.principal_point[0] + 1))
-    return replace(model, derived=NominalTracker(_ground(given).altitude, largest, tracker))
+@cache
+def table_reads() -> tuple[Read, ...]:
+    """Return what every reading of Table V comes to, summed once in a process."""
+    model = table_5(given(STAGE_READS))
+    return tuple(read(model, reading) for reading in readings())
 
 
-COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")
+def table_log_evidence(model: Model) -> float:
+    """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves.
+
+    Raises
+    ------
+    UnsuitableModelError
+        If the model is another one.
+    """
+    likelihood = model.likelihood
+    if not isinstance(likelihood, StageTableLikelihood):
+        raise UnsuitableModelError(f"{model.name}: expected the stage table")
+    both = [one.log_evidence for one in table_reads()[:2]]
+    if likelihood.hypothesis is not None:
+        return both[likelihood.hypothesis]
+    return float(np.logaddexp(both[0], both[1]) - np.log(2))
+
+
+def with_free_lasers(model: Model) -> dict[str, Aside]:
+    """How well the misalignment were known with the direction of every laser free."""
+    likelihood = model.likelihood
+    if not isinstance(likelihood, ConstantLikelihood):
+        raise TypeError(f"model: expected a misalignment, got {type(likelihood).__name__}")
+    errors = errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
+    names = (f"angle-{axis}-sd-lasers-free" for axis in "xyz")
+    return {name: Aside(float(e), 0.0, "arcsec") for name, e in zip(names, errors, strict=True)}
+
+
 POSTERIORS = (
-    Declared("misalignment", "chen2023", READS, misalignment, True, (directions,),
-             published.scatter, truth=truth),
-    Declared("misalignment-directions", "chen2023", READS, directions, True,
-             published=published.scatter, truth=truth),
-    Declared("misalignment-states", "chen2023", READS, states, True,
-             published=published.monitored, compared=published.MONITORED, truth=states_truth),
-    Declared("misalignment-drift", "chen2023", READS, drift, True, published=published.scatter,
-             truth=partial(truth, drift=True)),
-    *(
-        Declared(
-            "frame-averaging" if column == COLUMNS[0] else f"frame-averaging-{column}",
-            "chen2023",
-            (f"{AVERAGES}#*.frames", f"{AVERAGES}#*.{column}", FRAMES, *GROUND),
-            partial(frame_averaging, column=column),
-            False,
-            (partial(frame_averaging, column=column, floor=False),),
-            partial(published.averaged, column=column),
-        )
-        for column in COLUMNS
+    Declaration(
+        "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
+        users_spots.CONSTANT, truth, published.scatter, evidence=small_angle_log_evidence,
+        bound=spot_bound, asides=with_free_lasers,
     ),
-    Declared(
-        "table-5", "chen2023", (*STAGE_READS, f"{STAGE}#*.monitoring-?"), table_5, False,
-        (partial(table_5, hypothesis=0), partial(table_5, hypothesis=1)), published.stage_table,
+    Declaration(
+        "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
+        users_spots.DRIFT, partial(truth, drift=True), published.scatter,
+        evidence=small_angle_log_evidence, bound=spot_bound, steps=850,
     ),
-    Declared("geometry", "chen2023", (*lasers.READS, *STAGE_READS), geometry, False,
-             published=published.spots_and_stage),
+    Declaration(
+        "frame-averaging", "White noise of one frame and the floor that averaging leaves",
+        "chen2023", (*AVERAGE_READS, f"{AVERAGES}#*.{COLUMNS[0]}"), frame_averaging,
+        users_tables.AVERAGES, published=partial(published.averaged, column=COLUMNS[0]),
+        rivals=(partial(frame_averaging, floor=False),), evidence=small_log_evidence, steps=300,
+    ),
+    Declaration(
+        "table-5", "Effective focal length, angle bias and noise from the stage test", "chen2023",
+        STAGE_READS, table_5, users_tables.STAGE, published=published.stage_table,
+        rivals=(partial(table_5, hypothesis=0), partial(table_5, hypothesis=1)),
+        evidence=table_log_evidence, steps=450,
+    ),
 )  # fmt: skip

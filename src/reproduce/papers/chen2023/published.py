@@ -7,20 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.geometry import GeometryLikelihood
-from reproduce.inference.lasers import Platform
-from reproduce.inference.misalignment import SpotLikelihood
+from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
-from reproduce.inference.repeats import Published
-from reproduce.inference.stage_table import StageTableLikelihood
+from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.papers.chen2023 import lasers
-from reproduce.papers.posteriors import OWN_DATA, published_cells, simulated
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import (
-    laser_transform,
-    misalignment,
-    misalignment_angles,
-)
+from reproduce.papers.declare_posterior import OWN_DATA, published_cells, simulated
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -66,63 +57,6 @@ def scatter(given: Given, model: Model) -> Published:
     return published_cells(given, SCATTER, repeat, note=note)
 
 
-def monitored(given: Given, model: Model) -> Published:
-    """Monitored angles of Table V, from the mean spots of each state as the paper finds them.
-
-    The table counts both angles negative where the motions are positive, as (10) does; with the
-    right hand that about X is positive, and changes its sign here.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the monitored angles.
-    model : Model
-        The five states.
-
-    Returns
-    -------
-    Published
-        Eight angles, in the columns under whose headings they are printed.
-    """
-    likelihood = model.likelihood
-    if not isinstance(likelihood, SpotLikelihood):
-        raise TypeError(f"model: expected spots, got {type(likelihood).__name__}")
-
-    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
-        means = np.stack([model.repeat(one, generator).means for one in parameters])
-        angles = quest_angles(likelihood.platform, means)[:, 1:, [1, 0]]
-        return np.asarray(angles * PRINTED_SIGNS).reshape(len(parameters), -1)
-
-    note = (
-        "The images are simulated with the nominal focal length and the noise of single images; "
-        "angles that lie off by one ratio tell of another focal length, not of noise."
-    )
-    return published_cells(given, MONITORED, repeat, note=note)
-
-
-def quest_angles(platform: Platform, means: FloatArray) -> FloatArray:
-    """Misalignment angles of groups since the first one, through QUEST.
-
-    Parameters
-    ----------
-    platform : Platform
-        The instrument as designed.
-    means : ndarray, shape (n, groups, lasers, 2)
-        Mean spots, in px.
-
-    Returns
-    -------
-    ndarray, shape (n, groups, 3)
-        In radians.
-    """
-    camera = emitted_directions(platform.lasers, platform.camera_focal_length)
-    received = received_directions(
-        means, platform.principal_point, platform.pixel_pitch, platform.tracker_focal_length
-    )
-    zero = laser_transform(camera, received[:, 0])
-    return misalignment_angles(misalignment(camera, received, zero[:, None]))
-
-
 def averaged(given: Given, model: Model, column: str) -> Published:
     """One column of Table IV, which is the data of the model; its box gives all digits at once."""
     addresses = [f"{AVERAGES}#{int(n)}.{column}" for n in given.array(f"{AVERAGES}#*.frames")]
@@ -141,17 +75,6 @@ def stage_table(given: Given, model: Model) -> Published:
 
     return published_cells(
         given, (*REFERENCE, *MONITORED), _both(model), whole=likelihood.log_same, note=OWN_DATA
-    )
-
-
-def spots_and_stage(given: Given, model: Model) -> Published:
-    """Spots and reference angles, which are the data of the geometry."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, GeometryLikelihood):
-        raise TypeError(f"model: expected the geometry, got {type(likelihood).__name__}")
-
-    return published_cells(
-        given, (*SPOT_CELLS, *REFERENCE), _both(model), whole=likelihood.log_same, note=OWN_DATA
     )
 
 

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from reproduce.inference.joint import JointRegistration
+from reproduce.inference.checks import Published
 from reproduce.inference.model import Model, Quantity
-from reproduce.inference.new_stars import NewStars, Stars, rmse_at
-from reproduce.inference.registration import GaussianRegistration
-from reproduce.inference.repeats import Published
-from reproduce.inference.variants import PointwiseRegistration
+from reproduce.inference.models.joint import JointRegistration
+from reproduce.inference.models.new_stars import NewStars, Stars, rmse_at
+from reproduce.inference.models.registration import GaussianRegistration
+from reproduce.inference.models.variants import PointwiseRegistration
 from reproduce.papers.declare import ROOT_SEED
+from reproduce.papers.declare_posterior import published_cells, simulated
 from reproduce.papers.niu2024 import angles, simulation
-from reproduce.papers.posteriors import published_cells, simulated
 from reproduce.physics.optics.camera import angle_from_pixels
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids, spawned_angles
 from reproduce.physics.registration.fit import fit_registration

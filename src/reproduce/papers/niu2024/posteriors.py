@@ -6,31 +6,35 @@ the same instrument, with the printed settings and a seed of our own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from reproduce.inference.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
-from reproduce.inference.joint import JointRegistration, joint_model
+from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
-from reproduce.inference.new_stars import Together
-from reproduce.inference.registration import (
-    GaussianRegistration,
-    principal_point_model,
-    registration_model,
-)
-from reproduce.inference.repeats import Published
-from reproduce.inference.variants import (
+from reproduce.inference.models.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
+from reproduce.inference.models.closed_form import cramer_rao_bound, registration_log_evidence
+from reproduce.inference.models.joint import JointRegistration, joint_model
+from reproduce.inference.models.least_squares import noise_growth
+from reproduce.inference.models.new_stars import Together
+from reproduce.inference.models.registration import GaussianRegistration, registration_model
+from reproduce.inference.models.variants import (
     PointwiseRegistration,
     distortion_model,
-    field_noise_model,
     student_model,
 )
+from reproduce.inference.quadrature import small_log_evidence
 from reproduce.papers.declare import ROOT_SEED
-from reproduce.papers.niu2024 import angles, simulation
+from reproduce.papers.declare_posterior import (
+    OWN_DATA,
+    Aside,
+    Declaration,
+    published_cells,
+    simulated,
+)
+from reproduce.papers.niu2024 import angles, simulation, users_stars
 from reproduce.papers.niu2024.new_stars import (
     COMPARED,
     ESTIMATES,
@@ -44,7 +48,6 @@ from reproduce.papers.niu2024.new_stars import (
     one_channel,
     pixel_angle,
 )
-from reproduce.papers.posteriors import OWN_DATA, Declared, published_cells, simulated
 from reproduce.physics.optics.chromatic import scale_factor
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
 from reproduce.physics.registration.fit import fit_registration
@@ -53,6 +56,8 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 DATA_SEED = SeedSequence(ROOT_SEED, spawn_key=(1,))
+# How well a laboratory may know a principal point, in px.
+PRINCIPAL_POINT = 2.0
 READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", TEST_POINTS)
 
 
@@ -87,18 +92,8 @@ def truth(given: Given, channels: tuple[str, ...]) -> dict[str, float]:
 
 def registration(given: Given) -> Model:
     """The red channel laid over green."""
-    return _one_channel(given, "red", "registration")
-
-
-def registration_blue(given: Given) -> Model:
-    """The blue channel laid over green."""
-    return _one_channel(given, "blue", "registration-blue")
-
-
-def _one_channel(given: Given, channel: str, name: str) -> Model:
-    spots = dict(zip(simulation.CHANNELS, centroids(given), strict=True))
-    model = registration_model(spots[channel], spots["green"], pivot(given, channel), name=name)
-    return _with_new_stars(given, model, channel)
+    green, red, _ = centroids(given)
+    return _with_new_stars(given, registration_model(red, green, pivot(given, "red")))
 
 
 def pivot(given: Given, channel: str) -> FloatArray:
@@ -106,11 +101,11 @@ def pivot(given: Given, channel: str) -> FloatArray:
     return given.array(f"{simulation.IMAGING}#principal-point-?.{channel}")
 
 
-def _with_new_stars(given: Given, model: Model, channel: str = "red") -> Model:
+def _with_new_stars(given: Given, model: Model) -> Model:
     likelihood = model.likelihood
     if not isinstance(likelihood, GaussianRegistration | PointwiseRegistration):
         raise TypeError(f"model: expected a registration, got {type(likelihood).__name__}")
-    return replace(model, derived=new_stars(given, likelihood, channel))
+    return replace(model, derived=new_stars(given, likelihood, "red"))
 
 
 def joint(given: Given) -> Model:
@@ -132,19 +127,9 @@ def student(given: Given) -> Model:
     return _with_new_stars(given, student_model(registration(given)))
 
 
-def field_noise(given: Given) -> Model:
-    """The red channel with noise that varies across the field."""
-    return _with_new_stars(given, field_noise_model(registration(given)))
-
-
 def distortion(given: Given) -> Model:
     """The red channel with both distortions free."""
     return _with_new_stars(given, distortion_model(registration(given)))
-
-
-def principal_point(given: Given) -> Model:
-    """The red channel with an uncertain principal point."""
-    return _with_new_stars(given, principal_point_model(registration(given), 2.0))
 
 
 def centroid_noise(given: Given) -> Model:
@@ -194,24 +179,51 @@ def published_table(given: Given, model: Model) -> Published:
     return published_cells(given, addresses, repeat, whole=model.log_likelihood, note=OWN_DATA)
 
 
-def _red(name: str, build: Callable[[Given], Model], *rivals: Callable[[Given], Model]) -> Declared:
-    published = partial(one_channel, channel="red")
-    true = partial(truth, channels=("red",))
-    return Declared(name, "niu2024", READS, build, True, rivals, published, COMPARED, true)
+def beside_the_registration(model: Model) -> dict[str, Aside]:
+    """Whether the noise grows across the field, and what a principal point that is off does."""
+    plain = model.likelihood
+    if not isinstance(plain, GaussianRegistration):
+        raise TypeError(f"model: expected a registration, got {type(plain).__name__}")
+    scale, rotation = fit_registration(plain.source, plain.target, plain.pivot).parameters[:2]
+    # A principal point off by d moves the shift by (w - 1) d.
+    moved = abs(scale * np.exp(1j * rotation) - 1) * PRINCIPAL_POINT
+    return {
+        "noise-growth": Aside(*noise_growth(plain.source, plain.target, plain.pivot), "1"),
+        "principal-point": Aside(PRINCIPAL_POINT, 0.0, "px"),
+        "shift-by-principal-point": Aside(float(moved), 0.0, "px"),
+    }
 
 
+_red = partial(
+    Declaration, paper="niu2024", given=READS, truth=partial(truth, channels=("red",)),
+    published=partial(one_channel, channel="red"), compared=COMPARED,
+)  # fmt: skip
 POSTERIORS = (
-    _red("registration", registration, student, field_noise),
-    Declared("registration-blue", "niu2024", READS, registration_blue, True,
-             published=partial(one_channel, channel="blue"), compared=COMPARED,
-             truth=partial(truth, channels=("blue",))),
-    Declared("registration-joint", "niu2024", READS, joint, True,
-             published=both_channels, compared=COMPARED,
-             truth=partial(truth, channels=simulation.REGISTERED)),
-    _red("registration-student", student),
-    _red("registration-field-noise", field_noise),
-    _red("registration-distortion", distortion),
-    _red("registration-principal-point", principal_point),
-    Declared("centroid-noise", "niu2024", (*READS, simulation.TRUTH, RESULTS), centroid_noise,
-             False, published=published_table),
+    _red(
+        "registration", "Registration of one channel: similarity and Gaussian noise",
+        build=registration, file=users_stars.PLAIN, rivals=(student,),
+        evidence=registration_log_evidence, bound=cramer_rao_bound,
+        asides=beside_the_registration, steps=400, walkers=160,
+    ),
+    Declaration(
+        "registration-joint", "Registration of both channels: they share the green noise",
+        "niu2024", READS, joint, users_stars.JOINT, partial(truth, channels=simulation.REGISTERED),
+        both_channels, COMPARED, steps=600, walkers=160,
+    ),
+    _red(
+        "registration-student", "Registration with Student-t noise", build=student,
+        file=users_stars.STUDENT, steps=800,
+    ),
+    _red(
+        "registration-distortion", "Registration with both distortions free", build=distortion,
+        file=users_stars.DISTORTION, steps=550,
+    ),
+    Declaration(
+        "centroid-noise", "Effective centroid noise, from the errors of the calibrated parameters",
+        "niu2024", (*READS, simulation.TRUTH, RESULTS), centroid_noise,
+        "its likelihood is the response of one calibration, that of Table 3, to the noise of its "
+        "own simulated angles; for centroids of your own take registration, which estimates their "
+        "noise",
+        published=published_table, evidence=small_log_evidence, steps=300,
+    ),
 )  # fmt: skip

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.least_squares import fit_checks, least_squares
 from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
+from reproduce.inference.models.least_squares import fit_checks, least_squares
+from reproduce.inference.priors import LogUniform, Prior, Uniform
 from reproduce.physics.registration.closed_form import paired_points
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex, as_points
@@ -56,15 +56,12 @@ class GaussianRegistration:
         False: `noise` is that of a residual coordinate, the source noise neglected or included in
         it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2 times
         its variance.
-    pivot_free : bool
-        Whether two more parameters move the principal point, in px about `pivot`.
     """
 
     source: FloatArray
     target: FloatArray
     pivot: FloatArray
     source_noise: bool = False
-    pivot_free: bool = False
 
     @cached_property
     def root(self) -> NDArray[np.complex128]:
@@ -83,8 +80,6 @@ class GaussianRegistration:
         """Coefficients of (source, one, target) in the residual, shape (n, 3)."""
         factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
         shift = parameters[:, 2] + 1j * parameters[:, 3]
-        if self.pivot_free:
-            shift = shift + (factor - 1) * (parameters[:, 5] + 1j * parameters[:, 6])
         return np.stack([-factor, shift, np.ones_like(factor)], axis=-1)
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
@@ -134,22 +129,11 @@ class GaussianRegistration:
         variance = fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
         noise = max(float(np.sqrt(variance)), 1e-12)
         errors = np.sqrt(np.diagonal(fit.cofactor) * noise**2 * (1 + self.source_noise))
-        centre = np.append(fit.parameters, noise)
-        spread = np.append(errors, noise / np.sqrt(2 * freedom))
-        if self.pivot_free:
-            # The data say nothing of the pivot; the start only has to differ between walkers.
-            centre, spread = np.append(centre, [0, 0]), np.append(spread, [0.1, 0.1])
-        return centre, spread
+        return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
 
     def estimate(self) -> tuple[FloatArray, FloatArray]:
-        """The least-squares similarity about the pivot assumed, and its standard errors.
-
-        It gives no pivot. With a pivot that is off by p its shift is off by (w - 1) p, which its
-        errors do not know.
-        """
-        centre, spread = least_squares(self.source, self.target, self.pivot, self.source_noise)
-        none = np.full(2 * self.pivot_free, np.nan)
-        return np.append(centre, none), np.append(spread, none)
+        """The least-squares similarity about the pivot, and its standard errors."""
+        return least_squares(self.source, self.target, self.pivot, self.source_noise)
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """Root mean square and largest residual of the least-squares fit, and its scale."""
@@ -190,7 +174,6 @@ def registration_model(
     target: FloatArray,
     pivot: FloatArray,
     *,
-    name: str = "registration",
     priors: dict[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
@@ -202,8 +185,6 @@ def registration_model(
         The same stars in the channel and in the reference channel, in px.
     pivot : array_like, shape (2,)
         The channel's principal point, in px.
-    name : str
-        The model's name.
     priors : dict, optional
         Priors in place of those on the scale of the data.
     derived : Derived, optional
@@ -236,8 +217,7 @@ def registration_model(
     fit = fit_registration(source, target, pivot)
     parameters = with_priors(registration_parameters(source, target), priors)
     return Model(
-        name,
-        "Registration of one channel: similarity and Gaussian noise",
+        "registration",
         parameters,
         GaussianRegistration(source, target, pivot),
         dict(
@@ -264,35 +244,6 @@ def with_priors(
             f"{', '.join(sorted(unknown))}; check the spelling"
         )
     return tuple(replace(p, prior=(priors or {}).get(p.name, p.prior)) for p in parameters)
-
-
-def principal_point_model(base: Model, sigma: float) -> Model:
-    """The registration with the principal point uncertain.
-
-    Parameters
-    ----------
-    base : Model
-        From `registration_model`.
-    sigma : float
-        Standard deviation of each coordinate of the principal point, in px.
-
-    Returns
-    -------
-    Model
-        With two more parameters, the offset of the principal point from the one assumed, in px.
-    """
-    plain = base.likelihood
-    if not isinstance(plain, GaussianRegistration):
-        raise TypeError(f"base: expected a Gaussian registration, got {type(plain).__name__}")
-    prior = Normal(0.0, sigma, "how well a laboratory knows a principal point; the data do not say")
-    extra = tuple(Parameter(f"pivot-{a}", f"p_{a}", "px", prior) for a in "xy")
-    return replace(
-        base,
-        name="registration-principal-point",
-        title="Registration with an uncertain principal point",
-        parameters=base.parameters + extra,
-        likelihood=replace(plain, pivot_free=True),
-    )
 
 
 def as_similarity(parameters: FloatArray, pivot: FloatArray) -> Registration:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from reproduce.inference.lasers import Platform, SpotStatistics
+from reproduce.inference.models.lasers import Platform, SpotStatistics
 from reproduce.physics.attitude.lasers import (
     emitted_directions,
     received_directions,
@@ -115,27 +115,6 @@ class Quest:
         """Noise of a coordinate in one image, in px."""
         scatter, freedom = self.scatter
         return np.array([[scatter], [scatter / np.sqrt(2 * freedom)]])
-
-    def focal(self, motions: FloatArray) -> FloatArray:
-        """Focal length for which the angles fit a stage that moved exactly as told, in metres.
-
-        Least squares of the tangents of the angles about Y and X against the motions along X and
-        Y: chen2023 (10), solved for f, with the signs of `physics.stage.stage_angles`.
-
-        Parameters
-        ----------
-        motions : ndarray, shape (groups, 2)
-            Motion of the lasers since the first group, in metres.
-        """
-        # In the order of the angles about X and Y, and with their signs.
-        levers = np.stack([motions[:, 1], -motions[:, 0]], axis=-1)
-        squares = np.square(levers).sum()
-        slope = (levers * np.tan(self.angles[:, :2])).sum() / squares
-        # All groups share the error of the first one, which counts with all levers together.
-        levers[0] -= levers.sum(axis=0)
-        parts = np.einsum("gi,gij,gj->g", levers, self.covariances[:, :2, :2], levers)
-        error = np.sqrt(parts.sum()) / squares
-        return np.array([[1 / slope], [error / slope**2]])
 
 
 def _after(vector: FloatArray) -> FloatArray:

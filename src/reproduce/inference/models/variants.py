@@ -1,4 +1,4 @@
-"""Registrations whose likelihood needs every point: heavy tails, uneven noise, free distortion.
+"""Registrations whose likelihood needs every point: heavy tails, free distortion.
 
 Conventions and units are those of `registration`; arrays have shape (n, points).
 """
@@ -14,10 +14,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model, Parameter
+from reproduce.inference.models.least_squares import robust_similarity
+from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.priors import Normal, Uniform
-from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
@@ -158,16 +158,6 @@ class StudentRegistration(PointwiseRegistration):
         return np.asarray(noise * generator.standard_t(np.broadcast_to(freedom, shape), shape))
 
 
-class FieldNoiseRegistration(PointwiseRegistration):
-    """Noise that varies across the field; one more parameter, its log from centre to edge."""
-
-    noise_is_even: ClassVar[bool] = False
-
-    def noise(self, parameters: FloatArray) -> FloatArray:
-        """Standard deviation at each point, in px: noise exp(growth radius^2)."""
-        return np.asarray(parameters[:, 4:5] * np.exp(parameters[:, 5:6] * self.radius**2))
-
-
 class DistortedRegistration(PointwiseRegistration):
     """Radial distortion free in both channels; two more parameters.
 
@@ -215,26 +205,8 @@ def student_model(base: Model) -> Model:
     """
     prior = Uniform(0.3, 2.3, "from two degrees, tails that barely have a variance, to two "
                     "hundred, which no sample of this size tells from Gaussian")  # fmt: skip
-    return _extended(base, StudentRegistration, "student", "Student-t noise",
+    return _extended(base, StudentRegistration, "student",
                      (Parameter("log-freedom", r"\log_{10}\nu", "1", prior),))  # fmt: skip
-
-
-def field_noise_model(base: Model) -> Model:
-    """The registration with noise that changes across the field.
-
-    Parameters
-    ----------
-    base : Model
-        From `registration.registration_model`.
-
-    Returns
-    -------
-    Model
-        With one more parameter, the log of the noise at the edge over that at the centre.
-    """
-    prior = Normal(0.0, 0.5, "spots at the edge may be blurred to half or double their noise or so")
-    return _extended(base, FieldNoiseRegistration, "field-noise", "noise that varies in the field",
-                     (Parameter("growth", "h", "1", prior),))  # fmt: skip
 
 
 def distortion_model(base: Model) -> Model:
@@ -257,14 +229,13 @@ def distortion_model(base: Model) -> Model:
         Parameter("source-distortion", "d_s", "px", prior),
         Parameter("target-distortion", "d_t", "px", prior),
     )
-    return _extended(base, DistortedRegistration, "distortion", "both distortions free", extra)
+    return _extended(base, DistortedRegistration, "distortion", extra)
 
 
 def _extended(
     base: Model,
     likelihood: type[PointwiseRegistration],
     suffix: str,
-    idea: str,
     extra: tuple[Parameter, ...],
 ) -> Model:
     plain = base.likelihood
@@ -273,7 +244,6 @@ def _extended(
     return replace(
         base,
         name=f"registration-{suffix}",
-        title=f"Registration with {idea}",
         parameters=base.parameters + extra,
         likelihood=likelihood(plain.source, plain.target, plain.pivot),
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reproduce.inference.least_squares import robust_similarity
+from reproduce.inference.models.least_squares import robust_similarity
 from reproduce.inference.priors import LogUniform, Prior, Uniform
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray

@@ -6,10 +6,7 @@ The last digit that a column writes is taken for the digit to which it was round
 * averages: ``frames`` in an average, ``error_arcsec`` (one standard deviation of the averages), and
   ``series``, the frames of the whole series, the same in every line;
 * stage test: positions of the stage (``position_x_um``, ``position_y_um``); angles about Y (which
-  motion along X turns) and about X; the first line is the zero state, its angles zero;
-* geometry: ``block`` 0 holds the spots of lasers 1 to 4 (``first``, ``second``: x and y in px),
-  block 1 positions of the stage (X and Y in micrometres, the zero state first), block 2 reference
-  angles of the moved states (about Y and about X, in arcsec); ``item`` counts from 1 in each block.
+  motion along X turns) and about X; the first line is the zero state, its angles zero.
 """
 
 from __future__ import annotations
@@ -17,29 +14,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reproduce.inference.averaging import AveragingLikelihood, averaging_model
-from reproduce.inference.geometry import GeometryLikelihood, geometry_model
 from reproduce.inference.model import Model
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
+from reproduce.inference.models.reference_angles import ReferenceAngles
+from reproduce.inference.models.registration import with_priors
+from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
 from reproduce.inference.priors import HalfNormal, LogUniform, Normal, Prior
-from reproduce.inference.reference_angles import ReferenceAngles
-from reproduce.inference.registration import with_priors
-from reproduce.inference.stage_table import StageTableLikelihood, table_model
-from reproduce.papers.chen2023 import lasers
-from reproduce.papers.chen2023.posteriors import READS, platform
-from reproduce.printed.given import given
+from reproduce.papers.declare_posterior import File
+from reproduce.physics.validate import FloatArray
 from reproduce.store.points import Table, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
 
 AVERAGE_COLUMNS = ("frames", "error_arcsec", "series")
 STAGE_COLUMNS = (
     "position_x_um", "position_y_um", "reference_y_arcsec", "monitored_y_arcsec",
     "reference_x_arcsec", "monitored_x_arcsec",
 )  # fmt: skip
-GEOMETRY_COLUMNS = ("block", "item", "first", "second")
 # The moments of running averages need a square matrix of this size, for every line.
 LONGEST = 2000
 LEAST_STATES = 3
@@ -52,7 +43,7 @@ SCATTER, FARTHER, SINGLE = 100.0, 10.0, 1000.0
 FINEST, COARSEST = 1e-4, 1e-2
 
 
-def averaging(name: str, table: Table, pivot: object) -> Model:
+def averaging(table: Table, pivot: object) -> Model:
     """White noise and floor of averages."""
     frames, errors, series = table.values.T
     for row in range(len(frames)):
@@ -70,7 +61,7 @@ def averaging(name: str, table: Table, pivot: object) -> Model:
     half = table.last_digit(["error_arcsec"]) / 2 / ARCSEC_PER_RADIAN
     counts, single = tuple(int(n) for n in frames), float(errors[0]) / ARCSEC_PER_RADIAN
     likelihood = AveragingLikelihood(counts, errors / ARCSEC_PER_RADIAN, half, int(series[0]))
-    model = averaging_model(likelihood, name)
+    model = averaging_model(likelihood)
     priors: dict[str, Prior] = {
         "white": LogUniform(single / SINGLE, single * SINGLE, "within a thousand times of the "
                             "error of one frame, no scale preferred"),
@@ -80,7 +71,7 @@ def averaging(name: str, table: Table, pivot: object) -> Model:
     return replace(model, parameters=with_priors(model.parameters, priors))
 
 
-def stage_table(name: str, table: Table, pivot: object) -> Model:
+def stage_table(table: Table, pivot: object) -> Model:
     """Focal length, bias and noise of a stage test."""
     for column in STAGE_COLUMNS[2:]:
         if table.column(column)[0] != 0:
@@ -107,41 +98,6 @@ def stage_table(name: str, table: Table, pivot: object) -> Model:
     return replace(model, parameters=with_priors(model.parameters, priors), estimate={})
 
 
-def geometry(name: str, table: Table, pivot: object) -> Model:
-    """Focal lengths and laser spacing."""
-    block, item = table.column("block"), table.column("item")
-    for row, value in enumerate(block):
-        if value not in (0, 1, 2):
-            raise table.wrong(row, "block", "expected 0 (spots), 1 (positions) or 2 (angles)")
-        if item[row] != (block[:row] == value).sum() + 1:
-            raise table.wrong(row, "item", "expected the items of a block to count from 1")
-    rows = [np.flatnonzero(block == which).tolist() for which in (0, 1, 2)]
-    design = platform(given(READS))
-    if len(rows[0]) != len(design.lasers):
-        raise TableFileError(
-            f"{table.path}, column {table.positions[0]} (block): expected {len(design.lasers)} "
-            f"spots in block 0, got {len(rows[0])}"
-        )
-    spots, positions, angles = (table.values[chosen, 2:] for chosen in rows)
-    digits = [table.last_digit(GEOMETRY_COLUMNS[2:], chosen) if chosen else 1.0 for chosen in rows]
-    _checked_digit(table, digits[2])
-    reference = _reference(
-        table,
-        positions * 1e-6,
-        angles / ARCSEC_PER_RADIAN,
-        digits[1] * 1e-6,
-        digits[2] / ARCSEC_PER_RADIAN,
-    )
-    diagonal = given(READS)[lasers.DIAGONAL]
-    corners = lasers.designed_positions(spots, diagonal) / (diagonal / 2)
-    lengths = (reference.fitted()[1], design.tracker_focal_length, diagonal)
-    likelihood = GeometryLikelihood(
-        spots, corners, digits[0] / 2, design.pixel_pitch, reference, lengths
-    )
-    model = geometry_model(likelihood, float(2 * design.principal_point[0] + 1))
-    return replace(model, estimate={})
-
-
 def _reference(
     table: Table,
     positions: FloatArray,
@@ -166,3 +122,17 @@ def _checked_digit(table: Table, digit: float) -> None:
             f"{table.path}: expected angles with two to four decimals of an arc second, got a last "
             f"digit of {digit:g}; write them so"
         )
+
+
+AVERAGES = File(
+    AVERAGE_COLUMNS,
+    "one average per line: its frames, the standard deviation of such averages, and the frames of "
+    "the whole series, the same in every line; the last digit written is the rounding",
+    averaging,
+)
+STAGE = File(
+    STAGE_COLUMNS,
+    "one state per line, the zero state first, with angles zero; the last digit written is the "
+    "rounding",
+    stage_table,
+)

@@ -1,8 +1,8 @@
 """Focal length, angle bias and noise from the printed stage test: Table V of chen2023 as data.
 
 Reference and monitored angles are taken together, under both hypotheses about the table's columns
-(`inference.reference_angles`), equally probable beforehand: the indicator is summed out. Lengths
-in metres, angles in radians; arrays of the moved states have shape (states, blocks).
+(`inference.models.reference_angles`), equally probable beforehand: the indicator is summed out.
+Lengths in metres, angles in radians; arrays of the moved states have shape (states, blocks).
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from numpy.random import Generator
 
 from reproduce.inference.coordinates import from_scores, log_slope, scores, weighted
 from reproduce.inference.model import Model, Parameter
-from reproduce.inference.priors import LogUniform, Normal
-from reproduce.inference.reference_angles import (
+from reproduce.inference.models.reference_angles import (
     FOCAL_SPREAD,
     HYPOTHESES,
     Printed,
@@ -27,6 +26,7 @@ from reproduce.inference.reference_angles import (
     log_same_hypothesis,
     scatter_parameter,
 )
+from reproduce.inference.priors import LogUniform, Normal
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -274,7 +274,6 @@ def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
                   "error stays well below an arc second")  # fmt: skip
     return Model(
         "table-5",
-        "Effective focal length, angle bias and noise from the stage test",
         (
             focal_parameter(nominal),
             Parameter("noise", r"\sigma", "arcsec", LogUniform(*NOISE,

@@ -2,8 +2,6 @@
 
 One spot per line, in px: ``group`` (0 at the zero point, 1 at the present), ``laser`` (from 1, in
 the order of the platform), ``x``, ``y``; the images of a group in the order of time, evenly spaced.
-For states of a stage ``state`` (from 0) stands in place of the group, and ``motion_x_um``,
-``motion_y_um`` say how far the lasers have moved since state 0.
 """
 
 from __future__ import annotations
@@ -11,28 +9,24 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reproduce.inference.directions import directions_model
-from reproduce.inference.lasers import Platform, SpotStatistics
-from reproduce.inference.misalignment import (
+from reproduce.inference.model import Model
+from reproduce.inference.models.lasers import Platform, SpotStatistics
+from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT,
     SpotLikelihood,
     drift_model,
     misalignment_model,
 )
-from reproduce.inference.model import Model
 from reproduce.inference.priors import LogUniform, Normal, Prior
-from reproduce.inference.states import states_model
-from reproduce.papers.chen2023.posteriors import READS, platform
+from reproduce.papers.chen2023.simulated_spots import READS, platform
+from reproduce.papers.declare_posterior import File
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError
 
-FloatArray = NDArray[np.float64]
-
 COLUMNS = ("group", "laser", "x", "y")
-STATE_COLUMNS = ("state", "laser", "x", "y", "motion_x_um", "motion_y_um")
 GROUPS = 2
 # A prior this many times as wide as what the data show is hardly felt, yet proper.
 GENEROUS = 20.0
@@ -42,54 +36,25 @@ NOISE = (1e-6, 1e3)
 MIRRORED = 3.0
 
 
-def constant(name: str, table: Table, pivot: object) -> Model:
+def constant(table: Table, pivot: object) -> Model:
     """A constant misalignment."""
-    instrument, images = _measured(table, "group", GROUPS)
+    instrument, images = _measured(table)
     statistics = SpotStatistics.of(images, (False, False))
     return _noisy(misalignment_model(instrument, statistics, priors=_priors(instrument, images)))
 
 
-def directions(name: str, table: Table, pivot: object) -> Model:
-    """The same with every laser's direction free."""
-    instrument, images = _measured(table, "group", GROUPS)
-    model = directions_model(instrument, SpotStatistics.of(images, (False, False)))
-    return _noisy(_wider(model, _priors(instrument, images)))
-
-
-def drift(name: str, table: Table, pivot: object) -> Model:
+def drift(table: Table, pivot: object) -> Model:
     """A misalignment that drifts through group 1."""
-    instrument, images = _measured(table, "group", GROUPS)
+    instrument, images = _measured(table)
     angles = _priors(instrument, images)
     drifts = {key.replace("angle", "drift"): prior for key, prior in angles.items()}
     statistics = SpotStatistics.of(images, (False, True))
     return _noisy(drift_model(instrument, statistics, priors=angles | drifts))
 
 
-def states(name: str, table: Table, pivot: object) -> Model:
-    """States of a stage, jointly."""
-    count = max(1, int(min(table.column("state").max(), len(table.values))) + 1)
-    instrument, images = _measured(table, "state", count)
-    motions = np.zeros((count, 2))
-    for row, state in enumerate(table.column("state").astype(int)):
-        for axis, column in enumerate(STATE_COLUMNS[4:]):
-            value = table.values[row, 4 + axis] * 1e-6
-            first = row == np.argmax(table.column("state") == state)
-            if first:
-                motions[state, axis] = value
-            if motions[state, axis] != value:
-                raise table.wrong(
-                    row, column, f"expected the same motion all through state {state}"
-                )
-    if motions[0].any():
-        row = int(np.argmax(table.column("state") == 0))
-        raise table.wrong(row, STATE_COLUMNS[4 + int(motions[0, 0] == 0)],
-                          "expected no motion in state 0: motions count from there")  # fmt: skip
-    return _noisy(states_model(instrument, SpotStatistics.of(images, (False,) * count), motions))
-
-
-def _measured(table: Table, group: str, groups: int) -> tuple[Platform, list[FloatArray]]:
+def _measured(table: Table) -> tuple[Platform, list[FloatArray]]:
     instrument = platform(given(READS))
-    images = _images(table, group, groups, len(instrument.lasers))
+    images = _images(table, len(instrument.lasers))
     if not any(np.ptp(one, axis=0).any() for one in images):
         raise TableFileError(
             f"{table.path}: expected spots that scatter from image to image, got the same ones in "
@@ -114,23 +79,23 @@ def _refuse_mirrored(table: Table, instrument: Platform, spots: FloatArray) -> N
         )
 
 
-def _images(table: Table, group: str, groups: int, count: int) -> list[FloatArray]:
+def _images(table: Table, count: int) -> list[FloatArray]:
     """Spots of every group, shape (frames, lasers, 2), in the order of the file."""
-    for name, allowed in ((group, range(groups)), ("laser", range(1, count + 1))):
+    for name, allowed in (("group", range(GROUPS)), ("laser", range(1, count + 1))):
         for row, value in enumerate(table.column(name)):
             if value not in allowed:
                 raise table.wrong(row, name, f"expected a whole number from {allowed[0]} to "
                                   f"{allowed[-1]}")  # fmt: skip
     images = []
-    for one in range(groups):
-        spots = table.values[table.column(group) == one]
+    for one in range(GROUPS):
+        spots = table.values[table.column("group") == one]
         lasers = [spots[spots[:, 1] == laser, 2:4] for laser in range(1, count + 1)]
         lengths = [len(spot) for spot in lasers]
         if len(set(lengths)) != 1 or lengths[0] < 3:
-            last = int(np.flatnonzero(table.column(group) == one)[-1]) if len(spots) else -1
+            last = int(np.flatnonzero(table.column("group") == one)[-1]) if len(spots) else -1
             raise TableFileError(
                 f"{table.path}, line {table.lines[last]}, column {table.positions[1]} (laser): "
-                f"expected as many lines for each laser from 1 to {count} in {group} {one}, three "
+                f"expected as many lines for each laser from 1 to {count} in group {one}, three "
                 f"or more, got {lengths} by here; add or remove lines"
             )
         images.append(np.stack(lasers, axis=1))
@@ -168,3 +133,10 @@ def _wider(model: Model, priors: dict[str, Prior]) -> Model:
         replace(one, prior=priors.get(one.name, one.prior)) for one in model.parameters
     )
     return replace(model, parameters=parameters)
+
+
+SPOTS = (
+    "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in the "
+    "order of the platform; the images of a group in the order of time"
+)
+CONSTANT, DRIFT = (File(COLUMNS, SPOTS, read) for read in (constant, drift))

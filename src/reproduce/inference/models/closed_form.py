@@ -17,8 +17,8 @@ from scipy import stats
 from scipy.special import gammaln
 
 from reproduce.inference.model import Model, UnsuitableModelError
+from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.priors import LogUniform, Uniform
-from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 
@@ -183,7 +183,7 @@ def cramer_rao_bound(model: Model) -> FloatArray:
 
     Examples
     --------
-    >>> from reproduce.inference.registration import registration_model
+    >>> from reproduce.inference.models.registration import registration_model
     >>> points = np.array([[-1.0, -1], [1, -1], [-1, 1], [1, 1]])
     >>> away = points + [[0.1, 0], [-0.1, 0], [-0.1, 0], [0.1, 0]]
     >>> cramer_rao_bound(registration_model(points, away, (0, 0))).round(3)
@@ -200,7 +200,7 @@ def cramer_rao_bound(model: Model) -> FloatArray:
 
 def _plain(model: Model) -> GaussianRegistration:
     plain = model.likelihood
-    if not isinstance(plain, GaussianRegistration) or plain.source_noise or plain.pivot_free:
+    if not isinstance(plain, GaussianRegistration) or plain.source_noise:
         raise UnsuitableModelError(f"{model.name}: expected the plain registration of one channel")
     return plain
 

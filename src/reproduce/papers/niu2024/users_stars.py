@@ -6,38 +6,29 @@ One star per line, in px: its place in the channel (``x``, ``y``) and in the ref
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reproduce.inference.free_priors import free_priors
-from reproduce.inference.joint import CHANNELS, joint_model
-from reproduce.inference.least_squares import robust_similarity
 from reproduce.inference.model import Model
-from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
-from reproduce.inference.registration import (
-    principal_point_model,
-    registration_model,
-    with_priors,
-)
-from reproduce.inference.variants import (
+from reproduce.inference.models.free_priors import free_priors
+from reproduce.inference.models.joint import CHANNELS, joint_model
+from reproduce.inference.models.least_squares import robust_similarity
+from reproduce.inference.models.registration import registration_model, with_priors
+from reproduce.inference.models.variants import (
     PointwiseRegistration,
     distortion_model,
-    field_noise_model,
     student_model,
 )
+from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
+from reproduce.papers.declare_posterior import File, Pivot
+from reproduce.physics.validate import FloatArray
 from reproduce.store.points import Table, TableFileError
-
-FloatArray = NDArray[np.float64]
-Pivot = tuple[float, float] | None
-Reader = Callable[[str, Table, Pivot], Model]
 
 COLUMNS = ("x", "y", "x_reference", "y_reference")
 JOINT_COLUMNS = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
-# Of the field: how far a principal point or a distortion may move a star, beforehand; a distortion
-# also so many times the residuals, but never so far that it cannot be undone.
+# Of the field: how far a distortion may move a star beforehand, or so many times the residuals, but
+# never so far that it cannot be undone.
 SHARE, RESIDUALS, MOST = 1e-3, 10.0, 0.03
 # Log10 of the degrees of freedom: from tails of gross mismatches to hardly any.
 FREEDOM = (-1.0, 2.3)
@@ -47,17 +38,17 @@ FURTHEST = 100.0
 FEW = 10
 
 
-def plain(name: str, table: Table, pivot: Pivot) -> Model:
+def plain(table: Table, pivot: Pivot) -> Model:
     """Registration of one channel."""
     source, target = table.values[:, :2], table.values[:, 2:]
     centre = pivots(table, pivot)[0]
     priors = _free(table, source, target, centre)
-    return registration_model(source, target, centre, name=name, priors=priors)
+    return registration_model(source, target, centre, priors=priors)
 
 
-def student(name: str, table: Table, pivot: Pivot) -> Model:
+def student(table: Table, pivot: Pivot) -> Model:
     """The same with Student-t noise, from a start that wrong matches do not move."""
-    model = student_model(plain(name, table, pivot))
+    model = student_model(plain(table, pivot))
     likelihood = model.likelihood
     if isinstance(likelihood, PointwiseRegistration):
         model = replace(model, likelihood=replace(likelihood, robust=True))
@@ -66,14 +57,9 @@ def student(name: str, table: Table, pivot: Pivot) -> Model:
     return replace(model, parameters=with_priors(model.parameters, {"log-freedom": tails}))
 
 
-def field_noise(name: str, table: Table, pivot: Pivot) -> Model:
-    """The same with noise that varies across the field."""
-    return field_noise_model(plain(name, table, pivot))
-
-
-def distortion(name: str, table: Table, pivot: Pivot) -> Model:
+def distortion(table: Table, pivot: Pivot) -> Model:
     """The same with both distortions free, up to some thousandths of the field."""
-    base = plain(name, table, pivot)
+    base = plain(table, pivot)
     residual = base.likelihood.start()[0][4]
     reach = min(max(_share(table), RESIDUALS * residual), MOST * _share(table) / SHARE)
     prior = Normal(0.0, float(reach), "some thousandths of the field at its edge, or ten times the "
@@ -83,12 +69,7 @@ def distortion(name: str, table: Table, pivot: Pivot) -> Model:
     return replace(model, parameters=model.parameters[:5] + extra)
 
 
-def principal_point(name: str, table: Table, pivot: Pivot) -> Model:
-    """The same with the principal point uncertain by a thousandth of the field."""
-    return principal_point_model(plain(name, table, pivot), _share(table))
-
-
-def joint(name: str, table: Table, pivot: Pivot) -> Model:
+def joint(table: Table, pivot: Pivot) -> Model:
     """Both channels at once."""
     red, blue, green = (table.values[:, i : i + 2] for i in (0, 2, 4))
     centres = pivots(table, pivot)
@@ -164,3 +145,13 @@ def _lines(table: Table, rows: list[int]) -> str:
 
 def _share(table: Table) -> float:
     return SHARE * float(np.ptp(table.values[:, :2], axis=0).max())
+
+
+PLACES = "one star per line, in px: its place in the channel and in the reference channel"
+PLAIN, STUDENT, DISTORTION = (
+    File(COLUMNS, PLACES, read, pivots, remarks) for read in (plain, student, distortion)
+)
+JOINT = File(
+    JOINT_COLUMNS, "one star per line, in px: its places in the three channels", joint, pivots,
+    remarks,
+)  # fmt: skip

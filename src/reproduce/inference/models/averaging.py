@@ -17,8 +17,8 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.boxes import BoxRule, log_box_by_rule
 from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.models.rounded import BoxRule, log_box_by_rule
 from reproduce.inference.priors import HalfNormal, LogUniform
 from reproduce.physics.attitude.averaging import averaged_error, scatter_of_averages
 from reproduce.physics.validate import FloatArray
@@ -151,7 +151,6 @@ class AveragingLikelihood:
 
 def averaging_model(
     likelihood: AveragingLikelihood,
-    name: str = "frame-averaging",
     shown: float = ARCSEC_PER_RADIAN,
     derived: Derived | None = None,
 ) -> Model:
@@ -161,8 +160,6 @@ def averaging_model(
     ----------
     likelihood : AveragingLikelihood
         With the printed numbers.
-    name : str
-        The model's name.
     shown : float
         Shown units in one SI unit.
     derived : Derived, optional
@@ -182,10 +179,9 @@ def averaging_model(
         Parameter("white", "a", "arcsec", white, shown),
         Parameter("floor", "b", "arcsec", floor, shown),
     )
-    title = "White noise of one frame and the floor that averaging leaves"
-    if not likelihood.floor:
-        parameters = parameters[:1]
-    return Model(name, title, parameters, likelihood, {}, derived)
+    if likelihood.floor:
+        return Model("frame-averaging", parameters, likelihood, {}, derived)
+    return Model("frame-averaging, no floor", parameters[:1], likelihood, {}, derived)
 
 
 def predicted_error(parameters: FloatArray, count: int) -> FloatArray:

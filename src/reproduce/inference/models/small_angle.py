@@ -14,15 +14,13 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp
 
-from reproduce.inference.misalignment import SpotLikelihood
 from reproduce.inference.model import Model, UnsuitableModelError
+from reproduce.inference.models.misalignment import ConstantLikelihood, SpotLikelihood
 from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 
 # Points over the noise, and how many of its own errors they reach.
 POINTS, REACH = 401, 9.0
-# Beyond this condition number a combination of parameters rests on its prior alone.
-OPEN = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +142,7 @@ def spot_bound(model: Model) -> FloatArray:
     Raises
     ------
     UnsuitableModelError
-        If the model is no misalignment, or its data leave a combination of parameters open.
+        If the model is no misalignment.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
@@ -154,10 +152,35 @@ def spot_bound(model: Model) -> FloatArray:
     centre, spread = likelihood.start()
     scale, noise = spread[:-1], centre[-1]
     response = likelihood.linearised(centre, scale)[0] * scale / noise
-    if np.linalg.cond(response) > OPEN:
-        raise UnsuitableModelError(
-            f"{model.name}: the data alone leave a combination of parameters open"
-        )
     variances = np.diagonal(np.linalg.inv(response.T @ response))
     of_noise = noise / np.sqrt(2 * likelihood.statistics.size)
     return np.append(scale * np.sqrt(variances), of_noise)
+
+
+def small_angle_log_evidence(model: Model) -> float:
+    """Log evidence of `small_angle_posterior`, with its errors."""
+    return small_angle_posterior(model).log_evidence
+
+
+def errors_with_free_lasers(likelihood: ConstantLikelihood) -> FloatArray:
+    """Standard errors of the misalignment if the direction of every laser were free, shape (3,).
+
+    The first group then measures where each laser points, and only the motion of its spot from
+    group to group tells of the misalignment: the noise of both groups is in it, and no prior.
+
+    Parameters
+    ----------
+    likelihood : ConstantLikelihood
+        Two groups of spots.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        In radians.
+    """
+    centre, spread = likelihood.start()
+    first, second = likelihood.statistics.counts
+    # Of the weighted means of the second group; the first does not answer to the misalignment.
+    response = likelihood.linearised(centre, spread[:-1])[0][:, 3:6]
+    covariance = np.linalg.inv(response.T @ response) * centre[-1] ** 2 * (1 + second / first)
+    return np.asarray(np.sqrt(np.diagonal(covariance)))

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp
 
-from reproduce.inference.least_squares import fit_checks
 from reproduce.inference.model import Model, Parameter, UnsuitableModelError
+from reproduce.inference.models.least_squares import fit_checks
+from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.priors import LogUniform, Normal, Uniform
-from reproduce.inference.registration import GaussianRegistration
 from reproduce.physics.validate import FloatArray
 
 Shape = Literal["similarity", "radial", "affine"]
@@ -229,8 +229,7 @@ def linear_model(base: Model, shape: Shape, width: float = WIDTH) -> Model:
         Parameter(name, f"c_{i}", "px", prior) for i, (name, prior) in enumerate(priors, start=1)
     )
     noise = base.parameters[4]
-    name = f"registration-{shape}"
-    return Model(name, f"Registration: {shape}", (*parameters, noise), likelihood)
+    return Model(f"registration-{shape}", (*parameters, noise), likelihood)
 
 
 def radial_model(base: Model, width: float = WIDTH) -> Model:

@@ -1,6 +1,9 @@
-"""Probability of a box of strongly correlated printed numbers, by a rule made for the box.
+"""Rounded numbers in a likelihood: the probability of the interval, or the box, that prints so.
 
-For numbers whose scatter the data tell well: the rule is made for the scatter at a rough estimate.
+A printed number says that a value lies within half its last digit. Where numbers are correlated
+their joint probability is that of a box under a multivariate normal distribution: by fixed
+quasi-random points, or by a rule made for the box, for few numbers that depend strongly on each
+other and whose scatter the data tell well.
 """
 
 from __future__ import annotations
@@ -12,18 +15,139 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf
-from scipy.special import logsumexp, ndtr, ndtri
+from scipy.special import log_ndtr, logsumexp, ndtr, ndtri
+from scipy.stats import qmc
 
-from reproduce.inference.censored import SMALLEST, log_box, log_difference, lower_tail, quasi_random
 from reproduce.physics.validate import FloatArray
 
+# Below this a probability is not told from zero: the walker stands far outside.
+SMALLEST = 1e-300
+# A difference smaller than this share has lost too many digits.
+PRECISE = 1e-5
+POINTS = 64
 # Widths of a box, over the scatter given the numbers before, beyond which two, three, four and five
 # nodes are taken, the last of them by probability.
 WIDTHS = (0.02, 0.3, 0.7, 1.2)
 # The most nodes of all numbers together; beyond, so many quasi-random points, which cost the same.
-MOST, POINTS = 2000, 512
+MOST, MANY = 2000, 512
 # Nodes of all rows that are worked on at once: bounds the memory, and keeps it near.
 AT_ONCE = 2**15
+
+
+def log_interval(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Log probability of an interval under a standard normal, safe in both tails.
+
+    Parameters
+    ----------
+    low, high : ndarray
+        The ends, low below high.
+
+    Returns
+    -------
+    ndarray
+        log(Phi(high) - Phi(low)).
+
+    Examples
+    --------
+    >>> float(np.exp(log_interval(np.array(-1.0), np.array(1.0))).round(4))
+    0.6827
+    """
+    low, high, _ = lower_tail(low, high)
+    upper, lower = log_ndtr(high), log_ndtr(low)
+    return np.asarray(upper + np.log(-np.expm1(np.minimum(lower - upper, -1e-16))))
+
+
+def quasi_random(dimension: int, points: int = POINTS, seed: int = 1) -> FloatArray:
+    """A fixed set of points that fills the unit cube evenly, shape (points, dimension)."""
+    return np.asarray(qmc.Sobol(dimension, scramble=True, rng=seed).random(points))
+
+
+def log_box(
+    mean: FloatArray, root: FloatArray, low: FloatArray, high: FloatArray, points: FloatArray
+) -> FloatArray:
+    """Log probability of a box under multivariate normals, by Genz's sequential conditioning.
+
+    The points are fixed, so the result is a smooth function of its arguments: a likelihood that is
+    the same at each call. Few points do where the box, given the numbers before, is narrow against
+    the scatter, or where numbers hardly depend on each other: only then does the integrand hardly
+    vary. A few strongly correlated numbers are the business of `rounded.log_box_by_rule`.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (n, m)
+        Means.
+    root : ndarray, shape (n, m, m)
+        Lower triangular roots of the covariances.
+    low, high : ndarray, shape (m,) or (n, m)
+        The box.
+    points : ndarray, shape (points, m)
+        From `quasi_random`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Log probabilities.
+
+    Examples
+    --------
+    >>> root = np.array([[[1.0, 0.0], [0.6, 0.8]]])
+    >>> points = quasi_random(2, 1024)
+    >>> quadrant = log_box(np.zeros((1, 2)), root, np.zeros(2), np.full(2, 9.0), points)
+    >>> exact = 0.25 + np.arcsin(0.6) / (2 * np.pi)
+    >>> bool(abs(np.exp(quadrant[0]) - exact) < 0.003)
+    True
+    """
+    count, size = mean.shape
+    normals = np.zeros((count, len(points), size))
+    total = np.zeros((count, len(points)))
+    low, high = np.broadcast_to(low, mean.shape), np.broadcast_to(high, mean.shape)
+    for i in range(size):
+        centre = mean[:, i, None] + (normals[..., :i] @ root[:, i, :i, None])[..., 0]
+        scale = root[:, i, i, None]
+        left, right, mirrored = lower_tail(
+            (low[:, i, None] - centre) / scale, (high[:, i, None] - centre) / scale
+        )
+        start, end = ndtr(left), ndtr(right)
+        total += log_difference(start, end, left, right)
+        if i + 1 < size:
+            # Mirrored with the interval: else the result would jump where intervals change sides.
+            share = np.where(mirrored, 1 - points[:, i], points[:, i])
+            drawn = ndtri(np.clip(start + share * (end - start), SMALLEST, 1 - 1e-16))
+            # Far outside, rounding leaves an empty interval: stay at its nearer end.
+            drawn = np.clip(drawn, left, right)
+            normals[..., i] = np.where(mirrored, -drawn, drawn)
+    largest = total.max(axis=1, keepdims=True)
+    safe = np.where(np.isfinite(largest), largest, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(safe[:, 0] + np.log(np.exp(total - safe).mean(axis=1)))
+
+
+def lower_tail(
+    low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Mirror intervals of the upper tail, so that small numbers are subtracted, not those near one.
+
+    Returns the ends, and which intervals were mirrored.
+    """
+    mirrored = low + high > 0
+    return np.where(mirrored, -high, low), np.where(mirrored, -low, high), mirrored
+
+
+def log_difference(
+    start: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Log of end less start, distribution functions at the ends of intervals in the lower tail.
+
+    Where they are too small, or too near each other, the ends themselves tell the difference.
+    """
+    difference = end - start
+    lost = difference < PRECISE * end
+    lost |= end < SMALLEST
+    if not lost.any():
+        return np.asarray(np.log(difference))
+    found = np.log(np.where(lost, 1.0, difference))
+    found[lost] = log_interval(low[lost], high[lost])
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +203,7 @@ class BoxRule:
         widths = 1 / np.diagonal(root)[:-1]
         nodes = 1 + np.searchsorted(WIDTHS, widths)
         wide = widths > WIDTHS[-1]
-        points = quasi_random(len(width), POINTS) if np.prod(1.0 * nodes) > MOST else None
+        points = quasi_random(len(width), MANY) if np.prod(1.0 * nodes) > MOST else None
         return cls(pivots - 1, tuple(map(int, nodes)), tuple(map(bool, wide)), points)
 
 

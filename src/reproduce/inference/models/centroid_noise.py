@@ -14,8 +14,8 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.censored import log_box, quasi_random
 from reproduce.inference.model import Model, Parameter
+from reproduce.inference.models.rounded import log_box, quasi_random
 from reproduce.inference.priors import LogUniform
 from reproduce.physics.validate import FloatArray
 
@@ -102,5 +102,4 @@ def centroid_noise_model(likelihood: CentroidNoiseLikelihood, stated: float) -> 
     prior = LogUniform(1e-4, 10.0, "from a ten-thousandth of a pixel to the size of a spot; no "
                        "scale preferred")  # fmt: skip
     parameter = Parameter("noise", r"\sigma", "px", prior)
-    title = "Effective centroid noise, from the errors of the calibrated parameters"
-    return Model("centroid-noise", title, (parameter,), likelihood, {"noise": stated})
+    return Model("centroid-noise", (parameter,), likelihood, {"noise": stated})

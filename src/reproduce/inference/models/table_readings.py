@@ -17,9 +17,9 @@ from scipy.interpolate import make_interp_spline
 from scipy.special import logsumexp
 
 from reproduce.inference.model import Model
+from reproduce.inference.models.reference_angles import NODES, WEIGHTS, in_radians, log_rounded
+from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.inference.priors import LogUniform, Normal, Uniform
-from reproduce.inference.reference_angles import NODES, WEIGHTS, in_radians, log_rounded
-from reproduce.inference.stage_table import StageTableLikelihood
 from reproduce.physics.validate import FloatArray
 
 PRINTED, CROSSED = (0, 1), (1, 0)
@@ -268,13 +268,16 @@ def _summed(
     biases = []
     for printed in (1, 0):  # the angles printed about X, then those about Y
         block = reading.monitored.index(printed)
-        # Shape (focal, nodes, scatters, noises); the nodes are those of the zero position.
-        both = held[:, :, block, :, None] + parts.log_probability[:, :, block, None]
-        both = both + np.log(WEIGHTS / 2)[:, None, None]
-        whole = logsumexp(both, axis=1)
-        shares = np.exp(both - whole[:, None])
-        logs += whole
-        biases.append([(shares * part[:, :, block, None]).sum(axis=1) for part in parts[1:]])
+        # Over the nodes of the zero position a product of matrices, each row by its largest number.
+        first = held[:, :, block].swapaxes(1, 2) + np.log(WEIGHTS / 2)
+        second = parts.log_probability[:, :, block]
+        tops = first.max(axis=2, keepdims=True), second.max(axis=1, keepdims=True)
+        left, right = np.exp(first - tops[0]), np.exp(second - tops[1])
+        whole = left @ right
+        with np.errstate(divide="ignore"):  # a sum of nothing is nothing
+            logs += np.log(whole) + tops[0] + tops[1]
+        whole = np.maximum(whole, np.finfo(float).tiny)
+        biases.append([left @ (right * part[:, :, block]) / whole for part in parts[1:]])
     evidence = float(logsumexp(logs))
     density = np.exp(logs - evidence)
     moments = [(value, value**2) for value in values] + biases

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
@@ -71,6 +72,36 @@ def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dic
             (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()
         ),
     }
+
+
+def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> tuple[float, float]:
+    """Return how the logarithm of the noise grows from centre to edge, and its standard error.
+
+    The likeliest growth h of a noise sigma exp(h rho^2), rho being the distance from the pivot over
+    the largest one, in the residuals of the least-squares similarity.
+
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 2)
+        In px.
+    pivot : ndarray, shape (2,)
+        The source's principal point, in px.
+
+    Returns
+    -------
+    tuple of float
+        Growth and standard error.
+    """
+    squares = np.square(fit_registration(source, target, pivot).residuals).sum(axis=1)
+    rho = np.square(source - pivot).sum(axis=1)
+    rho = rho / rho.max()
+    off = rho - rho.mean()
+
+    def surprise(growth: float) -> float:
+        # Less the log likelihood over the count, sigma at its likeliest.
+        return float(np.log((squares * np.exp(-2 * growth * off)).mean()))
+
+    return float(minimize_scalar(surprise).x), float(0.5 / np.sqrt(off @ off))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.least_squares import fit_checks
 from reproduce.inference.model import Derived, Model
-from reproduce.inference.registration import (
+from reproduce.inference.models.least_squares import fit_checks
+from reproduce.inference.models.registration import (
     GaussianRegistration,
     registration_parameters,
     triangular,
@@ -197,7 +197,6 @@ def joint_model(
     estimate = dict(zip(names, likelihood.start()[0].tolist(), strict=False))
     return Model(
         "registration-joint",
-        "Registration of both channels: they share the green noise",
         with_priors((*parameters, noise), None),
         likelihood,
         estimate,

@@ -1,4 +1,4 @@
-"""The camera's misalignment from laser centroids in pixels: still, in five states, drifting.
+"""The camera's misalignment from laser centroids in pixels: still, or drifting.
 
 The calibration group is data like any other: the zero attitude is a parameter, so its error is
 in the posterior of the misalignment. Angles in radians, right-handed about the camera's axes
@@ -16,11 +16,11 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.lasers import Platform, SpotStatistics
 from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference.models.lasers import Platform, SpotStatistics
+from reproduce.inference.models.quest import Quest, none
+from reproduce.inference.models.registration import with_priors
 from reproduce.inference.priors import LogUniform, Normal, Prior
-from reproduce.inference.quest import Quest, none
-from reproduce.inference.registration import with_priors
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -54,10 +54,6 @@ class SpotLikelihood(ABC):
     def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Misalignment at the start and at the end of each group, (n, groups, 3)."""
 
-    def focal(self, parameters: FloatArray) -> FloatArray | float:
-        """Focal length of the camera, in metres."""
-        return self.platform.camera_focal_length
-
     @abstractmethod
     def middle(self) -> tuple[FloatArray, FloatArray]:
         """Rough values and scales of the parameters between mount and laser scale."""
@@ -69,13 +65,17 @@ class SpotLikelihood(ABC):
     def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
         """Spots after turns of shape (n, groups, 3), in px."""
         mount, scale = parameters[:, :3], parameters[:, -2]
-        return self.platform.predicted(mount, turn, scale, self.focal(parameters))
+        return self.platform.predicted(mount, turn, scale, self.platform.camera_focal_length)
 
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted spots at the start and at the end of each group, in px."""
         first, last = self.turns(parameters)
-        start = self.landed(parameters, first)
-        return start, start if first is last else self.landed(parameters, last)
+        if first is last:
+            start = self.landed(parameters, first)
+            return start, start
+        both = self.landed(parameters, np.concatenate([first, last], axis=1))
+        count = first.shape[1]
+        return both[:, :count], both[:, count:]
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -229,7 +229,6 @@ def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
 
 def spots_model(
     name: str,
-    title: str,
     middle: tuple[Parameter, ...],
     likelihood: SpotLikelihood,
     priors: Mapping[str, Prior] | None,
@@ -243,7 +242,7 @@ def spots_model(
     noise = Parameter("noise", r"\sigma", "px", LogUniform(1e-4, 1.0, "from far finer than any "
                       "centroid to a whole pixel, no scale preferred"))  # fmt: skip
     parameters = (*_angles("mount", r"\alpha", mount), *middle, scale, noise)
-    return Model(name, title, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
+    return Model(name, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
 
 
 MISALIGNED = Normal(
@@ -278,8 +277,7 @@ def misalignment_model(
     """
     likelihood = ConstantLikelihood(platform, statistics)
     middle = _angles("angle", r"\theta", MISALIGNED)
-    title = "Constant misalignment from laser spots"
-    return spots_model("misalignment", title, middle, likelihood, priors, derived)
+    return spots_model("misalignment", middle, likelihood, priors, derived)
 
 
 def drift_model(
@@ -307,5 +305,4 @@ def drift_model(
         *_angles("angle", r"\theta", MISALIGNED),
         *_angles("drift", r"\dot\theta", MISALIGNED),
     )
-    title = "Drifting misalignment from laser spots"
-    return spots_model("misalignment-drift", title, middle, likelihood, priors, derived)
+    return spots_model("misalignment-drift", middle, likelihood, priors, derived)

@@ -1,0 +1,76 @@
+"""The platform as designed, and its laser spots simulated: single images are not printed.
+
+With the printed spots, their printed scatter and a seed of our own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import PCG64, Generator, SeedSequence
+
+from reproduce.inference.models.lasers import Platform
+from reproduce.papers.chen2023 import lasers
+from reproduce.papers.declare import ROOT_SEED
+from reproduce.physics.optics.camera import detector_centre
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+DATA_SEED = (ROOT_SEED, 2)
+READS = (*lasers.READS, lasers.SCATTER)
+
+
+def platform(given: Given) -> Platform:
+    """The platform as designed, with the centre of the detector for the principal point."""
+    spots = given.array(lasers.SPOTS).reshape(-1, 2)
+    pixels = given.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
+    return Platform(
+        lasers.designed_positions(spots, given[lasers.DIAGONAL]),
+        given[f"{lasers.PLATFORM}#telescope-focal-length.value"],
+        given[f"{lasers.PLATFORM}#tracker-focal-length.value"],
+        given[f"{lasers.PLATFORM}#tracker-pixel-size.value"],
+        detector_centre(pixels),
+        spots,
+    )
+
+
+def images(
+    given: Given, turns: list[tuple[FloatArray, FloatArray]], frames: int, stream: int
+) -> list[FloatArray]:
+    """Simulate spots of groups of images.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells of `READS`.
+    turns : list of tuple of ndarray, shape (3,)
+        Misalignment at the start and at the end of each group, in radians.
+    frames : int
+        Images in each group.
+    stream : int
+        Which of the streams of random numbers.
+
+    Returns
+    -------
+    list of ndarray, shape (frames, 4, 2)
+        In px.
+    """
+    seed = SeedSequence(DATA_SEED[0], spawn_key=(DATA_SEED[1], stream))
+    generator = Generator(PCG64(seed))
+    design = platform(given)
+    noise = np.sqrt(np.square(given.array(lasers.SCATTER) / lasers.SIGMAS).mean())
+    # The printed spots fill less than the designed square: simulate what was printed.
+    scale = np.full(frames, _pattern_scale(design))
+    groups = []
+    for first, last in turns:
+        turn = first + np.linspace(0, 1, frames)[:, None] * (last - first)
+        true = design.predicted(
+            np.zeros((frames, 3)), turn[:, None], scale, design.camera_focal_length
+        )[:, 0]
+        groups.append(true + noise * generator.normal(size=true.shape))
+    return groups
+
+
+def _pattern_scale(design: Platform) -> float:
+    sizes = [np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)]
+    magnification = design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
+    return float(sizes[0] / (sizes[1] * magnification))

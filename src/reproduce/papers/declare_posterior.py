@@ -1,0 +1,198 @@
+"""How a posterior is declared: once, beside the function that makes its model.
+
+Command line, pages, calibrations and the formats of a user's files follow from the declaration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from reproduce.inference.checks import Published
+from reproduce.inference.model import Model
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given, given
+from reproduce.store.points import Table
+
+Pivot = tuple[float, float] | None
+# Kept steps of an ensemble: fifty autocorrelation times with room.
+STEPS = 700
+
+
+@dataclass(frozen=True)
+class File:
+    """The format of a user's own data.
+
+    Parameters
+    ----------
+    columns : tuple of str
+        Of the CSV file, in any order.
+    meaning : str
+        What a line is, and what the columns hold.
+    read : callable
+        Makes the model of a table and of the pivot that the user gives.
+    pivots : callable, optional
+        For stars: the pivot of each channel. Without it the model takes none.
+    remarks : callable, optional
+        What a user should hear of the data.
+    """
+
+    columns: tuple[str, ...]
+    meaning: str
+    read: Callable[[Table, Pivot], Model]
+    pivots: Callable[[Table, Pivot], list[FloatArray]] | None = None
+    remarks: Callable[[Table, Pivot], list[str]] | None = None
+
+
+@dataclass(frozen=True)
+class Aside:
+    """A number that a simple sum over the data of a model gives beside its posterior.
+
+    Parameters
+    ----------
+    value : float
+        In the unit shown.
+    error : float
+        Its standard error; zero where the number is a standard error itself.
+    unit : str
+        That unit.
+    """
+
+    value: float
+    error: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A posterior of the book.
+
+    Parameters
+    ----------
+    key : str
+        Its only name: on the command line, in the book, of its stored calibration.
+    title : str
+        What it is about, in one line.
+    paper : str
+        Whose numbers it takes.
+    given : tuple of str
+        Every printed cell (or group) that reaches the model, as data, setting or prior.
+    build : callable
+        Makes the model from the door.
+    file : File or str
+        The format of a user's own data, or why there is none.
+    truth : callable, optional
+        The parameters with which the data were simulated, by name, of the door; SI units or px.
+        None where the data are as printed.
+    published : callable, optional
+        What the paper prints of the experiment, of the door and the model; none where the paper
+        prints no estimate.
+    compared : tuple of str
+        The printed cells that are compared with the posterior only: they do not reach the model.
+    rivals : tuple of callables
+        Rivals for model choice: each makes a model of the same data.
+    evidence : callable, optional
+        The log evidence of a model or rival without sampling.
+    bound : callable, optional
+        The least standard deviations that the data allow, one for each parameter; SI units or px.
+    asides : callable, optional
+        What simple sums over the data of the model give beside it, by name.
+    steps, walkers : int
+        How it is sampled: kept steps and walkers of an ensemble, zero for the usual number.
+    """
+
+    key: str
+    title: str
+    paper: str
+    given: tuple[str, ...]
+    build: Callable[[Given], Model]
+    file: File | str
+    truth: Callable[[Given], dict[str, float]] | None = None
+    published: Callable[[Given, Model], Published] | None = None
+    compared: tuple[str, ...] = ()
+    rivals: tuple[Callable[[Given], Model], ...] = ()
+    evidence: Callable[[Model], float] | None = None
+    bound: Callable[[Model], FloatArray] | None = None
+    asides: Callable[[Model], dict[str, Aside]] | None = None
+    steps: int = STEPS
+    walkers: int = 0
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the data are simulated from printed settings: the raw data are not published."""
+        return self.truth is not None
+
+    def model(self) -> Model:
+        """Return the model with its data."""
+        return self.build(given(self.given))
+
+    def true_values(self) -> dict[str, float]:
+        """Return the parameters with which the data were simulated; none where they were not."""
+        return {} if self.truth is None else self.truth(given(self.given))
+
+    def rival_models(self) -> list[Model]:
+        """Return the models that model choice compares this one with."""
+        return [rival(given(self.given)) for rival in self.rivals]
+
+    def printed(self, model: Model) -> Published | None:
+        """Return what the paper prints of the experiment, with how to repeat it."""
+        if self.published is None:
+            return None
+        return self.published(given((*self.given, *self.compared)), model)
+
+
+# What a comparison of a model with its own data can show.
+OWN_DATA = (
+    "These numbers are the data of the model: where a repeat would not print them the model is in "
+    "doubt; where it would, that proves nothing."
+)
+
+
+def published_cells(
+    given: Given,
+    addresses: Sequence[str],
+    repeat: Callable[[FloatArray, Generator], FloatArray],
+    parameters: Sequence[str] = (),
+    whole: Callable[[FloatArray], FloatArray] | None = None,
+    note: str = "",
+) -> Published:
+    """Return printed cells as the outcome of an experiment.
+
+    Parameters
+    ----------
+    given : Given
+        Holds the cells.
+    addresses : sequence of str
+        Of the cells.
+    repeat, whole, note
+        As for `Published`, in the order of the addresses and in SI units or px.
+    parameters : sequence of str
+        The parameter that each cell estimates; empty if none does.
+
+    Returns
+    -------
+    Published
+        With names and units of the print.
+    """
+    cells = [given.cells[address] for address in addresses]
+    half = np.array([given.half_unit(address) for address in addresses])
+    return Published(
+        tuple(cell.label for cell in cells),
+        tuple(cell.unit for cell in cells),
+        tuple(cell.text for cell in cells),
+        np.array([given[address] for address in addresses]),
+        half,
+        np.array([cell.number.half_unit for cell in cells]) / half,
+        repeat,
+        tuple(parameters) or ("",) * len(cells),
+        whole,
+        note,
+    )
+
+
+def simulated(model: Model, parameters: FloatArray, generator: Generator) -> FloatArray:
+    """Return data of repeats, for models whose data are one array; shape (n, ...)."""
+    return np.stack([model.repeat(one, generator) for one in parameters])
