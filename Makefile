@@ -48,7 +48,7 @@ same: $(STAMP)  ## compute every number of the book under other arithmetic, and 
 	@$(PY) tools/same_numbers.py
 
 mutants: $(STAMP)  ## change the code in many places and see whether the tests notice
-	@$(PY) tools/mutation.py
+	@$(PY) tools/evidence/mutation.py
 
 lock: $(STAMP)  ## resolve environment.txt again
 	@$(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
