@@ -49,7 +49,7 @@ same: $(TESTS)  ## compute every number of the book under other arithmetic, and 
 	@$(PY) tools/same_numbers.py
 
 mutants: $(TESTS)  ## change the code in many places and see whether the tests notice
-	@$(PY) tools/mutation.py
+	@$(PY) tools/evidence/mutation.py
 
 COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
 	--generate-hashes --no-emit-index-url --quiet

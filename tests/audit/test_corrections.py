@@ -10,9 +10,10 @@ from reproduce.audit.conflicts import conflicts
 from reproduce.audit.corrections import corrections
 from reproduce.audit.examine import boxes_of, contradicted, examine
 from reproduce.audit.grouping import groups
+from reproduce.audit.intervals import EVERYTHING
 from reproduce.audit.report import audit_table
 from reproduce.audit.slips import of_cell, of_digits
-from reproduce.audit.solve import EVERYTHING, propagate
+from reproduce.audit.solve import propagate
 
 
 def planted(cells, kind, seed):

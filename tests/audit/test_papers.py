@@ -11,7 +11,6 @@ from reproduce.audit.declared import relations_of
 from reproduce.audit.errata import register
 from reproduce.audit.examine import boxes_of, contradicted, jointly_contradicted
 from reproduce.audit.quantity import quantity
-from reproduce.audit.readings import Merged, merged
 from reproduce.audit.report import audit_paper, audit_table
 from reproduce.audit.solve import domain
 
@@ -254,16 +253,6 @@ def test_every_relation_and_erratum_says_which_reading_found_it():
     for paper in PAPERS:
         assert all(f.relation.reading for f in audit_paper(paper).findings)
     assert all(entry.reading for entry in ERRATA)
-
-
-def test_the_chapman_estimate_by_hand():
-    found = Merged(first=3, second=5, both=11)
-    assert found.missed == pytest.approx(15 * 17 / 12 - 1 - 19)
-    assert found.error == pytest.approx(math.sqrt(15 * 17 * 3 * 5 / (12**2 * 13)))
-    assert Merged(first=0, second=4, both=9).missed == pytest.approx(0)
-    assert merged(["first", "both", "merging"]) == Merged(1, 0, 1, 1)
-    with pytest.raises(ValueError, match="expected one of"):
-        merged(["both", ""])
 
 
 def test_verdicts_name_known_errata_of_their_paper():

@@ -1,6 +1,7 @@
 """Stored studies: what is written is read, and what was changed is refused."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from reproduce.store import studies
@@ -40,6 +41,31 @@ def test_a_missing_study_is_named(tmp_path):
 def test_a_note_without_its_command_is_refused(tmp_path):
     with pytest.raises(studies.StudyError, match="command"):
         studies.write("small", ARRAYS, {"seed": 1, "versions": "none"}, tmp_path)
+
+
+TABLE = pd.DataFrame(
+    {"cell": ["a#b", 'c "d"'], "text": ["1.50", "é"], "seen": [True, False], "size": [0.5, np.nan]}
+)
+
+
+def test_a_table_comes_back_with_its_note(tmp_path):
+    studies.write_table("small", TABLE, {"command": "run", "made": {"x/y": 3}}, tmp_path)
+    found = studies.table("small", tmp_path)
+    pd.testing.assert_frame_equal(found, TABLE, check_dtype=False)
+    assert found["seen"].dtype == bool
+    assert (found.attrs["command"], found.attrs["made"]) == ("run", {"x/y": 3})
+
+
+def test_a_table_changed_by_hand_is_refused(tmp_path):
+    studies.write_table("small", TABLE, {"command": "run"}, tmp_path)
+    path = tmp_path / "small.toml"
+    path.write_text(path.read_text("utf-8").replace("1.50", "1.51"), "utf-8")
+    with pytest.raises(studies.StudyError, match="changed by hand; run again: run"):
+        studies.table("small", tmp_path)
+    with pytest.raises(studies.StudyError, match="no such study"):
+        studies.table("other", tmp_path)
+    with pytest.raises(studies.StudyError, match="command"):
+        studies.write_table("small", TABLE, {}, tmp_path)
 
 
 def test_every_study_of_the_project_is_whole():

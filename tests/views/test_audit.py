@@ -9,13 +9,7 @@ from click.testing import CliRunner
 
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
-from reproduce.views import (
-    audit_ourselves,
-    audit_pages,
-    audit_picture,
-    audit_readings,
-    pages,
-)
+from reproduce.views import audit_pages, audit_picture, pages
 from reproduce.views.cli import main
 
 TABLE = """
@@ -154,22 +148,6 @@ def test_pages_show_corrections_equations_and_pictures(paper):
     blamed = audit_paper(paper).blamed()
     worst = max(blamed, key=blamed.get)
     assert worst.partition("/")[2] in svg
-
-
-def test_our_own_audit_is_shown():
-    assert "one digit changed" in audit_ourselves.power_by_kind().text
-    assert "niu2024/table-3" in audit_ourselves.power_by_table().text
-    assert "contradicts already" in audit_ourselves.unseen().text
-    assert "place in its law" in audit_ourselves.transforms("transforms").text
-    assert "units of the last digit" in audit_ourselves.rounding("residuals").text
-
-
-def test_the_two_readings_are_counted():
-    text = audit_readings.table().text
-    found = audit_readings.counts()["relations"]
-    numbers = [found.first, found.second, found.both, found.merging, found.found]
-    assert "".join(f"<td>{n}</td>" for n in numbers) in text
-    assert found.found > found.both > 0
 
 
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():

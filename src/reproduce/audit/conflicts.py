@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from reproduce.audit.examine import boxes_of, by_value, contradicted, uniform
+from reproduce.audit.intervals import EVERYTHING
 from reproduce.audit.quantity import Interval, Sheet
 from reproduce.audit.relation import Relation
-from reproduce.audit.solve import EVERYTHING, contract, projection, propagate
+from reproduce.audit.solve import contract, projection, propagate
 
 
 @dataclass(frozen=True)
@@ -87,13 +88,22 @@ def _disjoint_pairs(
 
 
 def _needed(relations: Sequence[Relation], boxes: Mapping[str, Interval]) -> list[Relation]:
-    """Drop relations one by one as long as the rest cannot hold together."""
-    needed = list(relations)
-    for relation in relations:
-        rest = [other for other in needed if other is not relation]
-        if propagate(rest, boxes) is None:
-            needed = rest
-    return needed
+    """Drop relations in their order as long as the rest cannot hold together.
+
+    What cannot hold without a whole block cannot hold without any part of it, so blocks are tried
+    first.
+    """
+
+    def kept(block: Sequence[Relation], others: Sequence[Relation]) -> list[Relation]:
+        if propagate(others, boxes) is None:
+            return []
+        if len(block) == 1:
+            return list(block)
+        middle = len(block) // 2
+        first = kept(block[:middle], [*others, *block[middle:]])
+        return first + kept(block[middle:], [*others, *first])
+
+    return kept(relations, [])
 
 
 def _smallest(relations: Sequence[Relation], boxes: Mapping[str, Interval]) -> Conflict:

@@ -16,7 +16,7 @@ from reproduce.audit.quantity import (
     rules_that_print,
 )
 from reproduce.audit.relation import Relation, Unknown
-from reproduce.audit.solve import contract, projection, propagate
+from reproduce.audit.solve import possible, projection, propagate
 from reproduce.printed.units import si_factor
 
 Outcome = Literal["agrees", "agrees only through rounding", "contradicts"]
@@ -175,7 +175,7 @@ def contradicted(
                 wrong.add(relation.name)
             continue
         if relation.unknown is None:
-            if contract(relation, boxes) is None:
+            if not possible(relation, boxes):
                 wrong.add(relation.name)
             continue
         if relation.name not in fixed[relation.unknown.name].members:

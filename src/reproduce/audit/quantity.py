@@ -50,6 +50,11 @@ class Quantity:
     number: PrintedNumber
     unit: str
 
+    @functools.cached_property
+    def nearest(self) -> Interval:
+        """The values that print so when they are rounded to nearest, in SI units."""
+        return _in_si(self, "nearest")
+
     @property
     def si(self) -> float:
         """The printed number in SI units (pixels stay pixels)."""
@@ -158,6 +163,10 @@ def allowed(printed: Quantity, rule: Rule = "nearest") -> Interval:
     tuple of float
         A closed interval, in SI units.
     """
+    return printed.nearest if rule == "nearest" else _in_si(printed, rule)
+
+
+def _in_si(printed: Quantity, rule: Rule) -> Interval:
     factor = si_factor(printed.unit)
     low, high = _printed(printed.number, rule)
     return low * factor, high * factor

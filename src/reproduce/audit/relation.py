@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from reproduce.audit.formula import Arithmetic, Formula, FormulaError, evaluate, read
+from reproduce.audit.formula import Arithmetic, Formula, FormulaError, Plain, evaluate, read
 from reproduce.audit.quantity import Quantity, Sheet
 from reproduce.printed.units import UNITS, si_factor
 
@@ -130,7 +130,7 @@ class Relation:
         shared = len(self.addresses) > 1 or self.unknown is not None
         return shared and self.kind != "print"
 
-    @property
+    @cached_property
     def repeats(self) -> bool:
         """Whether it says that one number is printed twice.
 
@@ -179,12 +179,13 @@ class Relation:
             Left and right; NaN where the formula has no value, as after a division by zero.
         """
         values = self.values(by_address, unknown)
-        return _number(self.formula.left, values), _number(self.formula.right, values)
+        left, right = self.formula.plain
+        return _number(left, values), _number(right, values)
 
 
-def _number(side: ast.expr, values: Mapping[str, Any]) -> float:
+def _number(side: Plain, values: Mapping[str, Any]) -> float:
     try:
-        return float(evaluate(side, values))
+        return float(side(values))
     except (ArithmeticError, ValueError):  # a division by zero, a root of a negative number
         return math.nan
 

@@ -15,11 +15,12 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from reproduce.audit.examine import boxes_of, contradicted, fix_unknowns, uniform
-from reproduce.audit.quantity import Interval, Sheet
+from reproduce.audit.examine import boxes_of, by_value, contradicted, fix_unknowns, uniform
+from reproduce.audit.intervals import EVERYTHING
+from reproduce.audit.quantity import Interval, Sheet, allowed
 from reproduce.audit.relation import Relation
 from reproduce.audit.slips import COSTS, Slip, lines, of_cell, reaching
-from reproduce.audit.solve import EVERYTHING, contract, projection
+from reproduce.audit.solve import contract, projection, widened
 
 # In the order of search, a relation still wrong weighs as one digit, a newly broken one half: an
 # interchange may break what the next one mends.
@@ -139,20 +140,25 @@ class Search:
         best = sorted(level, key=self._promise)[:breadth]
         found: dict[frozenset[tuple[str, str]], State] = {}
         for state in best:
-            for child in self._grown(state, self._reaching):
-                if self._promise(child) - child.slips[-1].cost < self._promise(state):
-                    found.setdefault(child.fingerprint(self.cells), child)
+            for child in self._grown(state, self._reaching, self._ill(state.wrong)):
+                found.setdefault(child.fingerprint(self.cells), child)
         return sorted(found.values(), key=self._promise)[:breadth]
 
     def _grown(
-        self, state: State, single: Callable[[State, str], Iterable[Slip]]
+        self,
+        state: State,
+        single: Callable[[State, str], Iterable[Slip]],
+        below: float = math.inf,
     ) -> Iterator[State]:
-        """Yield the states one slip on that touch the smallest set, with the group still wrong."""
+        """Yield the states one slip on that touch the smallest set, with the group still wrong.
+
+        Only those with less wrong than `below`, as `_ill` weighs it.
+        """
         cover = min(self.covers(state), key=len)
         slips = (single(state, address) for address in sorted(cover))
         for slip in itertools.chain(*slips, self._interchanges(state, [cover])):
-            child = self._after(state, slip)
-            if child.wrong & self.targets:
+            child = self._after(state, slip, below)
+            if child is not None and child.wrong & self.targets:
                 yield child
 
     def _any(self, state: State, address: str) -> Iterable[Slip]:
@@ -162,8 +168,11 @@ class Search:
         return state.cost, len(state.wrong - self.already)
 
     def _promise(self, state: State) -> float:
-        left, broken = state.wrong & self.targets, state.wrong - self.already
-        return state.cost + len(left) + _BROKEN * len(broken)
+        return state.cost + self._ill(state.wrong)
+
+    def _ill(self, wrong: frozenset[str]) -> float:
+        left, broken = wrong & self.targets, wrong - self.already
+        return len(left) + _BROKEN * len(broken)
 
     def covers(self, state: State) -> list[frozenset[str]]:
         """Return sets of cells, each of which must be touched to lift the group.
@@ -209,7 +218,7 @@ class Search:
         self, state: State, covers: Sequence[frozenset[str]], room: float = math.inf
     ) -> Iterator[Slip]:
         for line in self.lines:
-            if COSTS[line.kind] <= room and all(line.addresses & cover for cover in covers):
+            if COSTS[line.kind] <= room and not any(map(line.addresses.isdisjoint, covers)):
                 slip = line.slip(state.cells)
                 if slip is not None:
                     yield slip
@@ -239,11 +248,11 @@ class Search:
                 frozenset(r.addresses) for r in self.near if r.name in broken and not r.unknown
             ]
         common = frozenset.intersection(*covers) - self._tried_before(state)
-        slips = (self._reaching(state, address) for address in sorted(common))
+        slips = (self._lifting(state, address) for address in sorted(common))
         for slip in itertools.chain(*slips, self._interchanges(state, covers, room)):
             lifts = slip.cost <= room and self._lifts(state, slip)
             if lifts and (slip.cost < room or self._restores(state, slip)):
-                yield self._after(state, slip)
+                yield self._after(state, slip) or state
 
     def _tried_before(self, state: State) -> frozenset[str]:
         """Return the cells whose slips were tried first: a pair need not come in both orders."""
@@ -259,7 +268,7 @@ class Search:
             return False
         cells = slip.undone(state.cells)
         alone = [r for r in blamed if r.unknown is None]
-        if contradicted(cells, alone):
+        if any(contradicted(cells, [relation]) for relation in alone):
             return False
         shared = [r for r in self._again(slip.addresses) if r.unknown is not None]
         return not contradicted(cells, shared) & self.targets
@@ -291,6 +300,25 @@ class Search:
             free = [contract(relation, boxes, v) for v in self._values(relation, state.cells)]
             yield from reaching(printed, [f[address] for f in free if f is not None])
 
+    def _lifting(self, state: State, address: str) -> Iterator[Slip]:
+        """Yield the slips in one cell that may let every contradicting relation of it hold."""
+        blamed = [
+            r
+            for r in self.near
+            if r.name in state.wrong & self.targets and address in r.addresses and r.unknown is None
+        ]
+        goals: list[Interval] = []
+        for relation in by_value(blamed):
+            boxes = boxes_of(state.cells, [relation], "nearest") | {address: EVERYTHING}
+            free = contract(relation, boxes)
+            if free is None:
+                return
+            goals.append(free[address])
+        for slip in self._reaching(state, address):
+            low, high = widened(allowed(slip.changes[0][1]))
+            if all(low <= end and high >= start for start, end in goals):
+                yield slip
+
     def _values(self, relation: Relation, cells: Sheet) -> Iterable[Interval | None]:
         """Return the values of the unknown worth trying: those that the others allow."""
         if relation.unknown is None:
@@ -299,13 +327,20 @@ class Search:
         about = fix_unknowns(cells, others).get(relation.unknown.name)
         return list(about.by_relation.values()) if about and about.by_relation else [None]
 
-    def _after(self, state: State, slip: Slip) -> State:
-        """Undo a slip, and judge again what it touches and what shares an unknown with that."""
+    def _after(self, state: State, slip: Slip, below: float = math.inf) -> State | None:
+        """Undo a slip, and judge again what it touches and what shares an unknown with that.
+
+        None as soon as so much is wrong as `below` says.
+        """
         cells = slip.undone(state.cells)
         again = self._again(slip.addresses)
-        names = {r.name for r in again}
-        wrong = (state.wrong - names) | contradicted(cells, again)
-        return State((*state.slips, slip), cells, wrong)
+        wrong = state.wrong - {r.name for r in again}
+        shared = [r for r in again if r.unknown]
+        for some in [*([r] for r in again if not r.unknown), shared]:
+            if self._ill(wrong) >= below:
+                return None
+            wrong |= contradicted(cells, some)
+        return State((*state.slips, slip), cells, wrong) if self._ill(wrong) < below else None
 
     def _again(self, moved: frozenset[str]) -> list[Relation]:
         """Return the relations of some cells, and those that share an unknown with them."""

@@ -1,8 +1,9 @@
-"""Results of slow studies: arrays beside a note that says how they came about.
+"""Results of slow studies: arrays or a table, beside a note that says how they came about.
 
 A study called `name` is `data/studies/name.npz` and `data/studies/name.toml`. The note holds the
 command that redoes it, its seed, the versions it was run with, and the SHA-256 of the arrays'
-file: a study whose arrays are not those of its note is refused.
+file: a study whose arrays are not those of its note is refused. A study that is one table stands in
+its note, row by row, under the same rule.
 """
 
 from __future__ import annotations
@@ -10,17 +11,21 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import re
 import tomllib
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.locate import data_folder
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Note = Mapping[str, str | int | float]
 
@@ -119,6 +124,75 @@ def read(name: str, where: Path | None = None) -> Study:
         )
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
         return Study(name, {key: packed[key] for key in packed.files}, note)
+
+
+def write_table(
+    name: str, table: pd.DataFrame, note: Mapping[str, Any], where: Path | None = None
+) -> None:
+    """Store a study that is a table; entries of the note that are tables come last.
+
+    Raises
+    ------
+    StudyError
+        If the note does not name the command.
+    """
+    if "command" not in note:
+        raise StudyError(f"{name}: the note lacks command; add it")
+    rows = table.to_numpy(object).tolist()
+    body = "".join(f"    [{', '.join(map(_written, row))}],\n" for row in rows)
+    head = {key: value for key, value in note.items() if not isinstance(value, dict)}
+    head |= {"sha256": _digest(body), "columns": list(table.columns)}
+    lines = [f"{key} = {_written(value)}\n" for key, value in head.items()]
+    lines.append(f"rows = [\n{body}]\n")
+    for key, value in note.items():
+        if isinstance(value, dict):
+            lines += [f"\n[{key}]\n", *(f'"{k}" = {_written(v)}\n' for k, v in value.items())]
+    ((where or folder()) / f"{name}.toml").write_text("".join(lines), encoding="utf-8")
+
+
+def table(name: str, where: Path | None = None) -> pd.DataFrame:
+    """Return a stored table after checking that it is the one of its note.
+
+    Parameters
+    ----------
+    name : str
+        What its file is called.
+    where : pathlib.Path, optional
+        The folder; the project's own by default.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table; its ``attrs`` are the note.
+
+    Raises
+    ------
+    StudyError
+        If the file is missing or its rows were changed by hand.
+    """
+    import pandas as pd
+
+    path = (where or folder()) / f"{name}.toml"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise StudyError(f"{name}: no such study in {path.parent}") from error
+    note = tomllib.loads(text)
+    body = re.search(r"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
+    if body is None or _digest(body.group(1)) != note.get("sha256"):
+        raise StudyError(f"{name}: the rows were changed by hand; run again: {note.get('command')}")
+    frame = pd.DataFrame(note.pop("rows"), columns=note.pop("columns"))
+    frame.attrs.update(note)
+    return frame
+
+
+def _written(value: Any) -> str:
+    """Write a value as TOML, which agrees with JSON in all that a study holds but nan."""
+    return "nan" if value != value else json.dumps(value, ensure_ascii=False)
+
+
+def _digest(rows: str) -> str:
+    return hashlib.sha256(rows.encode()).hexdigest()
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import build
-from reproduce.judge.residuals import _distance, _laws, _place, residuals, unrounded
 from reproduce.papers.catalogue import catalogue
+from reproduce.store import studies
+from residuals import NAME, _distance, _laws, _place, residuals, unrounded
 
 
 def test_only_cells_that_carry_information_count():
@@ -58,3 +60,12 @@ def test_transforms_are_even_under_their_own_law_and_leave_repeats_out():
 def test_the_distance_from_the_uniform_law():
     assert _distance(np.array([0.5])) == pytest.approx(0.5)
     assert _distance(np.array([0.9, 0.95])) == pytest.approx(0.9)
+
+
+def test_the_stored_study_counts_the_exact_cells_of_the_frozen_verdicts():
+    stored = studies.table(NAME)
+    exact = [address for address, expected in frozen().items() if expected.verdict == "exact"]
+    for row in stored.itertuples():
+        assert row.exact == sum(address.startswith(row.paper) for address in exact)
+        assert 0 <= row.telling <= row.exact
+        assert np.isnan(row.probability) == (row.telling == 0)

@@ -28,11 +28,9 @@ from coverage import CoverageData
 
 from mutants import Mutant, mutated
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = Path("src/reproduce")
 FOLDERS = ("physics", "printed", "audit")
-# Whatever the machine does beside, these measure time; they may not decide over a mutant.
-TIMED = ("test_the_audit_of_both_papers_is_fast",)
 TESTS = tuple(f"{above}/{folder}" for above in ("tests", PACKAGE) for folder in FOLDERS)
 COPIED = ("src", "tests", "data", "tools", "pyproject.toml")
 # Imported once, before the processes of the mutants are forked off.
@@ -98,7 +96,7 @@ class Only:
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Keep the wanted tests; all of their files where the change has renamed some."""
-        known = {item.nodeid: item for item in items if item.name.split("[")[0] not in TIMED}
+        known = {item.nodeid: item for item in items}
         wanted = known if self.wanted is None else self.wanted
         items[:] = [known[name] for name in (wanted if known.keys() >= set(wanted) else known)]
 

@@ -4,6 +4,7 @@ If the computations are right and the papers round to nearest, (computed - print
 of the last digit is uniform between minus and plus one half. Only cells that carry information
 count: those whose value the rounding of the inputs moves by little. The difference of two numbers
 with as many decimals prints exactly, whoever is right; it says nothing here and is left out.
+``python tools/evidence/residuals.py`` stores the residuals of both papers.
 """
 
 from __future__ import annotations
@@ -12,14 +13,20 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from reproduce.judge.ledger import Ledger, Record
+import reproduce
+from reproduce.judge.ledger import Ledger, Record, build
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Results
-from reproduce.printed.cells import Cell, library
+from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
+from reproduce.store import studies
+
+NAME = "rounding-residuals"
+COMMAND = "python tools/evidence/residuals.py"
 
 # Inputs may move the value by a fifth of the last digit at most.
 LITTLE = 0.2
@@ -31,18 +38,10 @@ _NOISE = 1e-6
 class Residuals:
     """The residuals of one paper.
 
-    Parameters
-    ----------
-    cells : tuple of str
-        Addresses of the cells that carry information.
-    values : ndarray, shape (n,)
-        (computed - printed) over one unit of the last digit, or its probability integral
-        transform, in the order of the cells.
-    exact : int
-        All exact cells, those that carry none included.
-    probability : float
-        Of a sample from the uniform law at least as far from it (Kolmogorov and Smirnov); NaN
-        without cells.
+    `values` belong to `cells`, those that carry information, of the `exact` cells of the paper:
+    (computed - printed) over one unit of the last digit, or its probability integral transform.
+    `probability` is that of a sample from the uniform law at least as far from it (Kolmogorov and
+    Smirnov); NaN without cells.
     """
 
     cells: tuple[str, ...]
@@ -52,20 +51,7 @@ class Residuals:
 
 
 def residuals(ledger: Ledger, paper: str) -> Residuals:
-    """Collect the rounding residuals of a paper.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        All records.
-    paper : str
-        ``niu2024`` or ``chen2023``.
-
-    Returns
-    -------
-    Residuals
-        One value for each exact cell whose inputs' rounding contributes little.
-    """
+    """Collect the residuals of the exact cells whose inputs' rounding contributes little."""
     from scipy import stats
 
     exact = [r for r in ledger.records if r.key.startswith(f"{paper}/") and r.verdict == "exact"]
@@ -95,22 +81,9 @@ def unrounded(ledger: Ledger, paper: str, draws: int = DRAWS) -> Residuals:
     and the recomputation from their roundings. A residual is placed in it by its probability
     integral transform, which is even between zero and one whatever the formula. Where the law has
     steps, as for a difference of equal decimals, the place within a step is drawn at random. A
-    cell whose law is one single value (a number printed twice) says nothing and is left out.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        All records.
-    paper : str
-        ``niu2024`` or ``chen2023``.
-    draws : int
-        How many sets of inputs are drawn.
-
-    Returns
-    -------
-    Residuals
-        The transforms; the probability is that of a sample at least as far from the uniform law,
-        drawn with the same shared inputs.
+    cell whose law is one single value (a number printed twice) says nothing and is left out. The
+    probability is that of a sample at least as far from the uniform law, drawn with the same
+    shared inputs.
     """
     ours = [r for r in ledger.records if r.key.startswith(f"{paper}/")]
     exact = {r.cell for r in ours if r.verdict == "exact"}
@@ -197,3 +170,17 @@ def _distance(values: NDArray[np.float64]) -> float:
     ordered = np.sort(values)
     steps = np.arange(ordered.size + 1) / ordered.size
     return float(max((steps[1:] - ordered).max(), (ordered - steps[:-1]).max()))
+
+
+def study() -> pd.DataFrame:
+    """Return for each paper how many exact cells speak, and how probable their scatter is."""
+    ledger = build()
+    rows = []
+    for paper in PAPERS:
+        for rule, found in (("print", residuals(ledger, paper)), ("law", unrounded(ledger, paper))):
+            rows.append((paper, rule, found.exact, len(found.cells), found.probability))
+    return pd.DataFrame(rows, columns=["paper", "against", "exact", "telling", "probability"])
+
+
+if __name__ == "__main__":
+    studies.write_table(NAME, study(), {"command": COMMAND, "version": reproduce.__version__})

@@ -1,0 +1,64 @@
+"""What two independent readings of the papers found, and how much both may have missed.
+
+The paper was read line by line twice for relations that it should keep; the second reader did not
+know the first list. What both found tells how much each of them finds, and so how much neither
+found: the estimate of Lincoln and Petersen, in Chapman's form that is nearly unbiased for small
+counts. ``python tools/evidence/two_readings.py`` counts the relations and the errata and stores
+the estimates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+
+import pandas as pd
+
+import reproduce
+from reproduce.audit.errata import register
+from reproduce.audit.relation import Relation
+from reproduce.audit.report import audit_paper
+from reproduce.locate import data_folder
+from reproduce.printed.cells import PAPERS
+from reproduce.store import studies
+
+NAME = "two-readings"
+COMMAND = "python tools/evidence/two_readings.py"
+FOUND = ("first", "second", "both", "merging")
+
+
+def missed(first: int, second: int, both: int) -> tuple[float, float]:
+    """Estimate what two readings missed, with the standard error, from what each found alone.
+
+    Each reader finds half of what the other finds, so about a quarter escapes both:
+
+    >>> round(missed(first=2, second=2, both=2)[0], 2)
+    1.33
+    """
+    one, two, shared = first + both + 1, second + both + 1, both + 1
+    error = math.sqrt(one * two * first * second / (shared**2 * (shared + 1)))
+    return one * two / shared - 1 - (first + second + both), error
+
+
+def lines(relations: Iterable[Relation]) -> list[str]:
+    """Return who found each line of declaration, of which several relations can come."""
+    return list({(r.line, r.source): r.reading for r in relations}.values())
+
+
+def study() -> pd.DataFrame:
+    """Count what each reading found, and estimate what both missed."""
+    relations = [f.relation for paper in PAPERS for f in audit_paper(paper).findings]
+    errata = register((data_folder() / "errata.toml").read_text(encoding="utf-8"))
+    rows = []
+    for what, found in (("lines", lines(relations)), ("errata", [e.reading for e in errata])):
+        counts = Counter(found)
+        if strays := set(counts) - set(FOUND):
+            raise ValueError(f"{what}: expected one of {', '.join(FOUND)}, got {strays}")
+        estimate = missed(counts["first"], counts["second"], counts["both"])
+        rows.append((what, *(counts[name] for name in FOUND), *estimate))
+    return pd.DataFrame(rows, columns=["what", *FOUND, "missed", "error"])
+
+
+if __name__ == "__main__":
+    studies.write_table(NAME, study(), {"command": COMMAND, "version": reproduce.__version__})
