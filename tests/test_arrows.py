@@ -13,7 +13,10 @@ ARROWS = {
     "printed": {"printed", "locate", "units"},
     "store": {"store", "locate"},
     "inference": {"inference", "physics", "units"},
-    "papers": {"papers", "inference", "physics", "store", "printed.given", "units"},
+    "papers": {
+        *{"papers", "inference", "physics", "store", "printed.given", "units"},
+        *{"locate.papers", "locate.search_path"},
+    },
     "judge": {"judge", "papers", "printed", "locate"},
     "audit": {"audit", "printed", "physics"},
     "views": {

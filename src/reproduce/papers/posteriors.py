@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.model import Model
 from reproduce.inference.repeats import Published
+from reproduce.locate import papers
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 
@@ -124,15 +127,20 @@ def simulated(model: Model, parameters: FloatArray, generator: Generator) -> Flo
     return np.stack([model.repeat(one, generator) for one in parameters])
 
 
+@cache
 def posteriors() -> dict[str, Declared]:
-    """Return all posteriors of both papers by name, in the order of the book.
+    """Return all posteriors of all papers by name, in the order of the book.
+
+    Returns
+    -------
+    dict
+        Name to what each paper's module ``posteriors``, if it has one, lists as ``POSTERIORS``.
 
     Examples
     --------
     >>> list(posteriors())[0]
     'registration'
     """
-    from reproduce.papers.chen2023.posteriors import POSTERIORS as CHEN
-    from reproduce.papers.niu2024.posteriors import POSTERIORS as NIU
-
-    return {declared.name: declared for declared in (*NIU, *CHEN)}
+    names = [f"reproduce.papers.{paper}.posteriors" for paper in papers()]
+    found = [importlib.import_module(name) for name in names if importlib.util.find_spec(name)]
+    return {declared.name: declared for module in found for declared in module.POSTERIORS}
