@@ -21,7 +21,7 @@ ARROWS = {
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
-        *{"locate", "units", "physics.fit", "physics.similarity"},
+        *{"locate", "units", "physics.fit", "physics.monitoring", "physics.similarity"},
     },
 }
 PHYSICS_MAY_NOT = {"pathlib", "io", "os", "tomllib", "json", "csv", "pandas", "importlib"}

@@ -8,12 +8,14 @@ import sys
 import pytest
 from click.testing import CliRunner
 
+import reproduce as rp
 from reproduce.judge import expected
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
 from reproduce.views.cli import main
 
+RANGE = "niu2024/text-simulation#range-x-high"
 FIELDS = (
     "key cell printed unit role computed verdict flags tolerance share probability mcse why "
     "function equations seed"
@@ -174,10 +176,10 @@ def test_an_unwritable_place_is_told(tmp_path):
     assert "cannot write" in result.stderr
 
 
-def test_exporting_a_figure_is_refused():
-    result = run("export", "niu2024/fig-4", "--format", "csv")
-    assert result.exit_code == 2
-    assert "reproduce figure niu2024/fig-4" in result.stderr
+def test_exporting_a_figure_writes_its_data():
+    lines = run("export", "niu2024/fig-4", "--format", "csv").stdout.strip().splitlines()
+    assert lines[0] == "panel,curve,x,y"
+    assert len(lines) == 1 + len(rp.figure("niu2024/fig-4").data)
 
 
 def test_the_version_is_told():
@@ -207,9 +209,12 @@ def test_show_reruns_under_a_change():
     ("arguments", "message"),
     [
         (["show", "niu2024/table-3#scale.green"], "has no cell 'scale.green'"),
-        (["show", "niu2024/table-3", "--set", "noise"], "expected CELL=VALUE"),
+        (["show", "niu2024/table-3", "--set", "noise"], "expected NAME=VALUE"),
         (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
         (["show", "niu2024/fig-4", "--seed", "1"], "is a figure"),
+        (["show", "niu2024/table-3", "--option", "angle=square"], "has no option 'angle'; it"),
+        (["show", "niu2024/table-3", "--option", "angles=round"], "angles is one of square,"),
+        (["show", "niu2024/table-3", "--replicates", "100001"], "from 2 to 100,000, got 100001"),
         (["export", "niu2024/table-3#x", "--format", "csv"], "has no cell 'x'"),
     ],
 )
@@ -217,6 +222,28 @@ def test_slips_in_addresses_and_changes_are_told(arguments, message):
     result = run(*arguments)
     assert result.exit_code == 2
     assert message in " ".join(result.output.split())
+
+
+def test_show_judges_a_reading_of_the_text():
+    """Only under the translations of Table 2 do the printed translations agree."""
+    found = {}
+    for way in ("table-1", "table-2"):
+        result = run("show", "niu2024/table-3", "--option", f"translations={way}")
+        assert result.exit_code == 0, result.output
+        assert max(map(len, result.output.splitlines())) <= 80
+        (row,) = [line for line in result.output.splitlines() if "translation-x.red" in line]
+        found[way] = row.split()[-2]
+    assert found == {"table-1": "differs", "table-2": "consistent"}
+
+
+def test_a_figure_is_drawn_under_a_change(tmp_path):
+    drawn = []
+    for name, change in (("plain", []), ("wider", ["--set", f"{RANGE}=10 deg"])):
+        out = tmp_path / f"{name}.svg"
+        result = run("figure", "niu2024/fig-4", *change, "--out", str(out))
+        assert result.exit_code == 0, result.output
+        drawn.append(out.read_text(encoding="utf-8"))
+    assert drawn[0] != drawn[1]
 
 
 @pytest.mark.parametrize("form", ["csv", "json", "latex", "markdown"])

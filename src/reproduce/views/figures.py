@@ -93,6 +93,13 @@ def data(figure: Figure) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
 
 
+def check_ending(out: Path) -> str:
+    """Return the ending of a file to write, or raise ValueError if no figure has it."""
+    if out.suffix.lower() not in ENDINGS:
+        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(ENDINGS)}")
+    return out.suffix.lower()
+
+
 def save(figure: Figure, out: Path) -> None:
     """Write a drawn figure.
 
@@ -110,10 +117,9 @@ def save(figure: Figure, out: Path) -> None:
     OSError
         If the file cannot be written.
     """
-    ending = out.suffix.lower()
-    if ending not in ENDINGS:
-        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(ENDINGS)}")
     from matplotlib import style
+
+    ending = check_ending(out)
 
     # Dates and random ids would make every build differ from the last one.
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})

@@ -6,7 +6,7 @@ which function makes it and what that reads, and can be rerun with something cha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,14 +18,16 @@ from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS
 from reproduce.views import keys, terminal, words
-from reproduce.views.items import Cell, Figure, Table
+from reproduce.views.items import Cell, Figure, Panels, Table
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
+    from numpy.typing import ArrayLike
 
     from reproduce.audit.report import Audit
     from reproduce.judge.ledger import Ledger
+    from reproduce.views.own import Monitored, Registered
     from reproduce.views.sampled import Posterior
 
 
@@ -254,9 +256,21 @@ def table(address: str) -> Table | Cell:
     return Cell(address) if "#" in address else Table(address)
 
 
-def figure(key: str) -> Figure:
-    """Return a figure by its key, such as ``chen2023/fig-11a``."""
-    return Figure(key)
+def figure(key: str) -> Figure | Panels:
+    """Return a figure by its key.
+
+    Parameters
+    ----------
+    key : str
+        A panel such as ``chen2023/fig-11a``, or all panels of a figure, ``chen2023/fig-11``.
+
+    Returns
+    -------
+    Figure or Panels
+        Drawn when it is looked at.
+    """
+    panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
+    return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
 
 
 def check(*keys: str, progress: Callable[[str], None] | None = None) -> Check:
@@ -282,8 +296,10 @@ def posterior(name: str, data: str | Path | None = None, **settings: Any) -> Pos
     data : str or Path, optional
         A reader's CSV.
     **settings
-        ``pivot``, ``steps``, ``walkers``, ``ensembles``, ``seed``.
+        ``pivot``, ``steps``, ``walkers``, ``ensembles``, ``seed``, ``priors``.
     """
+    from reproduce.views.sampled import Posterior
+
     return Posterior(name, data, **settings)
 
 
@@ -310,7 +326,9 @@ def contradictions(
     return Contradictions(paper, table, relations)
 
 
-def register(source: Any, target: Any, pivot: Any = None, **settings: Any) -> Any:
+def register(
+    source: ArrayLike, target: ArrayLike, pivot: ArrayLike | None = None, **settings: Any
+) -> Registered:
     """Fit the transform that lays a user's own stars over each other.
 
     Parameters
@@ -325,12 +343,36 @@ def register(source: Any, target: Any, pivot: Any = None, **settings: Any) -> An
 
     Returns
     -------
-    reproduce.physics.fit.RegistrationFit
+    Registered
         Parameters, covariance, residuals and the transform.
     """
-    import numpy as np
+    from reproduce.views.own import Registered
 
-    from reproduce.physics.fit import fit_registration
+    return Registered(source, target, pivot, **settings)
 
-    middle = np.mean(np.asarray(source, dtype=float), axis=0) if pivot is None else pivot
-    return fit_registration(source, target, middle, **settings)
+
+def misalignment(
+    spots: str | Path | ArrayLike,
+    zero: ArrayLike | None = None,
+    changes: Mapping[str, str | float] | None = None,
+) -> Monitored:
+    """Return how far a user's own camera has turned since the zero point, from laser spots.
+
+    Parameters
+    ----------
+    spots : path or array_like, shape (frames, lasers, 2)
+        Images at the present, in px, or a CSV file of both groups in the format of
+        ``reproduce posterior misalignment --data``.
+    zero : array_like, shape (frames, lasers, 2), optional
+        Images at the zero point, where `spots` is an array.
+    changes : mapping, optional
+        Printed cells of chen2023's ground platform, which is the instrument, to values of yours.
+
+    Returns
+    -------
+    Monitored
+        Angles about the camera's axes, image by image.
+    """
+    from reproduce.views.own import Monitored
+
+    return Monitored(spots, zero, changes)

@@ -394,6 +394,7 @@ class Figure(Item):
         """Write the figure; the ending chooses svg, pdf or png."""
         from reproduce.views import figures
 
+        figures.check_ending(Path(path))  # before anything is drawn
         figures.save(self.drawn, Path(path))
         return Path(path)
 
@@ -423,3 +424,76 @@ class Figure(Item):
             yield told
         setting = "".join(f' --set {name}="{text}"' for name, text in self.changes.items())
         yield f"Draw it with `reproduce figure {self.key} --out FILE.svg{setting}`."
+
+
+class Panels(Shown):
+    """A figure of several panels, such as ``chen2023/fig-11``, each drawn on its own.
+
+    Parameters
+    ----------
+    key : str
+        The key of the panels without their letters.
+    panels : tuple of Figure
+        One or more.
+    """
+
+    def __init__(self, key: str, panels: tuple[Figure, ...]) -> None:
+        self.key, self.panels = key, panels
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Addresses of all printed cells that any panel reads."""
+        return tuple(dict.fromkeys(address for one in self.panels for address in one.reads))
+
+    @property
+    def source(self) -> str:
+        """The text of the functions that compute and draw the panels."""
+        return "\n\n".join(one.source for one in self.panels)
+
+    @cached_property
+    def data(self) -> pd.DataFrame:
+        """The lines and points of all panels, with the key of each."""
+        import pandas as pd
+
+        return pd.concat([one.data.assign(figure=one.key) for one in self.panels])
+
+    def frame(self) -> pd.DataFrame:
+        """Return `data`."""
+        return self.data
+
+    def rerun(self, changes: Mapping[str, str | float] | None = None) -> Panels:
+        """Return the panels drawn again; each takes the changes of cells that it reads."""
+        told = dict(changes or {})
+        if strays := [address for address in told if address not in self.reads]:
+            raise rerunning.CannotChangeError(
+                f"{self.key} does not read {', '.join(strays)}; it reads: "
+                f"{', '.join(self.reads) or 'nothing'}"
+            )
+        again = (
+            one.rerun({address: value for address, value in told.items() if address in one.reads})
+            for one in self.panels
+        )
+        return Panels(self.key, tuple(again))
+
+    def export(self, form: str) -> str:
+        """Return the data as csv, json, latex or markdown."""
+        from reproduce.views import export as exporting
+
+        return exporting.export_frame(self.data, form)
+
+    def cite(self, form: str = "bibtex") -> str:
+        """Return how to cite the panels and their paper."""
+        return "\n\n".join(one.cite(form) for one in self.panels)
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Write a file for each panel, its letter behind the name: fig.svg becomes fig-a.svg."""
+        path = Path(path)
+        return [one.save(path.with_stem(f"{path.stem}-{one.key[-1]}")) for one in self.panels]
+
+    def _repr_html_(self) -> str:
+        return "".join(one._repr_html_() for one in self.panels)
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield what each panel shows."""
+        for one in self.panels:
+            yield from one.parts(width)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import inspect
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import RenderableType
 
 from reproduce.views.markup import html_table
@@ -15,7 +18,9 @@ from reproduce.views.shown import Shown
 if TYPE_CHECKING:
     import pandas as pd
 
+    from reproduce.inference.model import Model, Parameter
     from reproduce.inference.posterior import Posterior as Draws
+    from reproduce.inference.priors import Prior
     from reproduce.views.pages import Html
 
 
@@ -30,6 +35,9 @@ class Posterior(Shown):
         A reader's CSV in place of the book's data.
     pivot : tuple of float, optional
         Principal point of these data, in px.
+    priors : mapping, optional
+        Name of a parameter to its lowest and highest value in the unit shown, between which the
+        prior is even, or to a prior of `reproduce.inference.priors`.
     steps, walkers, ensembles, seed : int, optional
         How it is sampled, in place of the book's own plan.
     """
@@ -39,6 +47,7 @@ class Posterior(Shown):
         name: str,
         data: str | Path | None = None,
         pivot: tuple[float, float] | None = None,
+        priors: Mapping[str, Prior | tuple[float, float]] | None = None,
         **settings: int | None,
     ) -> None:
         from reproduce.papers.posteriors import posteriors
@@ -46,9 +55,12 @@ class Posterior(Shown):
         if name not in posteriors():
             raise ValueError(f"unknown posterior {name!r}: expected one of {list(posteriors())}")
         self.name, self.data, self.pivot = name, data, pivot
+        self._priors = dict(priors or {})
         self.settings = {key: value for key, value in settings.items() if value is not None}
         if unknown := set(self.settings) - {"steps", "walkers", "ensembles", "seed"}:
             raise TypeError(f"unknown settings {sorted(unknown)}: steps, walkers, ensembles, seed")
+        if self._priors:
+            _ = self.model  # so that a wrong one is refused here, not when it is looked at
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -70,18 +82,42 @@ class Posterior(Shown):
     @cached_property
     def draws_of(self) -> Draws:
         """The sampled posterior itself, for what this object does not offer."""
-        from reproduce.papers.posteriors import posteriors
         from reproduce.views import posterior as running
+
+        if not self.data and not self.settings and not self._priors:
+            return running.book_posterior(self.name)
+        return running.run(self.model, running.plan_for(self.name, **self.settings))
+
+    @cached_property
+    def model(self) -> Model:
+        """What is sampled: parameters with their priors, and the likelihood of the data."""
+        from reproduce.papers.posteriors import posteriors
         from reproduce.views.posterior_data import from_file
 
-        if not self.data and not self.settings:
-            return running.book_posterior(self.name)
         model = (
             from_file(self.name, Path(self.data), self.pivot)
             if self.data
             else posteriors()[self.name].model()
         )
-        return running.run(model, running.plan_for(self.name, **self.settings))
+        if strays := sorted(set(self._priors) - set(model.names)):
+            raise ValueError(
+                f"{self.name} has no parameter {', '.join(strays)}; it has {', '.join(model.names)}"
+            )
+        parameters = (
+            replace(one, prior=_prior(one, self._priors[one.name]))
+            if one.name in self._priors
+            else one
+            for one in model.parameters
+        )
+        return replace(model, parameters=tuple(parameters))
+
+    @property
+    def source(self) -> str:
+        """The text of the function that makes the model."""
+        from reproduce.papers.posteriors import posteriors
+
+        build = posteriors()[self.name].build
+        return inspect.getsource(inspect.unwrap(getattr(build, "func", build))).rstrip()
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the unit shown."""
@@ -107,7 +143,7 @@ class Posterior(Shown):
                 "prior": str(in_unit(one.prior, one.shown, one.offset)),
                 "why": one.prior.reason,
             }
-            for one in self.draws_of.model.parameters
+            for one in self.model.parameters
         }
         return pd.DataFrame.from_dict(rows, orient="index")
 
@@ -125,27 +161,71 @@ class Posterior(Shown):
 
     def corner(self) -> Html:
         """Return the corner plot."""
+        from reproduce.views.pages import Html
         from reproduce.views.posterior_figures import corner
 
         return Html(corner(self.draws_of, f"Corner plot of the posterior of {self.name}"))
+
+    def export(self, form: str) -> str:
+        """Return the summary as csv, json, latex or markdown."""
+        from reproduce.views.export import export_frame
+
+        return export_frame(self.frame().rename_axis("parameter").reset_index(), form)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the chains: ``.nc`` for ArviZ, or ``.npz`` for NumPy alone.
+
+        Raises
+        ------
+        ValueError
+            If the ending is another one.
+        """
+        path = Path(path)
+        if path.suffix == ".nc":
+            self.draws_of.to_inference_data().to_netcdf(str(path))
+        elif path.suffix == ".npz":
+            found = self.draws_of
+            names = np.array(found.model.names)
+            np.savez_compressed(
+                path, names=names, chain=found.chain, log_posterior=found.log_posterior
+            )
+        else:
+            raise ValueError(f"unknown ending {path.suffix!r}: expected .nc or .npz")
+        return path
+
+    def cite(self, form: str = "bibtex") -> str:
+        """Return how to cite the paper that it rests on: bibtex, csl or text."""
+        from reproduce.papers.posteriors import posteriors
+        from reproduce.views import cite as citing
+
+        return citing.posterior(self.name, posteriors()[self.name].paper, self.model.title, form)
 
     def rerun(
         self,
         data: str | Path | None = None,
         pivot: tuple[float, float] | None = None,
+        priors: Mapping[str, Prior | tuple[float, float]] | None = None,
         **settings: int | None,
     ) -> Posterior:
-        """Return the same model on other data, or sampled in another way.
+        """Return the same model on other data, under other priors, or sampled in another way.
 
         Parameters
         ----------
         data, pivot
             A reader's CSV and its principal point; those of this object by default.
+        priors : mapping, optional
+            As for `Posterior`; those of other parameters stay.
         **settings : int
             ``steps``, ``walkers``, ``ensembles`` or ``seed``.
+
+        Returns
+        -------
+        Posterior
+            Not yet sampled.
         """
         kept = {**self.settings, **settings}
-        return Posterior(self.name, data or self.data, pivot or self.pivot, **kept)
+        changed = {**self._priors, **(priors or {})}
+        return Posterior(self.name, data or self.data, pivot or self.pivot, changed, **kept)
 
     def _repr_html_(self) -> str:
         from reproduce.views.posterior import all_rows, numbers
@@ -161,3 +241,13 @@ class Posterior(Shown):
 
         yield f"posterior {self.name}, {self.where}"
         yield summary_table(self.draws_of)
+
+
+def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
+    """Return a reader's prior; two ends are in the unit shown."""
+    if not isinstance(prior, tuple | list):
+        return prior
+    from reproduce.inference.priors import Uniform
+
+    low, high = (float(end) / parameter.shown + parameter.offset for end in prior)
+    return Uniform(low, high, "a reader's own")

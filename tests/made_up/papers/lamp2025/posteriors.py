@@ -1,0 +1,22 @@
+"""A posterior of the made-up paper: stars seen through both lenses, laid over each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reproduce.inference.registration import registration_model
+from reproduce.papers.posteriors import Declared
+
+READS = ("lamp2025/table-1#focal-length.*",)
+
+
+def registration(given):
+    """Simulate stars behind both lenses and return the model of the transform between them."""
+    near, far = given.array(READS[0])
+    generator = np.random.default_rng(2025)
+    stars = generator.uniform(0.0, 1000.0, (30, 2))
+    other = far / near * stars + generator.normal(0.0, 0.1, stars.shape)
+    return registration_model(stars, other, np.zeros(2), name="lamp-registration")
+
+
+POSTERIORS = (Declared("lamp-registration", "lamp2025", READS, registration, True),)
