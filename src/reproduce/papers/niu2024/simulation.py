@@ -50,7 +50,7 @@ CHANNELS = ("green", "red", "blue")
 REGISTERED = ("red", "blue")
 REPLICATES = 2000
 # Replicates calibrated at once: enough to be fast, few enough to stay in a processor's cache.
-BATCH = 250
+BATCH = 500
 # What the principal points of red and blue are, and where the test points are.
 SHIFTS = ("Table 1", "Table 2")
 TESTS = ("over the range", "among the angles")
