@@ -13,12 +13,15 @@ ARROWS = {
     "printed": {"printed", "locate", "units"},
     "store": {"store", "locate"},
     "inference": {"inference", "physics", "units"},
-    "papers": {"papers", "inference", "physics", "store", "printed.given", "units"},
+    "papers": {
+        *{"papers", "inference", "physics", "store", "printed.given", "units"},
+        *{"locate.papers", "locate.search_path"},
+    },
     "judge": {"judge", "papers", "printed", "locate"},
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
-        *{"locate", "units", "physics.registration"},
+        *{"locate", "units", "physics.registration", "physics.attitude.monitoring"},
     },
 }
 # The same inside physics: its rooms stand on each other, on the checks of input and on units.

@@ -8,10 +8,12 @@ misalignment seen by a star tracker). This module is the front door::
     rp.contents()                        # both papers, item by item, with the score
     rp.table("niu2024/table-3")          # printed beside computed; also one cell, KEY#CELL
     rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
-    rp.figure("chen2023/fig-11a")        # draws itself
+    rp.table("niu2024/table-3").rerun(angles="rectangle", translations="table-2")
+    rp.figure("chen2023/fig-11")         # draws itself
     rp.posterior("registration")         # sampled when it is looked at
     rp.contradictions("chen2023")        # what contradicts what, and the register of errata
     rp.register(source, target)          # a user's own stars
+    rp.misalignment("spots.csv")         # a user's own lasers
     rp.check()                           # all verdicts against the frozen ones
     rp.cite("chen2023/table-5")
 
@@ -29,6 +31,7 @@ __all__ = [
     "contents",
     "contradictions",
     "figure",
+    "misalignment",
     "posterior",
     "register",
     "table",

@@ -1,8 +1,18 @@
-"""Where the project's data lie: in the checkout, or in the copy that a wheel carries."""
+"""Where the papers and their data lie: in the checkout or the wheel, and on a search path.
+
+The search path is the environment variable ``REPRODUCE_PATH``. Each folder on it is laid out as the
+project is: ``data/`` with printed numbers, references, errata and frozen verdicts, and ``papers/``
+with one package for each paper. So a paper is added without editing a file of the project.
+"""
 
 from __future__ import annotations
 
+import os
+import re
+from functools import cache
 from pathlib import Path
+
+_ENTRY = re.compile(r"^@\w+\{([^,\s]+),", re.MULTILINE)
 
 
 def data_folder() -> Path:
@@ -32,3 +42,48 @@ def data_folder() -> Path:
         f"expected the printed numbers in one of {', '.join(map(str, candidates))}, found none; "
         "reinstall the package or run it from a complete checkout"
     )
+
+
+def search_path() -> tuple[Path, ...]:
+    """Return the folders of further papers, from ``REPRODUCE_PATH``."""
+    parts = os.environ.get("REPRODUCE_PATH", "").split(os.pathsep)
+    return tuple(Path(part) for part in parts if part)
+
+
+def data_folders() -> tuple[Path, ...]:
+    """Return the project's data folder, then those on the search path."""
+    return (data_folder(), *(folder / "data" for folder in search_path()))
+
+
+@cache
+def papers() -> dict[str, Path]:
+    """Return the key of every paper, with the data folder that holds its printed numbers.
+
+    Returns
+    -------
+    dict
+        In the order of the entries of each folder's ``references.bib``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a folder on the search path has no ``references.bib``.
+    ValueError
+        If a paper with printed numbers has no entry, or two folders hold the same paper.
+
+    Examples
+    --------
+    >>> list(papers())[:2]
+    ['niu2024', 'chen2023']
+    """
+    found: dict[str, Path] = {}
+    for folder in data_folders():
+        entries = _ENTRY.findall((folder / "references.bib").read_text(encoding="utf-8"))
+        printed = {path.name for path in (folder / "printed").iterdir() if path.is_dir()}
+        if strays := sorted(printed - set(entries)) or sorted(printed & set(found)):
+            raise ValueError(
+                f"{folder}: expected one entry of references.bib for each paper in printed/, "
+                f"and each paper in one folder alone; look at {', '.join(strays)}"
+            )
+        found |= {name: folder for name in entries if name in printed}
+    return found

@@ -161,13 +161,10 @@ def test_functions_named_in_the_ledger_exist(whole):
 )
 def test_faults_in_the_frozen_verdicts_are_told(tmp_path, monkeypatch, entry, message):
     (tmp_path / "verdicts.toml").write_text(f"[[expect]]\n{entry}\n")
-    monkeypatch.setattr(expected, "data_folder", lambda: tmp_path)
-    expected.frozen.cache_clear()
-    try:
-        with pytest.raises(ValueError, match=message):
-            expected.frozen()
-    finally:
-        expected.frozen.cache_clear()
+    monkeypatch.setattr(expected, "_entries", expected._entries.__wrapped__)
+    monkeypatch.setattr(expected, "data_folders", lambda: (tmp_path,))
+    with pytest.raises(ValueError, match=message):
+        expected.frozen.__wrapped__()
 
 
 def test_no_prediction_is_degenerate(whole):

@@ -1,17 +1,23 @@
 """An item computed again under a reader's change."""
 
+import functools
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from reproduce.judge import rerun
+from reproduce.judge import ledger, rerun
 from reproduce.judge.ledger import build
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
+from reproduce.papers.niu2024 import angles as niu_angles
+from reproduce.papers.niu2024 import study
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 
 NOISE = "niu2024/text-simulation#noise"
 TABLE = "chen2023/table-5"
+DOOR = given(study.READS)
 
 
 def cells(found):
@@ -31,9 +37,9 @@ def test_four_times_the_noise_widens_table_3_fourfold():
 def test_the_print_itself_changes_nothing():
     """A value written as in print gives the ledger's numbers, to the last bit."""
     found = cells(rerun.rerun("niu2024/table-3", {NOISE: "0.05 px"}))
-    ledger = build(["niu2024/table-3"])
+    judged = build(["niu2024/table-3"])
     for name, one in found.items():
-        record = ledger.cell(f"niu2024/table-3#{name}")
+        record = judged.cell(f"niu2024/table-3#{name}")
         computed = record.readings[0].computed if record.readings else record.computed
         assert one.value == one.unchanged == computed
 
@@ -91,6 +97,109 @@ def test_seed_and_replicates_are_changes():
     assert first == again
     assert first.changes == {"seed": "7", "replicates": "500"}
     assert cells(first)["scale.red"].value != cells(other)["scale.red"].value
+
+
+OPEN = [key for key in catalogue() if rerun.options(key)]
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Judge stochastic tables from few replicates."""
+    items = {
+        key: replace(
+            item,
+            computations=tuple(
+                replace(c, replicates=c.replicates and 150) for c in item.computations
+            ),
+        )
+        for key, item in catalogue().items()
+    }
+    monkeypatch.setattr(ledger, "catalogue", lambda: items)
+    monkeypatch.setattr(ledger, "_judged", functools.cache(ledger._judged.__wrapped__))
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize("key", OPEN)
+def test_every_alternative_is_a_reading_with_a_verdict(key):
+    """Each one alone; cells whose verdict it leaves open are judged under what is left."""
+    blocked = {r.cell for r in ledger.reread(key, {}).records if r.readings}
+    assert blocked
+    for name, ways in rerun.options(key).items():
+        assert name.isidentifier(), "it is a keyword of Table.rerun"
+        for way in ways:
+            found = rerun.rerun(key, chosen={name: way})
+            assert found.is_reading
+            assert {one.cell.address for one in found.cells} >= blocked
+            assert all(
+                one.would_be in {"exact", "consistent", "differs"}
+                for one in found.cells
+                if one.cell.address in blocked
+            ), (name, way)
+
+
+def test_all_options_together_leave_nothing_open():
+    """A reading that the ledger has side by side is judged alone as it is judged there."""
+    chosen = {"translations": "table-2", "rmse": "one", "tests": "angles"}
+    found = cells(rerun.rerun("niu2024/text-simulation", chosen=chosen))
+    for channel in ("red", "blue"):
+        record = build(["niu2024/text-simulation"]).cell(
+            f"niu2024/text-simulation#rmse-before-{channel}"
+        )
+        (stored,) = [r for r in record.readings if "one axis, tests among" in r.name]
+        one = found[f"rmse-before-{channel}"]
+        assert (one.value, one.interval, one.would_be) == (
+            stored.computed,
+            stored.interval,
+            stored.verdict,
+        )
+
+
+@pytest.mark.parametrize("angles", ["hexagonal-from-corner", "rectangle"])
+def test_an_arrangement_gives_what_the_study_of_all_readings_gives(angles):
+    """Two seeds: medians within a few of their errors; the first arrangement has no zero."""
+    drawn = study.simulate(DOOR, 400)
+    names = [one.name for one in niu_angles.candidates(DOOR)]
+    literal = study.literal(DOOR)
+    place = study.readings(DOOR).index(
+        replace(literal, arrangement=names.index(niu_angles.ARRANGEMENTS[angles]))
+    )
+    found = cells(rerun.rerun("niu2024/table-3", chosen={"angles": angles}))
+    for channel, row in (("red", 0), ("blue", 1)):
+        scale = drawn[place, :, row, 0]
+        error = 1.25 * scale.std() * np.sqrt(1 / 400 + 1 / 2000)
+        one = found[f"scale.{channel}"]
+        assert abs(one.value - np.median(scale)) < 4 * error
+        width = np.diff(np.quantile(scale, [0.25, 0.75])) / 1.349
+        assert np.diff(one.interval) / 5.152 == pytest.approx(width, rel=0.15)
+
+
+def test_the_names_of_the_arrangements_are_those_that_have_the_printed_count():
+    assert list(niu_angles.ARRANGEMENTS.values()) == [
+        one.name for one in niu_angles.candidates(DOOR)
+    ]
+
+
+def test_options_beside_a_change_carry_no_verdict():
+    found = rerun.rerun("niu2024/table-3", seed=7, replicates=50, chosen={"noise": "green"})
+    assert not found.is_reading
+    assert not any(one.would_be for one in found.cells)
+
+
+def test_readings_that_are_not_computed_are_refused_with_those_that_are():
+    with pytest.raises(CannotChangeError, match=r"no reading has .* columns=printed, telescope=qu"):
+        rerun.rerun(TABLE, chosen={"columns": "motions", "telescope": "nominal"})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"niu2024/text-simulation#test-points": "1041"}, "up to 20 times the printed one, 1040"),
+        ({"niu2024/text-simulation#noise": "-1 px"}, "cannot be computed with .*noise = -1 px"),
+    ],
+)
+def test_what_cannot_be_computed_is_told(changes, message):
+    with pytest.raises(CannotChangeError, match=message):
+        rerun.rerun("niu2024/text-simulation", changes, replicates=5)
 
 
 @pytest.mark.parametrize(

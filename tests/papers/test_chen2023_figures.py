@@ -24,7 +24,7 @@ def test_an_offset_moves_the_series_of_figure_9_and_leaves_its_scatter(offset):
     zero = mean_rotation(platform.transform(first))
     found = misalignment(platform.camera_directions, platform.directions(second), zero)
     series = misalignment_angles(found)[:, :2] * ARCSEC
-    without = figures_monitoring.groups().misalignment[:, :2] * ARCSEC
+    without = figures_monitoring.groups(door).misalignment[:, :2] * ARCSEC
     # Both means and both scatters come from as many frames: four standard errors of each.
     scatter = without.std(axis=0)
     assert np.abs(series.mean(axis=0) - offset[:2]).max() < 4 * scatter.max() * np.sqrt(2 / frames)

@@ -87,7 +87,7 @@ def entries(study, row):
 
 
 def test_the_claim_about_the_retroreflector_holds_for_a_corner_cube_alone():
-    study = light_study.retroreflectors()
+    study = light_study.retro_reflectors()
     assert entries(study, "corner cube")[:5] == [[0, 0], [0, 0], [0, 0], [0], [0]]
     across, along, beam, tilted, blur = entries(study, "two mirrors at a right angle")[:5]
     assert (across, along, beam, tilted, blur) == ([2, 0], [0, 0], [0, 2], [0], [0])

@@ -26,7 +26,7 @@ ARCSEC = np.pi / 180 / 3600
 
 @pytest.fixture(scope="module")
 def content():
-    return figures_resolution.compute()
+    return figures_resolution.compute(given(resolution.READS))
 
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):

@@ -125,7 +125,7 @@ def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open():
 
 
 def test_the_ride_follows_the_reference_one_average_later():
-    content = figures_monitoring.ride()
+    content = figures_monitoring.ride(given(figures_monitoring.STAGE_READS))
     each = 400
     for state in range(5):
         settled = slice(state * each + 100, (state + 1) * each)
@@ -140,7 +140,7 @@ def test_the_ride_follows_the_reference_one_average_later():
 
 def test_the_twin_monitors_states_as_the_ledger_predicts():
     """Means over a state, from rendered frames, less the reference: within the predicted noise."""
-    content = figures_monitoring.ride()
+    content = figures_monitoring.ride(given(figures_monitoring.STAGE_READS))
     door = given(stage.monitored_angle.given)
     errors = stage.monitoring_errors(door, np.random.SeedSequence(5), 4000)
     for state in (2, 3, 4, 5):

@@ -55,6 +55,21 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
     np.testing.assert_array_equal(drawn, np.degrees(used[0]))
 
 
+def test_the_translations_of_table_2_carry_the_whole_calibration_along():
+    """Both readings calibrate alike; the translations differ by the principal points' shift."""
+    door = given(simulation.calibrated_translations.given)
+    first, second = (
+        simulation.calibrations(door, SEED, 3, shifts=shifts) for shifts in simulation.SHIFTS
+    )
+    for position, channel in enumerate(simulation.REGISTERED, start=1):
+        before, after = (
+            simulation.cameras(door, shifts)[position].principal_point
+            for shifts in simulation.SHIFTS
+        )
+        expected = first[channel].parameters + np.concatenate([[0, 0], after - before])
+        np.testing.assert_allclose(second[channel].parameters, expected, rtol=0, atol=1e-9)
+
+
 def test_the_arrangements_with_137_angles():
     """Pencil and paper: lattice points in a circle of radius 6/0.9, and 11 x 7 + 10 x 6."""
     names = [(c.lattice.split(",")[0], c.offset, c.window) for c in angles.candidates(DOOR)]

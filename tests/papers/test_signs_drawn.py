@@ -15,6 +15,7 @@ from reproduce.physics.attitude.misalignment import misalignment, misalignment_a
 from reproduce.physics.ground.earth import geodetic
 from reproduce.physics.light.raytrace import mirror_train
 from reproduce.physics.registration.fit import fit_registration
+from reproduce.printed.given import given
 
 LASERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * 0.1
 STILL = np.eye(3)
@@ -135,7 +136,7 @@ def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
 
 
 def test_the_line_of_sight_ends_where_the_camera_looks():
-    scene, view = figures_scene.scene(), figures_scene.VIEW
+    scene, view = figures_scene.scene(given([figures_scene.INSTALLED])), figures_scene.VIEW
     sight = scene.target - scene.satellite
     boresight = scene.earth_from_camera @ [0.0, 0.0, 1.0]
     assert sight / np.linalg.norm(sight) == pytest.approx(boresight, abs=1e-12)

@@ -56,7 +56,7 @@ def test_the_checksums_hold():
 def test_files_that_are_missing_or_of_no_checksum_are_altered(tmp_path, monkeypatch):
     shutil.copytree(PRINTED, tmp_path / "printed")
     (tmp_path / "printed" / "niu2024" / "table-1.toml").rename(tmp_path / "printed" / "more.toml")
-    monkeypatch.setattr(cells, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(cells, "data_folders", lambda: (tmp_path,))
     assert altered_files() == ("more.toml", "niu2024/table-1.toml")
     (tmp_path / "printed" / "SHA256SUMS").unlink()
     with pytest.raises(PrintedFileError, match="expected lines of a checksum"):

@@ -8,12 +8,14 @@ import sys
 import pytest
 from click.testing import CliRunner
 
+import reproduce as rp
 from reproduce.judge import expected
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
 from reproduce.views.cli import main
 
+RANGE = "niu2024/text-simulation#range-x-high"
 FIELDS = (
     "key cell printed unit role computed verdict flags tolerance share probability mcse why "
     "function equations seed"
@@ -62,9 +64,11 @@ def test_check_of_one_item_as_json():
 
 
 def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
-    frozen = dict(expected.frozen())
-    frozen["niu2024/table-2#scale.red"] = expected.Expectation("differs", "for the test")
-    monkeypatch.setattr(expected, "frozen", lambda: frozen)
+    other = {"niu2024/table-2#scale.red": expected.Expectation("differs", "for the test")}
+    real = expected.frozen
+    monkeypatch.setattr(
+        expected, "frozen", lambda key: real(key) | (other if key == "niu2024/table-2" else {})
+    )
     result = run("check", "niu2024/table-2", "niu2024/table-1")
     assert result.exit_code == 1
     assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stderr
@@ -85,7 +89,7 @@ def test_check_names_the_file_with_a_changed_input(tmp_path, monkeypatch, name, 
     content = path.read_text(encoding="utf-8")
     assert digits in content
     path.write_text(content.replace(digits, changed, 1), encoding="utf-8")
-    monkeypatch.setattr(cells, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(cells, "data_folders", lambda: (tmp_path,))
     result = run("check", "niu2024/table-2")
     assert result.exit_code == 1
     assert f"data/printed/{name}.toml: not the file of its checksum" in result.stderr
@@ -172,10 +176,10 @@ def test_an_unwritable_place_is_told(tmp_path):
     assert "cannot write" in result.stderr
 
 
-def test_exporting_a_figure_is_refused():
-    result = run("export", "niu2024/fig-4", "--format", "csv")
-    assert result.exit_code == 2
-    assert "reproduce figure niu2024/fig-4" in result.stderr
+def test_exporting_a_figure_writes_its_data():
+    lines = run("export", "niu2024/fig-4", "--format", "csv").stdout.strip().splitlines()
+    assert lines[0] == "panel,curve,x,y"
+    assert len(lines) == 1 + len(rp.figure("niu2024/fig-4").data)
 
 
 def test_the_version_is_told():
@@ -205,9 +209,12 @@ def test_show_reruns_under_a_change():
     ("arguments", "message"),
     [
         (["show", "niu2024/table-3#scale.green"], "has no cell 'scale.green'"),
-        (["show", "niu2024/table-3", "--set", "noise"], "expected CELL=VALUE"),
+        (["show", "niu2024/table-3", "--set", "noise"], "expected NAME=VALUE"),
         (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
         (["show", "niu2024/fig-4", "--seed", "1"], "is a figure"),
+        (["show", "niu2024/table-3", "--option", "angle=square"], "has no option 'angle'; it"),
+        (["show", "niu2024/table-3", "--option", "angles=round"], "angles is one of square,"),
+        (["show", "niu2024/table-3", "--replicates", "100001"], "from 2 to 100,000, got 100001"),
         (["export", "niu2024/table-3#x", "--format", "csv"], "has no cell 'x'"),
     ],
 )
@@ -215,6 +222,28 @@ def test_slips_in_addresses_and_changes_are_told(arguments, message):
     result = run(*arguments)
     assert result.exit_code == 2
     assert message in " ".join(result.output.split())
+
+
+def test_show_judges_a_reading_of_the_text():
+    """Only under the translations of Table 2 do the printed translations agree."""
+    found = {}
+    for way in ("table-1", "table-2"):
+        result = run("show", "niu2024/table-3", "--option", f"translations={way}")
+        assert result.exit_code == 0, result.output
+        assert max(map(len, result.output.splitlines())) <= 80
+        (row,) = [line for line in result.output.splitlines() if "translation-x.red" in line]
+        found[way] = row.split()[-2]
+    assert found == {"table-1": "differs", "table-2": "consistent"}
+
+
+def test_a_figure_is_drawn_under_a_change(tmp_path):
+    drawn = []
+    for name, change in (("plain", []), ("wider", ["--set", f"{RANGE}=10 deg"])):
+        out = tmp_path / f"{name}.svg"
+        result = run("figure", "niu2024/fig-4", *change, "--out", str(out))
+        assert result.exit_code == 0, result.output
+        drawn.append(out.read_text(encoding="utf-8"))
+    assert drawn[0] != drawn[1]
 
 
 @pytest.mark.parametrize("form", ["csv", "json", "latex", "markdown"])

@@ -86,7 +86,7 @@ def test_citations_keep_the_case_of_names():
 def test_figures_are_the_same_at_every_drawing(tmp_path):
     key = drawable()[0]
     for name in ("a.svg", "b.svg"):
-        save(key, tmp_path / name)
+        save(draw(key), tmp_path / name)
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 

@@ -13,7 +13,10 @@ import reproduce
 import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import library
+from reproduce.papers.chen2023.posteriors import READS, platform
+from reproduce.printed.cells import find, library
+from reproduce.printed.given import given
+from reproduce.units import ARCSEC_PER_RADIAN
 
 ROOMS = [path.parent.name for path in Path(reproduce.__file__).parent.glob("*/__init__.py")]
 
@@ -139,15 +142,18 @@ def test_a_verdict_that_is_not_frozen_makes_the_check_false(monkeypatch):
     from reproduce.judge import expected
     from reproduce.views import front
 
-    other = dict(expected.frozen())
-    other["niu2024/table-2#scale.red"] = expected.Expectation("differs", "made up")
-    monkeypatch.setattr(expected, "frozen", lambda: other)
-    found = front.check()
+    other = {"niu2024/table-2#scale.red": expected.Expectation("differs", "made up")}
+    real = expected.frozen
+    monkeypatch.setattr(
+        expected, "frozen", lambda key: real(key) | (other if key == "niu2024/table-2" else {})
+    )
+    found = front.check("niu2024/table-2")
     assert not found
+    assert "expected differs, found exact" in repr(found)
     assert found.frame()["cell"].tolist() == ["niu2024/table-2#scale.red"]
 
 
-def test_a_posterior_is_sampled_when_looked_at_and_rerun_with_a_change(tmp_path):
+def test_a_posterior_is_sampled_when_looked_at_and_rerun_with_a_change():
     plain = rp.posterior("frame-averaging")
     assert "draws_of" not in vars(plain), "nothing is sampled yet"
     assert plain.reads
@@ -157,14 +163,132 @@ def test_a_posterior_is_sampled_when_looked_at_and_rerun_with_a_change(tmp_path)
     assert "<svg" in plain.corner()._repr_html_()
     other = plain.rerun(seed=3)
     assert other.frame().loc["white", "mean"] != plain.frame().loc["white", "mean"]
-    stars = tmp_path / "stars.csv"
+
+
+def written_stars(path):
+    """Write sixty stars, moved by three pixels."""
     generator = np.random.default_rng(1)
     source = generator.uniform(0, 1000, (60, 2))
     rows = np.column_stack([source, source - [3, 0] + 0.1 * generator.normal(size=(60, 2))])
-    np.savetxt(stars, rows, delimiter=",", header="x,y,x_reference,y_reference", comments="")
-    mine = rp.posterior("registration").rerun(data=stars)
-    assert mine.where == "data of stars.csv"
-    assert mine.frame().loc["shift-x", "mean"] == pytest.approx(3, abs=0.1)
+    np.savetxt(path, rows, delimiter=",", header="x,y,x_reference,y_reference", comments="")
+    return rows
+
+
+def spots(turn):
+    """Twenty images of the four lasers for a camera turned by so many arc seconds."""
+    design = platform(given(READS))
+    angles = np.array(turn)[None, None] / ARCSEC_PER_RADIAN
+    at = design.predicted(np.zeros((1, 3)), angles, np.ones(1), design.camera_focal_length)[0, 0]
+    return at + 0.02 * np.random.default_rng(5).normal(size=(20, *at.shape))
+
+
+def test_every_name_works_as_the_design_writes_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stars = written_stars("my_centroids.csv")
+    assert "niu2024/table-3" in repr(rp.contents("niu2024"))
+    t = rp.table("niu2024/table-3")
+    assert len(t.frame()) == 4
+    assert len(t.cells()) == 8
+    assert t["scale.red"].printed == "0.9973"
+    changed = t.rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
+    assert changed.changes["seed"] == "7"
+    read = t.rerun(angles="rectangle", translations="table-2").frame()
+    assert set(read["would be"]) == {"differs", "consistent"}
+    f = rp.figure("chen2023/fig-11")
+    assert set(f.data["figure"]) == {"chen2023/fig-11a", "chen2023/fig-11b"}
+    assert [path.name for path in f.save("fig.pdf")] == ["fig-a.pdf", "fig-b.pdf"]
+    assert f.rerun({"chen2023/text-angular-resolution#spot-radius": "20 um"}).panels[0].changes
+    p = rp.posterior("registration")
+    assert "scale" in p.summary().index
+    assert "<svg" in p.corner()._repr_html_()
+    assert len(p.draws) > 1000
+    assert p.save("p.nc").stat().st_size > 1000
+    assert p.rerun(data="my_centroids.csv").frame().loc["shift-x", "mean"] == pytest.approx(
+        3, abs=0.1
+    )
+    assert rp.contradictions("niu2024").frame()["paper"].unique().tolist() == ["niu2024"]
+    assert rp.check("niu2024/table-2")
+    assert rp.register(stars[:, :2], stars[:, 2:]).parameters[2] == pytest.approx(3, abs=0.1)
+    turned = rp.misalignment(spots([20, -20, 0]), spots([0, 0, 0]))
+    assert turned.frame().loc["X", "mean (arcsec)"] == pytest.approx(20, abs=0.1)
+    assert "chen2023/table-5" in rp.cite("chen2023/table-5")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: rp.table("niu2024/table-2"),
+        lambda: rp.table("niu2024/table-2#scale.red"),
+        lambda: rp.figure("niu2024/fig-4"),
+        lambda: rp.figure("chen2023/fig-11"),
+        lambda: rp.posterior("frame-averaging"),
+        lambda: rp.register([[0, 0], [9, 0], [0, 9]], [[1, 0], [10, 0], [1, 9]]),
+        lambda: rp.misalignment(spots([20, 0, 0]), spots([0, 0, 0])),
+    ],
+    ids=["table", "cell", "figure", "panels", "posterior", "stars", "lasers"],
+)
+def test_every_object_has_the_same_verbs(make):
+    one = make()
+    assert repr(one)
+    assert "<" in one._repr_html_()
+    assert len(one.frame())
+    assert "def " in one.source
+    assert isinstance(one.reads, tuple)
+    assert callable(one.rerun)
+    assert one.export("csv").count("\n") > 1
+    if hasattr(one, "cite"):
+        assert "@misc" in one.cite()
+
+
+def test_priors_of_ones_own_take_the_place_of_the_books():
+    plain = rp.posterior("frame-averaging")
+    other = plain.rerun(priors={"white": (0.2, 0.6)})
+    assert other.priors.loc["white", "why"] == "a reader's own"
+    assert plain.priors.loc["white", "why"] != "a reader's own"
+    assert "draws_of" not in vars(other)
+    parameter = other.model.parameters[0]
+    assert parameter.prior.high * parameter.shown == pytest.approx(0.6)
+    with pytest.raises(ValueError, match="has no parameter whit; it has white"):
+        plain.rerun(priors={"whit": (0, 1)})
+
+
+def test_a_figure_is_computed_and_drawn_again():
+    address = "niu2024/text-simulation#range-x-high"
+    plain = rp.figure("niu2024/fig-4")
+    wider = plain.rerun({address: "10 deg"})
+    assert address in plain.reads
+    frame = wider.data[wider.data["curve"] == "printed range"]
+    assert frame["x"].max() == pytest.approx((10 + 8) / 2), "half the range, laid about zero"
+    assert "10 deg" in repr(wider)
+    with pytest.raises(ValueError, match="does not read nothing#x; it reads"):
+        plain.rerun({"nothing#x": "1"})
+
+
+def test_lasers_of_ones_own_may_stand_before_another_instrument(tmp_path):
+    now, zero = spots([20, -20, 0]), spots([0, 0, 0])
+    plain = rp.misalignment(now, zero)
+    address = "chen2023/table-2#tracker-focal-length.value"
+    longer = plain.rerun({address: "120 mm"})
+    ratio = longer.frame().loc["X", "mean (arcsec)"] / plain.frame().loc["X", "mean (arcsec)"]
+    focal = find(address)[0].si
+    assert ratio == pytest.approx(focal / 0.12, rel=1e-3)
+    rows = [
+        (group, laser, *spot)
+        for group, images in enumerate((zero, now))
+        for image in images
+        for laser, spot in enumerate(image, start=1)
+    ]
+    path = tmp_path / "spots.csv"
+    np.savetxt(path, rows, delimiter=",", header="group,laser,x,y", comments="", fmt="%.17g")
+    from_file = rp.misalignment(path)
+    np.testing.assert_allclose(from_file.angles, plain.angles, atol=1e-12)
+    for wrong, message in (
+        (lambda: rp.misalignment(now), "expected the images at the zero point"),
+        (lambda: rp.misalignment(path, zero), "expected nothing beside a file"),
+        (lambda: plain.rerun({"niu2024/table-1#focal-length.red": 1.0}), "does not read niu2024"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            wrong()
 
 
 def test_contradictions_give_the_register_and_the_relations():

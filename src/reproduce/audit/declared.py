@@ -37,9 +37,11 @@ def relations_of(paper: str, cells: Sheet) -> list[Relation]:
     Returns
     -------
     list of Relation
-        In order of declaration.
+        In order of declaration; none of a paper without a file of relations.
     """
     text = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
+    if not text.is_file():
+        return []
     return declared(text.read_text(encoding="utf-8"), cells, f"{paper}/")
 
 

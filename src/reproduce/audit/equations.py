@@ -83,7 +83,7 @@ def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
     Returns
     -------
     list of Demonstration
-        In order of print.
+        In order of print; none of a paper whose equations are not held against its numbers.
     """
     runs: dict[str, tuple[Callable[[Sheet], Iterator[Demonstration]], ...]] = {
         "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
@@ -96,7 +96,7 @@ def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
             _roll_leak,
         ),
     }
-    return [shown for run in runs[paper] for shown in run(cells)]
+    return [shown for run in runs.get(paper, ()) for shown in run(cells)]
 
 
 def _distortion_ratio(cells: Sheet) -> Iterator[Demonstration]:

@@ -12,6 +12,7 @@ from reproduce.audit.equations import Demonstration
 from reproduce.audit.examine import Finding
 from reproduce.audit.relation import Reading
 from reproduce.audit.report import Audit
+from reproduce.printed.cells import PAPERS
 
 Conclusion = Literal["stands", "moves", "open"]
 
@@ -29,7 +30,7 @@ class Erratum(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     id: str
-    paper: Literal["niu2024", "chen2023"]
+    paper: str
     place: str
     printed: str
     problem: str
@@ -73,7 +74,8 @@ def register(text: str) -> list[Erratum]:
     Raises
     ------
     ValueError
-        If an entry does not follow the form, an id stands twice, or an entry has no evidence.
+        If an entry does not follow the form, an id stands twice, a paper is unknown, or an entry
+        has no evidence.
     """
     entries = [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]
     seen: set[str] = set()
@@ -84,6 +86,10 @@ def register(text: str) -> list[Erratum]:
             raise ValueError(
                 f"erratum {entry.id!r}: name the relations or equations it rests on, "
                 "or the words that stand against each other"
+            )
+        if entry.paper not in PAPERS:
+            raise ValueError(
+                f"erratum {entry.id!r}: unknown paper {entry.paper!r}; one of {', '.join(PAPERS)}"
             )
         seen.add(entry.id)
     return entries

@@ -5,10 +5,11 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 from reproduce.judge.ledger import Ledger
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.locate import data_folder
+from reproduce.locate import data_folders
 from reproduce.printed.cells import find
 
 
@@ -22,8 +23,13 @@ class Expectation:
 
 
 @cache
-def frozen() -> dict[str, Expectation]:
+def frozen(key: str | None = None) -> dict[str, Expectation]:
     """Return the frozen verdicts by address.
+
+    Parameters
+    ----------
+    key : str, optional
+        Those of one item; all of them by default.
 
     Returns
     -------
@@ -33,24 +39,33 @@ def frozen() -> dict[str, Expectation]:
     Raises
     ------
     ValueError
-        If the file names a cell twice, an unknown verdict, or a `differs` without a reason.
+        If a file names a cell twice, an unknown verdict, or a `differs` without a reason.
     KeyError
         If it names a cell that is not printed.
     """
-    path = data_folder() / "verdicts.toml"
-    content = tomllib.loads(path.read_text(encoding="utf-8"))
     expectations: dict[str, Expectation] = {}
-    for entry in content["expect"]:
+    for entry in _entries():
         verdict, reason = entry["verdict"], entry.get("reason", "")
         if verdict not in VERDICTS:
-            raise ValueError(f"{path.name}: unknown verdict {verdict!r}; one of {VERDICTS}")
+            raise ValueError(f"verdicts.toml: unknown verdict {verdict!r}; one of {VERDICTS}")
         if verdict == "differs" and not reason:
-            raise ValueError(f"{path.name}: {entry['cells']}: a differs needs its reason")
-        for address in (cell.address for pattern in entry["cells"] for cell in find(pattern)):
+            raise ValueError(f"verdicts.toml: {entry['cells']}: a differs needs its reason")
+        wanted = (one for one in entry["cells"] if key in {None, one.partition("#")[0]})
+        for address in (cell.address for pattern in wanted for cell in find(pattern)):
             if address in expectations:
-                raise ValueError(f"{path.name}: {address} stands twice; keep one")
+                raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
             expectations[address] = Expectation(verdict, reason, entry.get("erratum", ""))
     return expectations
+
+
+@cache
+def _entries() -> list[dict[str, Any]]:
+    """Return the entries of the frozen verdicts of all papers."""
+    return [
+        entry
+        for folder in data_folders()
+        for entry in tomllib.loads((folder / "verdicts.toml").read_text(encoding="utf-8"))["expect"]
+    ]
 
 
 @dataclass(frozen=True)
@@ -75,7 +90,8 @@ def surprises(ledger: Ledger) -> list[Surprise]:
     list of Surprise
         The cells that differ from their expectation; empty when all is as frozen.
     """
-    expectations = frozen()
+    keys = dict.fromkeys(record.key for record in ledger.records)
+    expectations = {a: e for key in keys for a, e in frozen(key).items()}
     found = [
         Surprise(r.cell, e.verdict if (e := expectations.get(r.cell)) else "none", r.verdict)
         for r in ledger.records
@@ -96,7 +112,7 @@ def reason(address: str) -> str:
     str
         The reason in words.
     """
-    expectation = frozen().get(address)
+    expectation = frozen(address.partition("#")[0]).get(address)
     return expectation.reason if expectation else ""
 
 
@@ -113,5 +129,5 @@ def erratum(address: str) -> str:
     str
         An id of ``data/errata.toml``.
     """
-    expectation = frozen().get(address)
+    expectation = frozen(address.partition("#")[0]).get(address)
     return expectation.erratum if expectation else ""

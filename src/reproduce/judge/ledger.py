@@ -187,8 +187,29 @@ def build(
     return Ledger(records=tuple(records), tables=tuple(tables), altered=altered_files())
 
 
+def reread(key: str, chosen: Mapping[str, str]) -> Ledger:
+    """Return what the cells of an item would be judged as under one reading of the text.
+
+    Parameters
+    ----------
+    key : str
+        The item.
+    chosen : mapping of str to str
+        Option of its computations to the alternative chosen.
+
+    Returns
+    -------
+    Ledger
+        Its records. They are no verdicts: those take every reading into account.
+    """
+    records, tables = _judged(key, tuple(sorted(chosen.items())))
+    return Ledger(records=records, tables=tables)
+
+
 @cache
-def _judged(key: str) -> tuple[tuple[Record, ...], tuple[TableRecord, ...]]:
+def _judged(
+    key: str, chosen: tuple[tuple[str, str], ...] = ()
+) -> tuple[tuple[Record, ...], tuple[TableRecord, ...]]:
     table = library().get(key)
     if table is None:  # a figure: nothing of it is printed as a number
         return (), ()
@@ -196,7 +217,7 @@ def _judged(key: str) -> tuple[tuple[Record, ...], tuple[TableRecord, ...]]:
     records: dict[str, Record] = {}
     predictions: dict[str, Prediction] = {}
     for computation in item.computations:
-        made, drawn = _run(computation, table)
+        made, drawn = _run(computation.under(dict(chosen)), table)
         doubly = records.keys() & made.keys()
         if doubly:
             raise ValueError(f"{key}: cells made by two computations: {sorted(doubly)}")
@@ -238,6 +259,10 @@ def _record(
         "equations": computation.equations,
         "seed": computation.entropy or None,
     }
+    interval = intervals.get(cell.name)
+    if isinstance(result, Blocked) and _decided(cell, result, intervals, computation):
+        first = result.readings[0]
+        result, interval = first.result, intervals.get(reading_name(cell.name, first.name))
     if isinstance(result, Blocked):
         stand_in = None if result.stand_in is None else result.stand_in / si_factor(cell.unit)
         flags = () if stand_in is None else ("stand_in",)
@@ -253,7 +278,7 @@ def _record(
         return _make(cell, "blocked", why, source | found, flags)
     if isinstance(result, Pending):
         return _make(cell, "pending", f"not computed yet: {result.work}", source)
-    judgement = _judgement(cell, result, intervals.get(cell.name))
+    judgement = _judgement(cell, result, interval)
     judged = ("computed", "interval", "tolerance", "share", "probability", "mcse")
     numbers: dict[str, object] = {name: getattr(judgement, name) for name in judged}
     return _make(cell, judgement.verdict, _why(cell, judgement), source | numbers, judgement.flags)
@@ -277,12 +302,22 @@ def _readings(
         shared = ("verdict", "computed", "interval", "flags", "probability", "mcse")
         found = {name: getattr(judgement, name) for name in shared}
         records.append(ReadingRecord(name=reading.name, place=reading.place, **found))
-    if records and len({record.agrees for record in records}) == 1:
+    return tuple(records)
+
+
+def _decided(
+    cell: Cell, result: Blocked, intervals: Mapping[str, Interval], computation: Computation
+) -> bool:
+    """Tell whether the readings that are left give one verdict; all of them together may not."""
+    records = _readings(cell, result.readings, intervals)
+    if len({record.agrees for record in records}) != 1:
+        return False
+    if not computation.chosen:
         raise ValueError(
             f"{cell.address}: all {len(records)} readings give {records[0].verdict}; "
             "the cell is not blocked: return the result of the literal reading"
         )
-    return tuple(records)
+    return True
 
 
 def _input(cell: Cell) -> Record:

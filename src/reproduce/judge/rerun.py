@@ -1,34 +1,42 @@
-"""The computation of an item again, under values, a seed or a number of replicates of one's own.
+"""The computation of an item again, under a change of one's own or a reading of the text.
 
 Only what the paper prints can be changed, and only what the item reads, directly or through other
 items: everything else could not change it. Between a changed cell and the item, recomputed values
-take the place of printed ones. The result carries no verdict: it is no longer the paper's.
+take the place of printed ones. Such a result carries no verdict: it is no longer the paper's.
+
+What the text leaves open is an option of the item. With options alone the result is one reading of
+the paper, and says what each cell would be judged as.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from reproduce.judge.ledger import Record, TableRecord, reread
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
-from reproduce.printed.given import given
+from reproduce.printed.given import Given, given
 from reproduce.printed.units import UNITS, si_factor, symbol
 
 Interval = tuple[float, float]
+Replaced = dict[str, float]
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"
 )
 # The central 99 % of a prediction, as in the ledger.
 _ENDS = (0.005, 0.995)
+# More than so many times a printed count, or so many replicates, would only fill the memory.
+LARGEST, MOST_REPLICATES = 20, 100_000
 
 
 class CannotChangeError(ValueError):
-    """A change that the item does not read, or a value that does not fit its cell."""
+    """A change that the item does not read, a value that does not fit, an unknown option."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,8 @@ class ChangedCell:
         Central 99 % of a prediction.
     reading : str
         For a cell that depends on how the text is read: which reading this is.
+    would_be : str
+        What the cell would be judged as, where nothing but options is changed.
     """
 
     cell: Cell
@@ -53,6 +63,7 @@ class ChangedCell:
     value: float | None
     interval: Interval | None = None
     reading: str = ""
+    would_be: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,12 +81,23 @@ class Rerun:
     replaced : dict
         Address of each printed input whose place a recomputed value took, to that value in the
         unit of print.
+    options : dict
+        Option to the alternative chosen.
+    joint : TableRecord, optional
+        The joint probability of a stochastic table, where nothing but options is changed.
     """
 
     key: str
     changes: dict[str, str]
     cells: tuple[ChangedCell, ...]
     replaced: dict[str, float]
+    options: dict[str, str] = field(default_factory=dict)
+    joint: TableRecord | None = None
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether this is a reading of the paper as printed, with nothing of a reader's own."""
+        return bool(self.options) and not self.changes
 
 
 def makers(key: str) -> tuple[Computation, ...]:
@@ -92,6 +114,31 @@ def maker(address: str) -> Computation | None:
 def reads(computation: Computation) -> tuple[str, ...]:
     """Return the addresses that a computation reads itself."""
     return tuple(cell.address for pattern in computation.given for cell in find(pattern))
+
+
+def options(key: str) -> dict[str, dict[str, str]]:
+    """Return what the text leaves open of an item.
+
+    Parameters
+    ----------
+    key : str
+        The item.
+
+    Returns
+    -------
+    dict
+        Option to its alternatives, each with what it stands for.
+
+    Examples
+    --------
+    >>> list(options("niu2024/table-3")["translations"])
+    ['table-1', 'table-2']
+    """
+    found: dict[str, dict[str, str]] = {}
+    for computation in makers(key):
+        for name, ways in computation.options.items():
+            found[name] = found.get(name, {}) | dict(ways)
+    return found
 
 
 def changeable(key: str) -> tuple[str, ...]:
@@ -112,20 +159,21 @@ def changeable(key: str) -> tuple[str, ...]:
     >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
     True
     """
+    item = catalogue()[key]
+    waiting = [cell for one in item.computations for cell in _read(one.given)]
+    waiting += _read(item.draw.given) if item.draw is not None else []
     found: dict[str, None] = {}
-    waiting = list(makers(key))
     while waiting:
-        for address in reads(waiting.pop(0)):
-            if (
-                address not in found
-                and library()[address.partition("#")[0]]
-                .by_name[address.partition("#")[2]]
-                .is_number
-            ):
-                found[address] = None
-                above = maker(address)
-                waiting += [above] if above is not None else []
+        cell = waiting.pop(0)
+        if cell.address not in found and cell.is_number:
+            found[cell.address] = None
+            above = maker(cell.address)
+            waiting += [] if above is None else _read(above.given)
     return tuple(found)
+
+
+def _read(patterns: tuple[str, ...]) -> list[Cell]:
+    return [cell for pattern in patterns for cell in find(pattern)]
 
 
 def in_si(cell: Cell, value: str | float) -> float:
@@ -168,11 +216,22 @@ def in_si(cell: Cell, value: str | float) -> float:
             raise CannotChangeError(
                 f"{cell.address}: expected {wanted} as in the print ({cell.shown}), got {value!r}"
             )
-    if cell.unit == "count" and number != round(number):
-        raise CannotChangeError(f"{cell.address}: expected a whole number, got {value!r}")
     if not np.isfinite(number):
         raise CannotChangeError(f"{cell.address}: expected a finite number, got {value!r}")
+    if cell.unit == "count":
+        _check_count(cell, number, value)
     return number * si_factor(unit)
+
+
+def _check_count(cell: Cell, number: float, value: str | float) -> None:
+    if number != round(number):
+        raise CannotChangeError(f"{cell.address}: expected a whole number, got {value!r}")
+    most = LARGEST * cell.number.value
+    if not 0 <= number <= most:
+        raise CannotChangeError(
+            f"{cell.address}: expected a count up to {LARGEST} times the printed one, "
+            f"{most:.0f}, got {value!r}"
+        )
 
 
 def _same_kind(one: str, other: str) -> bool:
@@ -190,8 +249,9 @@ def rerun(
     *,
     seed: int | None = None,
     replicates: int | None = None,
+    chosen: Mapping[str, str] | None = None,
 ) -> Rerun:
-    """Compute an item again under a change.
+    """Compute an item again under a change, or under a reading of the text.
 
     Parameters
     ----------
@@ -203,6 +263,8 @@ def rerun(
         In place of the project's own root seed.
     replicates : int, optional
         In place of the declared number.
+    chosen : mapping, optional
+        Option of the item to the alternative to take.
 
     Returns
     -------
@@ -212,31 +274,102 @@ def rerun(
     Raises
     ------
     CannotChangeError
-        If nothing is changed, or something that the item does not read; the message lists what
-        it reads.
+        If something is changed that the item does not read, or a value or an option does not fit;
+        the message lists what does. Also if the item cannot be computed so.
     """
-    changes = dict(changes or {})
-    allowed = changeable(key)
-    strays = [address for address in changes if address not in allowed]
-    if strays:
+    changes, chosen = dict(changes or {}), dict(chosen or {})
+    values = checked_values(key, changes)
+    _check_options(key, chosen)
+    if replicates is not None and not 2 <= replicates <= MOST_REPLICATES:
         raise CannotChangeError(
-            f"{key} does not read {', '.join(strays)}; it reads: {', '.join(allowed) or 'nothing'}"
+            f"replicates: expected from 2 to {MOST_REPLICATES:,}, got {replicates}"
         )
-    if replicates is not None and replicates < 2:
-        raise CannotChangeError(f"replicates: expected at least 2, got {replicates}")
-    values = {address: in_si(_cell(address), text) for address, text in changes.items()}
-    run, plain = _Run(values, seed, replicates), _Run({}, None, None)
-    cells: list[ChangedCell] = []
-    for computation in makers(key):
-        after, before = run.results(computation), plain.results(computation)
-        for name, result in after.items():
-            cells += _changed(library()[key][name], before[name], result)
+    if seed is not None and seed < 0:
+        raise CannotChangeError(f"seed: expected zero or more, got {seed}")
     told = {address: str(value) for address, value in changes.items()}
     told |= {} if seed is None else {"seed": str(seed)}
     told |= {} if replicates is None else {"replicates": str(replicates)}
+    with told_why(key, told | chosen):
+        if chosen and not told:
+            return _reading(key, chosen)
+        run, plain = _Run(values, seed, replicates, chosen), _Run({}, None, None, chosen)
+        cells: list[ChangedCell] = []
+        for computation in makers(key):
+            after, before = run.results(computation), plain.results(computation)
+            for name, result in after.items():
+                cells += _changed(library()[key][name], before[name], result)
+        if strays := [c.cell.address for c in cells if c.value is not None and not _finite(c)]:
+            raise ArithmeticError(f"no finite number comes out for {', '.join(strays)}")
     order = list(library()[key].by_name)
     cells.sort(key=lambda one: order.index(one.cell.name))
-    return Rerun(key, told, tuple(cells), run.replaced)
+    return Rerun(key, told, tuple(cells), run.replaced, chosen)
+
+
+def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
+    """Return a reader's values in SI units, or refuse what the item does not read."""
+    allowed = changeable(key)
+    if strays := [address for address in changes if address not in allowed]:
+        raise CannotChangeError(
+            f"{key} does not read {', '.join(strays)}; it reads: {', '.join(allowed) or 'nothing'}"
+        )
+    return {address: in_si(_cell(address), text) for address, text in changes.items()}
+
+
+def door_under(patterns: tuple[str, ...], values: Mapping[str, float]) -> tuple[Given, Replaced]:
+    """Return the door for some cells under a change, and which recomputed values it holds."""
+    run = _Run(values, None, None, {})
+    return run.door(patterns), run.replaced
+
+
+@contextmanager
+def told_why(key: str, told: Mapping[str, str]) -> Iterator[None]:
+    """Say in one sentence why an item cannot be computed under a change."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (ValueError, ArithmeticError, IndexError, MemoryError) as error:
+        setting = ", ".join(f"{name} = {text}" for name, text in told.items())
+        raise CannotChangeError(f"{key} cannot be computed with {setting}: {error}") from error
+
+
+def _check_options(key: str, chosen: Mapping[str, str]) -> None:
+    known = options(key)
+    for name, way in chosen.items():
+        if name not in known:
+            listed = "; ".join(f"{n} ({', '.join(ways)})" for n, ways in known.items())
+            raise CannotChangeError(
+                f"{key} has no option {name!r}; it leaves open: {listed or 'nothing'}"
+            )
+        if way not in known[name]:
+            raise CannotChangeError(
+                f"{key}: {name} is one of {', '.join(known[name])}, got {way!r}"
+            )
+
+
+def _reading(key: str, chosen: dict[str, str]) -> Rerun:
+    """Judge an item under options alone."""
+    found, before = reread(key, chosen), reread(key, {})
+    cells = [
+        one
+        for record in found.of(key)
+        if record.role == "result"
+        for one in _as_read(record, before.cell(record.cell).computed)
+    ]
+    return Rerun(key, {}, tuple(cells), {}, chosen, found.table(key))
+
+
+def _as_read(record: Record, unchanged: float | None) -> list[ChangedCell]:
+    cell = _cell(record.cell)
+    if record.readings:
+        return [
+            ChangedCell(cell, unchanged, one.computed, one.interval, one.name, one.verdict)
+            for one in record.readings
+        ]
+    return [ChangedCell(cell, unchanged, record.computed, record.interval, would_be=record.verdict)]
+
+
+def _finite(one: ChangedCell) -> bool:
+    return bool(np.isfinite([one.value or 0.0, *(one.interval or ())]).all())
 
 
 def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:
@@ -257,10 +390,15 @@ class _Run:
     """Values of cells under one set of changes, every computation run at most once."""
 
     def __init__(
-        self, values: Mapping[str, float], seed: int | None, replicates: int | None
+        self,
+        values: Mapping[str, float],
+        seed: int | None,
+        replicates: int | None,
+        chosen: Mapping[str, str],
     ) -> None:
         self.values, self.seed, self.replicates = dict(values), seed, replicates
-        self.replaced: dict[str, float] = {}
+        self.chosen = chosen
+        self.replaced: Replaced = {}
         self._results: dict[str, Mapping[str, Result]] = {}
         self._touched: dict[str, bool] = {}
         self._unchanged: _Run | None = None
@@ -268,10 +406,14 @@ class _Run:
     def results(self, computation: Computation) -> Mapping[str, Result]:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
-            inputs = {a: v for a in reads(computation) if (v := self._input(a)) is not None}
-            door = given(computation.given).changed(inputs)
-            self._results[computation.name] = computation(door, self.replicates, self.seed)
+            door, under = self.door(computation.given), computation.under(self.chosen)
+            self._results[computation.name] = under(door, self.replicates, self.seed)
         return self._results[computation.name]
+
+    def door(self, patterns: tuple[str, ...]) -> Given:
+        """Return the door for some cells, with what takes the place of printed ones."""
+        door = given(patterns)
+        return door.changed({a: v for a in door.cells if (v := self._input(a)) is not None})
 
     def _input(self, address: str) -> float | None:
         """Return what takes the place of a printed input, if anything does."""
@@ -283,7 +425,7 @@ class _Run:
         cell = _cell(address)
         found = self._made(above, cell)
         if self._unchanged is None:
-            self._unchanged = _Run({}, self.seed, self.replicates)
+            self._unchanged = _Run({}, self.seed, self.replicates, self.chosen)
         if found is None or found == self._unchanged._made(above, cell):
             return None  # nothing is computed, or no change reaches this cell
         self.replaced[address] = found / si_factor(cell.unit)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import fnmatch
+import inspect
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
@@ -42,11 +47,14 @@ class Reading:
         Where the text leaves room for it.
     result : float or Prediction
         The number in SI units, or its prediction.
+    choices : mapping of str to str
+        What it chooses of the options of its computation.
     """
 
     name: str
     place: str
     result: float | Prediction
+    choices: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,7 @@ class Pending:
 
 Result = float | Prediction | Blocked | Pending
 Results = Mapping[str, Result]
+Options = Mapping[str, Mapping[str, str]]
 
 
 @dataclass(frozen=True)
@@ -104,6 +113,12 @@ class Computation:
         Equation numbers of the paper.
     replicates : int
         How many replicates a stochastic computation draws; 0 for a deterministic one.
+    options : mapping of str to mapping
+        What the text leaves open: option to its alternatives, each with what it stands for. An
+        option that the function takes is handed to it by name; any other chooses among the
+        readings that the function returns.
+    chosen : mapping of str to str
+        Option to the alternative that is chosen; empty where all stay open.
     """
 
     key: str
@@ -112,6 +127,8 @@ class Computation:
     given: tuple[str, ...]
     equations: tuple[str, ...]
     replicates: int
+    options: Options = field(default_factory=dict, hash=False)
+    chosen: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @property
     def paper(self) -> str:
@@ -146,11 +163,38 @@ class Computation:
 
         A root seed other than the project's gives other random numbers.
         """
+        taken = inspect.signature(self.function).parameters
+        every = any(one.kind is one.VAR_KEYWORD for one in taken.values())
+        handed = {name: way for name, way in self.chosen.items() if every or name in taken}
         if not self.replicates:
-            return self.function(given)
-        project, own = self.entropy
-        seed = np.random.SeedSequence(project if root is None else root, spawn_key=(own,))
-        return self.function(given, seed, replicates or self.replicates)
+            results = self.function(given, **handed)
+        else:
+            project, own = self.entropy
+            seed = np.random.SeedSequence(project if root is None else root, spawn_key=(own,))
+            results = self.function(given, seed, replicates or self.replicates, **handed)
+        return {name: self._left(name, one) for name, one in results.items()}
+
+    def under(self, chosen: Mapping[str, str]) -> Computation:
+        """Return the same computation with some of its options chosen; it leaves out others."""
+        own = {n: way for n, way in chosen.items() if way in self.options.get(n, ())}
+        return replace(self, chosen=own)
+
+    def _left(self, name: str, result: Result) -> Result:
+        """Return a result with the readings that what is chosen leaves open; one alone decides."""
+        if not self.chosen or not isinstance(result, Blocked) or not result.readings:
+            return result
+        left = tuple(
+            reading
+            for reading in result.readings
+            if all(self.chosen.get(n, way) == way for n, way in reading.choices.items())
+        )
+        if not left:
+            ways = (", ".join(f"{n}={w}" for n, w in r.choices.items()) for r in result.readings)
+            raise ValueError(
+                f"{self.key}#{name}: no reading has all that is chosen; these are computed: "
+                f"{'; '.join(dict.fromkeys(ways))}"
+            )
+        return left[0].result if len(left) == 1 else replace(result, readings=left)
 
 
 def seed_of(name: str) -> np.random.SeedSequence:
@@ -186,6 +230,7 @@ def reproduces(
     cells: Sequence[str] = ("*",),
     equations: Sequence[str] = (),
     replicates: int = 0,
+    options: Options | None = None,
 ) -> Callable[[Callable[..., Results]], Computation]:
     """Declare that a function makes printed cells of `key`.
 
@@ -201,6 +246,8 @@ def reproduces(
         Numbers of the paper's equations that the function rests on.
     replicates : int
         How many replicates to draw; the function then takes ``(given, seed, replicates)``.
+    options : mapping, optional
+        What the text leaves open, as in `Computation`.
 
     Returns
     -------
@@ -217,14 +264,69 @@ def reproduces(
     """
 
     def declare(function: Callable[..., Results]) -> Computation:
-        return Computation(key, function, tuple(cells), tuple(given), tuple(equations), replicates)
+        return Computation(
+            key,
+            function,
+            tuple(cells),
+            tuple(given),
+            tuple(equations),
+            replicates,
+            options or {},
+        )
+
+    return declare
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A function that draws an item on a matplotlib figure, with what it marks.
+
+    Parameters
+    ----------
+    key : str
+        The item.
+    function : callable
+        Takes the figure, ``printed``, which maps the addresses of the cells to be marked to their
+        values and comes from the caller, and, if anything is given, the door.
+    given : tuple of str
+        Addresses of all printed cells that what is drawn is computed from.
+    marks : tuple of str
+        Addresses of cells of other items that the drawing marks, such as a figure's optimum that
+        is quoted in the text; an item's own cells need no mention.
+    """
+
+    key: str
+    function: Callable[..., None]
+    given: tuple[str, ...] = ()
+    marks: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """What the figure shows: the first line of the function's docstring."""
+        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+
+    def __call__(
+        self, figure: Figure, printed: Mapping[str, float], door: Given | None = None
+    ) -> None:
+        """Draw on an empty figure, from the print or from what another door holds."""
+        doors = [given(self.given) if door is None else door] if self.given else []
+        self.function(figure, printed, *doors)
+
+
+def draws(
+    key: str, *, given: Sequence[str] = (), marks: Sequence[str] = ()
+) -> Callable[[Callable[..., None]], Drawing]:
+    """Declare that a function draws `key`; the arguments are those of `Drawing`."""
+
+    def declare(function: Callable[..., None]) -> Drawing:
+        return Drawing(key, function, tuple(given), tuple(marks))
 
     return declare
 
 
 @dataclass(frozen=True)
 class Item:
-    """A table, figure or group of quoted numbers, with the computations that make it.
+    """A table, figure or group of quoted numbers, with what makes it.
 
     Parameters
     ----------
@@ -232,18 +334,13 @@ class Item:
         Its only name.
     computations : tuple of Computation
         The functions that compute its cells; none for a group that is only quoted.
-    draw : callable, optional
-        ``draw(figure, printed)`` draws the item on a matplotlib figure; ``printed`` maps the
-        addresses of the cells to be marked to their values, and comes from the caller.
-    marks : tuple of str
-        Addresses of cells of other items that the drawing marks, such as a figure's optimum that
-        is quoted in the text; an item's own cells need no mention.
+    draw : Drawing, optional
+        The function that draws it.
     """
 
     key: str
     computations: tuple[Computation, ...] = ()
-    draw: Callable[..., None] | None = None
-    marks: tuple[str, ...] = ()
+    draw: Drawing | None = None
 
     @property
     def paper(self) -> str:

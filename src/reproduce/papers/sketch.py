@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from reproduce.printed.given import Given
+
 Point = tuple[float, float]
-Draw = Callable[["Figure", Mapping[str, float]], None]
+Draw = Callable[..., None]
 INK = "#000000"
 SIZE = 9.0
 
@@ -47,7 +49,7 @@ def canvas(figure: Figure, width: float, height: float, inches: float = 6.4) -> 
 
 def diagram(
     width: float, height: float, inches: float = 6.4
-) -> Callable[[Callable[[Axes], None]], Draw]:
+) -> Callable[[Callable[..., None]], Draw]:
     """Turn a function that paints on a canvas into one that draws an item without printed values.
 
     Parameters
@@ -60,13 +62,14 @@ def diagram(
     Returns
     -------
     callable
-        A decorator; what it makes takes a figure and the printed values, which it does not use.
+        A decorator; what it makes takes a figure, the printed values, which it does not use, and
+        the door if the painting function takes one.
     """
 
-    def declare(paint: Callable[[Axes], None]) -> Draw:
+    def declare(paint: Callable[..., None]) -> Draw:
         @functools.wraps(paint)
-        def draw(figure: Figure, printed: Mapping[str, float]) -> None:
-            paint(canvas(figure, width, height, inches))
+        def draw(figure: Figure, printed: Mapping[str, float], *door: Given) -> None:
+            paint(canvas(figure, width, height, inches), *door)
 
         return draw
 

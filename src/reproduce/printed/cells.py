@@ -5,11 +5,12 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import tomllib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-from reproduce.locate import data_folder
+from reproduce.locate import data_folders, papers
 from reproduce.printed.number import PrintedNumber
 from reproduce.printed.schema import (
     CellEntry,
@@ -23,7 +24,7 @@ from reproduce.printed.schema import (
 )
 from reproduce.printed.units import si_factor, symbol
 
-PAPERS = ("niu2024", "chen2023")
+PAPERS = tuple(papers())
 # A no-break space keeps sign and digits on one line.
 _SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}
 
@@ -271,31 +272,53 @@ def _where(traits: Traits) -> str:
     return f"page {traits.page}" if traits.page else f"section {traits.section}"
 
 
+class Library(Mapping[str, PrintedTable]):
+    """All printed tables and groups of quoted numbers by key; each file is read when asked for."""
+
+    def __init__(self, paths: Mapping[str, Path]) -> None:
+        self._paths = paths
+        self._read: dict[str, PrintedTable] = {}
+
+    def __getitem__(self, key: str) -> PrintedTable:
+        """Return a table, or raise PrintedFileError if its file does not follow the format."""
+        if key not in self._read:
+            self._read[key] = read(self._paths[key], key)
+        return self._read[key]
+
+    def __contains__(self, key: object) -> bool:
+        """Tell whether there is a file of this key, without reading it."""
+        return key in self._paths
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the keys."""
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._paths)
+
+
 @cache
-def library() -> dict[str, PrintedTable]:
-    """Return all printed tables and groups of both papers.
+def library() -> Library:
+    """Return all printed tables and groups of all papers.
 
     Returns
     -------
-    dict
+    Library
         Key to table, by paper in order of publication here, tables before quoted numbers.
-
-    Raises
-    ------
-    PrintedFileError
-        If a file does not follow the format.
 
     Examples
     --------
     >>> library()["niu2024/table-3"]["scale.red"].text
     '0.9973'
     """
-    tables = {}
-    for paper in PAPERS:
-        for path in sorted((data_folder() / "printed" / paper).glob("*.toml")):
-            key = f"{paper}/{path.stem}"
-            tables[key] = read(path, key)
-    return tables
+    return Library(
+        {
+            f"{paper}/{path.stem}": path
+            for paper, folder in papers().items()
+            for path in sorted((folder / "printed" / paper).glob("*.toml"))
+        }
+    )
 
 
 def altered_files() -> tuple[str, ...]:
@@ -312,7 +335,10 @@ def altered_files() -> tuple[str, ...]:
     PrintedFileError
         If the checksums themselves are missing or cannot be read.
     """
-    folder = data_folder() / "printed"
+    return tuple(name for folder in data_folders() for name in _altered(folder / "printed"))
+
+
+def _altered(folder: Path) -> list[str]:
     try:
         lines = (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
         recorded = {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
@@ -327,7 +353,7 @@ def altered_files() -> tuple[str, ...]:
         if path.suffix in {".toml", ".csv"}
     }
     names = sorted(recorded.keys() | found.keys())
-    return tuple(name for name in names if recorded.get(name) != found.get(name))
+    return [name for name in names if recorded.get(name) != found.get(name)]
 
 
 def find(pattern: str) -> tuple[Cell, ...]:

@@ -39,6 +39,11 @@ class Given:
     shifts: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
 
+    def __hash__(self) -> int:
+        """Return one number for doors that hold the same, so that results can be kept by door."""
+        held = (self.cells, self.shifts, self.values)
+        return hash(tuple(frozenset(one.items()) for one in held))
+
     def __getitem__(self, address: str) -> float:
         """Return the number at `address` in SI units (pixels stay pixels)."""
         cell = self._cell(address)

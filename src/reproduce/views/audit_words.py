@@ -43,7 +43,14 @@ def audits(
     """
     if table is not None and relations is not None:
         cells = sheet(read(table, table.stem).cells)
-        return [audit_table(table.stem, cells, relations.read_text(encoding="utf-8"))]
+        text = relations.read_text(encoding="utf-8")
+        try:
+            return [audit_table(table.stem, cells, text)]
+        except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+            raise ValueError(
+                f"{relations}: does not follow the form of data/README.md, or cannot be computed: "
+                f"{error!r}"
+            ) from error
     return [audit_paper(name) for name in PAPERS if paper in {None, name}]
 
 

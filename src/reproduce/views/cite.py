@@ -8,7 +8,7 @@ from typing import Any
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
 import reproduce
-from reproduce.locate import data_folder
+from reproduce.locate import papers
 from reproduce.printed.cells import anchor
 from reproduce.views import keys
 
@@ -38,12 +38,30 @@ def citation(key: str, form: str, address: str = "") -> str:
     ValueError
         If the format is unknown.
     """
+    paper = key.partition("/")[0]
+    named = f"reproduce-{anchor(address or key)}"
+    return _written(named, _reproduction(key, _paper(paper), address or key), paper, form)
+
+
+def posterior(name: str, paper: str, title: str, form: str) -> str:
+    """Return how to cite a posterior and the paper that it rests on; as for `citation`."""
+    source = _paper(paper)
+    author = source.persons["author"][0].last_names[-1]
+    fields = {
+        "title": f"{{Posterior of {author} et al. ({source.fields['year']}): {title}}}",
+        **_ours(f"Posterior {name}"),
+    }
+    return _written(f"reproduce-posterior-{name}", _entry(fields), paper, form)
+
+
+def _paper(key: str) -> Entry:
+    return parse_file(str(papers()[key] / "references.bib")).entries[key]
+
+
+def _written(name: str, ours: Entry, paper: str, form: str) -> str:
     if form not in FORMATS:
         raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
-    paper = key.partition("/")[0]
-    source = parse_file(str(data_folder() / "references.bib")).entries[paper]
-    ours = _reproduction(key, source, address or key)
-    entries = {f"reproduce-{anchor(address or key)}": ours, paper: source}
+    entries = {name: ours, paper: _paper(paper)}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
     if form == "csl":
@@ -57,14 +75,25 @@ def _reproduction(key: str, source: Entry, address: str) -> Entry:
     year = source.fields["year"]
     place = keys.place(key).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
+    kind = "Item" if address == key else "Cell"
     fields = {
         # Braces keep a bibliography style from changing the case of names.
         "title": f"{{Reproduction of {what} of {first} et al. ({year}): {keys.title(key)}}}",
+        **_ours(f"{kind} {address}, anchor {anchor(address)}"),
+    }
+    return _entry(fields)
+
+
+def _ours(note: str) -> dict[str, str]:
+    return {
         "year": reproduce.RELEASED[:4],
         "howpublished": f"reproduce-pointing, version {reproduce.__version__}",
-        "note": f"{'Item' if address == key else 'Cell'} {address}, anchor {anchor(address)}",
+        "note": note,
     }
-    # Here they keep BibTeX from taking the group's name for a first and a last name.
+
+
+def _entry(fields: dict[str, str]) -> Entry:
+    # Here braces keep BibTeX from taking the group's name for a first and a last name.
     return Entry("misc", fields=fields, persons={"author": [Person("{" + _DEVELOPERS + "}")]})
 
 

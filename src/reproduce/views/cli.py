@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.console import Console
@@ -15,9 +15,6 @@ from rich.console import Console
 import reproduce
 from reproduce.views.keys import UnknownKeyError, check_key
 from reproduce.views.posterior_commands import calibrate, posterior
-
-if TYPE_CHECKING:
-    from reproduce.judge.ledger import Ledger
 
 
 class _Key(click.ParamType[str]):
@@ -68,30 +65,14 @@ main.add_command(calibrate)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
 def list_items(as_json: bool) -> None:
     """List all items, in order of print."""
-    from reproduce.papers.catalogue import catalogue
-    from reproduce.views import keys, terminal
+    import reproduce as rp
 
-    items = list(catalogue().values())
+    contents = rp.contents()
     if as_json:
-        click.echo(
-            json.dumps(
-                [
-                    {
-                        "key": item.key,
-                        "place": keys.place(item.key),
-                        "title": keys.title(item.key),
-                        "functions": [c.name for c in item.computations],
-                        "draws": item.draw is not None,
-                    }
-                    for item in items
-                ],
-                indent=2,
-                ensure_ascii=False,
-            )
-        )
-        return
-    console = Console()
-    console.print(terminal.items_table(items, console.width))
+        click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
+    else:
+        console = Console()
+        console.print(contents.listed(console.width))
 
 
 @main.command()
@@ -103,37 +84,21 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
     checksum, else with 1.
     """
-    from reproduce.judge.expected import surprises
-    from reproduce.views import terminal
+    import reproduce as rp
+    from reproduce.papers.catalogue import catalogue
 
-    ledger = _ledger(keys)
-    found = surprises(ledger)
+    with _progress(len(keys or catalogue())) as advance:
+        found = rp.check(*keys, progress=advance)
     if as_json:
-        click.echo(ledger.model_dump_json(indent=2))
+        click.echo(found.ledger.model_dump_json(indent=2))
     else:
-        Console().print(terminal.score_table(ledger))
-        if line := terminal.weak_line(ledger.records):
+        Console().print(found.score())
+        for line in found.remarks():
             click.echo(line)
-    for surprise in found:
-        click.echo(
-            f"{surprise.cell}: expected {surprise.expected}, found {surprise.found}", err=True
-        )
-    if found:
-        click.echo(
-            f"{len(found)} verdicts differ from data/verdicts.toml; find the cause, or change "
-            "that file with the reason",
-            err=True,
-        )
-    for name in ledger.altered:
-        click.echo(
-            f"data/printed/{name}: not the file of its checksum in data/printed/SHA256SUMS; "
-            "restore the printed digits, or enter them twice and renew the checksum",
-            err=True,
-        )
-    if found or ledger.altered:
+    for line in found.faults():
+        click.echo(line, err=True)
+    if not found:
         sys.exit(1)
-    if not as_json:
-        click.echo(f"All {len(ledger.records)} verdicts are as frozen.")
 
 
 @main.command()
@@ -147,30 +112,49 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
 @click.option("--replicates", type=click.IntRange(min=2), help="Of a table that draws some.")
-def show(address: str, changes: tuple[str, ...], seed: int | None, replicates: int | None) -> None:
-    """Show an item or a cell, computed beside printed; or computed again with a change."""
+@click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="NAME=ALTERNATIVE",
+    help="How to read what the text leaves open, such as translations=table-2.",
+)
+def show(
+    address: str,
+    changes: tuple[str, ...],
+    seed: int | None,
+    replicates: int | None,
+    options: tuple[str, ...],
+) -> None:
+    """Show an item or a cell, computed beside printed; or computed again with a change.
+
+    With nothing but options, the cells say what they would be judged as under that reading.
+    """
     import reproduce as rp
     from reproduce.judge.rerun import CannotChangeError
     from reproduce.printed.cells import library
 
     key = address.partition("#")[0]
     found = rp.table(address) if key in library() else rp.figure(address)
-    if changes or seed is not None or replicates is not None:
-        if key not in library():
-            raise click.UsageError(f"{key} is a figure; only tables and quoted numbers are rerun")
-        values = dict(_change(text) for text in changes)
-        try:
-            found = found.rerun(values, seed=seed, replicates=replicates)
-        except CannotChangeError as error:
-            raise click.UsageError(str(error)) from error
-    found.print(Console())
+    again: dict[str, Any] = {"seed": seed, "replicates": replicates, **_pairs("--option", options)}
+    again = {name: value for name, value in again.items() if value is not None}
+    try:
+        if changes or again:
+            found = found.rerun(_pairs("--set", changes), **again)
+        found.print(Console())
+    except TypeError as error:
+        raise click.UsageError(f"{key} is a figure; only --set changes it") from error
+    except CannotChangeError as error:
+        raise click.UsageError(str(error)) from error
 
 
-def _change(text: str) -> tuple[str, str]:
-    address, equals, value = text.partition("=")
-    if not equals:
-        raise click.UsageError(f"--set {text}: expected CELL=VALUE")
-    return address.strip(), value.strip()
+def _pairs(option: str, texts: tuple[str, ...]) -> dict[str, str]:
+    """Return what stands left and right of the equals signs."""
+    pairs = [text.partition("=") for text in texts]
+    for name, equals, value in pairs:
+        if not equals or not name.strip():
+            raise click.UsageError(f"{option} {name}{equals}{value}: expected NAME=VALUE")
+    return {name.strip(): value.strip() for name, _, value in pairs}
 
 
 @main.command("export")
@@ -184,12 +168,11 @@ def _change(text: str) -> tuple[str, str]:
 )
 def export_item(address: str, form: str) -> None:
     """Write the records of an item or a cell to standard output."""
-    from reproduce.views.export import export
+    import reproduce as rp
+    from reproduce.printed.cells import library
 
-    try:
-        click.echo(export(_ledger((address.partition("#")[0],)), address, form))
-    except ValueError as error:
-        raise click.UsageError(str(error)) from error
+    key = address.partition("#")[0]
+    click.echo((rp.table(address) if key in library() else rp.figure(address)).export(form))
 
 
 @main.command()
@@ -200,12 +183,19 @@ def export_item(address: str, form: str) -> None:
     required=True,
     help="Where to write; the ending chooses the format: .svg, .pdf or .png.",
 )
-def figure(key: str, out: Path) -> None:
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="CELL=VALUE",
+    help="Another value for a printed cell that the figure reads.",
+)
+def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
     """Draw an item that draws."""
-    from reproduce.views.figures import save
+    import reproduce as rp
 
     try:
-        save(key, out)
+        rp.figure(key).rerun(_pairs("--set", changes)).save(out)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:
@@ -230,37 +220,22 @@ def cite(address: str, form: str) -> None:
 
 
 @main.command()
-@click.argument("paper", required=False, type=click.Choice(["niu2024", "chen2023"]))
+@click.argument("paper", required=False, metavar="[PAPER]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
 @click.option("--table", type=_FILE, help="Audit this table of yours (format: data/README.md).")
 @click.option("--relations", type=_FILE, help="What its numbers should keep, in TOML.")
 def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path | None) -> None:
     """Cross-examine the printed numbers of a paper, or of a table of your own."""
-    from reproduce.views import audit_terminal, audit_words
+    import reproduce as rp
 
-    if (table is None) != (relations is None) or (table and paper):
-        raise click.UsageError("give a PAPER, or both --table and --relations, or nothing")
     try:
-        found = audit_words.audits(paper, table, relations)
-    except ValueError as error:
+        found = rp.contradictions(paper, table=table, relations=relations)
+        if as_json:
+            click.echo(json.dumps(found.as_json(), indent=2, ensure_ascii=False))
+        else:
+            found.print(Console())
+    except (ValueError, OSError) as error:
         raise click.UsageError(str(error)) from error
-    if as_json:
-        told = [audit_words.as_json(one) for one in found]
-        click.echo(json.dumps(told, indent=2, ensure_ascii=False))
-        return
-    width = Console().width
-    for one in found:
-        for line in audit_terminal.lines(one):
-            click.echo(audit_terminal.wrapped(line, width))
-
-
-def _ledger(keys: tuple[str, ...]) -> Ledger:
-    from reproduce.judge import ledger
-    from reproduce.papers.catalogue import catalogue
-
-    wanted = list(keys or catalogue())
-    with _progress(len(wanted)) as advance:
-        return ledger.build(wanted, advance)
 
 
 @contextmanager

@@ -37,8 +37,7 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     ValueError
         If the format is unknown, or if the item has no printed cells.
     """
-    if form not in FORMATS:
-        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
+    _check(form)
     key, _, name = address.partition("#")
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
     if not records:
@@ -58,6 +57,21 @@ def export(ledger: Ledger, address: str, form: str) -> str:
         caption=f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})",
         label=f"tab:{key.replace('/', '-')}",
     )
+
+
+def export_frame(frame: pd.DataFrame, form: str) -> str:
+    """Write any DataFrame as csv, json (a list of rows), latex or markdown."""
+    _check(form)
+    if form == "csv":
+        return frame.to_csv(index=False)
+    if form == "json":
+        return frame.to_json(orient="records", indent=2, force_ascii=False)
+    return frame.to_markdown(index=False) if form == "markdown" else frame.to_latex(index=False)
+
+
+def _check(form: str) -> None:
+    if form not in FORMATS:
+        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
 
 
 def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:

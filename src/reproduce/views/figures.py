@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from reproduce.printed.given import Given
+
 STYLE = Path(__file__).parent / "figures.mplstyle"
 ENDINGS = (".svg", ".pdf", ".png")
 
@@ -27,13 +29,15 @@ def drawable() -> list[str]:
     return [key for key, item in catalogue().items() if item.draw is not None]
 
 
-def draw(key: str) -> Figure:
+def draw(key: str, door: Given | None = None) -> Figure:
     """Draw an item.
 
     Parameters
     ----------
     key : str
         An item that draws.
+    door : Given, optional
+        What it is computed from, in place of the print.
 
     Returns
     -------
@@ -45,18 +49,18 @@ def draw(key: str) -> Figure:
     ValueError
         If the item does not draw; the message lists those that do.
     """
-    item = catalogue()[key]
-    if item.draw is None:
+    drawing = catalogue()[key].draw
+    if drawing is None:
         raise ValueError(f"{key} has no figure; these have one: {', '.join(drawable())}")
     from matplotlib import style
     from matplotlib.figure import Figure
 
     table = library().get(key)
-    marked = [*(table.cells if table else ()), *(c for mark in item.marks for c in find(mark))]
+    marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
     printed = {c.address: c.si for c in marked if c.is_number}
     with style.context(STYLE):
         figure = Figure(layout="constrained")
-        item.draw(figure, printed)
+        drawing(figure, printed, door)
     return figure
 
 
@@ -89,31 +93,35 @@ def data(figure: Figure) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
 
 
-def save(key: str, out: Path) -> None:
-    """Draw an item and write it.
+def check_ending(out: Path) -> str:
+    """Return the ending of a file to write, or raise ValueError if no figure has it."""
+    if out.suffix.lower() not in ENDINGS:
+        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(ENDINGS)}")
+    return out.suffix.lower()
+
+
+def save(figure: Figure, out: Path) -> None:
+    """Write a drawn figure.
 
     Parameters
     ----------
-    key : str
-        An item that draws.
+    figure : matplotlib.figure.Figure
+        From `draw`.
     out : pathlib.Path
         Where to write; the ending chooses the format.
 
     Raises
     ------
     ValueError
-        If the item does not draw or the ending is not .svg, .pdf or .png.
+        If the ending is not .svg, .pdf or .png.
     OSError
         If the file cannot be written.
     """
-    if out.suffix.lower() not in ENDINGS:
-        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(ENDINGS)}")
-    figure = draw(key)
     from matplotlib import style
 
+    ending = check_ending(out)
+
     # Dates and random ids would make every build differ from the last one.
-    metadata = {"Date": None} if out.suffix.lower() == ".svg" else {}
-    if out.suffix.lower() == ".pdf":
-        metadata = {"CreationDate": None}
+    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
     with style.context(STYLE):
-        figure.savefig(out, metadata=metadata)
+        figure.savefig(out, metadata=undated)

@@ -6,463 +6,233 @@ which function makes it and what that reads, and can be rerun with something cha
 
 from __future__ import annotations
 
-import inspect
-import io
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 
-from reproduce.judge import rerun as rerunning
-from reproduce.judge.expected import reason, surprises
-from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.expected import surprises
+from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Computation
-from reproduce.printed.cells import Cell as PrintedCell
-from reproduce.printed.cells import library
-from reproduce.printed.units import symbol
-from reproduce.views import cite as citing
-from reproduce.views import export as exporting
-from reproduce.views import figures, keys, pages, terminal, words
-from reproduce.views.markup import html_table
-from reproduce.views.sayings import item_ledger, whole_ledger
+from reproduce.printed.cells import PAPERS
+from reproduce.views import keys, terminal, words
+from reproduce.views.items import Cell, Figure, Panels, Table
+from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    import pandas as pd
+    from numpy.typing import ArrayLike
 
-    from reproduce.inference.posterior import Posterior as Draws
-
-WIDTH = 80
-
-
-class _Shown(ABC):
-    """What shows itself in a terminal by its parts, without colour in a notebook's text."""
-
-    @abstractmethod
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield what a terminal of this many columns shows."""
-
-    def print(self, console: Console) -> None:
-        """Write the parts on a terminal."""
-        for part in self.parts(console.width):
-            if isinstance(part, str):
-                console.print(part, markup=False, highlight=False)
-            else:
-                console.print(part)
-
-    def __repr__(self) -> str:
-        """Return the parts as text."""
-        text = io.StringIO()
-        self.print(Console(file=text, width=WIDTH, no_color=True))
-        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+    from reproduce.audit.report import Audit
+    from reproduce.judge.ledger import Ledger
+    from reproduce.views.own import Monitored, Registered
+    from reproduce.views.sampled import Posterior
 
 
-class _Item(_Shown):
-    """What tables, cells and figures share: where they come from."""
-
-    def __init__(self, key: str) -> None:
-        self.key = keys.check_key(key)
-
-    @property
-    def title(self) -> str:
-        """What the item holds, in our words."""
-        return keys.title(self.key)
-
-    @property
-    def place(self) -> str:
-        """Where it stands in the paper."""
-        return keys.place(self.key)
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """Addresses of all printed cells that it reads, directly or through other items."""
-        return rerunning.changeable(self.key)
-
-    @property
-    def source(self) -> str:
-        """The text of the functions that compute it."""
-        return "\n\n".join(_text(one) for one in catalogue()[self.key].computations)
-
-    def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite the item and its paper: bibtex, csl or text."""
-        return citing.citation(self.key, form)
-
-
-def _text(computation: Computation) -> str:
-    return inspect.getsource(inspect.unwrap(computation.function)).rstrip()
-
-
-class Table(_Item):
-    """A table or a group of quoted numbers: printed beside computed, with verdicts.
+class Contents(Shown):
+    """All items of a paper or of all, in order of print, with the verdicts of their cells.
 
     Parameters
     ----------
-    key : str
-        Such as ``niu2024/table-3``.
+    paper : str, optional
+        One paper; all by default.
     """
 
-    def __init__(self, key: str) -> None:
-        super().__init__(key)
-        if self.key not in library():
-            raise ValueError(f"{key} holds no printed numbers; try figure({key!r})")
+    def __init__(self, paper: str | None = None) -> None:
+        self.paper = paper if paper is None else _known(paper)
+        self.keys = [key for key in catalogue() if paper in {None, key.partition("/")[0]}]
 
     @cached_property
     def _ledger(self) -> Ledger:
-        return item_ledger(self.key)
+        return build(self.keys)
 
-    def __getitem__(self, name: str) -> Cell:
-        """Return one cell by its name, such as ``scale.red``."""
-        return Cell(library()[self.key][name].address)
-
-    def frame(self) -> pd.DataFrame:
-        """Return the table in its own shape.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Rows as in print. A table has columns as in print, each with printed, computed and
-            verdict; a group of quoted numbers has these and the unit.
-        """
-        table, wanted = library()[self.key], ("printed", "computed", "verdict")
-        records = {record.cell.partition("#")[2]: record for record in self._ledger.of(self.key)}
-        if len(table.columns) <= 1:
-            rows = {name: (*_entry(one), symbol(one.unit) if one.unit else "")
-                    for name, one in records.items()}  # fmt: skip
-            return pd.DataFrame.from_dict(rows, orient="index", columns=[*wanted, "unit"])
-        entries = {
-            (column.id, what): [_entry(records[f"{row.id}.{column.id}"])[i] for row in table.rows]
-            for column in table.columns
-            for i, what in enumerate(wanted)
-        }
-        return pd.DataFrame(entries, index=[row.id for row in table.rows])
-
-    def cells(self) -> pd.DataFrame:
-        """Return one row per cell, with every field of the ledger."""
-        return exporting.full_frame(self._ledger.of(self.key))
-
-    def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        replicates: int | None = None,
-    ) -> Changed:
-        """Compute the table again with something changed.
-
-        Parameters
-        ----------
-        changes : mapping, optional
-            Address of any cell in `reads` to a value as in the print: ``"0.2 px"``.
-        seed, replicates : int, optional
-            Of the random numbers, where the table draws some.
-
-        Returns
-        -------
-        Changed
-            The computed values from the print and under the change, without a verdict.
-
-        Raises
-        ------
-        ValueError
-            If the table does not read the cell, or the value does not fit it.
-        """
-        return Changed(rerunning.rerun(self.key, changes, seed=seed, replicates=replicates))
-
-    def export(self, form: str) -> str:
-        """Return the table as csv, json, latex or markdown."""
-        return exporting.export(self._ledger, self.key, form)
-
-    def _repr_html_(self) -> str:
-        return pages.table(self.key)._repr_html_()
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield what a terminal of this many columns shows."""
-        yield f"{self.key}: {self.title}"
-        yield self.place
-        yield terminal.records_table(self._ledger.of(self.key), width)
-        yield from terminal.remarks(self._ledger, self.key)
-
-
-def _entry(record: Record) -> tuple[str, str, str]:
-    return record.printed, words.computed(record), record.verdict
-
-
-class Cell(_Shown):
-    """One printed number: what the paper prints, what we compute, the verdict and why.
-
-    Parameters
-    ----------
-    address : str
-        Such as ``niu2024/table-3#scale.red``.
-    """
-
-    def __init__(self, address: str) -> None:
-        key, _, name = address.partition("#")
-        self.table = Table(key)
-        self._cell: PrintedCell = library()[self.table.key][name]
-
-    @property
-    def address(self) -> str:
-        """The cell's only name."""
-        return self._cell.address
-
-    @cached_property
-    def record(self) -> Record:
-        """Everything that the ledger says of it."""
-        return item_ledger(self.table.key).cell(self.address)
-
-    @property
-    def printed(self) -> str:
-        """As a reader sees it, with its unit."""
-        return self._cell.shown
-
-    @property
-    def computed(self) -> float | None:
-        """Recomputed value or median of the prediction, in the unit of print."""
-        return self.record.computed
-
-    @property
-    def verdict(self) -> str:
-        """The verdict in one word."""
-        return self.record.verdict
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """Addresses that the function that makes it reads itself."""
-        made = rerunning.maker(self.address)
-        return () if made is None else rerunning.reads(made)
-
-    @property
-    def source(self) -> str:
-        """The text of the function that makes it, empty for an input."""
-        made = rerunning.maker(self.address)
-        return "" if made is None else _text(made)
-
-    def frame(self) -> pd.DataFrame:
-        """Return its record as a column."""
-        return pd.DataFrame({self.address: self.record.model_dump()})
-
-    def rerun(
-        self, changes: Mapping[str, str | float] | None = None, **settings: int | None
-    ) -> Changed:
-        """Compute the cell again with something changed, as `Table.rerun` does."""
-        whole = rerunning.rerun(self.table.key, changes, **settings)
-        return Changed(whole, self._cell.name)
-
-    def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite the cell's table and its paper."""
-        return citing.citation(self.table.key, form, self.address)
-
-    def _lines(self) -> list[tuple[str, str]]:
-        record = self.record
-        value = words.computed(record, extra=1)
-        unit = words.unit(record)
-        lines = [
-            ("printed", self.printed),
-            ("computed", f"{value} {unit}".strip() if value else ""),
-            ("allowed or predicted", words.interval(record)),
-            ("probability", words.probability(record)),
-            ("verdict", ", ".join((record.verdict, *record.flags))),
-            ("why", reason(self.address) or record.why),
-            ("function", record.function or ""),
-            ("equations", ", ".join(f"({one})" for one in record.equations)),
-            ("seed", ", ".join(map(str, record.seed or ()))),
-            ("reads", ", ".join(self.reads)),
-        ]
-        lines += [
-            (f"if {reading.name}", words.read(record, reading)) for reading in record.readings
-        ]
-        return [(name, text) for name, text in lines if text]
-
-    def _repr_html_(self) -> str:
-        return html_table(("", self.address), self._lines(), self._cell.label)
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the cell with all that is known of it, a line each."""
-        yield f"{self.address}: {self._cell.label}"
-        yield from (f"  {name}: {text}" for name, text in self._lines())
-
-
-@dataclass(frozen=True, repr=False)
-class Changed(_Shown):
-    """A table or cell computed again under a reader's own change. It has no verdict.
-
-    Parameters
-    ----------
-    result : reproduce.judge.rerun.Rerun
-        What was computed.
-    name : str
-        The one cell that is asked for; all of them by default.
-    """
-
-    result: rerunning.Rerun
-    name: str = ""
-
-    @property
-    def changes(self) -> dict[str, str]:
-        """What was changed: addresses, ``seed``, ``replicates``."""
-        return self.result.changes
-
-    @property
-    def replaced(self) -> dict[str, float]:
-        """Printed inputs whose place a recomputed value took, in the unit of print."""
-        return self.result.replaced
-
-    def frame(self) -> pd.DataFrame:
-        """Return printed, computed from the print, value under the change and difference.
-
-        Returns
-        -------
-        pandas.DataFrame
-            One row per computed cell, in the unit of print, with the central 99 % where it is a
-            prediction.
-        """
-        rows = [
+    def entries(self) -> list[dict[str, Any]]:
+        """Return what is known of each item without computing anything."""
+        return [
             {
-                "cell": one.cell.name,
-                "reading": one.reading,
-                "printed": one.cell.text,
-                "unchanged": one.unchanged,
-                "changed": one.value,
-                "changed - printed": None
-                if one.value is None or not one.cell.is_number
-                else one.value - one.cell.number.value,
-                "low": one.interval[0] if one.interval else None,
-                "high": one.interval[1] if one.interval else None,
-                "unit": symbol(one.cell.unit) if one.cell.unit else "",
+                "key": key,
+                "place": keys.place(key),
+                "title": keys.title(key),
+                "functions": [one.name for one in catalogue()[key].computations],
+                "draws": catalogue()[key].draw is not None,
             }
-            for one in self.result.cells
-            if self.name in {"", one.cell.name}
+            for key in self.keys
         ]
-        frame = pd.DataFrame(rows).set_index("cell")
-        return frame if frame["reading"].any() else frame.drop(columns="reading")
-
-    def _told(self) -> str:
-        changed = ", ".join(f"{name} = {text}" for name, text in self.changes.items()) or "nothing"
-        told = f"{self.result.key} with {changed}: a reader's own setting, without a verdict."
-        if self.replaced:
-            told += f" Recomputed values took the place of: {', '.join(self.replaced)}."
-        return told
-
-    def _shown(self) -> list[tuple[str, ...]]:
-        rows = []
-        for one in self.result.cells:
-            if self.name not in {"", one.cell.name} or not one.cell.is_number:
-                continue
-            number = one.cell.number
-            values = [one.unchanged, one.value, *(one.interval or (None, None))]
-            digits = ["" if v is None else number.format(v, extra=1) for v in values]
-            name = f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
-            rows.append((name, one.cell.text, *digits, symbol(one.cell.unit)))
-        return rows
-
-    _HEAD = ("cell", "printed", "from the print", "changed", "from", "to", "unit")
-
-    def _repr_html_(self) -> str:
-        rows = [tuple(text.replace("-", "−") if i else text for i, text in enumerate(row))
-                for row in self._shown()]  # fmt: skip
-        return f'<div class="rp-table">{html_table(self._HEAD, rows, self._told())}</div>'
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the cells and what was changed."""
-        yield terminal.aligned(self._HEAD, self._shown())
-        yield self._told()
-
-
-class Figure(_Item):
-    """A figure, drawn from its caption and the text.
-
-    Parameters
-    ----------
-    key : str
-        Such as ``chen2023/fig-11a``.
-    """
-
-    def __init__(self, key: str) -> None:
-        super().__init__(key)
-        if catalogue()[self.key].draw is None:
-            known = ", ".join(figures.drawable())
-            raise ValueError(f"{key} has no figure; these have one: {known}")
-
-    @cached_property
-    def drawn(self) -> MatplotlibFigure:
-        """The matplotlib figure."""
-        return figures.draw(self.key)
-
-    @cached_property
-    def data(self) -> pd.DataFrame:
-        """The lines and points that are drawn, in the units of the axes."""
-        return figures.data(self.drawn)
-
-    def save(self, path: str | Path) -> Path:
-        """Write the figure; the ending chooses svg, pdf or png."""
-        figures.save(self.key, Path(path))
-        return Path(path)
-
-    def _repr_html_(self) -> str:
-        return pages.figure(self.key, self.title)._repr_html_()
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield what the figure shows and how to look at it."""
-        curves = self.data["curve"].nunique() if len(self.data) else 0
-        yield f"{self.key}: {self.title}"
-        yield f"{self.place}; {curves} curves, {len(self.data)} points in .data"
-        yield f"Draw it with `reproduce figure {self.key} --out FILE.svg`."
-
-
-class Contents(_Shown):
-    """All items of both papers, in order of print, with the verdicts of their cells."""
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
-        ledger = whole_ledger()
+        import pandas as pd
+
         rows = {
-            key: {"place": keys.place(key), "title": keys.title(key), **words.tally(ledger.of(key))}
-            for key in catalogue()
+            key: {
+                "place": keys.place(key),
+                "title": keys.title(key),
+                **words.tally(self._ledger.of(key)),
+            }
+            for key in self.keys
         }
         return pd.DataFrame.from_dict(rows, orient="index")
 
+    def listed(self, width: int) -> RenderableType:
+        """Return the list of items for a terminal, without the score."""
+        return terminal.items_table(
+            ((key, keys.place(key), keys.title(key)) for key in self.keys), width
+        )
+
     def _repr_html_(self) -> str:
-        return pages.score()._repr_html_()
+        from reproduce.views import pages
+
+        return pages.score(self.paper)._repr_html_()
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the list of items and the score."""
-        yield terminal.items_table(list(catalogue().values()), width)
-        yield terminal.score_table(whole_ledger())
+        yield self.listed(width)
+        yield terminal.score_table(self._ledger)
 
 
-class Check:
-    """All verdicts against the frozen ones. True if they are the same."""
+class Check(Shown):
+    """The verdicts against the frozen ones. True if they and the printed files are the same.
 
-    def __init__(self) -> None:
-        self.surprises = surprises(whole_ledger())
+    Parameters
+    ----------
+    wanted : tuple of str
+        The items; all by default.
+    progress : callable, optional
+        Called with the key of each item when it is done.
+    """
+
+    def __init__(
+        self, wanted: tuple[str, ...] = (), progress: Callable[[str], None] | None = None
+    ) -> None:
+        chosen = [keys.check_key(key) for key in wanted]
+        self.ledger = build(chosen or None, progress)
+        self.surprises = surprises(self.ledger)
 
     def __bool__(self) -> bool:
-        """Tell whether every verdict is as frozen."""
-        return not self.surprises
+        """Tell whether every verdict is as frozen and every file of its checksum."""
+        return not self.surprises and not self.ledger.altered
 
     def frame(self) -> pd.DataFrame:
         """Return the cells whose verdict is not the frozen one."""
+        import pandas as pd
+
         columns = ("cell", "expected", "found")
         rows = [tuple(getattr(one, name) for name in columns) for one in self.surprises]
         return pd.DataFrame(rows, columns=list(columns))
 
-    def __repr__(self) -> str:
-        """Return the outcome in one line, and the surprises below it."""
-        cells = len(whole_ledger().records)
-        if self:
-            return f"All {cells} verdicts are as frozen."
-        return f"{len(self.surprises)} of {cells} verdicts are not as frozen:\n{self.frame()}"
+    def score(self) -> RenderableType:
+        """Return the number of cells by verdict for a terminal, item by item."""
+        return terminal.score_table(self.ledger)
+
+    def remarks(self) -> list[str]:
+        """Return what is to be said of the score: weak agreement, and the outcome if it is good."""
+        weak = terminal.weak_line(self.ledger.records)
+        good = f"All {len(self.ledger.records)} verdicts are as frozen." if self else ""
+        return [line for line in (weak, good) if line]
+
+    def faults(self) -> list[str]:
+        """Return what is not as frozen, and what to do about it."""
+        lines = [f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises]
+        if lines:
+            lines.append(
+                f"{len(lines)} verdicts differ from data/verdicts.toml; find the cause, or change "
+                "that file with the reason"
+            )
+        lines += [
+            f"data/printed/{name}: not the file of its checksum in data/printed/SHA256SUMS; "
+            "restore the printed digits, or enter them twice and renew the checksum"
+            for name in self.ledger.altered
+        ]
+        return lines
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the score, and what is not as frozen."""
+        yield self.score()
+        yield from (*self.remarks(), *self.faults())
 
 
-def contents() -> Contents:
-    """Return all items of both papers, in order of print, with their score."""
-    return Contents()
+class Contradictions(Shown):
+    """What the printed numbers of papers or of a table say of each other, and the errata.
+
+    Parameters
+    ----------
+    paper : str, optional
+        One paper; all by default.
+    table, relations : path, optional
+        A table of a reader's own in the form of ``data/README.md``, and what its numbers keep.
+    """
+
+    def __init__(
+        self,
+        paper: str | None = None,
+        table: str | Path | None = None,
+        relations: str | Path | None = None,
+    ) -> None:
+        if (table is None) != (relations is None) or (table is not None and paper is not None):
+            raise ValueError("give a PAPER, or both table and relations, or nothing")
+        self.paper = paper if paper is None else _known(paper)
+        self._files = [Path(one) for one in (table, relations) if one is not None]
+
+    @cached_property
+    def audits(self) -> list[Audit]:
+        """What the cross-examination found, an audit for each paper or table."""
+        from reproduce.views.audit_words import audits
+
+        return audits(self.paper, *self._files)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the register: one row per entry, with what is printed and why it is there."""
+        import pandas as pd
+
+        from reproduce.audit.errata import register
+        from reproduce.locate import data_folders
+
+        texts = [(one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()]
+        entries = [one for text in texts for one in register(text) if not self._files]
+        wanted = ["paper", "place", "printed", "problem", "conclusion", "status", "extraction"]
+        rows = {
+            one.id: [getattr(one, name) for name in wanted]
+            for one in entries
+            if self.paper in {None, one.paper}
+        }
+        return pd.DataFrame.from_dict(rows, orient="index", columns=wanted)
+
+    def relations(self) -> pd.DataFrame:
+        """Return every relation that the printed numbers should keep, and what became of it."""
+        import pandas as pd
+
+        rows = {
+            one.relation.name: [one.outcome, ", ".join(one.relation.addresses)]
+            for audit in self.audits
+            for one in audit.findings
+        }
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["outcome", "cells"])
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """Return everything that was found, for other programs."""
+        from reproduce.views.audit_words import as_json
+
+        return [as_json(one) for one in self.audits]
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the audit line by line."""
+        from reproduce.views.audit_terminal import lines, wrapped
+
+        for audit in self.audits:
+            yield from (wrapped(line, width) for line in lines(audit))
+
+
+def _known(paper: str) -> str:
+    if paper not in PAPERS:
+        raise ValueError(f"unknown paper {paper!r}: expected one of {', '.join(PAPERS)}")
+    return paper
+
+
+def contents(paper: str | None = None) -> Contents:
+    """Return all items of a paper, or of all, in order of print, with their score."""
+    return Contents(paper)
 
 
 def table(address: str) -> Table | Cell:
@@ -486,204 +256,34 @@ def table(address: str) -> Table | Cell:
     return Cell(address) if "#" in address else Table(address)
 
 
-def figure(key: str) -> Figure:
-    """Return a figure by its key, such as ``chen2023/fig-11a``."""
-    return Figure(key)
+def figure(key: str) -> Figure | Panels:
+    """Return a figure by its key.
+
+    Parameters
+    ----------
+    key : str
+        A panel such as ``chen2023/fig-11a``, or all panels of a figure, ``chen2023/fig-11``.
+
+    Returns
+    -------
+    Figure or Panels
+        Drawn when it is looked at.
+    """
+    panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
+    return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
 
 
-def check() -> Check:
-    """Recompute and judge everything, and compare the verdicts with the frozen ones."""
-    return Check()
+def check(*keys: str, progress: Callable[[str], None] | None = None) -> Check:
+    """Recompute and judge items, or everything, and compare the verdicts with the frozen ones."""
+    return Check(keys, progress)
 
 
 def cite(address: str, form: str = "bibtex") -> str:
     """Return how to cite an item or a cell and its paper: bibtex, csl or text."""
+    from reproduce.views import cite as citing
+
     key, _, name = address.partition("#")
     return citing.citation(keys.check_key(key), form, address if name else "")
-
-
-class Posterior(_Shown):
-    """A posterior of the book, or the same model on a reader's data. Sampled when looked at.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``registration``.
-    data : str or Path, optional
-        A reader's CSV in place of the book's data.
-    pivot : tuple of float, optional
-        Principal point of these data, in px.
-    steps, walkers, ensembles, seed : int, optional
-        How it is sampled, in place of the book's own plan.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        data: str | Path | None = None,
-        pivot: tuple[float, float] | None = None,
-        **settings: int | None,
-    ) -> None:
-        from reproduce.papers.posteriors import posteriors
-
-        if name not in posteriors():
-            raise ValueError(f"unknown posterior {name!r}: expected one of {list(posteriors())}")
-        self.name, self.data, self.pivot = name, data, pivot
-        self.settings = {key: value for key, value in settings.items() if value is not None}
-        if unknown := set(self.settings) - {"steps", "walkers", "ensembles", "seed"}:
-            raise TypeError(f"unknown settings {sorted(unknown)}: steps, walkers, ensembles, seed")
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """Addresses of the printed cells that reach the model."""
-        from reproduce.papers.posteriors import posteriors
-
-        return () if self.data else posteriors()[self.name].given
-
-    @property
-    def where(self) -> str:
-        """Where the data come from: print, our simulation, or a reader's file."""
-        from reproduce.papers.posteriors import posteriors
-
-        if self.data:
-            return f"data of {Path(self.data).name}"
-        simulated = posteriors()[self.name].simulated
-        return "data simulated by us from printed settings" if simulated else "data as printed"
-
-    @cached_property
-    def draws_of(self) -> Draws:
-        """The sampled posterior itself, for what this object does not offer."""
-        from reproduce.papers.posteriors import posteriors
-        from reproduce.views import posterior as running
-        from reproduce.views.posterior_data import from_file
-
-        if not self.data and not self.settings:
-            return running.book_posterior(self.name)
-        model = (
-            from_file(self.name, Path(self.data), self.pivot)
-            if self.data
-            else posteriors()[self.name].model()
-        )
-        return running.run(model, running.plan_for(self.name, **self.settings))
-
-    def frame(self) -> pd.DataFrame:
-        """Return the summary: one row per parameter and consequence, in the unit shown."""
-        from reproduce.views.posterior import all_rows
-
-        rows = {row.name: vars(row) for row in all_rows(self.draws_of)}
-        return pd.DataFrame.from_dict(rows, orient="index").drop(columns="name")
-
-    summary = frame
-
-    @property
-    def priors(self) -> pd.DataFrame:
-        """Every parameter with its unit, its prior and the reason for it."""
-        from reproduce.inference.priors import in_unit
-
-        rows = {
-            one.name: {
-                "unit": one.unit,
-                "prior": str(in_unit(one.prior, one.shown)),
-                "why": one.prior.reason,
-            }
-            for one in self.draws_of.model.parameters
-        }
-        return pd.DataFrame.from_dict(rows, orient="index")
-
-    @property
-    def draws(self) -> pd.DataFrame:
-        """All draws, one column per parameter, in the unit shown."""
-        found = self.draws_of
-        shown = {
-            f"{one.name} ({one.unit})": column * one.shown
-            for one, column in zip(found.model.parameters, found.draws.T, strict=True)
-        }
-        return pd.DataFrame(shown)
-
-    def corner(self) -> pages.Html:
-        """Return the corner plot."""
-        from reproduce.views.posterior_figures import corner
-
-        return pages.Html(corner(self.draws_of, f"Corner plot of the posterior of {self.name}"))
-
-    def rerun(
-        self,
-        data: str | Path | None = None,
-        pivot: tuple[float, float] | None = None,
-        **settings: int | None,
-    ) -> Posterior:
-        """Return the same model on other data, or sampled in another way.
-
-        Parameters
-        ----------
-        data, pivot
-            A reader's CSV and its principal point; those of this object by default.
-        **settings : int
-            ``steps``, ``walkers``, ``ensembles`` or ``seed``.
-        """
-        kept = {**self.settings, **settings}
-        return Posterior(self.name, data or self.data, pivot or self.pivot, **kept)
-
-    def _repr_html_(self) -> str:
-        from reproduce.views.posterior import all_rows, numbers
-
-        head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk", "tail")
-        rows = [(f"{row.name} ({row.unit})", *numbers(row)) for row in all_rows(self.draws_of)]
-        table_of = html_table(head, rows, f"Posterior {self.name}, {self.where}.")
-        return f'<div class="rp-table">{table_of}</div>'
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the summary."""
-        from reproduce.views.posterior import summary_table
-
-        yield f"posterior {self.name}, {self.where}"
-        yield summary_table(self.draws_of)
-
-
-class Contradictions:
-    """What the printed numbers of a paper say of each other, and the register of errata.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-    """
-
-    def __init__(self, paper: str) -> None:
-        from reproduce.printed.cells import PAPERS
-
-        if paper not in PAPERS:
-            raise ValueError(f"unknown paper {paper!r}: expected one of {', '.join(PAPERS)}")
-        self.paper = paper
-
-    def frame(self) -> pd.DataFrame:
-        """Return the register: one row per entry, with what is printed and why it is there."""
-        from reproduce.audit.errata import register
-        from reproduce.locate import data_folder
-
-        text = (data_folder() / "errata.toml").read_text(encoding="utf-8")
-        entries = [one for one in register(text) if one.paper == self.paper]
-        wanted = ("place", "printed", "problem", "conclusion", "status", "extraction")
-        rows = {one.id: {name: getattr(one, name) for name in wanted} for one in entries}
-        return pd.DataFrame.from_dict(rows, orient="index")
-
-    def relations(self) -> pd.DataFrame:
-        """Return every relation that the printed numbers should keep, and what became of it."""
-        from reproduce.audit.report import audit_paper
-
-        found = audit_paper(self.paper)
-        rows = {
-            one.relation.name: {"outcome": one.outcome, "cells": ", ".join(one.relation.addresses)}
-            for one in found.findings
-        }
-        return pd.DataFrame.from_dict(rows, orient="index")
-
-    def __repr__(self) -> str:
-        """Return the audit as the terminal shows it."""
-        from reproduce.audit.report import audit_paper
-        from reproduce.views.audit_terminal import lines, wrapped
-
-        return "\n".join(wrapped(line, WIDTH) for line in lines(audit_paper(self.paper)))
 
 
 def posterior(name: str, data: str | Path | None = None, **settings: Any) -> Posterior:
@@ -696,17 +296,39 @@ def posterior(name: str, data: str | Path | None = None, **settings: Any) -> Pos
     data : str or Path, optional
         A reader's CSV.
     **settings
-        ``pivot``, ``steps``, ``walkers``, ``ensembles``, ``seed``.
+        ``pivot``, ``steps``, ``walkers``, ``ensembles``, ``seed``, ``priors``.
     """
+    from reproduce.views.sampled import Posterior
+
     return Posterior(name, data, **settings)
 
 
-def contradictions(paper: str) -> Contradictions:
-    """Return what the printed numbers of a paper say of each other, and its errata."""
-    return Contradictions(paper)
+def contradictions(
+    paper: str | None = None,
+    *,
+    table: str | Path | None = None,
+    relations: str | Path | None = None,
+) -> Contradictions:
+    """Return what printed numbers say of each other, and the errata.
+
+    Parameters
+    ----------
+    paper : str, optional
+        Such as ``chen2023``; all by default.
+    table, relations : path, optional
+        A table of your own, and what its numbers should keep, in its place.
+
+    Returns
+    -------
+    Contradictions
+        The cross-examination.
+    """
+    return Contradictions(paper, table, relations)
 
 
-def register(source: Any, target: Any, pivot: Any = None, **settings: Any) -> Any:
+def register(
+    source: ArrayLike, target: ArrayLike, pivot: ArrayLike | None = None, **settings: Any
+) -> Registered:
     """Fit the transform that lays a user's own stars over each other.
 
     Parameters
@@ -721,12 +343,36 @@ def register(source: Any, target: Any, pivot: Any = None, **settings: Any) -> An
 
     Returns
     -------
-    reproduce.physics.registration.fit.RegistrationFit
+    Registered
         Parameters, covariance, residuals and the transform.
     """
-    import numpy as np
+    from reproduce.views.own import Registered
 
-    from reproduce.physics.registration.fit import fit_registration
+    return Registered(source, target, pivot, **settings)
 
-    middle = np.mean(np.asarray(source, dtype=float), axis=0) if pivot is None else pivot
-    return fit_registration(source, target, middle, **settings)
+
+def misalignment(
+    spots: str | Path | ArrayLike,
+    zero: ArrayLike | None = None,
+    changes: Mapping[str, str | float] | None = None,
+) -> Monitored:
+    """Return how far a user's own camera has turned since the zero point, from laser spots.
+
+    Parameters
+    ----------
+    spots : path or array_like, shape (frames, lasers, 2)
+        Images at the present, in px, or a CSV file of both groups in the format of
+        ``reproduce posterior misalignment --data``.
+    zero : array_like, shape (frames, lasers, 2), optional
+        Images at the zero point, where `spots` is an array.
+    changes : mapping, optional
+        Printed cells of chen2023's ground platform, which is the instrument, to values of yours.
+
+    Returns
+    -------
+    Monitored
+        Angles about the camera's axes, image by image.
+    """
+    from reproduce.views.own import Monitored
+
+    return Monitored(spots, zero, changes)

@@ -64,8 +64,7 @@ def title(key: str) -> str:
     if table is not None:
         return table.title
     draw = catalogue()[key].draw
-    first_line = ((draw.__doc__ if draw else "") or "").strip().split("\n")[0]
-    return first_line.rstrip(".")
+    return "" if draw is None else draw.title
 
 
 def place(key: str) -> str:

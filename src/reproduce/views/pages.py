@@ -16,7 +16,7 @@ import reproduce
 from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.locate import data_folder
+from reproduce.locate import papers
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.niu2024 import angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
@@ -318,7 +318,8 @@ def source(key: str) -> Html:
     Html
         The file as it stands in `data/printed/`.
     """
-    path = data_folder() / "printed" / f"{keys.check_key(key)}.toml"
+    folder = papers()[keys.check_key(key).partition("/")[0]]
+    path = folder / "printed" / f"{key}.toml"
     return Html(Markup('<pre class="rp-source">{}</pre>').format(path.read_text(encoding="utf-8")))
 
 

@@ -16,30 +16,13 @@ _BLANK = re.compile(r"\{([^{}]+)\}")
 
 @functools.cache
 def item_ledger(key: str) -> Ledger:
-    """Return the ledger of one item, built once.
-
-    Parameters
-    ----------
-    key : str
-        A known key.
-
-    Returns
-    -------
-    Ledger
-        Its records.
-    """
+    """Return the ledger of one item."""
     return ledger.build([key])
 
 
 @functools.cache
 def whole_ledger() -> Ledger:
-    """Return the ledger of everything, built once.
-
-    Returns
-    -------
-    Ledger
-        All records.
-    """
+    """Return the ledger of everything."""
     return ledger.build()
 
 

@@ -11,8 +11,7 @@ from rich.text import Text
 from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.papers.declare import Item
-from reproduce.views import keys, words
+from reproduce.views import words
 
 _STYLES = {
     "exact": "green",
@@ -24,13 +23,13 @@ _STYLES = {
 }
 
 
-def items_table(items: list[Item], width: int) -> Table:
+def items_table(rows: Iterable[tuple[str, str, str]], width: int) -> Table:
     """Return the list of items.
 
     Parameters
     ----------
-    items : list of Item
-        The items to list.
+    rows : iterable of tuple
+        Key, place and title of each.
     width : int
         Columns of the terminal.
 
@@ -43,8 +42,8 @@ def items_table(items: list[Item], width: int) -> Table:
     table.add_column("key", no_wrap=True)
     table.add_column("in the paper")
     table.add_column("what")
-    for item in items:
-        table.add_row(item.key, keys.place(item.key), keys.title(item.key))
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

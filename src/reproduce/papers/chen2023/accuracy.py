@@ -16,7 +16,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.chen2023.platform import TRACKER, angle_of_one_pixel
-from reproduce.papers.declare import Prediction, Results, reproduces
+from reproduce.papers.declare import Prediction, Results, draws, reproduces
 from reproduce.papers.study import Study
 from reproduce.physics.attitude.averaging import scatter_of_averages
 from reproduce.physics.optics.simulate import spawned_normals
@@ -175,8 +175,8 @@ FRAMES_OF_ERROR = ("axes of the camera", "axes of the tracker")
 
 
 @functools.cache
-def _predicted() -> Results:
-    return frame_averaging(given(READS))
+def _predicted(door: Given) -> Results:
+    return frame_averaging(door)
 
 
 def replicated_table(counts: list[int]) -> FloatArray:
@@ -193,9 +193,13 @@ def replicated_table(counts: list[int]) -> FloatArray:
         Three standard deviations, in radians; X and Y of the laser transform, then of the
         misalignment.
     """
+    predicted = _predicted(given(READS))
     return np.stack(
         [
-            np.stack([_draws(_predicted()[f"{count}.{m}-{axis}"]) for count in counts], axis=-1)
+            np.stack(
+                [_draws(predicted[f"{count}.{m}-{axis}"]) for count in counts],
+                axis=-1,
+            )
             for m in MATRICES
             for axis in "xy"
         ],
@@ -203,7 +207,8 @@ def replicated_table(counts: list[int]) -> FloatArray:
     )
 
 
-def draw(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/table-4", given=READS)
+def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Accuracy of the matrices against the number of averaged frames.
 
     Parameters
@@ -212,9 +217,10 @@ def draw(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of Table IV to values, in radians.
+    door : Given
+        Holds what the figure is computed from.
     """
-    door = given(READS)
-    predicted = _predicted()
+    predicted = _predicted(door)
     counts = [int(n) for n in door.array(f"{TABLE}#*.frames")]
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, matrix in zip(panels, MATRICES, strict=True):

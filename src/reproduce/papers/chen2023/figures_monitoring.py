@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, stage, twin, twin_study
-from reproduce.papers.declare import seed_of
+from reproduce.papers.declare import draws, seed_of
 from reproduce.papers.sketch import INK
 from reproduce.physics.attitude.averaging import moving_average
 from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles, stage_angle
@@ -18,7 +18,7 @@ from reproduce.physics.attitude.wahba import mean_rotation
 from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.spots import render_frame
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import given
+from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
@@ -29,14 +29,13 @@ if TYPE_CHECKING:
 
 RATE = ("chen2023/text-accuracy#duration", accuracy.FRAMES)
 READS = (*twin.READS, twin_study.SMOOTHED, "chen2023/text-accuracy#duration")
-STAGE_READS = (*READS, f"{stage.TABLE}#*.position-?", f"{stage.TABLE}#*.motion-?")
+STAGE_READS = (*READS, f"{stage.TABLE}#*.position-?", stage.FRAMES, stage.TELESCOPE)
 MARGIN = 12
 
 
 @cache
-def groups() -> twin.Series:
+def groups(door: Given) -> twin.Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
-    door = given(READS)
     return twin.two_groups(
         twin.bench(door), door.count(accuracy.FRAMES), default_rng(seed_of("chen2023/fig-8"))
     )
@@ -63,15 +62,19 @@ class Ride:
 
 
 @cache
-def ride() -> Ride:
+def ride(door: Given) -> Ride:
     """Run the test of Figure 10: the printed positions, one state after the other.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `STAGE_READS`.
 
     Returns
     -------
     Ride
         The twin's own measurement; the printed angles are not used.
     """
-    door = given((*STAGE_READS, stage.FRAMES, stage.TELESCOPE))
     platform, frames = twin.bench(door), door.count(stage.FRAMES)
     places = door.array(f"{stage.TABLE}#*.position-?").reshape(-1, 2)
     moved = places - places[0]
@@ -115,7 +118,8 @@ def trailing_mean(series: FloatArray, count: int) -> FloatArray:
     return np.concatenate([start, moving_average(series, count, axis=0)])
 
 
-def draw_spots(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-7", given=READS, marks=["chen2023/text-extraction#spot-*"])
+def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places.
 
     Parameters
@@ -124,8 +128,9 @@ def draw_spots(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of the printed centroids to values, in px.
+    door : Given
+        Holds what the figure is computed from.
     """
-    door = given(READS)
     platform = twin.bench(door)
     corner = np.floor(platform.spots.min(axis=0)).astype(int) - MARGIN
     size = np.ceil(platform.spots.max(axis=0)).astype(int) + MARGIN - corner
@@ -150,7 +155,8 @@ def draw_spots(figure: Figure, printed: Mapping[str, float]) -> None:
     figure.colorbar(picture, ax=axes, label="electrons per frame")
 
 
-def draw_transform(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-8", given=READS, marks=["chen2023/text-accuracy#transform-single-?"])
+def draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the laser transform over the first group, single frames and smoothed.
 
     Parameters
@@ -159,11 +165,14 @@ def draw_transform(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of the printed accuracies of one frame to values, in radians.
+    door : Given
+        Holds what the figure is computed from.
     """
-    _series(figure, groups().transform, list(printed.values()), "error (arcsec)")
+    _series(figure, door, groups(door).transform, printed, "error (arcsec)")
 
 
-def draw_misalignment(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-9", given=READS, marks=["chen2023/text-accuracy#misalignment-single-?"])
+def draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored misalignment over the second group, single frames and smoothed.
 
     The bench stood differently in the second group, and the paper prints no number for it. A
@@ -176,12 +185,23 @@ def draw_misalignment(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of the printed accuracies of one frame to values, in radians.
+    door : Given
+        Holds what the figure is computed from.
     """
-    _series(figure, groups().misalignment, list(printed.values()), "angle, less offset (arcsec)")
+    _series(
+        figure,
+        door,
+        groups(door).misalignment,
+        printed,
+        "angle, less offset (arcsec)",
+    )
 
 
-def _series(figure: Figure, angles: FloatArray, accuracies: list[float], name: str) -> None:
-    count = given(READS).count(twin_study.SMOOTHED)
+def _series(
+    figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], name: str
+) -> None:
+    accuracies = list(printed.values())
+    count = door.count(twin_study.SMOOTHED)
     frames = np.arange(1, len(angles) + 1)
     figure.set_size_inches(7.2, 3.4)
     panels: list[Axes] = list(figure.subplots(1, 2, sharey=True))
@@ -205,6 +225,7 @@ def _series(figure: Figure, angles: FloatArray, accuracies: list[float], name: s
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
+@draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])
 def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     """Motion pattern of the stage, its five states marked.
 
@@ -224,7 +245,8 @@ def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)", xlim=(0, 112), ylim=(0, 95))
 
 
-def draw_about_y(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-10b", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-y"])
+def draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about Y while the stage moves along X.
 
     Parameters
@@ -233,11 +255,14 @@ def draw_about_y(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of the printed monitored angles about Y to values, in radians.
+    door : Given
+        Holds what the figure is computed from.
     """
-    _ridden(figure, 1, list(printed.values()))
+    _ridden(figure, door, 1, list(printed.values()))
 
 
-def draw_about_x(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-10c", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-x"])
+def draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about X while the stage moves along Y.
 
     Parameters
@@ -246,12 +271,14 @@ def draw_about_x(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of the printed monitored angles about X to values, in radians.
+    door : Given
+        Holds what the figure is computed from.
     """
-    _ridden(figure, 0, list(printed.values()))
+    _ridden(figure, door, 0, list(printed.values()))
 
 
-def _ridden(figure: Figure, index: int, angles: list[float]) -> None:
-    content = ride()
+def _ridden(figure: Figure, door: Given, index: int, angles: list[float]) -> None:
+    content = ride(door)
     axes = figure.add_subplot()
     axes.plot(
         content.times,
@@ -273,7 +300,8 @@ def _ridden(figure: Figure, index: int, angles: list[float]) -> None:
     axes.legend()
 
 
-def draw_example(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-1d", given=STAGE_READS)
+def draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """One move of the stage, close up: the average follows the reference after its own length.
 
     Parameters
@@ -282,8 +310,10 @@ def draw_example(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Not used: no value is printed on this figure.
+    door : Given
+        Holds what the figure is computed from.
     """
-    content = ride()
+    content = ride(door)
     each = len(content.times) // len(stage.STATES)
     shown = slice(each // 2, 2 * each)
     figure.set_size_inches(6.4, 3.2)

@@ -12,13 +12,14 @@ import numpy as np
 
 from reproduce.papers.chen2023 import lasers
 from reproduce.papers.chen2023.sketch import LASER, STAR, lens, mirror, reflected
+from reproduce.papers.declare import draws
 from reproduce.papers.sketch import arc, arrow, beside, box, canvas, key, label, line, path, turned
 from reproduce.physics.attitude.lasers import received_spots
 from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
 from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import given
+from reproduce.printed.given import Given
 from reproduce.store.stars import bright_stars
 
 if TYPE_CHECKING:
@@ -35,8 +36,13 @@ FAINTEST = 6.0
 NAMED = {1852: ("Mintaka", 1), 1903: ("Alnilam", -1), 1948: ("Alnitak", -1), 1899: ("Hatysa", -1)}
 
 
-def starfield() -> tuple[FloatArray, FloatArray, list[int]]:
+def starfield(door: Given) -> tuple[FloatArray, FloatArray, list[int]]:
     """Return the stars that the tracker sees in the example: spots, magnitudes, numbers.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `lasers.READS`.
 
     Returns
     -------
@@ -47,7 +53,6 @@ def starfield() -> tuple[FloatArray, FloatArray, list[int]]:
     numbers : list of int
         In the Bright Star Catalogue.
     """
-    door = given(lasers.READS)
     pixels = door.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
     tracker = (
         detector_centre(pixels),
@@ -75,7 +80,8 @@ def _tracker_from_inertial() -> FloatArray:
     return result
 
 
-def draw_frame(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-1c", given=lasers.READS, marks=[lasers.SPOTS])
+def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots.
 
     Parameters
@@ -84,8 +90,10 @@ def draw_frame(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of the printed centroids to values, in px.
+    door : Given
+        Holds what the figure is computed from.
     """
-    spots, magnitude, numbers = starfield()
+    spots, magnitude, numbers = starfield(door)
     centres = np.array(list(printed.values())).reshape(-1, 2)
     figure.set_size_inches(6.0, 6.0)
     axes = figure.add_subplot()
@@ -133,6 +141,7 @@ def stage_sense(index: int) -> str:
     return f"{'+' if angles[axis] > 0 else '−'}{'XYZ'[axis]}"
 
 
+@draws("chen2023/fig-6a", marks=[lasers.DIAGONAL])
 def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it.
 
@@ -164,6 +173,7 @@ def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
         label(axes, (7.5, y), text, ha="left", size=8)
 
 
+@draws("chen2023/fig-6b", marks=ANGLES)
 def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     """The ground platform: lasers, telescope, two mirrors at a right angle, tracker.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.chen2023 import resolution
-from reproduce.papers.declare import seed_of
+from reproduce.papers.declare import draws, seed_of
 from reproduce.physics.attitude.averaging import attitude_accuracy
 from reproduce.physics.images.phase_study import (
     Scatter,
@@ -21,7 +21,7 @@ from reproduce.physics.images.phase_study import (
 )
 from reproduce.physics.optics.simulate import spawned_streams
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
@@ -66,8 +66,13 @@ def monte_carlo(given: Given) -> Scatter:
 
 
 @cache
-def compute() -> Curves:
+def compute(door: Given) -> Curves:
     """Compute what both panels of Figure 11 show.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `resolution.READS`.
 
     Returns
     -------
@@ -75,7 +80,6 @@ def compute() -> Curves:
         ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within``
         (scatter without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
     """
-    door = given(resolution.READS)
     angles = resolution.resolutions(door)
     phases = even_phases(door.count(f"{STUDY}#phases"))
     radius, size = resolution.radii(door, angles), resolution.window(door)
@@ -91,7 +95,8 @@ def compute() -> Curves:
     }
 
 
-def draw_centroids(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-11a", given=resolution.READS, marks=MARKS_CENTROIDS)
+def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Centroiding accuracy against the angular resolution of the tracker.
 
     Parameters
@@ -100,9 +105,11 @@ def draw_centroids(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of `MARKS_CENTROIDS` to values, in SI.
+    door : Given
+        Holds what the figure is computed from.
     """
-    axes, angles = _axes(figure)
-    _curves(axes, angles, 1.0)
+    axes, angles = _axes(figure, door)
+    _curves(axes, door, angles, 1.0)
     (optimum, accuracy) = (printed[address] for address in MARKS_CENTROIDS)
     axes.plot(
         float(_arcsec(optimum)), accuracy, "*", markersize=13, color="#000000", label="printed best"
@@ -111,7 +118,8 @@ def draw_centroids(figure: Figure, printed: Mapping[str, float]) -> None:
     figure.legend(loc="outside lower center", ncols=3)
 
 
-def draw_monitoring(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/fig-11b", given=resolution.READS, marks=MARKS_MONITORING)
+def draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitoring accuracy against the angular resolution of the tracker.
 
     Parameters
@@ -120,24 +128,26 @@ def draw_monitoring(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of `MARKS_MONITORING` to values, in SI.
+    door : Given
+        Holds what the figure is computed from.
     """
-    axes, angles = _axes(figure)
-    lasers = given(resolution.READS).count(f"{STUDY}#lasers")
-    _curves(axes, angles, _arcsec(attitude_accuracy(1.0, lasers, compute()["angles"])))
+    axes, angles = _axes(figure, door)
+    lasers = door.count(f"{STUDY}#lasers")
+    _curves(axes, door, angles, _arcsec(attitude_accuracy(1.0, lasers, compute(door)["angles"])))
     limit = float(_arcsec(printed[MARKS_MONITORING[0]]))
     axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
     axes.set(ylabel="monitoring error (1σ, arcsec)")
     figure.legend(loc="outside lower center", ncols=3)
 
 
-def _axes(figure: Figure) -> tuple[Axes, FloatArray]:
+def _axes(figure: Figure, door: Given) -> tuple[Axes, FloatArray]:
     axes = figure.add_subplot()
     axes.set(xlabel="angular resolution (arcsec per px)", yscale="log")
-    return axes, np.asarray(_arcsec(compute()["angles"]))
+    return axes, np.asarray(_arcsec(compute(door)["angles"]))
 
 
-def _curves(axes: Axes, angles: FloatArray, scale: FloatArray | float) -> None:
-    content = compute()
+def _curves(axes: Axes, door: Given, angles: FloatArray, scale: FloatArray | float) -> None:
+    content = compute(door)
     few = slice(None, None, 2)
     axes.plot(
         angles[few], (content["simulated"] * scale)[few], "o", markersize=4, label="Monte Carlo"

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.chen2023.sketch import LASER, SCENE, STAR, mirror
+from reproduce.papers.declare import draws
 from reproduce.papers.sketch import INK, arrow, box, diagram, key, label, line, path
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import given
+from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 DETECTORS = "chen2023/text-hardware#detectors"
 
 
+@draws("chen2023/fig-1b")
 @diagram(12.0, 7.2)
 def draw_system(axes: Axes) -> None:
     """The monitoring system: what the laser light couples, and what the stars add."""
@@ -40,6 +42,7 @@ def draw_system(axes: Axes) -> None:
     key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
 
 
+@draws("chen2023/fig-2a")
 @diagram(12.6, 10.8)
 def draw_structure(axes: Axes) -> None:
     """The system in the satellite: camera down, tracker up, retro-reflector between."""
@@ -67,10 +70,11 @@ def draw_structure(axes: Axes) -> None:
     key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
 
 
+@draws("chen2023/fig-2b", given=[DETECTORS])
 @diagram(14.8, 8.2)
-def draw_focal_plane(axes: Axes) -> None:
+def draw_focal_plane(axes: Axes, door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
-    count = given([DETECTORS]).count(DETECTORS)
+    count = door.count(DETECTORS)
     _planes(axes)
     for index in range(count):
         x = 1.5 + 0.7 * index

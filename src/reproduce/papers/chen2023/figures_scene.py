@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023.sketch import SCENE, STAR
+from reproduce.papers.declare import draws
 from reproduce.papers.sketch import INK, Look, arrow, beside, diagram, key, label, line, path
 from reproduce.papers.space import View, seen_from, sense, triad
 from reproduce.physics.attitude.rotations import rotation_from_vector, transpose, unit
 from reproduce.physics.ground.earth import EarthOrientation, earth_fixed, earth_from_inertial
 from reproduce.physics.ground.imaging import WGS84, image_vectors, imaged_position, imaging_chain
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import given
+from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,8 +54,13 @@ class Scene:
     earth_from_inertial: FloatArray
 
 
-def scene() -> Scene:
+def scene(door: Given) -> Scene:
     """Return a satellite that looks at a target, and what the imaging model makes of it.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the printed angle between the boresights.
 
     Returns
     -------
@@ -64,7 +70,7 @@ def scene() -> Scene:
     turning = earth_from_inertial(DATE, EarthOrientation(ut1_utc=0.0))
     satellite = earth_fixed(ABOVE)
     looking = _frame(earth_fixed(TARGET) - satellite)
-    angle = given([INSTALLED])[INSTALLED]
+    angle = door[INSTALLED]
     # The tracker looks away from the Earth: the camera, turned about the X that both share.
     tracker_from_camera = rotation_from_vector([angle, 0.0, 0.0])
     inertial_from_tracker = transpose(turning) @ looking @ transpose(tracker_from_camera)
@@ -86,10 +92,11 @@ def _frame(boresight: ArrayLike) -> FloatArray:
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
+@draws("chen2023/fig-1a", given=[INSTALLED])
 @diagram(14.0, 9.6, 6.6)
-def draw(axes: Axes) -> None:
+def draw(axes: Axes, door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
-    content, view = scene(), VIEW
+    content, view = scene(door), VIEW
     _globe(axes, view)
     _earth_frames(axes, view, content)
     place, target = view.point(content.satellite), view.point(content.target)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.chen2023.sketch import LASER, SCENE, STAR, lens, mirror, reflected
+from reproduce.papers.declare import draws
 from reproduce.papers.sketch import (
     INK,
     arc,
@@ -50,6 +51,7 @@ ASIDE = 9.0
 LENS, FOCUS = np.array([5.0, 2.2]), 1.5
 
 
+@draws("chen2023/fig-3a")
 @diagram(12.6, 9.2)
 def draw_structure(axes: Axes) -> None:
     """Structure of the star and laser tracker."""
@@ -71,6 +73,7 @@ def draw_structure(axes: Axes) -> None:
     label(axes, (7.8, 7.9), "baffle, held by the\nsatellite alone", ha="left")
 
 
+@draws("chen2023/fig-3b", marks=[TILT])
 def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Paths of starlight and laser light into the tracker.
 
@@ -120,6 +123,7 @@ def _on_mirror(place: FloatArray, way: FloatArray, middle: FloatArray, tilt: flo
     return result
 
 
+@draws("chen2023/fig-3c", marks=[*BANDS, FILTER])
 def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
     """Transmission and reflection of the dichroic mirror and of the band-pass filter, idealised.
 
@@ -156,6 +160,7 @@ def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
     upper.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
 
 
+@draws("chen2023/fig-4")
 @diagram(15.0, 9.0, 6.8)
 def draw_route(axes: Axes) -> None:
     """Technical route: calibration, monitoring, correction."""
@@ -188,6 +193,7 @@ def draw_route(axes: Axes) -> None:
     arrow(axes, (10.0, 6.8), (10.5, 6.8))
 
 
+@draws("chen2023/fig-5")
 @diagram(14.0, 8.4)
 def draw_transform(axes: Axes) -> None:
     """Laser directions in the camera and in the tracker, joined by the laser transform."""

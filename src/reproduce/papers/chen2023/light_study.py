@@ -101,7 +101,7 @@ def believed(
     return misalignment_angles(misalignment(camera, then, laser_transform(camera, zero)))
 
 
-def retroreflectors() -> Study:
+def retro_reflectors() -> Study:
     """What turns of the retro-reflector make the system believe, for three kinds of it.
 
     Returns

@@ -88,6 +88,15 @@ class Case:
     read_share: float = 0.0
     brighter: float = 1.0
 
+    @property
+    def choices(self) -> dict[str, str]:
+        """What the case chooses of what the text leaves open."""
+        return {
+            "radius": RADII[self.width],
+            "noise": "read" if self.read_share else "photon",
+            "light": "brighter" if self.brighter > 1.0 else "table-3",
+        }
+
 
 ONE_OVER_E, HALF_HEIGHT = float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(2.0)))
 RADIUS = "V-D does not say which radius of the Gaussian is meant"
@@ -108,6 +117,24 @@ CASES = (
     ),
 )
 LITERAL = CASES[0]
+RADII = {1.0: "sigma", ONE_OVER_E: "one-over-e", HALF_HEIGHT: "half", 2.0: "one-over-e2"}
+OPTIONS = {
+    "radius": {
+        "sigma": "one standard deviation of the spot",
+        "one-over-e": "where the light has fallen to 1/e",
+        "half": "where the light has fallen to one half",
+        "one-over-e2": "where the light has fallen to 1/e²",
+    },
+    "noise": {"photon": "photon noise alone", "read": "90 % of the variance is read noise"},
+    "light": {
+        "table-3": "as much as gives the variance of Table III",
+        "brighter": "1.1 times as much",
+    },
+    "threshold": {
+        f"{errors:g}": f"a gain counts beyond {errors:g} standard error{'s' * (errors > 1)}"
+        for errors in THRESHOLDS
+    },
+}
 
 
 @reproduces(
@@ -133,6 +160,7 @@ def spot(given: Given) -> Results:
     given=READS,
     equations=["11"],
     replicates=REPLICATES,
+    options=OPTIONS,
 )
 def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
@@ -141,9 +169,9 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
     relative = relative_error(given)
 
-    def by_case(results: FloatArray) -> tuple[Reading, ...]:
+    def by_case(results: FloatArray, **more: str) -> tuple[Reading, ...]:
         return tuple(
-            Reading(case.name, case.place, Prediction(draws))
+            Reading(case.name, case.place, Prediction(draws), case.choices | more)
             for case, draws in zip(CASES, results, strict=True)
         )
 
@@ -152,10 +180,12 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
             f"gain counts beyond {errors:g} standard error{'s' * (errors > 1)}; as the first below",
             "V-D does not say which gain is significant",
             Prediction(angles[saturation(monitoring[0], relative, errors)]),
+            LITERAL.choices | {"threshold": f"{errors:g}"},
         )
         for errors in THRESHOLDS
     )
-    others = by_case(angles[saturation(monitoring, relative, CHOSEN)])[1:]
+    chosen = f"{CHOSEN:g}"
+    others = by_case(angles[saturation(monitoring, relative, CHOSEN)], threshold=chosen)[1:]
     found = {
         "optimum": by_case(angles[scatter.argmin(axis=-1)]),
         "optimum-accuracy": by_case(scatter.min(axis=-1)),

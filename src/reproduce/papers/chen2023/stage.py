@@ -20,11 +20,19 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import lasers
-from reproduce.papers.declare import Blocked, Prediction, Reading, Result, Results, reproduces
+from reproduce.papers.declare import (
+    Blocked,
+    Prediction,
+    Reading,
+    Result,
+    Results,
+    draws,
+    reproduces,
+)
 from reproduce.physics.attitude.misalignment import stage_angle
 from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,6 +65,27 @@ REFERENCES = (
     "reference angles interchanged; one focal length",
     "headings of Table V; (10), with the last angle about Y",
 )
+# What each reading chooses of what Table V leaves open.
+CHOICES = {
+    AS_QUOTED: {"columns": "printed", "telescope": "quoted"},
+    NOMINAL: {"columns": "printed", "telescope": "nominal"},
+    AS_PRINTED: {"columns": "printed", "telescope": "common"},
+    MOTIONS: {"columns": "motions", "telescope": "common"},
+    REFERENCES: {"columns": "references", "telescope": "common"},
+}
+LENGTHS = {
+    "quoted": "2000 mm, as IV-B writes it without 'nominal'",
+    "nominal": "the nominal 2000 mm of Table II, known to a few per cent",
+    "common": "the one that joins the last angle about Y with its motion",
+}
+OPTIONS = {
+    "columns": {
+        "printed": "columns as printed",
+        "motions": "positions and motions interchanged",
+        "references": "reference angles interchanged",
+    },
+    "telescope": LENGTHS,
+}
 # A monitored angle that agrees with every reading: no reading decides it.
 DECIDED = ("2.monitoring-y",)
 
@@ -129,7 +158,13 @@ def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str]
     return {reading: float(stage_angle(*pair)) for reading, pair in sides.items()}
 
 
-@reproduces(TABLE, cells=["[2-4].reference-?", "5.reference-x"], given=MEASURED, equations=["10"])
+@reproduces(
+    TABLE,
+    cells=["[2-4].reference-?", "5.reference-x"],
+    given=MEASURED,
+    equations=["10"],
+    options=OPTIONS,
+)
 def reference_angle(given: Given) -> Results:
     """Reference angles from the motions and each focal length that the text leaves open."""
     results = {}
@@ -148,6 +183,7 @@ def reference_angle(given: Given) -> Results:
     cells=["5.reference-y"],
     given=[f"{TABLE}#5.motion-x", TELESCOPE, QUOTED],
     equations=["10"],
+    options={"telescope": {name: LENGTHS[name] for name in ("quoted", "nominal")}},
 )
 def last_reference_angle(given: Given) -> Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
@@ -157,13 +193,17 @@ def last_reference_angle(given: Given) -> Results:
     return {"5.reference-y": _blocked(MISSING, angles)}
 
 
-def _blocked(missing: str, angles: Mapping[tuple[str, str], float | Prediction]) -> Blocked:
+def _blocked(
+    missing: str,
+    angles: Mapping[tuple[str, str], float | Prediction],
+    choices: Mapping[tuple[str, str], Mapping[str, str]] = CHOICES,
+) -> Blocked:
     """Return all readings of an angle; the nominal focal length stands in."""
     stand_in = angles.get(NOMINAL)
     return Blocked(
         missing,
         stand_in if isinstance(stand_in, float) else None,
-        tuple(Reading(*reading, result) for reading, result in angles.items()),
+        tuple(Reading(*name, result, choices[name]) for name, result in angles.items()),
     )
 
 
@@ -173,11 +213,20 @@ def _blocked(missing: str, angles: Mapping[tuple[str, str], float | Prediction])
     given=[*MEASURED, *lasers.READS, f"{lasers.SCATTER}#2-*", FRAMES, SMOOTHED],
     equations=["7", "10"],
     replicates=REPLICATES,
+    options={
+        "columns": OPTIONS["columns"],
+        "telescope": {name: LENGTHS[name] for name in ("quoted", "common")},
+        "images": {
+            "state": "means of all images of a state",
+            "ramp": "means of as many images as V-C averages on the ramps",
+        },
+    },
 )
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
     errors, count = monitoring_errors(given, seed, replicates), given.count(SMOOTHED)
     fewer = np.sqrt(given.count(FRAMES) / count)
+    choices = {reading: {**chosen, "images": "state"} for reading, chosen in CHOICES.items()}
     results: dict[str, Result] = {}
     for turn in TURNS:
         for row, state in enumerate(MOVED):
@@ -188,7 +237,9 @@ def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Result
             for way, place in (MOTIONS, REFERENCES):
                 reading = (f"{way}; means of {count} images", f"{place}; V-C on the ramps")
                 found[reading] = Prediction(angles[way, place] + fewer * noise)
-            results[name] = found[AS_QUOTED] if name in DECIDED else _blocked(COLUMNS, found)
+                choices[reading] = {**CHOICES[way, place], "images": "ramp"}
+            blocked = _blocked(COLUMNS, found, choices)
+            results[name] = found[AS_QUOTED] if name in DECIDED else blocked
     return results
 
 
@@ -273,7 +324,8 @@ def bound(given: Given) -> Results:
     return {"difference-bound": float(np.abs(given.array(f"{TABLE}#*.difference-?")).max())}
 
 
-def draw(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("chen2023/table-5", given=monitored_angle.given)
+def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion.
 
     Parameters
@@ -282,8 +334,9 @@ def draw(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Addresses of Table V to values, in SI.
+    door : Given
+        Holds what the figure is computed from.
     """
-    door = given(monitored_angle.given)
     panels = figure.subplots(1, 2, sharey=True)
     for axes, (axis, turn) in zip(panels, TURNS.items(), strict=True):
         motions = np.array([printed[f"{TABLE}#{state}.motion-{axis}"] for state in MOVED])

@@ -65,6 +65,11 @@ def _measured(table: Table) -> tuple[Platform, list[FloatArray]]:
     return replace(instrument, spots=spots), images
 
 
+def from_table(table: Table) -> list[FloatArray]:
+    """Return the images at the zero point and at the present, each of shape (frames, lasers, 2)."""
+    return _measured(table)[1]
+
+
 def _refuse_mirrored(table: Table, instrument: Platform, spots: FloatArray) -> None:
     """Refuse spots whose mirror image fits the lasers, as they stand in the order of the file."""
     lasers, pattern = (

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from reproduce.papers.declare import draws
 from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,6 +28,22 @@ READS = (
     f"{SETTINGS}#range-y-*",
     f"{SETTINGS}#step",
 )
+
+# Every arrangement that has the printed count, by the name under which a reader asks for it; the
+# first is the literal one.
+ARRANGEMENTS = {
+    "square": "square, step between neighbours; centred; circle of the smaller half range",
+    "square-from-corner": "square, step between neighbours; from the lower left corner; circle of "
+    "the smaller half range",
+    "quincunx": "quincunx, step between neighbours; centred; circle of the smaller half range",
+    "hexagonal-rows-x": "hexagonal, rows along x; from the lower left corner; diamond",
+    "hexagonal-half-row": "hexagonal, rows along y; half a row spacing along y; diamond",
+    "hexagonal-half-both": "hexagonal, rows along y; half a spacing along both; diamond",
+    "hexagonal-from-corner": "hexagonal, rows along y; from the lower left corner; diamond",
+    "square-stretched": "square, stretched to the edges; centred; circle of the smaller half range",
+    "rectangle": "quincunx, stretched to the edges in 20 by 12 spacings; centred; rectangle",
+}
+LITERAL = next(iter(ARRANGEMENTS))
 
 
 def half_ranges(door: Given) -> tuple[float, float]:
@@ -66,6 +83,36 @@ def candidates(door: Given) -> list[Arrangement]:
     return arrangements_with(count, *half_ranges(door), door[f"{SETTINGS}#step"])
 
 
+def arrangement(door: Given, name: str) -> Arrangement:
+    """Return one arrangement.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
+    name : str
+        One of `ARRANGEMENTS`.
+
+    Returns
+    -------
+    Arrangement
+        The angles.
+
+    Raises
+    ------
+    ValueError
+        If the arrangement does not have the number of angles that `door` holds.
+    """
+    found = {one.name: one for one in candidates(door)}
+    if ARRANGEMENTS[name] not in found:
+        raise ValueError(
+            f"angles={name}: this arrangement does not have "
+            f"{door.count(f'{SETTINGS}#angle-count')} angles over the range; these do: "
+            f"{', '.join(n for n, full in ARRANGEMENTS.items() if full in found) or 'none'}"
+        )
+    return found[ARRANGEMENTS[name]]
+
+
 def literal(door: Given) -> Arrangement:
     """Return the arrangement that the ledger uses.
 
@@ -79,23 +126,27 @@ def literal(door: Given) -> Arrangement:
     Arrangement
         The square lattice with the printed step, centred on the zero position.
     """
-    lattice = "square, step between neighbours"
-    return next(c for c in candidates(door) if c.lattice == lattice and c.offset == "centred")
+    return arrangement(door, LITERAL)
 
 
-def compute() -> dict[str, object]:
+def compute(door: Given) -> dict[str, object]:
     """Compute what Figure 4 shows.
+
+    Parameters
+    ----------
+    door : Given
+        Holds the cells of `READS`.
 
     Returns
     -------
     dict
         ``angles``, shape (137, 2), in radians, x before y, and ``half_ranges``, in radians.
     """
-    door = given(READS)
     return {"angles": literal(door).angles, "half_ranges": half_ranges(door)}
 
 
-def draw(figure: Figure, printed: Mapping[str, float]) -> None:
+@draws("niu2024/fig-4", given=READS)
+def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Rotation angles of the rotary table in the simulation.
 
     Parameters
@@ -104,8 +155,10 @@ def draw(figure: Figure, printed: Mapping[str, float]) -> None:
         An empty figure.
     printed : mapping
         Not used: no value is printed on this figure.
+    door : Given
+        Holds what the figure is computed from.
     """
-    content = compute()
+    content = compute(door)
     angles = np.degrees(np.asarray(content["angles"]))
     half_x, half_y = np.degrees(np.asarray(content["half_ranges"]))
     axes = figure.add_subplot()

@@ -65,6 +65,12 @@ def centre_wavelength(given: Given) -> Results:
     OPTICS,
     cells=["centre-wavelength-green", "centre-wavelength-red"],
     given=[f"{OPTICS}#band-*", f"{OUTCOME}#simulator-band-*"],
+    options={
+        "centre": {
+            "band": "the middle of the channel's band",
+            "third": "the middle of a third of the starlight's band",
+        }
+    },
 )
 def centre_wavelengths(given: Given) -> Results:
     """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
@@ -73,8 +79,13 @@ def centre_wavelengths(given: Given) -> Results:
     for band in ("green", "red"):
         middle, nominal = middles(given, band)
         readings = (
-            Reading("middle of the channel's band", "section 4.3", middle),
-            Reading("middle of a third of the starlight's band", "section 4.3", nominal),
+            Reading("middle of the channel's band", "section 4.3", middle, {"centre": "band"}),
+            Reading(
+                "middle of a third of the starlight's band",
+                "section 4.3",
+                nominal,
+                {"centre": "third"},
+            ),
         )
         results[f"centre-wavelength-{band}"] = Blocked(missing, readings=readings)
     return results

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024.sketch import BLUE, GREEN, LOOKS
 from reproduce.papers.sketch import SIZE, Look, arc, arrow, beside, box, diagram, label, line
 from reproduce.physics.registration.transforms import Registration, principal_point_shift
@@ -22,6 +23,7 @@ ANGLE = float(np.radians(14.0))
 PRINCIPAL_POINTS = {"green": np.array([5.4, 5.0]), "blue": np.array([7.8, 6.4])}
 
 
+@draws("niu2024/fig-1")
 @diagram(17.0, 9.6)
 def draw_workflow(axes: Axes) -> None:
     """Workflow of a 3CMOS star sensor, from starlight to attitude."""
@@ -52,6 +54,7 @@ def _to_attitude(axes: Axes) -> None:
     label(axes, (12.1, 7.6), "this paper", style="italic")
 
 
+@draws("niu2024/fig-2")
 @diagram(14.0, 11.6, 5.6)
 def draw_planes(axes: Axes) -> None:
     """Rotation and translation of the blue image plane against the green one."""

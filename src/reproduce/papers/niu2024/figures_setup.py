@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024.sketch import LOOKS
 from reproduce.papers.sketch import INK, arc, arrow, box, diagram, label, line
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@draws("niu2024/fig-3")
 @diagram(17.0, 9.6)
 def draw_calibration(axes: Axes) -> None:
     """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
@@ -55,6 +57,7 @@ def _table(axes: Axes) -> None:
     arc(axes, (16.4, 5.6), 0.4, (-140.0, 140.0), head=True)
 
 
+@draws("niu2024/fig-5")
 @diagram(17.2, 10.0)
 def draw_acquisition(axes: Axes) -> None:
     """Data acquisition: simulated starlight of a chosen band and magnitude, three images."""

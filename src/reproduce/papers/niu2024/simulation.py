@@ -21,11 +21,12 @@ them had been computed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.random import SeedSequence
-from numpy.typing import ArrayLike
 
-from reproduce.papers.declare import Blocked, Prediction, Reading, Results, reproduces
+from reproduce.papers.declare import Blocked, Prediction, Reading, Result, Results, reproduces
 from reproduce.papers.niu2024 import angles
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import (
@@ -34,8 +35,10 @@ from reproduce.physics.optics.simulate import (
     spawned_angles,
     spawned_normals,
 )
-from reproduce.physics.registration.calibration import Calibration, calibrate, starting_values
+from reproduce.physics.registration.calibration import calibrate, starting_values
 from reproduce.physics.registration.closed_form import rmse_per_axis
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -46,9 +49,45 @@ SETTINGS = "niu2024/text-simulation"
 CHANNELS = ("green", "red", "blue")
 REGISTERED = ("red", "blue")
 REPLICATES = 2000
+# Replicates calibrated at once: enough to be fast, few enough to stay in a processor's cache.
+BATCH = 500
 # What the principal points of red and blue are, and where the test points are.
 SHIFTS = ("Table 1", "Table 2")
 TESTS = ("over the range", "among the angles")
+# What the printed noise is multiplied by in green, red and blue.
+NOISY = {
+    "every-channel": (1.0, 1.0, 1.0),
+    "red-and-blue": (0.0, 1.0, 1.0),
+    "green": (1.0, 0.0, 0.0),
+}
+# What the text leaves open, as options of a rerun; the literal reading first.
+CALIBRATION = {
+    "angles": angles.ARRANGEMENTS,
+    "noise": {
+        "every-channel": "the printed noise in every channel",
+        "red-and-blue": "green, the reference, without noise",
+        "green": "red and blue without noise",
+    },
+    "repeats": {"one": "one draw of the noise", "ten": "the average of ten draws"},
+}
+TRANSLATIONS = {
+    "translations": {
+        "table-1": "principal points of Table 1",
+        "table-2": "principal points of green, and the translations of Table 2 from there",
+    }
+}
+TESTING = {
+    "tests": {
+        "range": "test points at random over the printed range",
+        "angles": "test points among the angles of the calibration",
+    },
+    "rmse": {
+        "both": "(26), which counts both axes",
+        "one": "one axis on average",
+        "x": "x alone",
+        "y": "y alone",
+    },
+}
 READS = (
     *angles.READS,
     IMAGING,
@@ -119,11 +158,16 @@ def calibrations(
     seed: SeedSequence,
     replicates: int,
     *,
+    arrangement: str = angles.LITERAL,
     shifts: str = SHIFTS[0],
-    noisy: ArrayLike = 1.0,
+    noise: str = "every-channel",
     repeats: int = 1,
-) -> dict[str, Calibration]:
+) -> dict[str, Registration]:
     """Simulate and calibrate both channels in every replicate.
+
+    Where an arrangement has no zero position, which the starting values of section 3.2 need, it is
+    measured beside the calibration points, and the fit is the closed form: that is where the
+    iteration ends.
 
     Parameters
     ----------
@@ -133,31 +177,45 @@ def calibrations(
         Of the noise.
     replicates : int
         How many.
+    arrangement : str
+        One of `angles.ARRANGEMENTS`.
     shifts : str
         One of `SHIFTS`.
-    noisy : array_like, shape () or (3,)
-        What the printed noise is multiplied by, in all channels or in green, red, blue.
+    noise : str
+        One of `NOISY`.
     repeats : int
         How many draws are averaged.
 
     Returns
     -------
     dict
-        Channel to its calibrations, shape (replicates,).
+        Channel to its calibrated transforms, shape (replicates,).
     """
-    table = angles.literal(given).angles
-    true = channel_centroids(cameras(given, shifts), rotations(given), table)
-    sigma = given[f"{SETTINGS}#noise"] * np.asarray(noisy)
-    measured = noisy_centroids(true, sigma, seed, replicates, repeats=repeats)
+    table = angles.arrangement(given, arrangement).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
-    zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0)).item()
-    green = measured[:, 0]
-    found = {}
-    for position, channel in enumerate(REGISTERED, start=1):
-        source = measured[:, position]
-        start = starting_values(source[:, still], green[:, still], source[:, zero], green[:, zero])
-        found[channel] = calibrate(source, green, source[:, zero], start)
-    return found
+    at_zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0))
+    measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
+    zero = at_zero.item() if at_zero.size else len(table)
+    true = channel_centroids(cameras(given, shifts), rotations(given), measured_at)
+    sigma = given[f"{SETTINGS}#noise"] * np.asarray(NOISY[noise])
+    parts: dict[str, list[FloatArray]] = {channel: [] for channel in REGISTERED}
+    for first in range(0, replicates, BATCH):
+        batch = min(BATCH, replicates - first)
+        measured = noisy_centroids(true, sigma, seed, batch, repeats=repeats, first=first)
+        pivots, spots = measured[..., zero, :], measured[..., : len(table), :]
+        green = spots[:, 0]
+        for position, channel in enumerate(REGISTERED, start=1):
+            source, pivot = spots[:, position], pivots[:, position]
+            if at_zero.size:
+                start = starting_values(source[:, still], green[:, still], pivot, pivots[:, 0])
+                found = calibrate(source, green, pivot, start).parameters
+            else:
+                found = fit_registration(source, green, pivot).parameters
+            parts[channel].append(np.concatenate([found, pivot], axis=-1))
+    whole = {channel: np.concatenate(part) for channel, part in parts.items()}
+    return {
+        c: Registration.similarity(u[:, 0], u[:, 1], u[:, 2:4], u[:, 4:]) for c, u in whole.items()
+    }
 
 
 @reproduces(
@@ -166,12 +224,24 @@ def calibrations(
     given=READS,
     equations=["17", "18", "19", "20", "21", "22", "23", "24", "25"],
     replicates=REPLICATES,
+    options=CALIBRATION,
 )
-def calibrated_parameters(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def calibrated_parameters(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    *,
+    angles: str = angles.LITERAL,
+    noise: str = "every-channel",
+    repeats: str = "one",
+) -> Results:
     """Scale and rotation calibrated from noisy simulated centroids."""
+    found = calibrations(
+        given, seed, replicates, arrangement=angles, noise=noise, repeats=DRAWS[repeats]
+    )
     return {
         f"{row}.{channel}": Prediction(draws)
-        for channel, calibration in calibrations(given, seed, replicates).items()
+        for channel, calibration in found.items()
         for row, draws in zip(("scale", "rotation"), calibration.parameters.T[:2], strict=True)
     }
 
@@ -182,21 +252,48 @@ def calibrated_parameters(given: Given, seed: SeedSequence, replicates: int) -> 
     given=[*READS, f"{TRUTH}#translation-*"],
     equations=["14", "17", "18", "19", "20", "21", "22", "23", "24", "25"],
     replicates=REPLICATES,
+    options=CALIBRATION | TRANSLATIONS,
 )
-def calibrated_translations(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def calibrated_translations(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    *,
+    angles: str = angles.LITERAL,
+    noise: str = "every-channel",
+    repeats: str = "one",
+) -> Results:
     """Translations calibrated from centroids simulated with the shifts of Table 1 or of Table 2."""
     missing = "which principal points the simulation used, those of Table 1 or of Table 2"
-    places = {
-        SHIFTS[0]: ("principal points of Table 1", "section 4.1 with (21) to (23)"),
-        SHIFTS[1]: ("translations of Table 2", "sections 4.1 and 4.2, the true values"),
-    }
-    readings: dict[str, list[Reading]] = {}
-    for shifts, (name, place) in places.items():
-        for channel, found in calibrations(given, seed, replicates, shifts=shifts).items():
-            for axis, draws in zip("xy", found.parameters.T[2:], strict=True):
-                cell = readings.setdefault(f"translation-{axis}.{channel}", [])
-                cell.append(Reading(name, place, Prediction(draws)))
-    return {name: Blocked(missing, readings=tuple(cell)) for name, cell in readings.items()}
+    found = calibrations(
+        given, seed, replicates, arrangement=angles, noise=noise, repeats=DRAWS[repeats]
+    )
+    first, second = (
+        np.array([camera.principal_point for camera in cameras(given, shifts)]) for shifts in SHIFTS
+    )
+    # A channel's principal point carries its spots, its pivot and so its translation along.
+    moved = second - first
+    results = {}
+    for position, channel in enumerate(REGISTERED, start=1):
+        for axis, draws, more in zip(
+            "xy", found[channel].parameters.T[2:], moved[position], strict=True
+        ):
+            readings = (
+                Reading(
+                    "principal points of Table 1",
+                    "section 4.1 with (21) to (23)",
+                    Prediction(draws),
+                    {"translations": "table-1"},
+                ),
+                Reading(
+                    "translations of Table 2",
+                    "sections 4.1 and 4.2, the true values",
+                    Prediction(draws + more),
+                    {"translations": "table-2"},
+                ),
+            )
+            results[f"translation-{axis}.{channel}"] = Blocked(missing, readings=readings)
+    return results
 
 
 def residuals(
@@ -204,8 +301,9 @@ def residuals(
     seed: SeedSequence,
     replicates: int,
     *,
+    arrangement: str = angles.LITERAL,
     shifts: str = SHIFTS[0],
-    noisy: ArrayLike = 1.0,
+    noise: str = "every-channel",
     repeats: int = 1,
     tests: str = TESTS[0],
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
@@ -220,7 +318,7 @@ def residuals(
         Of noise and test points.
     replicates : int
         How many.
-    shifts, noisy, repeats
+    arrangement, shifts, noise, repeats
         As in `calibrations`; the noise is the same kind at the test points.
     tests : str
         One of `TESTS`: directions at random over the printed range, or rotation angles drawn among
@@ -232,22 +330,30 @@ def residuals(
         Channel to its RMSE per axis before and after registration, each of shape (replicates, 2).
     """
     for_noise, for_angles, for_test_noise = _streams(seed, 3)
-    found = calibrations(given, for_noise, replicates, shifts=shifts, noisy=noisy, repeats=repeats)
+    found = calibrations(
+        given,
+        for_noise,
+        replicates,
+        arrangement=arrangement,
+        shifts=shifts,
+        noise=noise,
+        repeats=repeats,
+    )
     count = given.count(f"{SETTINGS}#test-points")
     if tests == TESTS[0]:
         points = spawned_angles(for_angles, replicates, count, angles.half_ranges(given))
     else:
-        table = angles.literal(given).angles
+        table = angles.arrangement(given, arrangement).angles
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),)).argsort(axis=-1)
         points = table[order[:, :count]]
     true = channel_centroids(cameras(given, shifts), rotations(given), points)
-    sigma = given[f"{SETTINGS}#noise"] * np.asarray(noisy)
+    sigma = given[f"{SETTINGS}#noise"] * np.asarray(NOISY[noise])
     measured = noisy_centroids(true, sigma, for_test_noise, replicates, repeats=repeats)
     return {
         channel: (
             rmse_per_axis(measured[:, place], measured[:, 0]),
-            rmse_per_axis(found[channel].transform.apply(measured[:, place]), measured[:, 0]),
+            rmse_per_axis(found[channel].apply(measured[:, place]), measured[:, 0]),
         )
         for place, channel in enumerate(REGISTERED, start=1)
     }
@@ -263,49 +369,122 @@ def one_axis(per_axis: FloatArray) -> FloatArray:
     return np.asarray(both_axes(per_axis) / np.sqrt(2))
 
 
+DRAWS = {"one": 1, "ten": 10}
+SHIFTED = dict(zip(TRANSLATIONS["translations"], SHIFTS, strict=True))
+TESTED = dict(zip(TESTING["tests"], TESTS, strict=True))
+COUNTED: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "both": both_axes,
+    "one": one_axis,
+    "x": lambda per_axis: per_axis[..., 0],
+    "y": lambda per_axis: per_axis[..., 1],
+}
+RMSE_OPTIONS = CALIBRATION | TRANSLATIONS | TESTING
+_SAME = "section 4.2, the same method as the calibration"
+# The readings that decide, before registration and after it: name, place, and what each one
+# chooses of the options; the others stay literal.
+DECIDING: dict[str, tuple[tuple[str, str, dict[str, str]], ...]] = {
+    "before": (
+        (
+            "shifts of Table 1, (26)",
+            "sections 4.1 and 4.2",
+            {"translations": "table-1", "rmse": "both", "tests": "range"},
+        ),
+        (
+            "shifts of Table 2, (26)",
+            "sections 4.1 and 4.2",
+            {"translations": "table-2", "rmse": "both", "tests": "range"},
+        ),
+        (
+            "shifts of Table 2, (26), tests among the angles",
+            _SAME,
+            {"translations": "table-2", "rmse": "both", "tests": "angles"},
+        ),
+        (
+            "shifts of Table 2, one axis",
+            "section 4.3, an RMSE per axis",
+            {"translations": "table-2", "rmse": "one", "tests": "range"},
+        ),
+        (
+            "shifts of Table 2, one axis, tests among the angles",
+            _SAME,
+            {"translations": "table-2", "rmse": "one", "tests": "angles"},
+        ),
+    ),
+    "after": (
+        (
+            "noise in all channels, (26)",
+            "sections 4.1 and 4.2",
+            {"noise": "every-channel", "repeats": "one", "rmse": "both"},
+        ),
+        (
+            "green without noise, (26)",
+            "section 4.2, green as reference",
+            {"noise": "red-and-blue", "repeats": "one", "rmse": "both"},
+        ),
+        (
+            "ten draws averaged, (26)",
+            "section 3.1, ten repeats",
+            {"noise": "every-channel", "repeats": "ten", "rmse": "both"},
+        ),
+        (
+            "noise in all channels, one axis",
+            "section 4.3, an RMSE per axis",
+            {"noise": "every-channel", "repeats": "one", "rmse": "one"},
+        ),
+    ),
+}
+MISSING = {
+    "before": "the principal points and test points used, and which axes the RMSE counts",
+    "after": "the noise of the reference, and which axes the RMSE counts",
+}
+
+
 @reproduces(
     SETTINGS,
     cells=["rmse-*"],
     given=[*READS, f"{TRUTH}#translation-*", f"{SETTINGS}#test-points"],
     equations=["17", "18", "26"],
     replicates=REPLICATES,
+    options=RMSE_OPTIONS,
 )
-def registration_rmse(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chosen: str) -> Results:
     """RMSE at test points before and after registration, under each reading that decides."""
-    literal = residuals(given, seed, replicates)
-    second = residuals(given, seed, replicates, shifts=SHIFTS[1])
-    among = residuals(given, seed, replicates, shifts=SHIFTS[1], tests=TESTS[1])
-    reference = residuals(given, seed, replicates, noisy=[0.0, 1.0, 1.0])
-    averaged = residuals(given, seed, replicates, repeats=10)
-    same = "section 4.2, the same method as the calibration"
-    before = [
-        ("shifts of Table 1, (26)", "sections 4.1 and 4.2", literal, both_axes),
-        ("shifts of Table 2, (26)", "sections 4.1 and 4.2", second, both_axes),
-        ("shifts of Table 2, (26), tests among the angles", same, among, both_axes),
-        ("shifts of Table 2, one axis", "section 4.3, an RMSE per axis", second, one_axis),
-        ("shifts of Table 2, one axis, tests among the angles", same, among, one_axis),
-    ]
-    after = [
-        ("noise in all channels, (26)", "sections 4.1 and 4.2", literal, both_axes),
-        ("green without noise, (26)", "section 4.2, green as reference", reference, both_axes),
-        ("ten draws averaged, (26)", "section 3.1, ten repeats", averaged, both_axes),
-        ("noise in all channels, one axis", "section 4.3, an RMSE per axis", literal, one_axis),
-    ]
-    missing = {
-        "before": "the principal points and test points used, and which axes the RMSE counts",
-        "after": "the noise of the reference, and which axes the RMSE counts",
-    }
-    return {
-        f"rmse-{when}-{channel}": Blocked(
-            missing[when],
-            readings=tuple(
-                Reading(name, place, Prediction(counted(found[channel][which])))
-                for name, place, found, counted in readings
-            ),
-        )
-        for which, (when, readings) in enumerate((("before", before), ("after", after)))
-        for channel in REGISTERED
-    }
+    literal = {name: next(iter(ways)) for name, ways in RMSE_OPTIONS.items()}
+    made: dict[tuple[str, ...], dict[str, tuple[FloatArray, FloatArray]]] = {}
+
+    def found(setting: dict[str, str], channel: str, which: int) -> Prediction:
+        simulated = tuple(setting[name] for name in literal if name != "rmse")
+        if simulated not in made:
+            made[simulated] = residuals(
+                given,
+                seed,
+                replicates,
+                arrangement=setting["angles"],
+                shifts=SHIFTED[setting["translations"]],
+                noise=setting["noise"],
+                repeats=DRAWS[setting["repeats"]],
+                tests=TESTED[setting["tests"]],
+            )
+        return Prediction(COUNTED[setting["rmse"]](made[simulated][channel][which]))
+
+    results: dict[str, Result] = {}
+    for which, (when, deciding) in enumerate(DECIDING.items()):
+        left = [
+            one for one in deciding if all(chosen.get(n, way) == way for n, way in one[2].items())
+        ]
+        for channel in REGISTERED:
+            results[f"rmse-{when}-{channel}"] = (
+                Blocked(
+                    MISSING[when],
+                    readings=tuple(
+                        Reading(name, place, found(literal | ways | chosen, channel, which))
+                        for name, place, ways in left
+                    ),
+                )
+                if left
+                else found(literal | chosen, channel, which)
+            )
+    return results
 
 
 def _streams(seed: SeedSequence, count: int) -> list[SeedSequence]:

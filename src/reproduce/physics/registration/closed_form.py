@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import fdtri
 
 from reproduce.physics.registration.transforms import ComplexArray, as_complex, as_points
 from reproduce.physics.validate import (
@@ -163,6 +162,8 @@ def refuse_mirrored(
     suspect = across > along
     if not suspect.any():
         return
+    from scipy.special import fdtri  # only now: its import takes longer than most fits
+
     size = np.ones(offsets.shape) if weights is None else weights
     spread = (size * _squared(offsets)).sum(axis=-1)
     whole = (size * _squared(targets)).sum(axis=-1)

@@ -1,0 +1,61 @@
+"""A camera's misalignment from spots of lasers, image by image: chen2023's monitoring, end to end.
+
+Spots have shape (..., n, 2), in px, x before y; row i is always laser i.
+"""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import (
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+)
+from reproduce.physics.validate import FloatArray
+
+
+def monitored_angles(
+    zero_spots: ArrayLike,
+    spots: ArrayLike,
+    lasers: ArrayLike,
+    camera_focal_length: float,
+    tracker: tuple[ArrayLike, float, float],
+) -> FloatArray:
+    """Return how far the camera has turned since the zero point, in every image.
+
+    Parameters
+    ----------
+    zero_spots : array_like, shape (frames, n, 2)
+        Images at the zero point, in px; the laser transform of the zero point pools them.
+    spots : array_like, shape (frames, n, 2)
+        Images at the present, in px.
+    lasers : array_like, shape (n, 2)
+        Positions on the camera's focal plane, in metres.
+    camera_focal_length : float
+        In metres.
+    tracker : tuple
+        Principal point (px), pixel pitch and focal length (metres) of the tracker.
+
+    Returns
+    -------
+    ndarray, shape (frames, 3)
+        Rotation vectors in the camera frame, in radians, as `misalignment_angles` gives them.
+
+    Raises
+    ------
+    DegenerateGeometryError, ValueError
+        As for `laser_transform`.
+
+    Examples
+    --------
+    >>> lasers = [[1e-3, 0], [0, 1e-3], [-1e-3, 0]]
+    >>> spots = [[[20.0, 0], [0, 20], [-20, 0]]]
+    >>> monitored_angles(spots, spots, lasers, 1.0, ((0, 0), 5e-6, 0.05)).round(9) + 0.0
+    array([[0., 0., 0.]])
+    """
+    camera = emitted_directions(lasers, camera_focal_length)
+    zero = laser_transform(camera, received_directions(zero_spots, *tracker), pooled=True)
+    now = received_directions(spots, *tracker)
+    return misalignment_angles(misalignment(camera, now, zero))

@@ -1,0 +1,237 @@
+"""A user's own measurements: stars laid over each other, lasers that watch a camera."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from rich.console import RenderableType
+
+from reproduce.judge import rerun as rerunning
+from reproduce.judge.rerun import CannotChangeError
+from reproduce.papers.chen2023.simulated_spots import READS, platform
+from reproduce.papers.chen2023.users_spots import COLUMNS, from_table
+from reproduce.physics.attitude.monitoring import monitored_angles
+from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.printed.cells import find
+from reproduce.printed.given import given
+from reproduce.store.points import read_table
+from reproduce.units import ARCSEC_PER_RADIAN
+from reproduce.views import terminal
+from reproduce.views.export import export_frame
+from reproduce.views.markup import html_table
+from reproduce.views.shown import Shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FloatArray = NDArray[np.float64]
+
+
+class _Own(Shown):
+    """What results of a user's own measurements share."""
+
+    title: str
+
+    def frame(self) -> pd.DataFrame:
+        """Return the numbers, a row for each."""
+        raise NotImplementedError
+
+    def export(self, form: str) -> str:
+        """Return the numbers as csv, json, latex or markdown."""
+        return export_frame(self.frame().reset_index(), form)
+
+    def _rows(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        frame = self.frame()
+        head = (str(frame.index.name), *map(str, frame.columns))
+        cells = [(str(name), *(_text(value) for value in row))
+                 for name, row in zip(frame.index, frame.to_numpy(), strict=True)]  # fmt: skip
+        return head, cells
+
+    def _repr_html_(self) -> str:
+        head, rows = self._rows()
+        return f'<div class="rp-table">{html_table(head, rows, self.title)}</div>'
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the title and the numbers."""
+        yield self.title
+        yield terminal.aligned(*self._rows())
+
+
+def _text(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+class Registered(_Own):
+    """The transform that lays a user's own stars over each other.
+
+    Parameters
+    ----------
+    source, target : array_like, shape (n, 2)
+        The same stars in both images, in px.
+    pivot : array_like, shape (2,), optional
+        The point turned and scaled about, in px; the middle of the source points by default.
+    **settings
+        Those of `reproduce.physics.registration.fit.fit_registration`.
+    """
+
+    reads: tuple[str, ...] = ()
+
+    def __init__(
+        self, source: ArrayLike, target: ArrayLike, pivot: ArrayLike | None = None, **settings: Any
+    ) -> None:
+        self._given = {"source": source, "target": target, "pivot": pivot, **settings}
+        middle = np.mean(np.asarray(source, dtype=float), axis=0) if pivot is None else pivot
+        self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
+        self.title = f"{self.fit.model} of {len(self.fit.residuals)} stars"
+
+    @property
+    def model(self) -> str:
+        """What the transform may do."""
+        return str(self.fit.model)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """The parameters, in px and radians."""
+        return self.fit.parameters
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the parameters."""
+        return self.fit.covariance
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Target minus transformed source, shape (n, 2), in px."""
+        return self.fit.residuals
+
+    @property
+    def transform(self) -> Any:
+        """The transform, for other points: ``transform.apply(points)``."""
+        return self.fit.transform
+
+    @property
+    def source(self) -> str:
+        """The text of the function that fits."""
+        return inspect.getsource(fit_registration).rstrip()
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row per parameter: value and standard deviation, in px and radians.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The deviation is NaN where the points leave none to spare.
+        """
+        import pandas as pd
+
+        spare = bool(np.all(self.fit.degrees_of_freedom > 0)) or self.fit.errors_known
+        errors = (
+            np.sqrt(np.diag(self.covariance)) if spare else np.full_like(self.parameters, np.nan)
+        )
+        columns = {"value": self.parameters, "standard deviation": errors}
+        return pd.DataFrame(columns, index=pd.Index(self.fit.names, name="parameter"))
+
+    def rerun(self, **settings: Any) -> Registered:
+        """Return the fit with other stars or settings: ``model="affine"``, ``robust=True``."""
+        return Registered(**{**self._given, **settings})
+
+
+class Monitored(_Own):
+    """The misalignment of a user's own camera, image by image.
+
+    The instrument is chen2023's ground platform as designed; any printed cell of it can be changed
+    to that of another one.
+
+    Parameters
+    ----------
+    spots : path or array_like, shape (frames, lasers, 2)
+        Images at the present, in px; or a CSV file with both groups, with the columns ``group``
+        (0 at the zero point, 1 at the present), ``laser``, ``x``, ``y``.
+    zero : array_like, shape (frames, lasers, 2), optional
+        Images at the zero point, where `spots` is an array.
+    changes : mapping, optional
+        Address of a cell in `reads` to a value as in the print.
+    """
+
+    def __init__(
+        self,
+        spots: str | Path | ArrayLike,
+        zero: ArrayLike | None = None,
+        changes: Mapping[str, str | float] | None = None,
+    ) -> None:
+        self._spots, self._zero = spots, zero
+        self.changes = dict(changes or {})
+        if strays := [address for address in self.changes if address not in self.reads]:
+            raise CannotChangeError(
+                f"the instrument does not read {', '.join(strays)}; it reads: "
+                f"{', '.join(self.reads)}"
+            )
+        door = given(READS)
+        design = platform(
+            door.changed(
+                {a: rerunning.in_si(door.cells[a], text) for a, text in self.changes.items()}
+            )
+        )
+        if isinstance(spots, str | Path):
+            if zero is not None:
+                raise ValueError("zero: expected nothing beside a file, which holds both groups")
+            before, now = from_table(read_table(Path(spots), COLUMNS))
+        else:
+            if zero is None:
+                raise ValueError("zero: expected the images at the zero point, or a file of both")
+            before, now = (np.asarray(one, dtype=float) for one in (zero, spots))
+        design = replace(design, spots=before.mean(axis=0))
+        tracker = (design.principal_point, design.pixel_pitch, design.tracker_focal_length)
+        self.angles: FloatArray = monitored_angles(
+            before, now, design.lasers, design.camera_focal_length, tracker
+        )
+        self.title = f"misalignment in {len(self.angles)} images since the zero point"
+
+    @cached_property
+    def reads(self) -> tuple[str, ...]:
+        """Addresses of the printed cells that the instrument is taken from."""
+        return tuple(cell.address for pattern in READS for cell in find(pattern))
+
+    @property
+    def source(self) -> str:
+        """The text of the function that computes the angles."""
+        return inspect.getsource(monitored_angles).rstrip()
+
+    def images(self) -> pd.DataFrame:
+        """Return the angles of every image about X, Y and Z of the camera, in arcsec."""
+        import pandas as pd
+
+        index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
+        return pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
+
+    def frame(self) -> pd.DataFrame:
+        """Return mean, scatter of one image and error of the mean about each axis, in arcsec."""
+        import pandas as pd
+
+        images = self.images()
+        scatter = images.std()
+        columns = {
+            "mean (arcsec)": images.mean(),
+            "scatter (arcsec)": scatter,
+            "error of the mean (arcsec)": scatter / np.sqrt(len(images)),
+        }
+        return pd.DataFrame(columns).rename_axis("about")
+
+    def rerun(
+        self,
+        changes: Mapping[str, str | float] | None = None,
+        *,
+        spots: str | Path | ArrayLike | None = None,
+        zero: ArrayLike | None = None,
+    ) -> Monitored:
+        """Return the same with other spots, or with an instrument of other printed numbers."""
+        zero_of = self._zero if spots is None and zero is None else zero
+        chosen = self._spots if spots is None else spots
+        return Monitored(chosen, zero_of, {**self.changes, **(changes or {})})

@@ -1,0 +1,38 @@
+"""A posterior of the made-up paper: stars seen through both lenses, laid over each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reproduce.inference.models.registration import registration_model
+from reproduce.papers.declare_posterior import Declaration
+
+READS = ("lamp2025/table-1#focal-length.*",)
+
+
+def registration(given):
+    """Simulate stars behind both lenses and return the model of the transform between them."""
+    near, far = given.array(READS[0])
+    generator = np.random.default_rng(2025)
+    stars = generator.uniform(0.0, 1000.0, (30, 2))
+    other = far / near * stars + generator.normal(0.0, 0.1, stars.shape)
+    return registration_model(stars, other, np.zeros(2))
+
+
+def truth(given):
+    """The parameters with which the stars were simulated."""
+    near, far = given.array(READS[0])
+    return {"scale": far / near}
+
+
+POSTERIORS = (
+    Declaration(
+        key="lamp-registration",
+        title="What is known of the transform between both lenses",
+        paper="lamp2025",
+        given=READS,
+        build=registration,
+        file="the stars are made up",
+        truth=truth,
+    ),
+)

@@ -1,0 +1,175 @@
+"""The command line under arbitrary files and options: an answer or a message, never a traceback.
+
+Posteriors go up to the point where sampling would start.
+"""
+
+import click
+import pytest
+from click.testing import CliRunner
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from reproduce.judge import rerun
+from reproduce.locate import data_folder
+from reproduce.papers.catalogue import catalogue
+from reproduce.views import posterior as running
+from reproduce.views.cli import main
+from reproduce.views.posterior_data import READERS
+
+FEW = settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+# No argument of a process holds a null byte; one that is no UTF-8 comes in as a lone surrogate.
+TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=[]), max_size=12)
+# Items that are computed in a moment: few replicates for those that draw.
+TABLES = ("niu2024/table-2", "niu2024/table-3", "niu2024/text-optics", "chen2023/table-1")
+FIGURES = ("niu2024/fig-4", "chen2023/fig-2b", "chen2023/fig-1a")
+NUMBERS = st.one_of(
+    st.sampled_from("0 -1 1e400 -0.0 1e-300 1e300 nan inf 1_0 0x1 . − + 1e 9e9999 007".split()),
+    st.floats(width=32).map(str),
+    st.integers(-(10**6), 10**6).map(str),
+    TEXT,
+)
+UNITS = st.sampled_from(["", " px", " mm", "um", " deg", "″", " nm", " km", "%", " parsec", " ms"])
+VALUES = st.tuples(NUMBERS, UNITS).map("".join)
+
+
+@pytest.fixture(autouse=True)
+def no_sampling(monkeypatch):
+    """Stop where sampling would start."""
+
+    def stop(*arguments, **settings):
+        raise click.ClickException("sampling would start")
+
+    monkeypatch.setattr(running, "run", stop)
+
+
+def check(*arguments):
+    """Run a command; anything but an orderly end fails."""
+    result = CliRunner(env={"TERM": "dumb"}).invoke(main, list(arguments))
+    orderly = result.exception is None or isinstance(result.exception, SystemExit)
+    assert orderly, (arguments, repr(result.exception))
+    assert result.exit_code in {0, 1, 2}, arguments
+    if result.exit_code:
+        assert result.stderr.strip() or "{" in result.stdout, arguments
+    return result
+
+
+@FEW
+@given(
+    st.sampled_from([*main.commands, "nothing"]),
+    st.lists(
+        st.one_of(
+            TEXT,
+            st.sampled_from(
+                "--json --format --out --table --relations --set --seed --data --pivot --steps "
+                "--option --list --resume -- -h niu2024 csv bibtex 3 registration".split()
+            ),
+        ),
+        max_size=4,
+    ),
+)
+def test_any_arguments(command, arguments):
+    if command in {"check", "audit", "calibrate"} and not arguments:
+        return  # the whole ledger, or a study: what they do is tested elsewhere
+    if command == "audit" and set(arguments) <= {"--json", "--", "niu2024"}:
+        return
+    if command == "check" and set(arguments) <= {"--json", "--"}:
+        return
+    check(command, *arguments)
+
+
+@FEW
+@given(st.data(), st.sampled_from([*TABLES, *FIGURES]), VALUES)
+def test_any_value_for_a_cell_that_is_read(data, key, value):
+    address = data.draw(st.sampled_from(rerun.changeable(key)))
+    arguments = ["show", key, "--set", f"{address}={value}"]
+    if any(one.replicates for one in catalogue()[key].computations):
+        arguments += ["--replicates", "2"]
+    check(*arguments)
+
+
+@settings(FEW, max_examples=30)
+@given(st.sampled_from(TABLES), st.data(), st.one_of(TEXT, st.none()))
+def test_any_option(key, data, way):
+    known = rerun.options(key)
+    name = data.draw(st.sampled_from([*known, "angle", ""]))
+    chosen = data.draw(st.sampled_from([*known.get(name, ()), "x"])) if way is None else way
+    check("show", key, "--option", f"{name}={chosen}", "--replicates", "2")
+
+
+@settings(FEW, max_examples=25)
+@given(TEXT, st.sampled_from(["", ".svg", ".png", ".jpg", ".", "/"]), st.sampled_from(["", "none"]))
+def test_any_file_to_draw_to(tmp_path, name, ending, folder):
+    check("figure", FIGURES[0], "--out", f"{tmp_path / folder}/{name}{ending}")
+
+
+ROWS = st.lists(
+    st.lists(st.one_of(st.integers(-1, 4).map(str), NUMBERS), min_size=1, max_size=6).map(",".join),
+    max_size=14,
+)
+
+
+@FEW
+@given(st.data(), st.sampled_from(sorted(READERS)), ROWS, st.binary(max_size=40))
+def test_any_file_of_measurements(tmp_path, data, model, rows, raw):
+    path = tmp_path / "data.csv"
+    head = ",".join(READERS[model][0])
+    content = data.draw(
+        st.sampled_from(
+            [raw, "\n".join([head, *rows]).encode(errors="replace"), head.encode() + raw]
+        )
+    )
+    path.write_bytes(content)
+    pivot = data.draw(st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "nan", "inf"]]))
+    check("posterior", model, "--data", str(path), *pivot, *data.draw(JSON))
+
+
+JSON = st.sampled_from([[], ["--json"]])
+
+
+@FEW
+@given(st.data(), st.sampled_from(sorted(READERS)), st.integers(3, 12))
+def test_any_numbers_in_the_right_columns(tmp_path, data, model, count):
+    """Groups, lasers and counts as they should be, and values from nothing to huge."""
+    columns = READERS[model][0]
+    value = st.one_of(
+        st.floats(-1e6, 1e6, allow_subnormal=False), st.sampled_from([0.0, 1.0, 1e12, 1e29, 1e-29])
+    )
+    rows = []
+    for row in range(count):
+        regular = {"group": row // 4 % 2, "state": row // 4, "laser": row % 4 + 1, "frames": 2**row}
+        regular |= {"block": row // 4, "item": row % 4 + 1, "series": 10**6}
+        rows.append([str(regular[c] if c in regular else data.draw(value)) for c in columns])
+    path = tmp_path / "data.csv"
+    path.write_text("\n".join(map(",".join, [columns, *rows])))
+    check("posterior", model, "--data", str(path))
+
+
+TABLE = (data_folder() / "printed" / "niu2024" / "table-2.toml").read_text(encoding="utf-8")
+RELATIONS = """
+[relations]
+all = [
+  { name = "less", formula = "a <= b", cells = "a=table#scale.red b=table#scale.blue", \
+kind = "order", source = "by nature" },
+]
+"""
+
+
+def spoilt(text):
+    """Replace or cut out some piece of a text."""
+    ends = st.tuples(st.integers(0, len(text)), st.integers(0, 30), st.one_of(TEXT, NUMBERS))
+    return ends.map(lambda cut: text[: cut[0]] + cut[2] + text[cut[0] + cut[1] :])
+
+
+@FEW
+@given(spoilt(TABLE), spoilt(RELATIONS), st.booleans())
+def test_any_table_and_relations_of_ones_own(tmp_path, table, relations, whole):
+    paths = [tmp_path / "table.toml", tmp_path / "relations.toml"]
+    for path, text in zip(paths, (TABLE if whole else table, relations), strict=True):
+        path.write_bytes(text.encode(errors="surrogatepass"))
+    check("audit", "--table", str(paths[0]), "--relations", str(paths[1]))
