@@ -133,7 +133,7 @@ def columns_of_table_4() -> str:
         rows.append((
             one.column.replace("-", ", "),
             f"{one.white:.{decimals}f} ± {one.white_error:.2g} arcsec",
-            f"{one.floor:.2g} arcsec", f"{one.prior:.3g} arcsec",
+            f"{one.floor:#.2g} arcsec", f"{one.prior:.3g} arcsec",
             *(f"{gain:+.2f}".replace("-", "−") for gain in one.gains),
         ))  # fmt: skip
     head = ("Column", "white noise of one frame", "floor, 97.5 % below", "scale of its prior",
