@@ -110,3 +110,21 @@ def test_placeholders_make_one_relation_each():
     found = declared(text, CELLS)
     assert [r.name for r in found] == ["less-1-2", "less-2-1"]
     assert found[1].addresses == ("t#2.length", "t#1.length")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "z = -x ** 3 + 2 * y / 3 * u.arcsec",
+        "z = sqrt(abs(x)) - atan(y) * sin(x) + cos(x) * tan(y)",
+        "z = rms(list) + mean(list, x) - sum(list) * count(list)",
+        "z = min(list) - max(x, y)",
+        "z = mean(mean, values)",  # cells that are called as functions are
+    ],
+)
+def test_a_compiled_side_says_what_evaluation_says(text):
+    values = {"x": -1.7, "y": 0.3, "z": 2.0, "list": [3.0, -4.1, 0.7], "mean": 5.5, "values": 6.25}
+    formula = read(text)
+    left, right = formula.plain
+    assert left(values) == evaluate(formula.left, values) == 2.0
+    assert right(values) == evaluate(formula.right, values)

@@ -85,6 +85,8 @@ def _quotient(p: float, q: float) -> float:
 
 
 def _multiply(x: Interval, y: Interval) -> Interval:
+    if x[0] > 0 and y[0] > 0:
+        return _out(_product(x[0], y[0]), _product(x[1], y[1]))
     ends = [_product(p, q) for p in x for q in y]
     return _out(min(ends), max(ends))
 
@@ -92,6 +94,8 @@ def _multiply(x: Interval, y: Interval) -> Interval:
 def _quotients(x: Interval, y: Interval) -> list[Interval]:
     """Return the values of x / y: in two intervals where nought is inside y but not in x."""
     (low, high), (start, end) = x, y
+    if low > 0 and start > 0:
+        return [_out(_quotient(low, end), _quotient(high, start))]
     if start > 0 or end < 0:
         ends = [_quotient(p, q) for p in x for q in y]
         return [_out(min(ends), max(ends))]

@@ -8,7 +8,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -279,20 +279,19 @@ class Book:
 
 
 def refuse_mixed_dimensions(relation: Relation, cells: Mapping[str, Quantity]) -> None:
-    """Raise if the two sides of a relation have different dimensions.
+    """Raise a FormulaError if the two sides of a relation have different dimensions."""
+    units = relation.values({a: cells[a].unit for a in relation.addresses})
+    if relation.unknown is not None:
+        units[relation.unknown.name] = relation.unknown.unit
+    # Of a list, each unit once: how long it is says nothing about the dimension.
+    once = {n: tuple(dict.fromkeys(u)) if isinstance(u, list) else u for n, u in units.items()}
+    if fault := _mixed(relation.formula, tuple(once.items())):
+        raise FormulaError(f"{relation.formula.text!r}: {fault}")
 
-    Parameters
-    ----------
-    relation : Relation
-        The relation.
-    cells : mapping of str to Quantity
-        Its cells with their units.
 
-    Raises
-    ------
-    FormulaError
-        Naming both dimensions.
-    """
+@cache
+def _mixed(formula: Formula, units: tuple[tuple[str, str | tuple[str, ...]], ...]) -> str:
+    """Return what is wrong with the dimensions of a formula; empty if nothing is."""
     import pint
 
     registry = pint.application_registry
@@ -304,18 +303,14 @@ def refuse_mixed_dimensions(relation: Relation, cells: Mapping[str, Quantity]) -
         **{"abs": abs, "min": min, "max": max},
         **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "atan": np.arctan},
     }
-    unknown = of(relation.unknown.unit) if relation.unknown else None
-    units = {a: of(cells[a].unit) for a in relation.addresses}
-    values = relation.values(units, unknown)
+    values = {n: of(u) if isinstance(u, str) else [of(one) for one in u] for n, u in units}
     try:
         left, right = (
             registry.Quantity(evaluate(side, values, physical, of))
-            for side in (relation.formula.left, relation.formula.right)
+            for side in (formula.left, formula.right)
         )
     except pint.DimensionalityError as error:
-        raise FormulaError(f"{relation.formula.text!r}: {error}") from error
-    if left.dimensionality != right.dimensionality:
-        raise FormulaError(
-            f"{relation.formula.text!r}: the left side is {left.dimensionality}, "
-            f"the right side {right.dimensionality}"
-        )
+        return str(error)
+    if left.dimensionality == right.dimensionality:
+        return ""
+    return f"the left side is {left.dimensionality}, the right side {right.dimensionality}"
