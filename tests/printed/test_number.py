@@ -107,6 +107,9 @@ def test_no_value_outside_the_interval_is_accepted(decimal, part):
         ("5.7e-5", 5.68e-5, 1, "5.68e-5"),
         ("280", 233.333, 0, "233"),
         ("-0.040", -0.0002, 0, "0.000"),
+        ("0.9976", 1e300, 1, "1e+300"),
+        ("5.7e-5", -1.25e30, 0, "-1.25e+30"),
+        ("280", 123456789012345.0, 0, "123456789012345"),
     ],
 )
 def test_computed_values_are_written_like_the_print(text, value, extra, shown):

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from reproduce.judge import rerun
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import find
 from reproduce.views import posterior as running
 from reproduce.views.cli import main
 from reproduce.views.posterior_data import READERS
@@ -25,6 +26,8 @@ FEW = settings(
 )
 # No argument of a process holds a null byte; one that is no UTF-8 comes in as a lone surrogate.
 TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=[]), max_size=12)
+# Values that once ended in a traceback.
+FOUND = ["1e300 px", "-1 px", "0 mm", "1e-300 um"]
 # Items that are computed in a moment: few replicates for those that draw.
 TABLES = ("niu2024/table-2", "niu2024/table-3", "niu2024/text-optics", "chen2023/table-1")
 FIGURES = ("niu2024/fig-4", "chen2023/fig-2b", "chen2023/fig-1a")
@@ -46,6 +49,15 @@ def no_sampling(monkeypatch):
         raise click.ClickException("sampling would start")
 
     monkeypatch.setattr(running, "run", stop)
+
+
+@pytest.mark.parametrize("value", FOUND)
+@pytest.mark.parametrize("key", TABLES)
+def test_values_found_before(key, value):
+    addresses = rerun.changeable(key)
+    unit = value.split()[1]
+    (address, *_) = [a for a in addresses if find(a)[0].unit == unit] or addresses
+    check("show", key, "--set", f"{address}={value}", "--replicates", "2")
 
 
 def check(*arguments):

@@ -22,6 +22,8 @@ from functools import cached_property
 # Sums and products of decimal inputs leave a few units of the last binary place; without this
 # slack a computed value that lies exactly on a rounding tie would fall on a random side of it.
 _FLOAT_SLACK = 1e-9
+# More digits than these, and a decimal of the usual precision cannot be rounded.
+_MOST_DIGITS = 25
 
 BOUNDS = ("less", "greater", "at-least", "within")
 # How far an instrument may lie from its design value, as a share of that.
@@ -168,7 +170,8 @@ class PrintedNumber:
         Returns
         -------
         str
-            Fixed-point digits, or an exponent where the print has one.
+            Fixed-point digits, or an exponent where the print has one; also where the digits
+            would be more than a double holds, as a reader's own setting may ask for.
 
         Examples
         --------
@@ -176,6 +179,8 @@ class PrintedNumber:
         '5.7e-5'
         """
         places = self.exponent - extra
+        if abs(value) >= 10.0 ** (_MOST_DIGITS + min(places, 0)):
+            return f"{value:.6g}"
         if "e" in self.text.lower():
             power = int(self.text.lower().split("e")[1])
             return f"{self._round(value, places).scaleb(-power):f}e{power}"
