@@ -1,10 +1,7 @@
 """The command line and the pages of the posteriors."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -173,19 +170,3 @@ def test_evidence_of_a_floor_stands_in_the_table_of_the_rival():
     shown = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_choice.columns_of_table_4())
     assert len(shown) == len(COLUMNS) * len(FLOORS)
     assert float(shown[1].replace("−", "-")) == pytest.approx(found, abs=0.006)
-
-
-LOADED = """
-from reproduce.inference import posterior
-from reproduce.views import posterior_figures
-posterior_figures._load_corner(), posterior.load_arviz()
-"""
-
-
-def test_nothing_is_said_or_written_where_the_home_cannot_be_written_to(tmp_path):
-    """What ArviZ says is a warning of the build, and what it writes would stop it."""
-    folders = {"HOME": os.devnull, "XDG_CACHE_HOME": os.devnull, "MPLCONFIGDIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", LOADED], env={**os.environ, **folders}, capture_output=True
-    )
-    assert (done.returncode, done.stderr) == (0, b"")

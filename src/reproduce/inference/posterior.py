@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
-import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
-from unittest import mock
 
 import numpy as np
 
@@ -145,19 +142,38 @@ class Posterior:
             rows.append((replace(row, time=stride * row.time), quantity))
         return rows
 
-    def to_inference_data(self) -> Any:
-        """Convert to ArviZ, one chain per ensemble, thinned by the autocorrelation time.
+    def to_datatree(self) -> Any:
+        """Convert to a DataTree as ArviZ reads it: a chain per ensemble, thinned by its time.
 
         Returns
         -------
-        arviz.InferenceData
-            With the groups posterior (one variable per parameter, SI units) and sample_stats.
+        xarray.DataTree
+            With the groups ``posterior`` (a variable per parameter, in SI units or px, with what it
+            is shown in and its prior as attributes) and ``sample_stats`` (log posterior).
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If the extra ``netcdf`` is not installed.
         """
-        arviz = load_arviz()
+        try:
+            import arviz_base
+        except ModuleNotFoundError as error:
+            raise ModuleNotFoundError(
+                "expected arviz-base, got none; install reproduce-pointing[netcdf]"
+            ) from error
         draws = thinned(self.chain, self.time)
         posterior = {name: draws[..., i] for i, name in enumerate(self.model.names)}
-        log_posterior = thinned(self.log_posterior, self.time)
-        return arviz.from_dict(posterior=posterior, sample_stats={"lp": log_posterior})
+        stats = {"lp": thinned(self.log_posterior, self.time)}
+        tree = arviz_base.from_dict({"posterior": posterior, "sample_stats": stats})
+        for one in self.model.parameters:
+            tree["posterior"][one.name].attrs = {
+                "shown_in": one.unit,
+                "shown_factor": one.shown,
+                "prior": str(one.prior),
+                "reason": one.prior.reason,
+            }
+        return tree
 
 
 def _diagnosis(row: Row, steps: int) -> Diagnosis:
@@ -198,18 +214,6 @@ def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Ro
         known.tail,
         known.time,
     )
-
-
-def load_arviz() -> Any:
-    """Import ArviZ, without its announcement and its note in the user's own folders."""
-    with (
-        warnings.catch_warnings(),
-        tempfile.TemporaryDirectory() as folder,
-        mock.patch("platformdirs.user_cache_dir", return_value=folder),
-    ):
-        warnings.simplefilter("ignore", FutureWarning)
-        import arviz
-    return arviz
 
 
 def digits(value: float, mcse: float) -> str:

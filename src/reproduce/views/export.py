@@ -50,7 +50,7 @@ def export(ledger: Ledger, address: str, form: str) -> str:
         return full_frame(records).to_csv(index=False)
     shown = _shown_frame(records, ascii_units=form == "latex")
     if form == "markdown":
-        return shown.to_markdown(index=False, disable_numparse=True)
+        return _markdown(shown)
     return shown.to_latex(
         index=False,
         escape=True,
@@ -66,7 +66,13 @@ def export_frame(frame: pd.DataFrame, form: str) -> str:
         return frame.to_csv(index=False)
     if form == "json":
         return frame.to_json(orient="records", indent=2, force_ascii=False)
-    return frame.to_markdown(index=False) if form == "markdown" else frame.to_latex(index=False)
+    return _markdown(frame) if form == "markdown" else frame.to_latex(index=False)
+
+
+def _markdown(frame: pd.DataFrame) -> str:
+    lines = [frame.columns, ["---"] * len(frame.columns), *frame.itertuples(index=False)]
+    cells = ((str(cell).replace("|", "\\|") for cell in line) for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
 
 
 def _check(form: str) -> None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from itertools import cycle
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -99,7 +98,8 @@ def corner(posterior: Posterior, alternative: str) -> str:
     str
         Inline SVG.
     """
-    package = _load_corner()
+    import corner as package
+
     model = posterior.model
     rows = posterior.draws
     rows = rows[np.linspace(0, len(rows) - 1, min(POINTS, len(rows))).astype(int)]
@@ -132,23 +132,6 @@ def corner(posterior: Posterior, alternative: str) -> str:
     else:
         figure = _drawn((side, side), draw, layout=None)
     return inline(figure, f"figure-posterior-{model.name}-corner", alternative)
-
-
-def _load_corner() -> Any:
-    """Import corner without ArviZ, which it does not need to draw arrays.
-
-    ArviZ warns once a day when it is imported, and notes that in the user's own folders: the first
-    page of the day would have a warning, and where nothing may be written there would be no page.
-    """
-    missing = "arviz" not in sys.modules
-    if missing:
-        sys.modules["arviz"] = None  # type: ignore[assignment]  # an import finds nothing
-    try:
-        import corner
-    finally:
-        if missing:
-            del sys.modules["arviz"]
-    return corner
 
 
 def ranks(stored: Calibration, name: str, alternative: str) -> str:

@@ -173,7 +173,7 @@ class Posterior(Shown):
         return export_frame(self.frame().rename_axis("parameter").reset_index(), form)
 
     def save(self, path: str | Path) -> Path:
-        """Write the chains: ``.nc`` for ArviZ, or ``.npz`` for NumPy alone.
+        """Write the chains: ``.nc`` for ArviZ (the extra ``netcdf``), ``.npz`` for NumPy alone.
 
         Raises
         ------
@@ -182,7 +182,7 @@ class Posterior(Shown):
         """
         path = Path(path)
         if path.suffix == ".nc":
-            self.draws_of.to_inference_data().to_netcdf(str(path))
+            self.draws_of.to_datatree().to_netcdf(path)
         elif path.suffix == ".npz":
             found = self.draws_of
             names = np.array(found.model.names)
