@@ -25,7 +25,7 @@ def autoregressive(correlation, shape, seed=1):
 @pytest.mark.parametrize("shift", [0.0, 0.3])
 def test_split_rhat_is_arvizs(shift):
     draws = np.random.default_rng(1).standard_t(3, size=(4, 500)) + shift * np.arange(4)[:, None]
-    theirs = array_stats.rhat(draws, method="split")
+    theirs = array_stats.rhat(draws)
     np.testing.assert_allclose(diagnostics.split_rhat(draws), float(theirs), rtol=1e-9)
 
 
@@ -61,12 +61,13 @@ def test_standard_errors_are_honest():
 
 
 def test_pareto_shape_is_arvizs():
-    for seed, freedom in ((1, 3), (2, 10)):
-        logs = np.random.default_rng(seed).standard_t(freedom, size=3000)
+    # Shapes from 0.05 to 0.7, where the weights are to be trusted.
+    for seed, width in ((1, 0.5), (2, 0.5), (1, 1.0), (1, 2.0), (2, 2.0)):
+        logs = width * np.random.default_rng(seed).standard_normal(3000)
         arviz_weights, arviz_shape = array_stats.psislw(-logs)  # which takes minus the logs
         weights, shape = pareto.smoothed(logs)
-        np.testing.assert_allclose(shape, float(arviz_shape), rtol=0.02)
-        np.testing.assert_allclose(np.exp(weights), np.exp(arviz_weights), atol=2e-3)
+        np.testing.assert_allclose(shape, float(arviz_shape), atol=0.01)
+        np.testing.assert_allclose(np.exp(weights), np.exp(arviz_weights), atol=5e-4)
 
 
 @pytest.mark.parametrize("fault", ["apart", "slow", "stuck"])
