@@ -229,6 +229,8 @@ def test_values_are_read_in_any_unit_of_their_kind():
         rerun.in_si(count, "12.5")
     (angle,) = find("niu2024/table-2#rotation.red")
     assert rerun.in_si(angle, "−0.07°") == pytest.approx(np.radians(-0.07))
+    with pytest.raises(CannotChangeError, match="expected ° as in the print"):
+        rerun.in_si(angle, "7 %")
 
 
 def test_a_changed_value_is_exact():

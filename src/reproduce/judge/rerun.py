@@ -31,6 +31,7 @@ _VALUE = re.compile(
 )
 # The central 99 % of a prediction, as in the ledger.
 _ENDS = (0.005, 0.995)
+_ANGLES = {"deg", "arcsec"}
 # More than so many times a printed count, or so many replicates, would only fill the memory.
 LARGEST, MOST_REPLICATES = 20, 100_000
 
@@ -237,10 +238,13 @@ def _check_count(cell: Cell, number: float, value: str | float) -> None:
 def _same_kind(one: str, other: str) -> bool:
     if one == other:
         return True
+    # To pint an angle, a count and a magnitude are pure numbers; no reader means them so.
+    if {one, other} & {"count", "mag"} or (one in _ANGLES) != (other in _ANGLES):
+        return False
     import pint
 
     kinds = [pint.application_registry.Quantity(1.0, UNITS[unit][0]) for unit in (one, other)]
-    return one != "count" and other != "count" and kinds[0].is_compatible_with(kinds[1])
+    return bool(kinds[0].is_compatible_with(kinds[1]))
 
 
 def rerun(
