@@ -64,27 +64,7 @@ def corrections(
     depth: int = DEPTH,
     breadth: int = BREADTH,
 ) -> list[Correction]:
-    """Return corrections that lift a group of contradictions, the smallest slips first.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    relations : sequence of Relation
-        What they should keep.
-    targets : frozenset of str
-        Names of the contradictions to lift, see `reproduce.audit.grouping`.
-    depth : int
-        At most so many slips.
-    breadth : int
-        How many states go on at each step.
-
-    Returns
-    -------
-    list of Correction
-        Those that restore everything first, then those that break other relations in exchange;
-        within each, by size.
-    """
+    """Return corrections that lift a group of contradictions, the smallest slips first."""
     search = Search(cells, relations, targets)
     found = [_correction(state, search) for state in search.run(depth, breadth)]
     return sorted(_worth_showing(found), key=_rank)

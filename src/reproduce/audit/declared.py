@@ -25,20 +25,7 @@ _KEYS |= {"unknown", "tolerance", "claim", "reading", "supposition"}
 
 
 def relations_of(paper: str, cells: Sheet) -> list[Relation]:
-    """Return the relations that the printed numbers of a paper should keep.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-    cells : mapping of str to Quantity
-        Its printed numbers.
-
-    Returns
-    -------
-    list of Relation
-        In order of declaration; none of a paper without a file of relations.
-    """
+    """Return the relations that the printed numbers of a paper should keep."""
     text = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
     if not text.is_file():
         return []
@@ -47,25 +34,6 @@ def relations_of(paper: str, cells: Sheet) -> list[Relation]:
 
 def declared(text: str, cells: Sheet, prefix: str = "") -> list[Relation]:
     """Read relations from a TOML text.
-
-    Parameters
-    ----------
-    text : str
-        The declarations.
-    cells : mapping of str to Quantity
-        The printed numbers that they bind.
-    prefix : str
-        What stands before every address, such as ``chen2023/``.
-
-    Returns
-    -------
-    list of Relation
-        In order of declaration.
-
-    Raises
-    ------
-    FormulaError
-        If a declaration has an unknown key, lacks one, or cannot be read.
 
     Examples
     --------

@@ -71,20 +71,7 @@ class Demonstration:
 
 
 def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
-    """Run the equations of a paper as printed.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-    cells : mapping of str to Quantity
-        The printed numbers, for the arguments.
-
-    Returns
-    -------
-    list of Demonstration
-        In order of print; none of a paper whose equations are not held against its numbers.
-    """
+    """Run the equations of a paper as printed."""
     runs: dict[str, tuple[Callable[[Sheet], Iterator[Demonstration]], ...]] = {
         "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
         "chen2023": (
@@ -300,13 +287,7 @@ def _stage_signs(cells: Sheet) -> Iterator[Demonstration]:
 
 
 def refused_by_units() -> str:
-    """Let the units library judge the dimension of (10) as printed, and return its complaint.
-
-    Returns
-    -------
-    str
-        Why the tangent of a length has no value; empty if the library accepts it.
-    """
+    """Let the units library judge the dimension of (10) as printed, and return its complaint."""
     import pint
 
     registry = pint.application_registry

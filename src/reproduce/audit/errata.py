@@ -59,24 +59,7 @@ class Erratum(BaseModel):
 
 
 def register(text: str) -> list[Erratum]:
-    """Read the register.
-
-    Parameters
-    ----------
-    text : str
-        The content of ``data/errata.toml``.
-
-    Returns
-    -------
-    list of Erratum
-        In the order of the file.
-
-    Raises
-    ------
-    ValueError
-        If an entry does not follow the form, an id stands twice, a paper is unknown, or an entry
-        has no evidence.
-    """
+    """Read the register."""
     entries = [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]
     seen: set[str] = set()
     for entry in entries:

@@ -97,22 +97,7 @@ def boxes_of(cells: Sheet, relations: Iterable[Relation], rule: Rule) -> dict[st
 def fix_unknowns(
     cells: Sheet, relations: Sequence[Relation], rule: Rule = "nearest"
 ) -> dict[str, Fixed]:
-    """Find, for each unknown, the largest set of relations that agree on one value.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    relations : sequence of Relation
-        Those without an unknown are passed over.
-    rule : str
-        How numbers were rounded.
-
-    Returns
-    -------
-    dict
-        Name of unknown to what the relations say of it.
-    """
+    """Find, for each unknown, the largest set of relations that agree on one value."""
     groups: dict[str, list[Relation]] = {}
     for relation in relations:
         if relation.unknown is not None:
@@ -151,20 +136,6 @@ def contradicted(
     A relation with an unknown cannot hold if it is outside the largest set that agrees on one
     value. Where several sets are largest, it cannot be said which is right, and the relations
     that are not in all of them count as contradicting.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    relations : sequence of Relation
-        The relations to test.
-    rule : str
-        How numbers were rounded.
-
-    Returns
-    -------
-    frozenset of str
-        Names of relations.
     """
     fixed = fix_unknowns(cells, relations, rule)
     boxes = boxes_of(cells, relations, rule)
@@ -184,20 +155,7 @@ def contradicted(
 
 
 def uniform(cells: Sheet, relation: Relation) -> bool:
-    """Tell whether a relation between last printed digits holds.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    relation : Relation
-        One of kind ``print``.
-
-    Returns
-    -------
-    bool
-        True if both sides are equal, or ordered as the formula says.
-    """
+    """Tell whether a relation between last printed digits holds."""
     left, right = relation.sides({a: cells[a].last_digit for a in relation.addresses})
     return _short(relation, left, right) <= _NOISE * max(abs(left), abs(right))
 
@@ -208,20 +166,7 @@ def by_value(relations: Iterable[Relation]) -> list[Relation]:
 
 
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Finding]:
-    """Say of every relation whether it agrees, agrees only through rounding, or contradicts.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    relations : sequence of Relation
-        What they should keep.
-
-    Returns
-    -------
-    list of Finding
-        One for each relation, in their order.
-    """
+    """Say of every relation whether it agrees, agrees only through rounding, or contradicts."""
     wrong = contradicted(cells, relations)
     lifted = {rule: wrong - contradicted(cells, relations, rule) for rule in _other_rules()}
     fixed = fix_unknowns(cells, relations)
@@ -294,37 +239,13 @@ def _short(relation: Relation, left: float, right: float) -> float:
 
 
 def jointly_contradicted(cells: Sheet, relations: Sequence[Relation]) -> bool:
-    """Tell whether relations that hold one by one cannot hold together.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    relations : sequence of Relation
-        The relations; those that contradict by themselves are left out.
-
-    Returns
-    -------
-    bool
-        True if propagation through all of them leaves some cell without a value.
-    """
+    """Tell whether relations that hold one by one cannot hold together."""
     wrong = contradicted(cells, relations)
     kept = [relation for relation in by_value(relations) if relation.name not in wrong]
     return propagate(kept, boxes_of(cells, kept, "nearest")) is None
 
 
 def rounding_votes(findings: Iterable[Finding]) -> dict[str, int]:
-    """Count, over the results that tell them apart, how many each rounding rule prints.
-
-    Parameters
-    ----------
-    findings : iterable of Finding
-        Findings on equations solved for a printed result.
-
-    Returns
-    -------
-    dict
-        Rule to count; results printed by all rules or by none are not counted.
-    """
+    """Count, over the results that tell them apart, how many each rounding rule prints."""
     telling = [f.rules for f in findings if f.rules and len(f.rules) < len(ROUNDINGS)]
     return {rule: sum(rule in rules for rules in telling) for rule in ROUNDINGS}

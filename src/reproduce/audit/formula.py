@@ -79,22 +79,6 @@ class Formula:
 def read(text: str) -> Formula:
     """Read a formula.
 
-    Parameters
-    ----------
-    text : str
-        Two expressions with ``=``, ``<=`` or ``>=`` between them.
-
-    Returns
-    -------
-    Formula
-        The formula, checked.
-
-    Raises
-    ------
-    FormulaError
-        If it is no comparison, or holds anything but names, numbers, arithmetic, units and the
-        known functions.
-
     Examples
     --------
     >>> read("motion = position - first").names
@@ -147,22 +131,6 @@ def evaluate(
     unit: Callable[[str], Any] = si_factor,
 ) -> Any:
     """Evaluate one side of a formula in any arithmetic.
-
-    Parameters
-    ----------
-    node : ast.expr
-        A side of a checked formula.
-    values : mapping of str to object
-        What the names stand for; a list for a name bound to several cells.
-    functions : mapping of str to callable
-        The functions of the arithmetic; plain floats by default.
-    unit : callable
-        What a unit stands for; its SI value by default.
-
-    Returns
-    -------
-    object
-        A number of the same arithmetic.
 
     Examples
     --------

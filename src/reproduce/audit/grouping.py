@@ -10,20 +10,7 @@ from reproduce.audit.relation import Relation
 
 
 def groups(cells: Sheet, relations: Sequence[Relation]) -> list[frozenset[str]]:
-    """Sort the contradictions into groups that hang together by a cell or an unknown.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    relations : sequence of Relation
-        What they should keep.
-
-    Returns
-    -------
-    list of frozenset of str
-        Names of relations, each in one group, in order of first appearance.
-    """
+    """Sort the contradictions into groups that hang together by a cell or an unknown."""
     wrong = contradicted(cells, relations)
     pools: list[tuple[frozenset[str], frozenset[object]]] = []
     for relation in (r for r in relations if r.name in wrong):
@@ -43,20 +30,7 @@ def _shared(relation: Relation) -> frozenset[object]:
 
 
 def apart(relations: Sequence[Relation], together: frozenset[str]) -> list[frozenset[str]]:
-    """Split a group that no few slips explain: those that share an unknown, and each other alone.
-
-    Parameters
-    ----------
-    relations : sequence of Relation
-        All relations.
-    together : frozenset of str
-        Names of the relations of the group.
-
-    Returns
-    -------
-    list of frozenset of str
-        Smaller groups, in order of first appearance.
-    """
+    """Split a group that no few slips explain: those that share an unknown, and each other alone."""
     found: dict[str, set[str]] = {}
     for relation in (r for r in relations if r.name in together):
         shared = f"unknown {relation.unknown.name}" if relation.unknown else relation.name

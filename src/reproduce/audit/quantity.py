@@ -92,27 +92,6 @@ Sheet = Mapping[str, Quantity]
 def quantity(address: str, text: str, unit: str = "1", qualifier: str | None = None) -> Quantity:
     """Make a quantity from what stands on paper.
 
-    Parameters
-    ----------
-    address : str
-        Its name, ``table#row.column`` where it stands in a table.
-    text : str
-        The digits as printed.
-    unit : str
-        One of the units of `reproduce.printed.units`.
-    qualifier : str, optional
-        ``about``, ``nominal`` or a bound.
-
-    Returns
-    -------
-    Quantity
-        The printed number.
-
-    Raises
-    ------
-    ValueError
-        If the text is not a number or the unit is unknown.
-
     Examples
     --------
     >>> allowed(quantity("t#1.a", "0.50", "mm"))
@@ -123,18 +102,7 @@ def quantity(address: str, text: str, unit: str = "1", qualifier: str | None = N
 
 
 def sheet(cells: Iterable[Cell]) -> dict[str, Quantity]:
-    """Return the numbers among printed cells by address.
-
-    Parameters
-    ----------
-    cells : iterable of Cell
-        Printed cells; those of text are left out.
-
-    Returns
-    -------
-    dict
-        Address to quantity.
-    """
+    """Return the numbers among printed cells by address."""
     return {c.address: Quantity(c.address, c.number, c.unit) for c in cells if c.is_number}
 
 
@@ -149,20 +117,7 @@ def _printed(number: PrintedNumber, rule: Rule) -> Interval:
 
 
 def allowed(printed: Quantity, rule: Rule = "nearest") -> Interval:
-    """Return the values that print so.
-
-    Parameters
-    ----------
-    printed : Quantity
-        The printed number.
-    rule : str
-        How the authors are supposed to have rounded.
-
-    Returns
-    -------
-    tuple of float
-        A closed interval, in SI units.
-    """
+    """Return the values that print so."""
     return printed.nearest if rule == "nearest" else _in_si(printed, rule)
 
 
@@ -174,18 +129,6 @@ def _in_si(printed: Quantity, rule: Rule) -> Interval:
 
 def rules_that_print(value: float, number: PrintedNumber) -> frozenset[str]:
     """Return the rounding rules that turn a computed value into the printed digits.
-
-    Parameters
-    ----------
-    value : float
-        In the unit of print.
-    number : PrintedNumber
-        The print.
-
-    Returns
-    -------
-    frozenset of str
-        Some of half-up, half-even, truncation, ceiling.
 
     Examples
     --------

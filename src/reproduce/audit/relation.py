@@ -164,20 +164,7 @@ class Relation:
         return found
 
     def sides(self, by_address: Mapping[str, float], unknown: float = 0.0) -> tuple[float, float]:
-        """Return both sides at given values of the cells, in SI.
-
-        Parameters
-        ----------
-        by_address : mapping of str to float
-            A value for every cell, in SI.
-        unknown : float
-            A value for the unknown, in SI.
-
-        Returns
-        -------
-        tuple of float
-            Left and right; NaN where the formula has no value, as after a division by zero.
-        """
+        """Return both sides at given values of the cells, in SI."""
         values = self.values(by_address, unknown)
         left, right = self.formula.plain
         return _number(left, values), _number(right, values)
@@ -226,29 +213,7 @@ class Book:
         line: str = "",
         supposition: str = "",
     ) -> None:
-        """Declare a relation.
-
-        Parameters
-        ----------
-        name : str
-            Its only name.
-        formula : str
-            What should hold, see `reproduce.audit.formula`.
-        source : str
-            Where the paper says so.
-        kind : str
-            What sort of relation it is.
-        cells : mapping of str to str
-            The address behind each name of the formula; with ``*`` it stands for a list of cells.
-        unknown, within, claim, reading, line, supposition : optional
-            See `Relation`.
-
-        Raises
-        ------
-        FormulaError
-            If a name is bound to no printed number, is left unbound, or the two sides differ in
-            dimension.
-        """
+        """Declare a relation."""
         if kind not in KINDS:
             raise FormulaError(f"{name!r}: unknown kind {kind!r}; expected one of {KINDS}")
         if reading not in READINGS:

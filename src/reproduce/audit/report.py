@@ -123,25 +123,6 @@ class Audit:
 def audit_table(name: str, cells: Sheet, relations: Sequence[Relation] | str) -> Audit:
     """Audit any table: which of its numbers agree among themselves, and what may be wrong.
 
-    Parameters
-    ----------
-    name : str
-        What to call it.
-    cells : mapping of str to Quantity
-        The printed numbers by address, see `reproduce.audit.quantity.quantity`.
-    relations : sequence of Relation or str
-        What they should keep; a text is read as `reproduce.audit.declared` describes.
-
-    Returns
-    -------
-    Audit
-        Findings, conflicts and corrections.
-
-    Raises
-    ------
-    FormulaError
-        If a relation cannot be read.
-
     Examples
     --------
     >>> from reproduce.audit.quantity import quantity
@@ -191,23 +172,7 @@ def _ordered(lines: Sequence[Relation], names: frozenset[str]) -> tuple[str, ...
 
 @functools.cache
 def audit_paper(paper: str) -> Audit:
-    """Audit the printed numbers and equations of a paper.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-
-    Returns
-    -------
-    Audit
-        With the equations run as printed.
-
-    Raises
-    ------
-    KeyError
-        If the paper is unknown.
-    """
+    """Audit the printed numbers and equations of a paper."""
     if paper not in PAPERS:
         raise KeyError(f"unknown paper {paper!r}; expected one of {', '.join(PAPERS)}")
     tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))

@@ -96,22 +96,7 @@ class Search:
         self._affected: dict[frozenset[str], list[Relation]] = {}
 
     def run(self, depth: int, breadth: int) -> list[State]:
-        """Return the states without a contradiction of the group.
-
-        Parameters
-        ----------
-        depth : int
-            At most so many slips.
-        breadth : int
-            How many states go on beyond two slips.
-
-        Returns
-        -------
-        list of State
-            All of one slip. If none of them restores everything, then of all pairs the smallest
-            that do, and those that are smaller still but break something in exchange. If no pair
-            does either, those found of more.
-        """
+        """Return the states without a contradiction of the group."""
         if self._at_least(self.start) > depth:
             return []
         done: dict[frozenset[tuple[str, str]], State] = {}
@@ -175,18 +160,7 @@ class Search:
         return len(left) + _BROKEN * len(broken)
 
     def covers(self, state: State) -> list[frozenset[str]]:
-        """Return sets of cells, each of which must be touched to lift the group.
-
-        Parameters
-        ----------
-        state : State
-            A sheet in which some of the group still contradicts.
-
-        Returns
-        -------
-        list of frozenset of str
-            At least one for each relation of the group that contradicts.
-        """
+        """Return sets of cells, each of which must be touched to lift the group."""
         ours = [r for r in self.near if r.name in self.targets]
         found = []
         for relation in (r for r in ours if r.name in state.wrong):
@@ -224,20 +198,7 @@ class Search:
                     yield slip
 
     def finished(self, state: State, limit: float = math.inf) -> Iterator[State]:
-        """Yield every state one slip on in which nothing of the group contradicts.
-
-        Parameters
-        ----------
-        state : State
-            A sheet in which some of the group still contradicts.
-        limit : float
-            The largest sum of the slips' sizes; a state of that very size must break nothing.
-
-        Yields
-        ------
-        State
-            With one slip more.
-        """
+        """Yield every state one slip on in which nothing of the group contradicts."""
         room = limit - state.cost
         if room < SMALLEST:
             return

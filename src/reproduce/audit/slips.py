@@ -64,17 +64,6 @@ class Slip:
 def of_digits(text: str) -> Iterator[tuple[Kind, str]]:
     """Yield what the digits may have been before a slip.
 
-    Parameters
-    ----------
-    text : str
-        The digits as printed.
-
-    Yields
-    ------
-    tuple of str
-        The kind of slip and the digits before it: one digit changed, two neighbours swapped, one
-        dropped (so that it is missing in print), one too many, the sign.
-
     Examples
     --------
     >>> sorted(set(before for kind, before in of_digits("1.2") if kind in {"swap", "sign"}))
@@ -105,18 +94,7 @@ def of_digits(text: str) -> Iterator[tuple[Kind, str]]:
 
 
 def of_cell(printed: Quantity) -> Iterator[Slip]:
-    """Yield all slips in one cell: in its digits and in its unit.
-
-    Parameters
-    ----------
-    printed : Quantity
-        The cell as printed.
-
-    Yields
-    ------
-    Slip
-        Each different correction once.
-    """
+    """Yield all slips in one cell: in its digits and in its unit."""
     seen = {printed.number.text}
     for kind, text in of_digits(printed.number.text):
         if text in seen or not readable(text):
@@ -153,20 +131,7 @@ def _units_like(unit: str) -> tuple[str, ...]:
 
 
 def reaching(printed: Quantity, wanted: Iterable[Interval]) -> Iterator[Slip]:
-    """Yield the slips in a cell whose correction can reach one of the wanted intervals.
-
-    Parameters
-    ----------
-    printed : Quantity
-        The cell as printed.
-    wanted : iterable of tuple of float
-        Where relations would have the cell, in SI.
-
-    Yields
-    ------
-    Slip
-        Those that get there.
-    """
+    """Yield the slips in a cell whose correction can reach one of the wanted intervals."""
     goals = list(wanted)
     for slip, (low, high) in _with_intervals(printed):
         if any(low <= end and high >= start for start, end in goals):
@@ -221,18 +186,6 @@ def lines(cells: Sheet, keys: Iterable[str]) -> list[Line]:
     """Return what could be interchanged in some tables.
 
     Two cells within their row, column or group; two rows or two columns of a table.
-
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
-    keys : iterable of str
-        The tables or groups.
-
-    Returns
-    -------
-    list of Line
-        Each interchange once.
     """
     found: list[Line] = []
     for key in keys:

@@ -27,22 +27,7 @@ _VISITS = 5_000
 def contract(
     relation: Relation, boxes: Mapping[str, Interval], unknown: Interval | None = None
 ) -> dict[str, Interval] | None:
-    """Narrow the intervals of a relation's cells to the values that can keep it.
-
-    Parameters
-    ----------
-    relation : Relation
-        The relation.
-    boxes : mapping of str to tuple of float
-        An interval for each of its cells, in SI.
-    unknown : tuple of float, optional
-        An interval for its unknown, in SI; by default where it may lie.
-
-    Returns
-    -------
-    dict or None
-        Address to narrowed interval, the unknown under its name; None if nothing is left.
-    """
+    """Narrow the intervals of a relation's cells to the values that can keep it."""
     found = _alone(relation, tuple([boxes[a] for a in relation.addresses]), unknown)
     return None if found is None else dict(zip(_variables(relation), found, strict=False))
 
@@ -107,20 +92,7 @@ def domain(relation: Relation) -> Interval:
 
 
 def projection(relation: Relation, boxes: Mapping[str, Interval]) -> Interval | None:
-    """Return the values of the unknown that a relation allows on its own.
-
-    Parameters
-    ----------
-    relation : Relation
-        A relation with an unknown.
-    boxes : mapping of str to tuple of float
-        Intervals of its cells, in SI.
-
-    Returns
-    -------
-    tuple of float or None
-        In SI; None if no value of the unknown will do.
-    """
+    """Return the values of the unknown that a relation allows on its own."""
     if relation.unknown is None:
         raise ValueError(f"{relation.name!r} has no unknown; ask `contract` about its cells")
     found = contract(relation, boxes)
@@ -130,20 +102,7 @@ def projection(relation: Relation, boxes: Mapping[str, Interval]) -> Interval | 
 def propagate(
     relations: Iterable[Relation], boxes: Mapping[str, Interval]
 ) -> dict[str, Interval] | None:
-    """Narrow all cells by all relations together, back and forth until nothing moves.
-
-    Parameters
-    ----------
-    relations : iterable of Relation
-        The relations to keep at the same time.
-    boxes : mapping of str to tuple of float
-        Intervals of their cells, in SI.
-
-    Returns
-    -------
-    dict or None
-        Address (and name of unknown) to narrowed interval; None if they cannot all hold.
-    """
+    """Narrow all cells by all relations together, back and forth until nothing moves."""
     every = list(relations)
     state: dict[str, Interval] = {a: widened(boxes[a]) for r in every for a in r.addresses}
     for repeat in (relation for relation in every if relation.repeats):

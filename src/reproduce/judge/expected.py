@@ -24,25 +24,7 @@ class Expectation:
 
 @cache
 def frozen(key: str | None = None) -> dict[str, Expectation]:
-    """Return the frozen verdicts by address.
-
-    Parameters
-    ----------
-    key : str, optional
-        Those of one item; all of them by default.
-
-    Returns
-    -------
-    dict
-        Address to expectation.
-
-    Raises
-    ------
-    ValueError
-        If a file names a cell twice, an unknown verdict, or a `differs` without a reason.
-    KeyError
-        If it names a cell that is not printed.
-    """
+    """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
     for entry in _entries():
         verdict, reason = entry["verdict"], entry.get("reason", "")
@@ -78,18 +60,7 @@ class Surprise:
 
 
 def surprises(ledger: Ledger) -> list[Surprise]:
-    """Compare the ledger's verdicts with the frozen ones.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        Some or all records.
-
-    Returns
-    -------
-    list of Surprise
-        The cells that differ from their expectation; empty when all is as frozen.
-    """
+    """Compare the ledger's verdicts with the frozen ones."""
     keys = dict.fromkeys(record.key for record in ledger.records)
     expectations = {a: e for key in keys for a, e in frozen(key).items()}
     found = [
@@ -100,34 +71,12 @@ def surprises(ledger: Ledger) -> list[Surprise]:
 
 
 def reason(address: str) -> str:
-    """Return the written reason for the frozen verdict of a cell, empty where there is none.
-
-    Parameters
-    ----------
-    address : str
-        The cell.
-
-    Returns
-    -------
-    str
-        The reason in words.
-    """
+    """Return the written reason for the frozen verdict of a cell, empty where there is none."""
     expectation = frozen(address.partition("#")[0]).get(address)
     return expectation.reason if expectation else ""
 
 
 def erratum(address: str) -> str:
-    """Return the id of the erratum behind a `differs`, empty where the register has none.
-
-    Parameters
-    ----------
-    address : str
-        The cell.
-
-    Returns
-    -------
-    str
-        An id of ``data/errata.toml``.
-    """
+    """Return the id of the erratum behind a `differs`, empty where the register has none."""
     expectation = frozen(address.partition("#")[0]).get(address)
     return expectation.erratum if expectation else ""

@@ -55,20 +55,7 @@ class Law:
 
 
 def fitted(columns: list[Array], squares: NDArray[np.bool_]) -> Law:
-    """Estimate the law of a table from its draws.
-
-    Parameters
-    ----------
-    columns : list of ndarray, each of shape (replicates,)
-        Draws of every cell, the same replicate at the same index.
-    squares : ndarray of bool, shape (cells,)
-        Which cells are root mean squares.
-
-    Returns
-    -------
-    Law
-        Mean, standard deviations and correlations.
-    """
+    """Estimate the law of a table from its draws."""
     values = np.stack(columns)
     # To first order, x^p has the skewness of x and 3 (p - 1) sd / mean besides.
     flat = stats.skew(values, axis=1) * values.mean(axis=1) / (3 * values.std(axis=1))
@@ -89,18 +76,7 @@ def _raised(values: Array, power: Array) -> Array:
 def log_tails(law: Law, intervals: Array) -> Array:
     """Return how far out every printed number lies, each by itself.
 
-    Parameters
-    ----------
-    law : Law
-        From `fitted`.
-    intervals : ndarray, shape (cells, 2)
-        Values that round to the print.
-
-    Returns
-    -------
-    ndarray, shape (cells,)
-        Decimal logarithm of the two-sided mid-p over the interval, as `verdicts.judge_prediction`
-        has it.
+    The result has the shape (cells,).
 
     Examples
     --------
@@ -126,26 +102,6 @@ def joint(
     The measure is the squared Mahalanobis distance from the law's mean, which knows that cells move
     together. That of the print is the least one of all tables that round to it, so rounding can
     make the probability too large and never too small.
-
-    Parameters
-    ----------
-    law : Law
-        From `fitted`.
-    columns : list of ndarray, each of shape (replicates,)
-        The draws it was fitted to.
-    intervals : ndarray, shape (cells, 2)
-        Values that round to the print.
-    wanted : ndarray of bool, shape (cells,)
-        Which cells.
-
-    Returns
-    -------
-    counted : float
-        Share of the draws that lie as far out as the print.
-    log_law : float
-        Decimal logarithm of the same by Hotelling's distribution.
-    distance : float
-        The Mahalanobis distance of the print, in standard deviations.
 
     Examples
     --------

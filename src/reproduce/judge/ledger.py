@@ -152,25 +152,7 @@ class Ledger(BaseModel):
 def build(
     keys: Iterable[str] | None = None, progress: Callable[[str], None] | None = None
 ) -> Ledger:
-    """Run the computations of the items and judge every printed cell.
-
-    Parameters
-    ----------
-    keys : iterable of str, optional
-        The items wanted; all of them by default.
-    progress : callable, optional
-        Called with the key of each item when it is done.
-
-    Returns
-    -------
-    Ledger
-        The records of these items, in the order of print.
-
-    Raises
-    ------
-    KeyError
-        If a key is unknown.
-    """
+    """Run the computations of the items and judge every printed cell."""
     items = catalogue()
     asked = set(items if keys is None else keys)
     if unknown := asked - set(items):
@@ -188,20 +170,7 @@ def build(
 
 
 def reread(key: str, chosen: Mapping[str, str]) -> Ledger:
-    """Return what the cells of an item would be judged as under one reading of the text.
-
-    Parameters
-    ----------
-    key : str
-        The item.
-    chosen : mapping of str to str
-        Option of its computations to the alternative chosen.
-
-    Returns
-    -------
-    Ledger
-        Its records. They are no verdicts: those take every reading into account.
-    """
+    """Return what the cells of an item would be judged as under one reading of the text."""
     records, tables = _judged(key, tuple(sorted(chosen.items())))
     return Ledger(records=records, tables=tables)
 

@@ -67,35 +67,13 @@ class Comparison:
 
 
 def compare(draws: Array) -> Comparison:
-    """Compare the print with the predictions of every reading.
-
-    Parameters
-    ----------
-    draws : ndarray, shape (readings, replicates, 2, 8)
-        From `study.simulate`, in SI.
-
-    Returns
-    -------
-    Comparison
-        Probabilities by reading.
-    """
+    """Compare the print with the predictions of every reading."""
     found = [compare_one(one) for one in draws]
     return Comparison(*(np.stack(part) for part in zip(*found, strict=True)))
 
 
 def compare_one(one: Array) -> tuple[Array, ...]:
-    """Compare the print with the prediction of one reading, for every way of counting the axes.
-
-    Parameters
-    ----------
-    one : ndarray, shape (replicates, 2, 8)
-        In SI.
-
-    Returns
-    -------
-    tuple of ndarray
-        A row of each array of `Comparison`, in order.
-    """
+    """Compare the print with the prediction of one reading, for every way of counting the axes."""
     cells = [find(address)[0] for address in ADDRESSES]
     intervals = np.array([cell.number.interval() for cell in cells])
     rows: list[tuple[Array, ...]] = []
@@ -110,40 +88,13 @@ def compare_one(one: Array) -> tuple[Array, ...]:
 
 
 def columns_in_print(one: Array, cells: list[Cell], way: str) -> list[Array]:
-    """Return the draws of one reading cell by cell, in the unit of print.
-
-    Parameters
-    ----------
-    one : ndarray, shape (replicates, 2, 8)
-        In SI.
-    cells : list of Cell
-        Those of `ADDRESSES`.
-    way : str
-        How the axes are counted, one of `counting.COUNTED`.
-
-    Returns
-    -------
-    list of ndarray, each of shape (replicates,)
-        In the order of `cells`.
-    """
+    """Return the draws of one reading cell by cell, in the unit of print."""
     flat = counting.counted(one, way).reshape(len(one), -1)
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
 
 
 def corrected(joint: Array, readings: int) -> Array:
     """Return joint probabilities corrected for having tried so many readings.
-
-    Parameters
-    ----------
-    joint : ndarray
-        Of one or many readings.
-    readings : int
-        How many were tried.
-
-    Returns
-    -------
-    ndarray
-        Bonferroni's bound: that many times larger, at most one.
 
     Examples
     --------
@@ -155,20 +106,6 @@ def corrected(joint: Array, readings: int) -> Array:
 
 def resolved(counted: Array, law: Array, replicates: int) -> Array:
     """Return probabilities by count where the draws can tell, else by their law.
-
-    Parameters
-    ----------
-    counted : ndarray
-        Probabilities by counting draws.
-    law : ndarray
-        Decimal logarithms of the same by the law.
-    replicates : int
-        How many draws there are.
-
-    Returns
-    -------
-    ndarray
-        Probabilities.
 
     Examples
     --------

@@ -120,16 +120,6 @@ def reads(computation: Computation) -> tuple[str, ...]:
 def options(key: str) -> dict[str, dict[str, str]]:
     """Return what the text leaves open of an item.
 
-    Parameters
-    ----------
-    key : str
-        The item.
-
-    Returns
-    -------
-    dict
-        Option to its alternatives, each with what it stands for.
-
     Examples
     --------
     >>> list(options("niu2024/table-3")["translations"])
@@ -144,16 +134,6 @@ def options(key: str) -> dict[str, dict[str, str]]:
 
 def changeable(key: str) -> tuple[str, ...]:
     """Return every cell that an item reads, directly or through other items.
-
-    Parameters
-    ----------
-    key : str
-        The item.
-
-    Returns
-    -------
-    tuple of str
-        Addresses, nearest first.
 
     Examples
     --------
@@ -178,26 +158,7 @@ def _read(patterns: tuple[str, ...]) -> list[Cell]:
 
 
 def in_si(cell: Cell, value: str | float) -> float:
-    """Return a value written as in the print, such as ``"0.2 px"``, in SI units.
-
-    Parameters
-    ----------
-    cell : Cell
-        The printed cell whose place it takes.
-    value : str or float
-        Digits with a unit of the same kind; the unit may be left out for pure numbers, for
-        counts and for a float, which is in the unit of print.
-
-    Returns
-    -------
-    float
-        In SI units; pixels stay pixels.
-
-    Raises
-    ------
-    CannotChangeError
-        If the text is no number, the unit is unknown or of another kind, or a count is broken.
-    """
+    """Return a value written as in the print, such as ``"0.2 px"``, in SI units."""
     text = f"{value:.17g}" if isinstance(value, int | float) else str(value)
     matched = _VALUE.fullmatch(text)
     bare = cell.unit in {"1", "count"}
@@ -255,32 +216,7 @@ def rerun(
     replicates: int | None = None,
     chosen: Mapping[str, str] | None = None,
 ) -> Rerun:
-    """Compute an item again under a change, or under a reading of the text.
-
-    Parameters
-    ----------
-    key : str
-        The item.
-    changes : mapping, optional
-        Address of a printed cell to the value that takes its place, as `in_si` takes it.
-    seed : int, optional
-        In place of the project's own root seed.
-    replicates : int, optional
-        In place of the declared number.
-    chosen : mapping, optional
-        Option of the item to the alternative to take.
-
-    Returns
-    -------
-    Rerun
-        The cells under the change beside those computed from the print.
-
-    Raises
-    ------
-    CannotChangeError
-        If something is changed that the item does not read, or a value or an option does not fit;
-        the message lists what does. Also if the item cannot be computed so.
-    """
+    """Compute an item again under a change, or under a reading of the text."""
     changes, chosen = dict(changes or {}), dict(chosen or {})
     values = checked_values(key, changes)
     _check_options(key, chosen)

@@ -53,26 +53,6 @@ class Judgement:
 def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, float]) -> Judgement:
     """Judge a deterministic recomputation against the printed digits.
 
-    Parameters
-    ----------
-    printed : PrintedNumber
-        The print.
-    value : float
-        The recomputed value from the inputs as printed, in the unit of print.
-    interval : tuple of float
-        The results that the rounding of the inputs allows.
-
-    Returns
-    -------
-    Judgement
-        ``exact`` if the value rounds to the printed digits, also if only another value of the
-        interval does (flag ``through_rounding``); else ``differs``.
-
-    Raises
-    ------
-    ValueError
-        If the value is not finite.
-
     Examples
     --------
     >>> judge_value(PrintedNumber("0.9976"), 0.99760, (0.99759, 0.99761)).verdict
@@ -94,25 +74,6 @@ def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, flo
 
 def judge_prediction(printed: PrintedNumber, draws: NDArray[np.float64]) -> Judgement:
     """Judge a printed random or measured number against what the reproduction predicts.
-
-    Parameters
-    ----------
-    printed : PrintedNumber
-        The print.
-    draws : ndarray, shape (replicates,)
-        The prediction, in the unit of print.
-
-    Returns
-    -------
-    Judgement
-        ``consistent`` if the two-sided mid-p over the printed interval is at least 1 %, else
-        ``differs``; flagged ``uninformative`` where the central 99 % are wider than the printed
-        value itself.
-
-    Raises
-    ------
-    ValueError
-        If the draws are empty or not finite.
 
     Examples
     --------
@@ -148,18 +109,6 @@ def tail_mid_p(
 ) -> NDArray[np.float64]:
     """Return the smaller tail beyond an interval, with half of the draws inside it.
 
-    Parameters
-    ----------
-    ordered : ndarray, shape (replicates,)
-        Draws in rising order.
-    low, high : float or ndarray
-        Ends of one or many intervals of rounding.
-
-    Returns
-    -------
-    ndarray
-        One-sided mid-p values, at most one half.
-
     Examples
     --------
     >>> float(tail_mid_p(np.array([1.0, 2.0, 3.0, 4.0]), 2.5, 2.5))
@@ -185,23 +134,6 @@ def joint_probability(
 
     The surprise of a table is the sum of -2 ln p over its cells. Every replicate is rounded to
     the printed digits and judged like the print, so the cells' correlation is accounted for.
-
-    Parameters
-    ----------
-    printed : list of PrintedNumber
-        The cells of the table.
-    draws : list of ndarray, each of shape (replicates,)
-        Their predictions, the same replicate at the same index.
-
-    Returns
-    -------
-    tuple of float
-        The probability (never below one over the replicates plus one) and its Monte Carlo error.
-
-    Raises
-    ------
-    ValueError
-        If the lists differ in length or are empty.
 
     Examples
     --------

@@ -42,11 +42,6 @@ class Catalogue(Mapping[str, Item]):
 def catalogue() -> Catalogue:
     """Return every item by its key, paper by paper, in order of print.
 
-    Returns
-    -------
-    Catalogue
-        Key to item.
-
     Examples
     --------
     >>> list(catalogue())[0]
@@ -59,12 +54,6 @@ def catalogue() -> Catalogue:
 
 def studies() -> dict[str, Callable[[], Study]]:
     """Return the tables of our own that stand beside the papers, by name.
-
-    Returns
-    -------
-    dict
-        Name, such as ``chen2023/readings``, to what computes the table: the function of that name
-        in its module.
 
     Examples
     --------

@@ -13,11 +13,6 @@ from reproduce.papers.declare_posterior import Declaration
 def posteriors() -> dict[str, Declaration]:
     """Return the declaration of every posterior by its key.
 
-    Returns
-    -------
-    dict
-        What each paper's module ``posteriors``, if it has one, lists as ``POSTERIORS``.
-
     Examples
     --------
     >>> list(posteriors())[0]

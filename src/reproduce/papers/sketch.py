@@ -50,21 +50,7 @@ def canvas(figure: Figure, width: float, height: float, inches: float = 6.4) -> 
 def diagram(
     width: float, height: float, inches: float = 6.4
 ) -> Callable[[Callable[..., None]], Draw]:
-    """Turn a function that paints on a canvas into one that draws an item without printed values.
-
-    Parameters
-    ----------
-    width, height : float
-        Of the canvas, in its own units.
-    inches : float
-        Width of the figure.
-
-    Returns
-    -------
-    callable
-        A decorator; what it makes takes a figure, the printed values, which it does not use, and
-        the door if the painting function takes one.
-    """
+    """Turn a function that paints on a canvas into one that draws an item without printed values."""
 
     def declare(paint: Callable[..., None]) -> Draw:
         @functools.wraps(paint)

@@ -46,18 +46,6 @@ def seen_from(
 ) -> View:
     """Return the view of somebody who stands far out in a direction, Z upwards.
 
-    Parameters
-    ----------
-    azimuth, elevation : float
-        Of the direction in which the viewer stands, in degrees, from X towards Y and up to Z.
-    centre, scale
-        As for `View`.
-
-    Returns
-    -------
-    View
-        The projection.
-
     Examples
     --------
     From negative Y, X points to the right and Z upwards.
@@ -84,25 +72,7 @@ def triad(
     look: Look | None = None,
     width: float = 1.3,
 ) -> None:
-    """Draw axes of a frame with their names.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        What to draw on.
-    view : View
-        From where the frame is seen.
-    origin : array_like, shape (3,)
-        Of the frame.
-    directions : ndarray, shape (n, 3)
-        One row per axis, as long as the axis shall be drawn.
-    names : sequence of str
-        One per axis; an empty one leaves the axis without a name.
-    look : Look, optional
-        Of the arrows; ink by default.
-    width : float
-        Of the lines, in points.
-    """
+    """Draw axes of a frame with their names."""
     start = view.point(origin)
     for direction, name in zip(directions, names, strict=True):
         end = view.point(np.asarray(origin) + direction)
@@ -118,19 +88,7 @@ def triad(
 def swept(axis: ArrayLike, start: ArrayLike, angle: float) -> FloatArray:
     """Return the way that a vector takes while it turns about an axis.
 
-    Parameters
-    ----------
-    axis : array_like, shape (3,)
-        Of any length.
-    start : array_like, shape (3,)
-        The vector before the turn.
-    angle : float
-        Right-handed, in radians.
-
-    Returns
-    -------
-    ndarray, shape (60, 3)
-        The vector at sixty equal steps, the first before the turn.
+    The result has the shape (60, 3).
 
     Examples
     --------
@@ -145,13 +103,5 @@ def swept(axis: ArrayLike, start: ArrayLike, angle: float) -> FloatArray:
 def sense(
     axes: Axes, view: View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
 ) -> None:
-    """Draw the sense of a right-handed turn: a curved arrow about an axis.
-
-    Parameters
-    ----------
-    axes, view, origin
-        As for `triad`.
-    axis, start, angle
-        As for `swept`; the curve begins at `start`, counted from the origin.
-    """
+    """Draw the sense of a right-handed turn: a curved arrow about an axis."""
     turning(axes, view.point(np.asarray(origin) + swept(axis, start, angle)))

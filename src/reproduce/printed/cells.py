@@ -152,16 +152,6 @@ class PrintedTable:
 def anchor(address: str) -> str:
     """Return the HTML anchor of an address.
 
-    Parameters
-    ----------
-    address : str
-        A key or a cell's address.
-
-    Returns
-    -------
-    str
-        The address with ``/``, ``#`` and ``.`` turned into hyphens.
-
     Examples
     --------
     >>> anchor("niu2024/table-3#scale.red")
@@ -171,25 +161,7 @@ def anchor(address: str) -> str:
 
 
 def read(path: Path, key: str) -> PrintedTable:
-    """Read one file of printed numbers.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A TOML file in the format of ``data/README.md``.
-    key : str
-        The key that its cells get.
-
-    Returns
-    -------
-    PrintedTable
-        The cells with everything inherited from row, column and file.
-
-    Raises
-    ------
-    PrintedFileError
-        If the file is not TOML or does not follow the format.
-    """
+    """Read one file of printed numbers."""
     source = f"{path.parent.name}/{path.name}"
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -199,25 +171,7 @@ def read(path: Path, key: str) -> PrintedTable:
 
 
 def build(file: PrintedFile, key: str) -> PrintedTable:
-    """Give every cell of a checked file its address and its inherited traits.
-
-    Parameters
-    ----------
-    file : PrintedFile
-        The checked content.
-    key : str
-        The key of the table or group.
-
-    Returns
-    -------
-    PrintedTable
-        The addressed cells.
-
-    Raises
-    ------
-    PrintedFileError
-        If a number has no unit or no role anywhere.
-    """
+    """Give every cell of a checked file its address and its inherited traits."""
     cells: list[Cell] = []
     for row in file.row:
         for column, entry in zip(file.column, row.cells, strict=True):
@@ -302,11 +256,6 @@ class Library(Mapping[str, PrintedTable]):
 def library() -> Library:
     """Return all printed tables and groups of all papers.
 
-    Returns
-    -------
-    Library
-        Key to table, by paper in order of publication here, tables before quoted numbers.
-
     Examples
     --------
     >>> library()["niu2024/table-3"]["scale.red"].text
@@ -322,19 +271,7 @@ def library() -> Library:
 
 
 def altered_files() -> tuple[str, ...]:
-    """Return the files of printed numbers that are not those of their checksums.
-
-    Returns
-    -------
-    tuple of str
-        Names below ``data/printed/`` of files that were changed, are missing, or stand in no
-        line of ``SHA256SUMS``; empty when all is as it was entered.
-
-    Raises
-    ------
-    PrintedFileError
-        If the checksums themselves are missing or cannot be read.
-    """
+    """Return the files of printed numbers that are not those of their checksums."""
     return tuple(name for folder in data_folders() for name in _altered(folder / "printed"))
 
 
@@ -358,22 +295,6 @@ def _altered(folder: Path) -> list[str]:
 
 def find(pattern: str) -> tuple[Cell, ...]:
     """Return the printed cells whose addresses match `pattern`, in order of print.
-
-    Parameters
-    ----------
-    pattern : str
-        A key (all its cells) or an address; ``*`` stands for any characters within the name,
-        as in ``chen2023/table-5#*.motion-x``.
-
-    Returns
-    -------
-    tuple of Cell
-        At least one cell.
-
-    Raises
-    ------
-    KeyError
-        If nothing matches.
 
     Examples
     --------

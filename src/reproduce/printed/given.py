@@ -63,23 +63,7 @@ class Given:
         return cell.number.half_unit * si_factor(cell.unit)
 
     def count(self, address: str) -> int:
-        """Return the whole number at `address`.
-
-        Parameters
-        ----------
-        address : str
-            A declared cell that holds a count.
-
-        Returns
-        -------
-        int
-            The count.
-
-        Raises
-        ------
-        TypeError
-            If the cell does not hold a count.
-        """
+        """Return the whole number at `address`."""
         cell = self._cell(address)
         if cell.unit != "count":
             raise TypeError(f"{address}: expected a count, the cell has the unit {cell.unit!r}")
@@ -88,31 +72,12 @@ class Given:
     def array(self, pattern: str) -> NDArray[np.float64]:
         """Return the numbers that match `pattern`, in order of print and SI units.
 
-        Parameters
-        ----------
-        pattern : str
-            An address with ``*`` in the name; cells of text are passed over.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The numbers.
-
-        Raises
-        ------
-        UndeclaredInputError
-            If a matching cell was not declared.
+        The result has the shape (n,).
         """
         return np.array([self[cell.address] for cell in find(pattern) if cell.is_number])
 
     def numbers(self) -> list[Cell]:
-        """Return the declared cells that hold a rounded number.
-
-        Returns
-        -------
-        list of Cell
-            Those whose rounding can move a result; counts and bounds are exact.
-        """
+        """Return the declared cells that hold a rounded number."""
         return [
             cell
             for cell in self.cells.values()
@@ -123,33 +88,11 @@ class Given:
         ]
 
     def shifted(self, shifts: Mapping[str, float]) -> Given:
-        """Return the same inputs with some moved within their rounding intervals.
-
-        Parameters
-        ----------
-        shifts : mapping of str to float
-            Address to shift in shares of the interval to either side, from -1 to 1.
-
-        Returns
-        -------
-        Given
-            A new door; this one stays as it is.
-        """
+        """Return the same inputs with some moved within their rounding intervals."""
         return Given(self.cells, dict(shifts), self.values)
 
     def changed(self, values: Mapping[str, float]) -> Given:
-        """Return the same inputs with other values in place of some printed ones.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            Address to value in SI units; addresses that were not declared are left out.
-
-        Returns
-        -------
-        Given
-            A new door; this one stays as it is.
-        """
+        """Return the same inputs with other values in place of some printed ones."""
         declared = {address: value for address, value in values.items() if address in self.cells}
         return Given(self.cells, self.shifts, {**self.values, **declared})
 
@@ -164,21 +107,6 @@ class Given:
 
 def given(patterns: Iterable[str]) -> Given:
     """Open the door for the cells that match `patterns`.
-
-    Parameters
-    ----------
-    patterns : iterable of str
-        Keys or addresses, ``*`` allowed in names.
-
-    Returns
-    -------
-    Given
-        These cells and no others.
-
-    Raises
-    ------
-    KeyError
-        If a pattern matches no printed cell.
 
     Examples
     --------

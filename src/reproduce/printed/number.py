@@ -114,12 +114,6 @@ class PrintedNumber:
     def interval(self) -> tuple[float, float]:
         """Return the closed interval of values that agree with the print.
 
-        Returns
-        -------
-        tuple of float
-            Lower and upper end. A bound reaches to infinity; ``within`` lies around zero. The
-            limit itself is taken as stated, not widened by half its last digit.
-
         Examples
         --------
         >>> PrintedNumber("0.1", qualifier="within").interval()
@@ -138,16 +132,6 @@ class PrintedNumber:
     def meets(self, low: float, high: float) -> bool:
         """Tell whether the interval from `low` to `high` shares a point with the printed one.
 
-        Parameters
-        ----------
-        low, high : float
-            Ends of an interval of computed values, in the unit of print.
-
-        Returns
-        -------
-        bool
-            True where they overlap or touch.
-
         Examples
         --------
         >>> PrintedNumber("0.9976").meets(0.99764, 0.99764)
@@ -159,19 +143,6 @@ class PrintedNumber:
 
     def format(self, value: float, extra: int = 0) -> str:
         """Return `value` written with as many decimals as the print, plus `extra`.
-
-        Parameters
-        ----------
-        value : float
-            A number in the unit of print.
-        extra : int
-            How many more digits to show than the print does.
-
-        Returns
-        -------
-        str
-            Fixed-point digits, or an exponent where the print has one; also where the digits
-            would be more than a double holds, as a reader's own setting may ask for.
 
         Examples
         --------

@@ -146,23 +146,6 @@ def _no_duplicates(name: str, lines: tuple[Line, ...]) -> None:
 def parse(content: dict[str, Any], source: str) -> PrintedFile:
     """Check the content of one file of printed numbers.
 
-    Parameters
-    ----------
-    content : dict
-        The parsed TOML.
-    source : str
-        How to name the file in an error.
-
-    Returns
-    -------
-    PrintedFile
-        The same content, checked and typed.
-
-    Raises
-    ------
-    PrintedFileError
-        With one line for every fault: where it is, what was expected, what came.
-
     Examples
     --------
     >>> parse({"title": "t", "place": "Text", "section": "1", "cell": [

@@ -35,21 +35,6 @@ UNITS: dict[str, tuple[str, str, float]] = {
 def si_factor(unit: str) -> float:
     """Return the SI value of one `unit`; pixels stay pixels.
 
-    Parameters
-    ----------
-    unit : str
-        A unit as written in the data files, such as ``"arcsec"``.
-
-    Returns
-    -------
-    float
-        Metres, radians, seconds, hertz per unit; 1 for pixels and pure numbers.
-
-    Raises
-    ------
-    ValueError
-        If the unit is not one of the known ones.
-
     Examples
     --------
     >>> si_factor("mm")
@@ -62,16 +47,6 @@ def si_factor(unit: str) -> float:
 
 def symbol(unit: str) -> str:
     """Return how a page shows `unit`.
-
-    Parameters
-    ----------
-    unit : str
-        A unit as written in the data files.
-
-    Returns
-    -------
-    str
-        Its symbol, empty for pure numbers and counts.
 
     Examples
     --------

@@ -67,21 +67,7 @@ class Table:
         )
 
     def last_digit(self, names: Sequence[str], rows: Sequence[int] | None = None) -> float:
-        """Return one unit of the last digit that is written in some columns.
-
-        Parameters
-        ----------
-        names : sequence of str
-            The columns.
-        rows : sequence of int, optional
-            The rows that count; all by default.
-
-        Returns
-        -------
-        float
-            In the unit of the columns: 0.01 if no number has more than two decimals; see
-            `last_place` for numbers with an exponent.
-        """
+        """Return one unit of the last digit that is written in some columns."""
         chosen = range(len(self.texts)) if rows is None else rows
         places = [self.columns.index(name) for name in names]
         least = min(last_place(self.texts[row][place]) for row in chosen for place in places)
@@ -93,16 +79,6 @@ def last_place(text: str) -> int:
 
     A number with more digits than a double holds was not measured so: its last digit is that of the
     shortest number that reads alike, as `numpy.savetxt` was given it.
-
-    Parameters
-    ----------
-    text : str
-        A finite number, with or without a point or an exponent.
-
-    Returns
-    -------
-    int
-        -2 for hundredths.
 
     Examples
     --------
@@ -127,26 +103,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> Table:
-    """Read named columns of numbers.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A CSV file in UTF-8.
-    columns : sequence of str
-        The columns that must be there, and no others.
-
-    Returns
-    -------
-    Table
-        In the order of `columns`.
-
-    Raises
-    ------
-    TableFileError
-        If a column is missing, unknown or named twice, a line is too short or too long, a value
-        is not a finite number, or there is no line at all.
-    """
+    """Read named columns of numbers."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

@@ -47,18 +47,6 @@ class Stars:
 def bright_stars() -> Stars:
     """Return the Bright Star Catalogue, without the entries that are no stars.
 
-    Returns
-    -------
-    Stars
-        In order of catalogue number.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the file is missing.
-    ValueError
-        If it is not of the expected length.
-
     Examples
     --------
     Sirius is number 2491.
@@ -89,21 +77,7 @@ def bright_stars() -> Stars:
 
 @cache
 def spectra() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return the tabulated spectra of Vega and the Sun, as seen from the Earth.
-
-    Returns
-    -------
-    dict
-        ``vega`` and ``sun``, each to wavelengths, in metres, and photons per second, square metre
-        and metre of wavelength; both of shape (n,).
-
-    Raises
-    ------
-    FileNotFoundError
-        If the file is missing.
-    ValueError
-        If it is not a table of numbers under a line of names.
-    """
+    """Return the tabulated spectra of Vega and the Sun, as seen from the Earth."""
     path = data_folder() / "stars" / "spectra.csv"
     names = path.read_text(encoding="utf-8").partition("\n")[0].split(",")[1:]
     table = np.loadtxt(path, delimiter=",", skiprows=1)

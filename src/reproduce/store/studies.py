@@ -61,24 +61,7 @@ def folder() -> Path:
 def write(
     name: str, arrays: Mapping[str, NDArray[Any]], note: Note, where: Path | None = None
 ) -> None:
-    """Store a study.
-
-    Parameters
-    ----------
-    name : str
-        What to call its files.
-    arrays : mapping
-        Arrays by name.
-    note : mapping
-        At least ``command``, ``seed`` and ``versions``; the SHA-256 is added.
-    where : pathlib.Path, optional
-        The folder; the project's own by default.
-
-    Raises
-    ------
-    StudyError
-        If the note lacks one of the three.
-    """
+    """Store a study."""
     if missing := {"command", "seed", "versions"} - set(note):
         raise StudyError(f"{name}: the note lacks {', '.join(sorted(missing))}; add it")
     content = _packed(arrays)
@@ -91,25 +74,7 @@ def write(
 
 
 def read(name: str, where: Path | None = None) -> Study:
-    """Return a stored study after checking that its arrays are those of its note.
-
-    Parameters
-    ----------
-    name : str
-        What its files are called.
-    where : pathlib.Path, optional
-        The folder; the project's own by default.
-
-    Returns
-    -------
-    Study
-        Arrays and note.
-
-    Raises
-    ------
-    StudyError
-        If a file is missing or the SHA-256 is another one.
-    """
+    """Return a stored study after checking that its arrays are those of its note."""
     source = where or folder()
     try:
         content = (source / f"{name}.npz").read_bytes()
@@ -129,13 +94,7 @@ def read(name: str, where: Path | None = None) -> Study:
 def write_table(
     name: str, table: pd.DataFrame, note: Mapping[str, Any], where: Path | None = None
 ) -> None:
-    """Store a study that is a table; entries of the note that are tables come last.
-
-    Raises
-    ------
-    StudyError
-        If the note does not name the command.
-    """
+    """Store a study that is a table; entries of the note that are tables come last."""
     if "command" not in note:
         raise StudyError(f"{name}: the note lacks command; add it")
     rows = table.to_numpy(object).tolist()
@@ -151,25 +110,7 @@ def write_table(
 
 
 def table(name: str, where: Path | None = None) -> pd.DataFrame:
-    """Return a stored table after checking that it is the one of its note.
-
-    Parameters
-    ----------
-    name : str
-        What its file is called.
-    where : pathlib.Path, optional
-        The folder; the project's own by default.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table; its ``attrs`` are the note.
-
-    Raises
-    ------
-    StudyError
-        If the file is missing or its rows were changed by hand.
-    """
+    """Return a stored table after checking that it is the one of its note."""
     import pandas as pd
 
     path = (where or folder()) / f"{name}.toml"

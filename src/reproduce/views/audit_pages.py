@@ -38,13 +38,7 @@ def errata_register() -> tuple[Erratum, ...]:
 
 
 def score() -> Html:
-    """Show how much of each paper was cross-examined, and what came of it.
-
-    Returns
-    -------
-    Html
-        A row for each paper.
-    """
+    """Show how much of each paper was cross-examined, and what came of it."""
     heads = ["Paper", "Numbers", "Held against others", "Only bounded", "Relations", "Agree"]
     heads += ["Only through rounding"]
     heads += ["Contradict", "Equations run", "Fail as extracted", "Rest on suppositions of ours"]
@@ -61,19 +55,7 @@ def score() -> Html:
 
 
 def relations(paper: str) -> Html:
-    """Show all relations of a paper: first those that contradict, then the others.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-
-    Returns
-    -------
-    Html
-        Three tables; the relations that agree are folded away, and so are those that rest on a
-        supposition of ours.
-    """
+    """Show all relations of a paper: first those that contradict, then the others."""
     audit = audit_paper(paper)
     loud = [f for f in audit.read if f.outcome != "agrees"]
     quiet = [f for f in audit.read if f.outcome == "agrees"]
@@ -120,18 +102,7 @@ def _badge(finding: Finding) -> Markup:
 
 
 def smallest_sets(paper: str) -> Html:
-    """Show the smallest sets of cells that cannot all be right.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-
-    Returns
-    -------
-    Html
-        The smallest first; a set that needs several relations names them all.
-    """
+    """Show the smallest sets of cells that cannot all be right."""
     rows = []
     audit = audit_paper(paper)
     wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
@@ -149,18 +120,7 @@ def smallest_sets(paper: str) -> Html:
 
 
 def corrections(paper: str) -> Html:
-    """Show the contradictions of a paper with the slips of the pen that would lift them.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-
-    Returns
-    -------
-    Html
-        A row for each correction, the smallest slips first.
-    """
+    """Show the contradictions of a paper with the slips of the pen that would lift them."""
     audit = audit_paper(paper)
     heads = ("Contradiction", "Supposed slips", "Size", "Breaks", "The paper's conclusion", "Then")
     rows = [row for group in audit.groups for row in _correction_rows(group, audit)]
@@ -188,18 +148,7 @@ def _correction_rows(group: Group, audit: Audit) -> list[list[Markup]]:
 
 
 def equations(paper: str) -> Html:
-    """Show the equations of a paper, run as extracted.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-
-    Returns
-    -------
-    Html
-        What each must do, what it does as extracted, what the library's form does.
-    """
+    """Show the equations of a paper, run as extracted."""
     heads = (
         "Equation",
         "What must hold",
@@ -225,18 +174,7 @@ def _digits(value: float) -> str:
 
 
 def errata(supposed: bool = False) -> Html:
-    """Show the register of errata, each entry with its own anchor and citation.
-
-    Parameters
-    ----------
-    supposed : bool
-        Show the entries that rest on a supposition of ours in place of those that do not.
-
-    Returns
-    -------
-    Html
-        One section for each entry.
-    """
+    """Show the register of errata, each entry with its own anchor and citation."""
     chosen = [entry for entry in errata_register() if bool(entry.supposition) == supposed]
     return Html(Markup("").join(_erratum(entry) for entry in chosen))
 

@@ -18,37 +18,12 @@ MOST = 32
 
 
 def picture(paper: str, alternative: str) -> Html:
-    """Show relations against cells: a dot where a contradicting relation holds a blamed cell.
-
-    Parameters
-    ----------
-    paper : str
-        ``niu2024`` or ``chen2023``.
-    alternative : str
-        What the picture shows, for readers who cannot see it.
-
-    Returns
-    -------
-    Html
-        Inline SVG.
-    """
+    """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
     return Html(inline(draw(audit_paper(paper)), f"audit-{paper}", alternative))
 
 
 def draw(audit: Audit) -> Figure:
-    """Draw the contradictions of an audit.
-
-    Parameters
-    ----------
-    audit : Audit
-        The audit.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Left: contradicting relations against cells. Right: in how many smallest sets of cells
-        that cannot all be right each cell is.
-    """
+    """Draw the contradictions of an audit."""
     from matplotlib import style
     from matplotlib.figure import Figure
 

@@ -10,18 +10,7 @@ from reproduce.views import audit_words as words
 
 
 def lines(audit: Audit) -> Iterator[str]:
-    """Yield the audit of a paper or table, line by line, in plain text.
-
-    Parameters
-    ----------
-    audit : Audit
-        The audit.
-
-    Yields
-    ------
-    str
-        A line; indented lines belong to the one above.
-    """
+    """Yield the audit of a paper or table, line by line, in plain text."""
     tally = audit.tally()
     yield (
         f"{audit.name}: {len(audit.read)} relations over {len(audit.examined)} of "

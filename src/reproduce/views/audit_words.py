@@ -22,25 +22,7 @@ MANY = 12
 def audits(
     paper: str | None, table: Path | None = None, relations: Path | None = None
 ) -> list[Audit]:
-    """Audit one paper, both, or a table of the reader's own.
-
-    Parameters
-    ----------
-    paper : str, optional
-        One paper; both by default.
-    table, relations : pathlib.Path, optional
-        A file of printed numbers and one of relations.
-
-    Returns
-    -------
-    list of Audit
-        One for each paper or table.
-
-    Raises
-    ------
-    ValueError
-        If a file does not follow its format.
-    """
+    """Audit one paper, both, or a table of the reader's own."""
     if table is not None and relations is not None:
         cells = sheet(read(table, table.stem).cells)
         text = relations.read_text(encoding="utf-8")
@@ -76,19 +58,6 @@ def sides(finding: Finding, audit: Audit) -> str:
 
     A relation that shares a number which is not printed is not worked out with some value of it:
     what it asks of that number, by itself, is written instead.
-
-    Parameters
-    ----------
-    finding : Finding
-        The finding.
-    audit : Audit
-        The audit that it comes from.
-
-    Returns
-    -------
-    str
-        Such as ``60.66 µm against 60.36 µm``, or ``asks for a focal length of the telescope from
-        2083.5 to 2085.1 mm``.
     """
     relation, cells = finding.relation, audit.cells
     if relation.unknown is not None:
@@ -132,20 +101,7 @@ def common(fixed: Fixed) -> str:
 
 
 def correction(found: Correction, paper: str) -> dict[str, Any]:
-    """Write one correction.
-
-    Parameters
-    ----------
-    found : Correction
-        The correction.
-    paper : str
-        The paper, whose name is left out of the addresses.
-
-    Returns
-    -------
-    dict
-        ``slips``, ``size``, ``also_lifts``, ``breaks``, ``unknowns``, ``conclusion``.
-    """
+    """Write one correction."""
     moved = "; ".join(found.moved)
     return {
         "slips": [told(slip.told, paper) for slip in found.slips],
@@ -182,18 +138,7 @@ def too_many(group: Group) -> str:
 
 
 def as_json(audit: Audit) -> dict[str, Any]:
-    """Return a whole audit as plain data.
-
-    Parameters
-    ----------
-    audit : Audit
-        The audit.
-
-    Returns
-    -------
-    dict
-        Ready for ``json.dumps``.
-    """
+    """Return a whole audit as plain data."""
     return {
         "name": audit.name,
         "outcomes": audit.tally(),

@@ -17,27 +17,7 @@ _DEVELOPERS = "The reproduce-pointing developers"
 
 
 def citation(key: str, form: str, address: str = "") -> str:
-    """Return how to cite an item and the paper it comes from.
-
-    Parameters
-    ----------
-    key : str
-        A known key.
-    form : str
-        bibtex, csl (JSON) or text.
-    address : str
-        One cell of the item, if the citation is to name it.
-
-    Returns
-    -------
-    str
-        Two entries: the reproduction, then the paper.
-
-    Raises
-    ------
-    ValueError
-        If the format is unknown.
-    """
+    """Return how to cite an item and the paper it comes from."""
     paper = key.partition("/")[0]
     named = f"reproduce-{anchor(address or key)}"
     return _written(named, _reproduction(key, _paper(paper), address or key), paper, form)

@@ -17,13 +17,7 @@ def _all() -> tuple[costs.Cost, ...]:
 
 
 def errors() -> Html:
-    """Show how large each error is over the detector, and what a fit leaves of it.
-
-    Returns
-    -------
-    Html
-        A row for each approximation, table and channel.
-    """
+    """Show how large each error is over the detector, and what a fit leaves of it."""
     rows = [
         [_label(cost), *(_length(value) for value in (cost.peak, cost.rms, cost.left))]
         for cost in _all()
@@ -33,13 +27,7 @@ def errors() -> Html:
 
 
 def biases() -> Html:
-    """Show what each approximation adds to the parameters, analytic and simulated.
-
-    Returns
-    -------
-    Html
-        A row for each approximation, table and channel.
-    """
+    """Show what each approximation adds to the parameters, analytic and simulated."""
     rows = []
     for cost in _all():
         row = [_label(cost)]
@@ -69,13 +57,7 @@ def _number(value: float, least: float) -> str:
 
 
 def sayings() -> dict[str, str]:
-    """Return what sentences may say of the approximations.
-
-    Returns
-    -------
-    dict
-        Label to text: ``EFFECT-TABLE-CHANNEL-rms``, ``-left`` and ``-peak``, in px.
-    """
+    """Return what sentences may say of the approximations."""
     said = {}
     for cost in _all():
         name = "-".join((cost.effect, cost.table, cost.channel)).lower().replace(" ", "-")

@@ -19,13 +19,7 @@ BOTH = ("before (px)", "after (px)")
 
 
 def distributions() -> Html:
-    """Show median and central 99 % of every number under every reading.
-
-    Returns
-    -------
-    Html
-        A table for each arrangement of angles, which folds out.
-    """
+    """Show median and central 99 % of every number under every reading."""
     door, levels = given(study.READS), studies.read(READINGS).arrays["quantiles"]
     every, tables = study.readings(door), []
     heads = ["Reading", *(f"{c}: {n}" for c in simulation.REGISTERED for n in (*NAMES, *BOTH))]
@@ -43,16 +37,6 @@ def distributions() -> Html:
 
 def spread(levels: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
     """Write a distribution as its median and half of its central 99 %.
-
-    Parameters
-    ----------
-    levels : ndarray, shape (5,)
-        Quantiles, the outermost first and last, the median in the middle.
-
-    Returns
-    -------
-    str
-        With two digits of the half-width.
 
     Examples
     --------

@@ -13,13 +13,7 @@ from reproduce.views.export import export
 
 
 def shipped() -> dict[str, str]:
-    """Return the names of the shipped files and what they hold.
-
-    Returns
-    -------
-    dict
-        Path below the root of the book to a description.
-    """
+    """Return the names of the shipped files and what they hold."""
     files = {
         "ledger.json": "one record per printed cell",
         "ledger.schema.json": "what each field of the ledger means",
@@ -30,13 +24,7 @@ def shipped() -> dict[str, str]:
 
 
 def write(folder: Path) -> None:
-    """Write the shipped files.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Where to; it is created.
-    """
+    """Write the shipped files."""
     whole = ledger.build()
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     (folder / "ledger.json").write_text(whole.model_dump_json(indent=2), encoding="utf-8")

@@ -75,23 +75,7 @@ FACTS: dict[str, Callable[[], dict[str, str]]] = {
 
 
 def paint(name: str) -> Figure:
-    """Draw one of the drawings in the project's style.
-
-    Parameters
-    ----------
-    name : str
-        One of `DRAWINGS`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    KeyError
-        If there is no such drawing.
-    """
+    """Draw one of the drawings in the project's style."""
     if name not in DRAWINGS:
         raise KeyError(f"unknown drawing {name!r}; expected one of {', '.join(DRAWINGS)}")
     from matplotlib import style
@@ -104,20 +88,6 @@ def paint(name: str) -> Figure:
 
 
 def drawing(name: str, alternative: str) -> Html:
-    """Show a drawing that follows the page's light or dark theme.
-
-    Parameters
-    ----------
-    name : str
-        One of `DRAWINGS`.
-    alternative : str
-        What it shows, for readers who cannot see it; its numbers are blanks for the drawing's own
-        facts, or for what `reproduce.views.sayings.filled` knows.
-
-    Returns
-    -------
-    Html
-        The drawing as inline SVG.
-    """
+    """Show a drawing that follows the page's light or dark theme."""
     facts = FACTS[name]() if name in FACTS else {}
     return Html(inline(paint(name), f"drawing-{name}", powers(filled(alternative, facts))))

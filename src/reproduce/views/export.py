@@ -15,28 +15,7 @@ FORMATS = ("csv", "json", "latex", "markdown")
 
 
 def export(ledger: Ledger, address: str, form: str) -> str:
-    """Write the records of an item or a cell in a format that other programs read.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        A ledger that holds the item.
-    address : str
-        The item's key, or one cell of it.
-    form : str
-        csv and json carry every field at full precision; latex and markdown carry the table as
-        a reader sees it.
-
-    Returns
-    -------
-    str
-        The text of the export.
-
-    Raises
-    ------
-    ValueError
-        If the format is unknown, or if the item has no printed cells.
-    """
+    """Write the records of an item or a cell in a format that other programs read."""
     _check(form)
     key, _, name = address.partition("#")
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)

@@ -28,13 +28,7 @@ STUDIES = {
 
 
 def facts() -> dict[str, str]:
-    """Compute every fact.
-
-    Returns
-    -------
-    dict
-        Name to text, as a sentence shows it.
-    """
+    """Compute every fact."""
     found = {}
     ledger = whole_ledger()
     keys = dict.fromkeys(record.key for record in ledger.records)
@@ -61,18 +55,7 @@ def fingerprint() -> str:
 
 
 def write(path: Path) -> bool:
-    """Write all facts to a JSON file, unless it holds those of the present files.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Its folder is made if need be.
-
-    Returns
-    -------
-    bool
-        Whether they were computed.
-    """
+    """Write all facts to a JSON file, unless it holds those of the present files."""
     key = fingerprint()
     if path.is_file() and json.loads(path.read_text(encoding="utf-8"))["key"] == key:
         return False

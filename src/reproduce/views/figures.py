@@ -19,36 +19,12 @@ ENDINGS = (".svg", ".pdf", ".png")
 
 
 def drawable() -> list[str]:
-    """Return the keys of the items that draw.
-
-    Returns
-    -------
-    list of str
-        In order of print.
-    """
+    """Return the keys of the items that draw."""
     return [key for key, item in catalogue().items() if item.draw is not None]
 
 
 def draw(key: str, door: Given | None = None) -> Figure:
-    """Draw an item.
-
-    Parameters
-    ----------
-    key : str
-        An item that draws.
-    door : Given, optional
-        What it is computed from, in place of the print.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure, with the printed values marked where there are any.
-
-    Raises
-    ------
-    ValueError
-        If the item does not draw; the message lists those that do.
-    """
+    """Draw an item."""
     drawing = catalogue()[key].draw
     if drawing is None:
         raise ValueError(f"{key} has no figure; these have one: {', '.join(drawable())}")
@@ -65,18 +41,7 @@ def draw(key: str, door: Given | None = None) -> Figure:
 
 
 def data(figure: Figure) -> pd.DataFrame:
-    """Return the lines and points of a figure.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        A drawn figure.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Panel, curve (its label, or its number), x and y, in the units of the axes.
-    """
+    """Return the lines and points of a figure."""
     import numpy as np
     import pandas as pd
 
@@ -101,22 +66,7 @@ def check_ending(out: Path) -> str:
 
 
 def save(figure: Figure, out: Path) -> None:
-    """Write a drawn figure.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        From `draw`.
-    out : pathlib.Path
-        Where to write; the ending chooses the format.
-
-    Raises
-    ------
-    ValueError
-        If the ending is not .svg, .pdf or .png.
-    OSError
-        If the file cannot be written.
-    """
+    """Write a drawn figure."""
     from matplotlib import style
 
     ending = check_ending(out)

@@ -28,13 +28,7 @@ def _frame() -> star_colours.Colours:
 
 
 def centroids() -> Html:
-    """Show centroid error and signal-to-noise by star, place, magnitude and image.
-
-    Returns
-    -------
-    Html
-        A table for each star that folds out; a row for each place, magnitude and image.
-    """
+    """Show centroid error and signal-to-noise by star, place, magnitude and image."""
     tables = [(named(star), _of_star(number).text) for number, star in enumerate(fusion.STARS)]
     return Html(templates().get_template("folded.html").render(tables=tables))
 
@@ -64,13 +58,7 @@ def named(star: str) -> str:
 
 
 def colours() -> Html:
-    """Show the channel ratios of every star and their errors.
-
-    Returns
-    -------
-    Html
-        A row for each star and magnitude; the middle of the field.
-    """
+    """Show the channel ratios of every star and their errors."""
     arrays, rows = _study().arrays, []
     for i, star in enumerate(fusion.STARS):
         for j, magnitude in enumerate(fusion.MAGNITUDES):
@@ -85,13 +73,7 @@ def colours() -> Html:
 
 
 def stand_ins() -> Html:
-    """Show what the paper does not print and we had to choose.
-
-    Returns
-    -------
-    Html
-        A row for each stand-in.
-    """
+    """Show what the paper does not print and we had to choose."""
     sensor = images.SENSOR
     rows = [
         ["aperture", f"{images.APERTURE * 1e3:g} mm"],

@@ -20,23 +20,7 @@ _FOREGROUND = re.compile(r"#000000\b")
 
 
 def inline(figure: Figure, name: str, alternative: str) -> str:
-    """Return a figure as an HTML fragment whose black parts follow the page's text colour.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    name : str
-        Its id on the page; ids inside the SVG get it as a prefix, so that two figures on one
-        page cannot share a clip path by accident.
-    alternative : str
-        What the figure shows, for readers who cannot see it.
-
-    Returns
-    -------
-    str
-        A ``figure`` element.
-    """
+    """Return a figure as an HTML fragment whose black parts follow the page's text colour."""
     from matplotlib import style
 
     from reproduce.views.figures import STYLE

@@ -19,21 +19,6 @@ class UnknownKeyError(KeyError):
 def check_key(key: str) -> str:
     """Return `key` if it names an item.
 
-    Parameters
-    ----------
-    key : str
-        A key as typed.
-
-    Returns
-    -------
-    str
-        The same key.
-
-    Raises
-    ------
-    UnknownKeyError
-        If no item has it; the message suggests the nearest keys.
-
     Examples
     --------
     >>> check_key("niu2024/table-3")
@@ -48,18 +33,7 @@ def check_key(key: str) -> str:
 
 
 def title(key: str) -> str:
-    """Return the title of an item, in our words.
-
-    Parameters
-    ----------
-    key : str
-        A known key.
-
-    Returns
-    -------
-    str
-        From the file of printed numbers, or from the docstring that draws the figure.
-    """
+    """Return the title of an item, in our words."""
     table = library().get(key)
     if table is not None:
         return table.title
@@ -68,18 +42,7 @@ def title(key: str) -> str:
 
 
 def place(key: str) -> str:
-    """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``.
-
-    Parameters
-    ----------
-    key : str
-        A known key.
-
-    Returns
-    -------
-    str
-        The paper's name of the table or figure, or the section of a quoted number.
-    """
+    """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``."""
     table = library().get(key)
     if table is not None:
         return table.place

@@ -7,22 +7,7 @@ from html import escape
 
 
 def html_table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str) -> str:
-    """Return a table; the first column names the row.
-
-    Parameters
-    ----------
-    head : sequence of str
-        Names of the columns.
-    rows : iterable of sequence of str
-        Entries, as many in each row as there are columns.
-    caption : str
-        What the table shows.
-
-    Returns
-    -------
-    str
-        HTML, all text escaped.
-    """
+    """Return a table; the first column names the row."""
     top = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head)
     body = "".join(
         f'<tr><th scope="row">{escape(row[0])}</th>'

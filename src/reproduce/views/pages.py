@@ -52,18 +52,7 @@ def _templates() -> jinja2.Environment:
 
 
 def table(key: str) -> Html:
-    """Show a table or a group of quoted numbers: printed, computed, verdict, cell by cell.
-
-    Parameters
-    ----------
-    key : str
-        An item with printed cells.
-
-    Returns
-    -------
-    Html
-        The table in the paper's layout, with one anchor per cell and the details below.
-    """
+    """Show a table or a group of quoted numbers: printed, computed, verdict, cell by cell."""
     printed, ledger = library()[keys.check_key(key)], item_ledger(key)
     single = len(printed.columns) <= 1
     heads, rows = _single(printed, ledger) if single else _grid(printed, ledger)
@@ -197,42 +186,12 @@ def _joint_sentence(joint: TableRecord | None) -> str:
 
 
 def figure(key: str, alternative: str) -> Html:
-    """Show a figure that follows the page's light or dark theme.
-
-    Parameters
-    ----------
-    key : str
-        An item that draws.
-    alternative : str
-        What the figure shows, for readers who cannot see it; its numbers are blanks that
-        `reproduce.views.sayings.filled` fills.
-
-    Returns
-    -------
-    Html
-        The figure as inline SVG.
-    """
+    """Show a figure that follows the page's light or dark theme."""
     return Html(inline(draw(key), f"figure-{anchor(key)}", words.powers(filled(alternative))))
 
 
 def study(name: str) -> Html:
-    """Show a table of our own results that no paper prints.
-
-    Parameters
-    ----------
-    name : str
-        A known study, such as ``chen2023/readings``.
-
-    Returns
-    -------
-    Html
-        The table; it carries no verdict.
-
-    Raises
-    ------
-    KeyError
-        If there is no such study; the message lists them.
-    """
+    """Show a table of our own results that no paper prints."""
     known = studies()
     if name not in known:
         raise KeyError(f"unknown study {name!r}: expected one of {', '.join(known)}")
@@ -240,18 +199,7 @@ def study(name: str) -> Html:
 
 
 def score(paper: str | None = None) -> Html:
-    """Show the number of cells by verdict.
-
-    Parameters
-    ----------
-    paper : str, optional
-        One paper, item by item; both papers, a row each, by default.
-
-    Returns
-    -------
-    Html
-        A table of counts.
-    """
+    """Show the number of cells by verdict."""
     ledger = whole_ledger()
     groups: dict[str, tuple[Record, ...]] = {}
     if paper is None:
@@ -276,74 +224,34 @@ def _score_rows(groups: dict[str, tuple[Record, ...]]) -> list[dict[str, Any]]:
 
 
 def verdict_legend() -> Html:
-    """Show what the verdict words mean.
-
-    Returns
-    -------
-    Html
-        A definition list.
-    """
+    """Show what the verdict words mean."""
     meanings = [(verdict, words.MEANINGS[verdict]) for verdict in VERDICTS]
     return Html(_templates().get_template("legend.html").render(meanings=meanings))
 
 
 def citation(key: str) -> Html:
-    """Show how to cite a reproduced item, in words.
-
-    Parameters
-    ----------
-    key : str
-        A known key.
-
-    Returns
-    -------
-    Html
-        The item and its paper.
-    """
+    """Show how to cite a reproduced item, in words."""
     entries = cite.citation(keys.check_key(key), "text").splitlines()
     items = Markup("").join(Markup("<li>{}</li>").format(entry) for entry in entries)
     return Html(Markup('<ul class="rp-citation">{}</ul>').format(items))
 
 
 def source(key: str) -> Html:
-    """Show the file of printed numbers of an item.
-
-    Parameters
-    ----------
-    key : str
-        An item with printed cells.
-
-    Returns
-    -------
-    Html
-        The file as it stands in `data/printed/`.
-    """
+    """Show the file of printed numbers of an item."""
     folder = papers()[keys.check_key(key).partition("/")[0]]
     path = folder / "printed" / f"{key}.toml"
     return Html(Markup('<pre class="rp-source">{}</pre>').format(path.read_text(encoding="utf-8")))
 
 
 def downloads() -> Html:
-    """Show links to the ledger, its schema and every item's table, as shipped beside the pages.
-
-    Returns
-    -------
-    Html
-        A list of links that work from a page at the root of the book.
-    """
+    """Show links to the ledger, its schema and every item's table, as shipped beside the pages."""
     link = Markup('<li><a href="{0}" download><code>{0}</code></a>: {1}</li>')
     items = [link.format(name, what) for name, what in downloads_shipped().items()]
     return Html(Markup('<ul class="rp-downloads">{}</ul>').format(Markup("").join(items)))
 
 
 def versions() -> Html:
-    """Show what the book was built with.
-
-    Returns
-    -------
-    Html
-        Python and the packages that the numbers rest on, with their versions.
-    """
+    """Show what the book was built with."""
     names = ("numpy", "scipy", "matplotlib", "pandas", "emcee", "jupyter-book")
     rows = {"Python": platform.python_version(), "reproduce-pointing": reproduce.__version__}
     rows |= {name: metadata.version(name) for name in names}
@@ -353,13 +261,7 @@ def versions() -> Html:
 
 
 def angle_arrangements() -> Html:
-    """Show every arrangement of rotation angles that has the count niu2024 prints.
-
-    Returns
-    -------
-    Html
-        A table, one arrangement per row with a small picture; the one in use is marked.
-    """
+    """Show every arrangement of rotation angles that has the count niu2024 prints."""
     door = given(angles.READS)
     used = angles.literal(door).name
     rows = [

@@ -27,26 +27,7 @@ def plan_for(
     walkers: int | None = None,
     seed: int | None = None,
 ) -> Plan:
-    """Return how a model of the book is sampled.
-
-    Parameters
-    ----------
-    name : str
-        The posterior's key.
-    steps : int, optional
-        Kept steps in place of the usual number.
-    ensembles : int
-        Independent ensembles.
-    walkers : int, optional
-        Walkers of each ensemble in place of the usual number.
-    seed : int, optional
-        In place of the project's seed.
-
-    Returns
-    -------
-    Plan
-        How many of everything, and the seed.
-    """
+    """Return how a model of the book is sampled."""
     declared = posteriors()[name]
     steps = steps or declared.steps
     return Plan(
@@ -66,26 +47,7 @@ def run(
     folder: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Posterior:
-    """Sample a model here or on several processors.
-
-    Parameters
-    ----------
-    model : Model
-        With its data.
-    plan : Plan
-        How.
-    workers : int
-        Processes; the draws do not depend on it.
-    folder : pathlib.Path, optional
-        Where chains are stored and continued.
-    progress : callable, optional
-        Called with the steps done and all steps.
-
-    Returns
-    -------
-    Posterior
-        Draws that passed the gates.
-    """
+    """Sample a model here or on several processors."""
     if workers == 1:
         return sample(model, plan, folder=folder, progress=progress)
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
@@ -131,20 +93,7 @@ def numbers(row: Row) -> list[str]:
 
 
 def provenance(name: str) -> tuple[dict[str, Any], str]:
-    """Return what the data of a model of the book are, for programs and in one line.
-
-    Parameters
-    ----------
-    name : str
-        The model.
-
-    Returns
-    -------
-    dict
-        Kind and paper; the truth of what is simulated, by parameter, in the units shown.
-    str
-        The same in words.
-    """
+    """Return what the data of a model of the book are, for programs and in one line."""
     declared = posteriors()[name]
     if not declared.simulated:
         return {"kind": "printed", "paper": declared.paper}, f"as printed in {declared.paper}"

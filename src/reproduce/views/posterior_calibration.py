@@ -36,24 +36,7 @@ def run(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
-    """Calibrate a model of the book, on the processors of this machine.
-
-    Parameters
-    ----------
-    model : str
-        Its name.
-    replicates, seed : int
-        How many, and the root of their random numbers.
-    workers : int, optional
-        Processes; as many as processors by default. The result does not depend on it.
-    progress : callable, optional
-        Called with the replicates done and their number.
-
-    Returns
-    -------
-    Calibration
-        The ranks.
-    """
+    """Calibrate a model of the book, on the processors of this machine."""
     built = posteriors()[model].model()
     workers = workers or os.cpu_count() or 1
     if workers == 1:
@@ -63,19 +46,7 @@ def run(
 
 
 def store(model: str, found: Calibration, seed: int, where: Path | None = None) -> None:
-    """Keep a calibration with what is needed to redo it.
-
-    Parameters
-    ----------
-    model : str
-        Its name.
-    found : Calibration
-        The ranks.
-    seed : int
-        Their root.
-    where : pathlib.Path, optional
-        The folder; the project's own by default.
-    """
+    """Keep a calibration with what is needed to redo it."""
     command = f"reproduce calibrate {model} --replicates {found.replicates} --seed {seed} --store"
     note: dict[str, str | int | float] = {
         "command": command,
@@ -92,26 +63,7 @@ def store(model: str, found: Calibration, seed: int, where: Path | None = None) 
 
 
 def load(model: str, where: Path | None = None) -> Calibration:
-    """Return the stored calibration of a model.
-
-    Parameters
-    ----------
-    model : str
-        Its name.
-    where : pathlib.Path, optional
-        The folder; the project's own by default.
-
-    Returns
-    -------
-    Calibration
-        The ranks.
-
-    Raises
-    ------
-    StudyError
-        If there is none, its hash is another one, or it does not tell which parameters the
-        published estimator knows.
-    """
+    """Return the stored calibration of a model."""
     study = studies.read(study_name(model), where)
     names = tuple(str(study.note["names"]).split("\t"))
     arrays = study.arrays
@@ -125,25 +77,7 @@ def load(model: str, where: Path | None = None) -> Calibration:
 
 
 def renew(model: str, where: Path | None = None) -> Calibration:
-    """Redo the published estimator's intervals of a stored calibration; its ranks stay.
-
-    Parameters
-    ----------
-    model : str
-        Its name.
-    where : pathlib.Path, optional
-        The folder; the project's own by default.
-
-    Returns
-    -------
-    Calibration
-        As stored now.
-
-    Raises
-    ------
-    StudyError
-        If there is none, or its hash is another one.
-    """
+    """Redo the published estimator's intervals of a stored calibration; its ranks stay."""
     study = studies.read(study_name(model), where)
     built = posteriors()[model].model()
     covered = intervals(built, int(study.note["seed"]), len(study.arrays["ranks"]))
@@ -207,18 +141,7 @@ def overview_rows(found: dict[str, Calibration]) -> list[tuple[str, ...]]:
 
 
 def least_of_all(found: dict[str, Calibration]) -> tuple[float, int, float]:
-    """Return the least evenness of all quantities of all models, and how surprising it is.
-
-    Returns
-    -------
-    float
-        The least probability.
-    int
-        Of how many quantities.
-    float
-        How many of so many are expected to be as small by chance: their product. It holds though
-        quantities of one model depend on each other, and models with a seed in common too.
-    """
+    """Return the least evenness of all quantities of all models, and how surprising it is."""
     all_of_them = np.concatenate([one.probabilities() for one in found.values()])
     least, count = float(all_of_them.min()), len(all_of_them)
     return least, count, count * least

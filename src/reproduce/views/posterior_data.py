@@ -57,27 +57,7 @@ def from_file(name: str, path: Path, pivot: tuple[float, float] | None = None) -
 
 
 def supplied(name: str, path: Path, pivot: tuple[float, float] | None = None) -> Supplied:
-    """Return a model with a user's data, and what to say of them.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-    path : pathlib.Path
-        A CSV file of the declared format.
-    pivot : tuple of float, optional
-        For registrations: the channel's principal point; the mean of its stars by default.
-
-    Returns
-    -------
-    Supplied
-        With priors on the scale of the data.
-
-    Raises
-    ------
-    TableFileError
-        If the file is wrong, or the model takes none, or no pivot.
-    """
+    """Return a model with a user's data, and what to say of them."""
     file = posteriors()[name].file
     if isinstance(file, str):
         raise TableFileError(f"{name} takes no file: {file}")

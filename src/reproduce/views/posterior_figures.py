@@ -46,20 +46,7 @@ def _drawn(
 
 
 def traces(posterior: Posterior, alternative: str) -> str:
-    """Draw the median and the central half of every ensemble against its steps.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        What to draw.
-    alternative : str
-        For readers who cannot see it.
-
-    Returns
-    -------
-    str
-        Inline SVG.
-    """
+    """Draw the median and the central half of every ensemble against its steps."""
     model = posterior.model
     stride = max(1, posterior.chain.shape[1] // TRACE_POINTS)
     chain = posterior.chain[:, ::stride]
@@ -84,20 +71,7 @@ def traces(posterior: Posterior, alternative: str) -> str:
 
 
 def corner(posterior: Posterior, alternative: str) -> str:
-    """Draw the corner plot, with the point estimate where there is one.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        What to draw.
-    alternative : str
-        For readers who cannot see it.
-
-    Returns
-    -------
-    str
-        Inline SVG.
-    """
+    """Draw the corner plot, with the point estimate where there is one."""
     import corner as package
 
     model = posterior.model
@@ -135,22 +109,7 @@ def corner(posterior: Posterior, alternative: str) -> str:
 
 
 def ranks(stored: Calibration, name: str, alternative: str) -> str:
-    """Draw cumulated ranks, less what even ranks give, against the band of one curve.
-
-    Parameters
-    ----------
-    stored : Calibration
-        The ranks.
-    name : str
-        The model on whose page it stands.
-    alternative : str
-        For readers who cannot see it.
-
-    Returns
-    -------
-    str
-        Inline SVG.
-    """
+    """Draw cumulated ranks, less what even ranks give, against the band of one curve."""
     counts, total = stored.counts(), stored.replicates
     low, high = band(total)
     even = np.arange(1, counts.shape[1] + 1) / counts.shape[1]

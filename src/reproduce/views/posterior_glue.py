@@ -17,17 +17,7 @@ if TYPE_CHECKING:
 
 
 def glue(*names: str) -> None:
-    """Make the numbers of posteriors available to the sentences of a page.
-
-    Parameters
-    ----------
-    *names : str
-        Models. For every parameter and consequence a page may use ``MODEL-NAME-mean``, ``-sd``,
-        ``-low`` and ``-high``, each with its unit; spaces in names become hyphens. For every aside
-        ``MODEL-NAME``, and ``MODEL-NAME-error`` where it has one. Of the
-        calibration, ``MODEL-sbc-replicates``, ``-failed``, ``-quantities`` and ``-least-p``, and
-        ``MODEL-sbc-NAME-published``: how many of the published estimator's 95 % intervals cover.
-    """
+    """Make the numbers of posteriors available to the sentences of a page."""
     from myst_nb import glue as glue_one
 
     for name in names:
@@ -72,14 +62,7 @@ def _glue_calibration(glue_one: Callable[..., None], name: str) -> None:
 
 
 def glue_outside(name: str) -> None:
-    """Make available how many printed numbers lie outside what repeats print.
-
-    Parameters
-    ----------
-    name : str
-        A model. A page may use ``MODEL-outside`` and ``MODEL-printed-count``: of so many printed
-        numbers, those whose tail probability is below one in twenty over their number.
-    """
+    """Make available how many printed numbers lie outside what repeats print."""
     from myst_nb import glue as glue_one
 
     rows, _ = deciding.repeats_of(name)
@@ -89,13 +72,7 @@ def glue_outside(name: str) -> None:
 
 
 def glue_printed(*addresses: str) -> None:
-    """Make printed cells available to the sentences of a page, as ``ANCHOR-printed``.
-
-    Parameters
-    ----------
-    *addresses : str
-        Addresses of printed cells.
-    """
+    """Make printed cells available to the sentences of a page, as ``ANCHOR-printed``."""
     from myst_nb import glue as glue_one
 
     for address in addresses:

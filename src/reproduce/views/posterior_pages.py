@@ -42,18 +42,7 @@ def _artefact(step: str, name: str, body: str) -> Html:
 
 
 def model(name: str) -> Html:
-    """Show a model: parameters, units, priors with their reasons, and what reaches it.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-
-    Returns
-    -------
-    Html
-        A table.
-    """
+    """Show a model: parameters, units, priors with their reasons, and what reaches it."""
     declared = posteriors()[name]
     built = running.book_posterior(name).model
     rows = []
@@ -67,18 +56,7 @@ def model(name: str) -> Html:
 
 
 def computation(name: str) -> Html:
-    """Show that the chains have converged: R-hat, autocorrelation times, sizes, traces.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-
-    Returns
-    -------
-    Html
-        A table and a trace per ensemble.
-    """
+    """Show that the chains have converged: R-hat, autocorrelation times, sizes, traces."""
     found = running.book_posterior(name)
     rows = [
         (d.name, f"{d.rhat:.4f}", f"{d.time:.1f}", f"{d.times:.0f}", f"{d.bulk:.0f}",
@@ -96,18 +74,7 @@ def computation(name: str) -> Html:
 
 
 def results(name: str) -> Html:
-    """Show the posterior: summaries, consequences, predictive checks and a corner plot.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-
-    Returns
-    -------
-    Html
-        Tables and a figure.
-    """
+    """Show the posterior: summaries, consequences, predictive checks and a corner plot."""
     found = running.book_posterior(name)
     head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk ESS", "tail ESS")
     rows = [(f"{r.name} ({r.unit})", *running.numbers(r)) for r in running.all_rows(found)]
@@ -124,18 +91,7 @@ def results(name: str) -> Html:
 
 
 def decision(name: str) -> Html:
-    """Show the estimates and the published numbers in the posterior, and the rivals' evidence.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-
-    Returns
-    -------
-    Html
-        Tables.
-    """
+    """Show the estimates and the published numbers in the posterior, and the rivals' evidence."""
     found = running.book_posterior(name)
     parts = [
         deciding.placed(found),
@@ -147,18 +103,7 @@ def decision(name: str) -> Html:
 
 
 def similarity_choice(name: str) -> Html:
-    """Show the evidence of similarity, radial term and affine transform, in closed form too.
-
-    Parameters
-    ----------
-    name : str
-        A registration of the book.
-
-    Returns
-    -------
-    Html
-        A table.
-    """
+    """Show the evidence of similarity, radial term and affine transform, in closed form too."""
     return _boxed(choosing.transforms(name))
 
 
@@ -181,18 +126,7 @@ def file_formats() -> Html:
 
 
 def sensitivity(name: str) -> Html:
-    """Show how the posterior answers when prior or likelihood is scaled.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-
-    Returns
-    -------
-    Html
-        A table.
-    """
+    """Show how the posterior answers when prior or likelihood is scaled."""
     rows = []
     for one in sensitivities(running.book_posterior(name)):
         held = "as it should be"
@@ -218,18 +152,7 @@ def sensitivity(name: str) -> Html:
 
 
 def reproducing(name: str) -> Html:
-    """Show the calibration of the model and the commands that redo everything.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-
-    Returns
-    -------
-    Html
-        A table, a figure and commands.
-    """
+    """Show the calibration of the model and the commands that redo everything."""
     commands = (
         f"<pre>reproduce posterior {name}\nreproduce calibrate {name} "
         f"--replicates {calibrations.REPLICATES}</pre>"
@@ -264,18 +187,7 @@ def calibrations_of_all() -> Html:
 
 
 def reporting(name: str) -> Html:
-    """Link the six steps of the reporting guidelines to their artefacts on this page.
-
-    Parameters
-    ----------
-    name : str
-        A model of the book.
-
-    Returns
-    -------
-    Html
-        A list of links.
-    """
+    """Link the six steps of the reporting guidelines to their artefacts on this page."""
     links = "".join(
         f'<li><a href="#posterior-{name}-{step}">{text}</a></li>' for step, text in STEPS.items()
     )

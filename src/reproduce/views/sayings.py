@@ -29,21 +29,6 @@ def whole_ledger() -> Ledger:
 def sayable(name: str) -> dict[str, str]:
     """Return what a sentence may say of a cell, an item, a paper or everything.
 
-    Parameters
-    ----------
-    name : str
-        An address, a key, the name of a paper, or ``all``.
-
-    Returns
-    -------
-    dict
-        Label to text; the anchor of the name, a hyphen, and what is said.
-
-    Raises
-    ------
-    KeyError
-        If nothing is called so.
-
     Examples
     --------
     >>> sayable("niu2024/table-2#scale.red")["niu2024-table-2-scale-red-computed"]
@@ -60,24 +45,6 @@ def sayable(name: str) -> dict[str, str]:
 
 def filled(text: str, facts: Mapping[str, str] | None = None) -> str:
     """Fill the blanks of an alternative text, so that no number is typed into it.
-
-    Parameters
-    ----------
-    text : str
-        With blanks in braces: the name of a fact, or an address or key and what of it, such as
-        ``{niu2024/table-2#scale.red printed}``, as `sayable` knows it.
-    facts : mapping, optional
-        Name to text.
-
-    Returns
-    -------
-    str
-        The text without blanks.
-
-    Raises
-    ------
-    KeyError
-        If a blank is neither a fact nor something of the ledger.
 
     Examples
     --------

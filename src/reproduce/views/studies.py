@@ -36,17 +36,7 @@ def _part(span: tuple[int, int]) -> NDArray[np.float64]:
 def all_draws(replicates: int, processes: int) -> NDArray[np.float64]:
     """Simulate every reading, in parallel; the result does not depend on how.
 
-    Parameters
-    ----------
-    replicates : int
-        How many.
-    processes : int
-        How many work at once.
-
-    Returns
-    -------
-    ndarray, shape (readings, replicates, 2, 8)
-        As `study.simulate` returns it.
+    The result has the shape (readings, replicates, 2, 8).
     """
     size = -(-replicates // PARTS)
     spans = [(begin, min(size, replicates - begin)) for begin in range(0, replicates, size)]
@@ -65,22 +55,7 @@ def _compared(draws: NDArray[np.float64], processes: int) -> readings.Comparison
 
 
 def niu2024_readings(replicates: int = study.REPLICATES, processes: int = 2) -> Arrays:
-    """Simulate niu2024 under every reading and compare each with the print.
-
-    Parameters
-    ----------
-    replicates : int
-        How many.
-    processes : int
-        How many work at once.
-
-    Returns
-    -------
-    dict
-        ``mean``, ``sd`` (readings, 2, 8); ``quantiles`` (readings, 5, 2, 10), of what
-        `counting.SUMMARISED` names; ``first``, the first replicates (readings, 20, 2, 8); the rest
-        as in `judge.readings.Comparison`.
-    """
+    """Simulate niu2024 under every reading and compare each with the print."""
     draws = all_draws(replicates, processes)
     found = _compared(draws, processes)
     # One reading at a time: a second copy of the draws would not fit the promised memory.
@@ -99,18 +74,7 @@ def niu2024_readings(replicates: int = study.REPLICATES, processes: int = 2) -> 
 
 
 def niu2024_fusion(trials: int = fusion.TRIALS) -> Arrays:
-    """Compare centroids and signals with and without registration, on simulated images.
-
-    Parameters
-    ----------
-    trials : int
-        Exposures of each star in each place.
-
-    Returns
-    -------
-    dict
-        The arrays of `papers.niu2024.fusion.Outcome`.
-    """
+    """Compare centroids and signals with and without registration, on simulated images."""
     found = fusion.simulate(given(images.READS), trials)
     return {
         "error": found.error,
@@ -138,20 +102,7 @@ def processor_seconds() -> float:
 
 
 def run(name: str, where: Path | None = None) -> None:
-    """Run a study again and store it.
-
-    Parameters
-    ----------
-    name : str
-        One of `STUDIES`.
-    where : pathlib.Path, optional
-        The folder; the project's own by default.
-
-    Raises
-    ------
-    KeyError
-        If there is no such study.
-    """
+    """Run a study again and store it."""
     if name not in STUDIES:
         raise KeyError(f"unknown study {name!r}; expected one of {', '.join(STUDIES)}")
     function, seed, replicates = STUDIES[name]

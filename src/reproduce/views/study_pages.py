@@ -48,13 +48,7 @@ def plain_table(caption: str, heads: list[str], rows: list[list[str]]) -> Html:
 
 
 def readings() -> Html:
-    """Show the tail probability of each printed number under every reading.
-
-    Returns
-    -------
-    Html
-        A table for each arrangement of angles; the literal one is open, the others fold out.
-    """
+    """Show the tail probability of each printed number under every reading."""
     door = given(study.READS)
     every, used = study.readings(door), study.literal(door)
     blocks = []
@@ -107,20 +101,6 @@ def _joint() -> Array:
 def chance(counted: float, law: float, replicates: int) -> str:
     """Write a probability: by count where the draws can tell, else its order by their law.
 
-    Parameters
-    ----------
-    counted : float
-        By counting draws.
-    law : float
-        Decimal logarithm by the law.
-    replicates : int
-        How many draws there are.
-
-    Returns
-    -------
-    str
-        Such as ``0.43`` or ``10⁻⁸``.
-
     Examples
     --------
     >>> chance(0.4312, -0.4, 10_000), chance(0.0, -7.9, 10_000)
@@ -133,19 +113,6 @@ def chance(counted: float, law: float, replicates: int) -> str:
 
 def order(probability: float, least: int = LEAST_ORDER) -> str:
     """Write a probability as a power of ten where it is small.
-
-    Parameters
-    ----------
-    probability : float
-        Zero to one.
-    least : int
-        The smallest power that is told.
-
-    Returns
-    -------
-    str
-        One digit down to a thousandth, then the nearest power of ten; a bound where the law is
-        stretched too far to tell.
 
     Examples
     --------
@@ -167,14 +134,7 @@ def corrected(probability: float) -> str:
 
 
 def closest() -> Html:
-    """Show the literal reading beside those that come closest to the print.
-
-    Returns
-    -------
-    Html
-        A row for the literal reading, for the one that leaves the fewest cells outside, and for
-        the one of the largest joint probability of each group.
-    """
+    """Show the literal reading beside those that come closest to the print."""
     every = study.readings(given(study.READS))
     picked = {"the literal one": (every.index(study.literal(given(study.READS))), 0)}
     picked["fewest cells outside"] = _fewest()[0]
@@ -206,13 +166,7 @@ def _fewest() -> list[tuple[int, int]]:
 
 
 def precision_table() -> Html:
-    """Show bias, scatter, Cramér-Rao bound and efficiency of the literal reading.
-
-    Returns
-    -------
-    Html
-        A row for each parameter of each channel.
-    """
+    """Show bias, scatter, Cramér-Rao bound and efficiency of the literal reading."""
     arrays, replicates = _study().arrays, int(_study().note["replicates"])
     door = given(study.READS)
     row = study.readings(door).index(study.literal(door))

@@ -24,20 +24,7 @@ _STYLES = {
 
 
 def items_table(rows: Iterable[tuple[str, str, str]], width: int) -> Table:
-    """Return the list of items.
-
-    Parameters
-    ----------
-    rows : iterable of tuple
-        Key, place and title of each.
-    width : int
-        Columns of the terminal.
-
-    Returns
-    -------
-    rich.table.Table
-        Key, place and title.
-    """
+    """Return the list of items."""
     table = Table(box=box.SIMPLE_HEAD, width=min(width, 110), pad_edge=False)
     table.add_column("key", no_wrap=True)
     table.add_column("in the paper")
@@ -48,20 +35,7 @@ def items_table(rows: Iterable[tuple[str, str, str]], width: int) -> Table:
 
 
 def records_table(records: tuple[Record, ...], width: int) -> Table:
-    """Return one item's cells, computed beside printed.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        The records of one item.
-    width : int
-        Columns of the terminal.
-
-    Returns
-    -------
-    rich.table.Table
-        Cell, printed, computed, unit, verdict; wide terminals also get interval and probability.
-    """
+    """Return one item's cells, computed beside printed."""
     wide = width >= 110
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("cell", overflow="fold")
@@ -97,20 +71,7 @@ def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
 
 
 def remarks(ledger: Ledger, key: str) -> list[str]:
-    """Return what a reader needs beside the table: joint probability, flags, reasons.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        A ledger that holds the item.
-    key : str
-        The item.
-
-    Returns
-    -------
-    list of str
-        Sentences in plain text.
-    """
+    """Return what a reader needs beside the table: joint probability, flags, reasons."""
     lines = []
     joint = ledger.table(key)
     if joint is not None:
@@ -145,20 +106,7 @@ def remarks(ledger: Ledger, key: str) -> list[str]:
 
 
 def score_table(ledger: Ledger) -> Table:
-    """Return the number of cells by verdict, item by item.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        Some or all records.
-
-    Returns
-    -------
-    rich.table.Table
-        One row per item, grouped by paper, and one for the sum; agreement that is weak (a copy,
-        a difference of two printed cells, through rounding alone, or with an uninformative
-        prediction) is counted once more, apart.
-    """
+    """Return the number of cells by verdict, item by item."""
     # Without a box the table fits 80 columns with every word whole.
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("item", no_wrap=True)
@@ -184,18 +132,7 @@ def _counts(records: tuple[Record, ...]) -> list[str]:
 
 
 def weak_line(records: tuple[Record, ...]) -> str:
-    """Return what makes agreement weak, and how often, in one sentence.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Any records.
-
-    Returns
-    -------
-    str
-        Empty where all agreement is strong.
-    """
+    """Return what makes agreement weak, and how often, in one sentence."""
     counts = {flag: count for flag, count in words.weak(records).items() if count}
     listed = ", ".join(f"{count} {flag.replace('_', ' ')}" for flag, count in counts.items())
     return f"Weak agreement, counted apart: {listed}." if counts else ""

@@ -38,16 +38,6 @@ _TAGS = re.compile(r"(<[^>]*>)")
 def powers(text: str) -> str:
     """Write the exponents of a text as powers of ten.
 
-    Parameters
-    ----------
-    text : str
-        Without markup.
-
-    Returns
-    -------
-    str
-        The same, every ``5e-06`` as five times a power of ten.
-
     Examples
     --------
     >>> powers("from 1e−6 to −5.7e+12 px, not 2e-05.")
@@ -65,16 +55,6 @@ def powers(text: str) -> str:
 def powers_in_html(html: str) -> str:
     """Write exponents as powers of ten wherever HTML shows a sentence or a number.
 
-    Parameters
-    ----------
-    html : str
-        A piece of a page.
-
-    Returns
-    -------
-    str
-        The same; tags, code and sources are left as they are.
-
     Examples
     --------
     >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
@@ -90,36 +70,12 @@ def powers_in_html(html: str) -> str:
 
 
 def cell_of(record: Record) -> Cell:
-    """Return the printed cell that a record judges.
-
-    Parameters
-    ----------
-    record : Record
-        A record of the ledger.
-
-    Returns
-    -------
-    Cell
-        The printed cell.
-    """
+    """Return the printed cell that a record judges."""
     return library()[record.key].by_name[record.cell.partition("#")[2]]
 
 
 def computed(record: Record, extra: int = 0) -> str:
-    """Write a record's computed value with as many decimals as the print.
-
-    Parameters
-    ----------
-    record : Record
-        A record of the ledger.
-    extra : int
-        How many more decimals to show.
-
-    Returns
-    -------
-    str
-        The digits with a true minus sign, empty where nothing was computed.
-    """
+    """Write a record's computed value with as many decimals as the print."""
     if record.computed is None:
         return ""
     # One more digit where the printed ones alone could not show the difference.
@@ -129,18 +85,7 @@ def computed(record: Record, extra: int = 0) -> str:
 
 
 def interval(record: Record) -> str:
-    """Write a record's interval, empty where there is none.
-
-    Parameters
-    ----------
-    record : Record
-        A record of the ledger.
-
-    Returns
-    -------
-    str
-        ``low to high`` with one more decimal than the print.
-    """
+    """Write a record's interval, empty where there is none."""
     if record.interval is None or record.interval[0] == record.interval[1]:
         return ""
     number = cell_of(record).number
@@ -149,18 +94,7 @@ def interval(record: Record) -> str:
 
 
 def probability(record: Record) -> str:
-    """Write a record's probability with no more digits than its Monte Carlo error allows.
-
-    Parameters
-    ----------
-    record : Record
-        A record of the ledger.
-
-    Returns
-    -------
-    str
-        The probability, a bound where no replicate lies so far out, empty where there is none.
-    """
+    """Write a record's probability with no more digits than its Monte Carlo error allows."""
     if record.probability is None or record.mcse is None:
         return ""
     return chance(record.probability, record.mcse)
@@ -168,16 +102,6 @@ def probability(record: Record) -> str:
 
 def chance(value: float, mcse: float) -> str:
     """Write a probability with no more digits than its Monte Carlo error allows.
-
-    Parameters
-    ----------
-    value, mcse : float
-        The probability and its standard error.
-
-    Returns
-    -------
-    str
-        Such as ``0.43``, or ``< 0.001``.
 
     Examples
     --------
@@ -193,39 +117,14 @@ def chance(value: float, mcse: float) -> str:
 
 
 def joint_chance(joint: TableRecord) -> str:
-    """Write the joint probability of a table.
-
-    Parameters
-    ----------
-    joint : TableRecord
-        The joint record.
-
-    Returns
-    -------
-    str
-        The probability, or a bound where no replicate was as surprising as the print.
-    """
+    """Write the joint probability of a table."""
     if joint.joint_probability * (joint.replicates + 1) < 1.5:
         return f"below 1 in {joint.replicates:,}"
     return chance(joint.joint_probability, joint.mcse)
 
 
 def read(record: Record, reading: ReadingRecord) -> str:
-    """Write what a blocked cell is under one reading of the text.
-
-    Parameters
-    ----------
-    record : Record
-        A record of the ledger.
-    reading : ReadingRecord
-        One of its readings.
-
-    Returns
-    -------
-    str
-        The value with one more decimal than the print where it does not agree, then the verdict
-        that it would get, such as ``57″, differs``.
-    """
+    """Write what a blocked cell is under one reading of the text."""
     flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
     hidden = not reading.agrees or "through_rounding" in reading.flags
     value = cell_of(record).number.format(reading.computed, extra=int(hidden)).replace("-", "−")
@@ -236,34 +135,12 @@ def read(record: Record, reading: ReadingRecord) -> str:
 
 
 def unit(record: Record) -> str:
-    """Write the unit of a record, empty for pure numbers, counts and words.
-
-    Parameters
-    ----------
-    record : Record
-        A record of the ledger.
-
-    Returns
-    -------
-    str
-        The unit's symbol.
-    """
+    """Write the unit of a record, empty for pure numbers, counts and words."""
     return symbol(record.unit) if record.unit else ""
 
 
 def tally(records: tuple[Record, ...]) -> dict[str, int]:
-    """Count records by verdict.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Any records.
-
-    Returns
-    -------
-    dict
-        Verdict to count, every verdict present, in the order in which they are shown.
-    """
+    """Count records by verdict."""
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
@@ -271,52 +148,18 @@ WEAK = ("repeated", "difference", "through_rounding", "uninformative")
 
 
 def weak(records: tuple[Record, ...]) -> dict[str, int]:
-    """Count the records whose agreement says little, by what makes it weak.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Any records.
-
-    Returns
-    -------
-    dict
-        Flag to count, each of `WEAK`, among the exact and consistent records. A record with two
-        flags counts in both.
-    """
+    """Count the records whose agreement says little, by what makes it weak."""
     agreeing = _agreeing(records)
     return {flag: sum(flag in r.flags for r in agreeing) for flag in WEAK}
 
 
 def strong(records: tuple[Record, ...]) -> int:
-    """Count the records that agree and carry no flag of weak agreement.
-
-    Parameters
-    ----------
-    records : tuple of Record
-        Any records.
-
-    Returns
-    -------
-    int
-        Exact or consistent, with none of `WEAK`.
-    """
+    """Count the records that agree and carry no flag of weak agreement."""
     return sum(not set(WEAK) & set(r.flags) for r in _agreeing(records))
 
 
 def qualified(record: Record) -> str:
-    """Write a verdict with what makes it weak.
-
-    Parameters
-    ----------
-    record : Record
-        A record of the ledger.
-
-    Returns
-    -------
-    str
-        Such as ``exact (repeated)``.
-    """
+    """Write a verdict with what makes it weak."""
     flags = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in WEAK)
     return f"{record.verdict} ({flags})" if flags else record.verdict
 

@@ -64,21 +64,7 @@ def simulated_accuracies(
 ) -> FloatArray:
     """Simulate both groups of images and return the scatter of their averages.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-    seed : numpy.random.SeedSequence
-        Of the centroid noise.
-    replicates : int
-        How many.
-    counts : list of int
-        Numbers of frames in an average.
-
-    Returns
-    -------
-    ndarray, shape (replicates, 2 groups, counts, 2 axes)
-        Three standard deviations, in radians.
+    The result has the shape (replicates, 2 groups, counts, 2 axes).
     """
     response = lasers.angle_response(given)
     spots = np.stack([lasers.scatter(given, group) for group in (1, 2)])
@@ -143,13 +129,7 @@ def pixel_angle(given: Given) -> Results:
 
 
 def orders() -> Study:
-    """Accuracy of a single frame in the axes of either instrument, for two principal points.
-
-    Returns
-    -------
-    Study
-        One row for each principal point and order of multiplication.
-    """
+    """Accuracy of a single frame in the axes of either instrument, for two principal points."""
     door = given((*READS, *quoted_accuracy.given))
     points = {
         "centre of the detector": lasers.tracker_centre(door),
@@ -182,16 +162,7 @@ def _predicted(door: Given) -> Results:
 def replicated_table(counts: list[int]) -> FloatArray:
     """Return the replicates of Table IV that its prediction rests on.
 
-    Parameters
-    ----------
-    counts : list of int
-        Numbers of frames in an average, as printed.
-
-    Returns
-    -------
-    ndarray, shape (replicates, columns, counts)
-        Three standard deviations, in radians; X and Y of the laser transform, then of the
-        misalignment.
+    The result has the shape (replicates, columns, counts).
     """
     predicted = _predicted(given(READS))
     return np.stack(
@@ -209,17 +180,7 @@ def replicated_table(counts: list[int]) -> FloatArray:
 
 @draws("chen2023/table-4", given=READS)
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Accuracy of the matrices against the number of averaged frames.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of Table IV to values, in radians.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Accuracy of the matrices against the number of averaged frames."""
     predicted = _predicted(door)
     counts = [int(n) for n in door.array(f"{TABLE}#*.frames")]
     panels = figure.subplots(1, 2, sharex=True, sharey=True)

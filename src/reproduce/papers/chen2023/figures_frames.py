@@ -38,15 +38,7 @@ SHIFT = 0.8
 def turned_camera(angles: ArrayLike) -> FloatArray:
     """Return the axes of a camera that has turned, in the camera frame of the zero point.
 
-    Parameters
-    ----------
-    angles : array_like, shape (3,)
-        Misalignment about X, Y and Z, in radians, as `misalignment_angles` reads them.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-        X, Y and Z of the turned camera, one per row.
+    The result has the shape (3, 3).
 
     Examples
     --------
@@ -64,16 +56,6 @@ def turned_camera(angles: ArrayLike) -> FloatArray:
 
 def towards(before: ArrayLike, after: ArrayLike) -> str:
     """Say along which axis a vector has moved most, with its sign.
-
-    Parameters
-    ----------
-    before, after : array_like, shape (3,)
-        In one frame.
-
-    Returns
-    -------
-    str
-        Such as ``−Y``.
 
     Examples
     --------

@@ -63,18 +63,7 @@ class Ride:
 
 @cache
 def ride(door: Given) -> Ride:
-    """Run the test of Figure 10: the printed positions, one state after the other.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `STAGE_READS`.
-
-    Returns
-    -------
-    Ride
-        The twin's own measurement; the printed angles are not used.
-    """
+    """Run the test of Figure 10: the printed positions, one state after the other."""
     platform, frames = twin.bench(door), door.count(stage.FRAMES)
     places = door.array(f"{stage.TABLE}#*.position-?").reshape(-1, 2)
     moved = places - places[0]
@@ -102,17 +91,7 @@ def ride(door: Given) -> Ride:
 def trailing_mean(series: FloatArray, count: int) -> FloatArray:
     """Return the mean of the last `count` frames at each frame, of fewer at the beginning.
 
-    Parameters
-    ----------
-    series : ndarray, shape (frames, k)
-        Values frame by frame.
-    count : int
-        Frames in a full average.
-
-    Returns
-    -------
-    ndarray, shape (frames, k)
-        In the unit of the series.
+    The result has the shape (frames, k).
     """
     start = np.cumsum(series[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
     return np.concatenate([start, moving_average(series, count, axis=0)])
@@ -120,17 +99,7 @@ def trailing_mean(series: FloatArray, count: int) -> FloatArray:
 
 @draws("chen2023/fig-7", given=READS, marks=["chen2023/text-extraction#spot-*"])
 def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Image of the four laser spots in the tracker, rendered at the printed places.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed centroids to values, in px.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Image of the four laser spots in the tracker, rendered at the printed places."""
     platform = twin.bench(door)
     corner = np.floor(platform.spots.min(axis=0)).astype(int) - MARGIN
     size = np.ceil(platform.spots.max(axis=0)).astype(int) + MARGIN - corner
@@ -157,17 +126,7 @@ def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
 
 @draws("chen2023/fig-8", given=READS, marks=["chen2023/text-accuracy#transform-single-?"])
 def draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Error of the laser transform over the first group, single frames and smoothed.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed accuracies of one frame to values, in radians.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Error of the laser transform over the first group, single frames and smoothed."""
     _series(figure, door, groups(door).transform, printed, "error (arcsec)")
 
 
@@ -178,15 +137,6 @@ def draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given)
     The bench stood differently in the second group, and the paper prints no number for it. A
     constant misalignment moves the whole series and leaves its scatter as it is; the twin has
     none, and the axis says that it counts from there.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed accuracies of one frame to values, in radians.
-    door : Given
-        Holds what the figure is computed from.
     """
     _series(
         figure,
@@ -227,15 +177,7 @@ def _series(
 
 @draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])
 def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Motion pattern of the stage, its five states marked.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed positions to values, in metres.
-    """
+    """Motion pattern of the stage, its five states marked."""
     places = np.array(list(printed.values())).reshape(-1, 2) * 1e6
     axes = figure.add_subplot()
     axes.plot(*places.T, "--", linewidth=1)
@@ -247,33 +189,13 @@ def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
 
 @draws("chen2023/fig-10b", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-y"])
 def draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Monitored and reference angle about Y while the stage moves along X.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed monitored angles about Y to values, in radians.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Monitored and reference angle about Y while the stage moves along X."""
     _ridden(figure, door, 1, list(printed.values()))
 
 
 @draws("chen2023/fig-10c", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-x"])
 def draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Monitored and reference angle about X while the stage moves along Y.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed monitored angles about X to values, in radians.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Monitored and reference angle about X while the stage moves along Y."""
     _ridden(figure, door, 0, list(printed.values()))
 
 
@@ -302,17 +224,7 @@ def _ridden(figure: Figure, door: Given, index: int, angles: list[float]) -> Non
 
 @draws("chen2023/fig-1d", given=STAGE_READS)
 def draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """One move of the stage, close up: the average follows the reference after its own length.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Not used: no value is printed on this figure.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """One move of the stage, close up: the average follows the reference after its own length."""
     content = ride(door)
     each = len(content.times) // len(stage.STATES)
     shown = slice(each // 2, 2 * each)

@@ -37,22 +37,7 @@ NAMED = {1852: ("Mintaka", 1), 1903: ("Alnilam", -1), 1948: ("Alnitak", -1), 189
 
 
 def starfield(door: Given) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Return the stars that the tracker sees in the example: spots, magnitudes, numbers.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `lasers.READS`.
-
-    Returns
-    -------
-    spots : ndarray, shape (n, 2)
-        In px.
-    magnitude : ndarray, shape (n,)
-        Visual.
-    numbers : list of int
-        In the Bright Star Catalogue.
-    """
+    """Return the stars that the tracker sees in the example: spots, magnitudes, numbers."""
     pixels = door.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
     tracker = (
         detector_centre(pixels),
@@ -82,17 +67,7 @@ def _tracker_from_inertial() -> FloatArray:
 
 @draws("chen2023/fig-1c", given=lasers.READS, marks=[lasers.SPOTS])
 def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """A frame of the star and laser tracker: stars of the catalogue and the four laser spots.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed centroids to values, in px.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
     spots, magnitude, numbers = starfield(door)
     centres = np.array(list(printed.values())).reshape(-1, 2)
     figure.set_size_inches(6.0, 6.0)
@@ -121,16 +96,6 @@ def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
 def stage_sense(index: int) -> str:
     """Say about which axis a camera seems to turn when the stage moves along positive X or Y.
 
-    Parameters
-    ----------
-    index : int
-        0 for X, 1 for Y.
-
-    Returns
-    -------
-    str
-        Axis with its sign, right-handed.
-
     Examples
     --------
     >>> stage_sense(1)
@@ -143,15 +108,7 @@ def stage_sense(index: int) -> str:
 
 @draws("chen2023/fig-6a", marks=[lasers.DIAGONAL])
 def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
-    """The stage that moves the lasers, and how the four lasers sit on it.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed diagonal to its value, in metres.
-    """
+    """The stage that moves the lasers, and how the four lasers sit on it."""
     diagonal = next(iter(printed.values())) * 1e3
     axes = canvas(figure, 12.6, 7.6)
     centre = np.array([3.8, 3.8])
@@ -175,15 +132,7 @@ def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
 
 @draws("chen2023/fig-6b", marks=ANGLES)
 def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
-    """The ground platform: lasers, telescope, two mirrors at a right angle, tracker.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed angles to values, in radians.
-    """
+    """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
     between, table, tilt = (float(np.degrees(printed[address])) for address in ANGLES)
     axes = canvas(figure, 16.0, 9.0, 6.8)
     box(axes, (0.8, 5.4), (0.7, 2.2))

@@ -37,18 +37,7 @@ Curves = dict[str, FloatArray]
 
 
 def monte_carlo(given: Given) -> Scatter:
-    """Simulate the study as described: every phase and trial at every resolution.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `resolution.READS`.
-
-    Returns
-    -------
-    Scatter
-        Of shape (resolutions,), in px.
-    """
+    """Simulate the study as described: every phase and trial at every resolution."""
     phases = even_phases(given.count(f"{STUDY}#phases"))
     trials, size = given.count(f"{STUDY}#trials"), resolution.window(given)
     light = resolution.light_for_table(given)
@@ -67,19 +56,7 @@ def monte_carlo(given: Given) -> Scatter:
 
 @cache
 def compute(door: Given) -> Curves:
-    """Compute what both panels of Figure 11 show.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `resolution.READS`.
-
-    Returns
-    -------
-    dict
-        ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within``
-        (scatter without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
-    """
+    """Compute what both panels of Figure 11 show."""
     angles = resolution.resolutions(door)
     phases = even_phases(door.count(f"{STUDY}#phases"))
     radius, size = resolution.radii(door, angles), resolution.window(door)
@@ -97,17 +74,7 @@ def compute(door: Given) -> Curves:
 
 @draws("chen2023/fig-11a", given=resolution.READS, marks=MARKS_CENTROIDS)
 def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Centroiding accuracy against the angular resolution of the tracker.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of `MARKS_CENTROIDS` to values, in SI.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Centroiding accuracy against the angular resolution of the tracker."""
     axes, angles = _axes(figure, door)
     _curves(axes, door, angles, 1.0)
     (optimum, accuracy) = (printed[address] for address in MARKS_CENTROIDS)
@@ -120,17 +87,7 @@ def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) ->
 
 @draws("chen2023/fig-11b", given=resolution.READS, marks=MARKS_MONITORING)
 def draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Monitoring accuracy against the angular resolution of the tracker.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of `MARKS_MONITORING` to values, in SI.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Monitoring accuracy against the angular resolution of the tracker."""
     axes, angles = _axes(figure, door)
     lasers = door.count(f"{STUDY}#lasers")
     _curves(axes, door, angles, _arcsec(attitude_accuracy(1.0, lasers, compute(door)["angles"])))

@@ -55,18 +55,7 @@ class Scene:
 
 
 def scene(door: Given) -> Scene:
-    """Return a satellite that looks at a target, and what the imaging model makes of it.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the printed angle between the boresights.
-
-    Returns
-    -------
-    Scene
-        Frames and positions.
-    """
+    """Return a satellite that looks at a target, and what the imaging model makes of it."""
     turning = earth_from_inertial(DATE, EarthOrientation(ut1_utc=0.0))
     satellite = earth_fixed(ABOVE)
     looking = _frame(earth_fixed(TARGET) - satellite)

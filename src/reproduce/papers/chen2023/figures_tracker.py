@@ -75,15 +75,7 @@ def draw_structure(axes: Axes) -> None:
 
 @draws("chen2023/fig-3b", marks=[TILT])
 def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Paths of starlight and laser light into the tracker.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the printed tilt of the mirror to its value, in radians.
-    """
+    """Paths of starlight and laser light into the tracker."""
     tilt = float(np.degrees(next(iter(printed.values()))))
     axes = canvas(figure, 11.0, 8.2)
     middle = np.array([5.0, 4.8])
@@ -125,15 +117,7 @@ def _on_mirror(place: FloatArray, way: FloatArray, middle: FloatArray, tilt: flo
 
 @draws("chen2023/fig-3c", marks=[*BANDS, FILTER])
 def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Transmission and reflection of the dichroic mirror and of the band-pass filter, idealised.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of the ends of the bands and of the filter's wavelength, in metres.
-    """
+    """Transmission and reflection of the dichroic mirror and of the band-pass filter, idealised."""
     low, high, turn, end = (printed[address] * NANO for address in BANDS)
     passed = printed[FILTER] * NANO
     upper, lower = figure.subplots(2, 1, sharex=True)

@@ -81,18 +81,6 @@ def joint_model(noise: FloatArray, digit: float) -> Model:
     """Return the joint law of a table from replicates without floors.
 
     A floor raises the mean of a logarithm and narrows it; which cells rise and fall together stays.
-
-    Parameters
-    ----------
-    noise : ndarray, shape (replicates, columns, counts)
-        Accuracies simulated without a floor, in radians; the first count is one frame.
-    digit : float
-        The last printed digit, in radians.
-
-    Returns
-    -------
-    Model
-        For `fit`.
     """
     columns, counts = noise.shape[1:]
     floors = TRIED * noise[:, :, 0].mean(axis=0)[:, np.newaxis]
@@ -111,22 +99,7 @@ def joint_model(noise: FloatArray, digit: float) -> Model:
 
 
 def fit(printed: FloatArray, noise: FloatArray, digit: float) -> JointFit:
-    """Fit floors under all columns together and compare with tables that have none.
-
-    Parameters
-    ----------
-    printed : ndarray, shape (columns, counts)
-        Accuracies as printed, in radians.
-    noise : ndarray, shape (replicates, columns, counts)
-        Accuracies simulated without a floor, in radians.
-    digit : float
-        The last printed digit, in radians.
-
-    Returns
-    -------
-    JointFit
-        For the printed table.
-    """
+    """Fit floors under all columns together and compare with tables that have none."""
     model = joint_model(noise, digit)
     tables = np.concatenate([printed[np.newaxis], np.round(noise / digit) * digit])
     none, gains, best = preferences(tables, model)
@@ -154,25 +127,7 @@ def fit(printed: FloatArray, noise: FloatArray, digit: float) -> JointFit:
 def preferences(
     tables: FloatArray, model: Model
 ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Return how strongly tables prefer floors, column by column and all together.
-
-    Parameters
-    ----------
-    tables : ndarray, shape (tables, columns, counts)
-        Accuracies, in radians.
-    model : Model
-        Their joint law.
-
-    Returns
-    -------
-    surprise : ndarray, shape (tables,)
-        Minus twice the log likelihood without floors, up to a constant.
-    gains : ndarray, shape (tables, columns + 1)
-        What it loses when one column must do without a floor and the others need not; last, when
-        all columns must.
-    best : ndarray of int, shape (tables, columns)
-        Places of the most likely floors.
-    """
+    """Return how strongly tables prefer floors, column by column and all together."""
     away = _away(tables, model)
     none = _surprise(model, away, np.zeros(tables.shape[:2], dtype=np.intp))
     best, least = _descended(model, away)
@@ -234,13 +189,7 @@ def printed_fit() -> JointFit:
 
 
 def floors() -> Study:
-    """Whether Table IV needs floors that averaging does not reduce, all cells together.
-
-    Returns
-    -------
-    Study
-        One row per column, then one for the table.
-    """
+    """Whether Table IV needs floors that averaging does not reduce, all cells together."""
     found = printed_fit()
     rows = []
     for column, (matrix, axis) in enumerate(COLUMNS):

@@ -70,18 +70,7 @@ def monitoring_sigma(door: Given, frames: int) -> FloatArray:
 
 
 def terms(door: Given) -> tuple[Term, ...]:
-    """Return the errors of the imaging model for SVGF-1.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    tuple of Term
-        The misalignment axis by axis, for one frame and for the average of many.
-    """
+    """Return the errors of the imaging model for SVGF-1."""
     pixel = np.array([1.0, 1.0, 0.0]) * door[twin_study.SATELLITE[1]]
     turns = [("attitude of the tracker, at its limit", np.full(3, door[POINTING] / lasers.SIGMAS))]
     for frames, said in ((1, ONE), (door.count(twin_study.SMOOTHED), MANY)):
@@ -116,22 +105,7 @@ class Look:
 
 
 def look(door: Given, tilt: float, off: float) -> Look:
-    """Set the satellite up over a place of middle latitude.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the satellite's line of Table I.
-    tilt : float
-        Of the boresight off the nadir, in degrees, about the direction of flight.
-    off : float
-        Distance of the image point from the centre on the ground, in metres, along X.
-
-    Returns
-    -------
-    Look
-        What `imaging.imaged_position` takes.
-    """
+    """Set the satellite up over a place of middle latitude."""
     height = twin_study.altitude(door)
     focal = door[twin_study.SATELLITE[0]]
     satellite = earth_fixed([0.5, 0.8, height])
@@ -154,19 +128,7 @@ def analytic(jacobian: GroundJacobian, term: Term) -> FloatArray:
 def simulated(view: Look, errors: tuple[Term, ...], name: str) -> FloatArray:
     """Return errors on the ground from draws of several errors through the whole imaging model.
 
-    Parameters
-    ----------
-    view : Look
-        Where the satellite looks.
-    errors : tuple of Term
-        Drawn together, each independent of the others.
-    name : str
-        Of the view; with the names of the terms it sets the seed.
-
-    Returns
-    -------
-    ndarray, shape (draws, 2)
-        East and north of the true place, in metres.
+    The result has the shape (draws, 2).
     """
     noise = dict.fromkeys(("satellite", "turn", "image"), np.zeros((DRAWS, 3)))
     for term in errors:
@@ -180,13 +142,7 @@ def simulated(view: Look, errors: tuple[Term, ...], name: str) -> FloatArray:
 
 
 def budget() -> Study:
-    """Error budget of SVGF-1 on the ground, term by term: formula and simulation.
-
-    Returns
-    -------
-    Study
-        One row per term; CE90 from the derivative, then from draws.
-    """
+    """Error budget of SVGF-1 on the ground, term by term: formula and simulation."""
     door = given(READS)
     rows = []
     lines = {term.name: (term,) for term in terms(door)} | together(door)

@@ -30,13 +30,7 @@ STEP = 1e-6
 
 
 def heat() -> Study:
-    """What thermal motion of the lasers does, in flight and on the bench.
-
-    Returns
-    -------
-    Study
-        One row per instrument.
-    """
+    """What thermal motion of the lasers does, in flight and on the bench."""
     door = given((FLIGHT, BENCH, SHORT, RATIO, PIXEL, PIXELS, light_study.ACCURACY))
     accuracy = float(door.array(light_study.ACCURACY).max())
     rows = []
@@ -72,13 +66,7 @@ def heat() -> Study:
 
 
 def thermal() -> Study:
-    """Thermal terms: what each mimics, and how large it may be.
-
-    Returns
-    -------
-    Study
-        One row per term.
-    """
+    """Thermal terms: what each mimics, and how large it may be."""
     door = given((*light_study.READS, FLIGHT))
     accuracy = float(door.array(light_study.ACCURACY).max())
     rows = (*_laser_rows(door, accuracy), *_mirror_rows(door, accuracy))
@@ -135,20 +123,7 @@ def _laser_moves(points: FloatArray) -> dict[str, FloatArray]:
 
 
 def opened_angle(door: Given, kind: str) -> float:
-    """Return the tilt that is believed when one right angle of a retro-reflector opens.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `light_study.READS`.
-    kind : str
-        A retro-reflector of plane mirrors.
-
-    Returns
-    -------
-    float
-        In radians per radian.
-    """
+    """Return the tilt that is believed when one right angle of a retro-reflector opens."""
     points, rest = light_study.pattern(door), light_study.bench_path(door, kind)
     if not isinstance(rest.retroreflector, Mirrors):
         raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")

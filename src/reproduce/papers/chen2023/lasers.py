@@ -42,15 +42,7 @@ SIGMAS = 3.0
 def angle_response(given: Given) -> FloatArray:
     """Return how the camera's misalignment angles respond to errors of the four centroids.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    ndarray, shape (2, 4, 2)
-        Derivative of the angles about X and Y of the camera by x and y of each spot, in rad/px.
+    The result has the shape (2, 4, 2).
     """
     return turn_response(given)[:2]
 
@@ -58,15 +50,7 @@ def angle_response(given: Given) -> FloatArray:
 def turn_response(given: Given) -> FloatArray:
     """Return the same response for the angles about X, Y and Z, roll included.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    ndarray, shape (3, 4, 2)
-        In rad/px.
+    The result has the shape (3, 4, 2).
     """
     return responses(given, tracker_centre(given))[0]
 
@@ -77,20 +61,7 @@ def tracker_centre(given: Given) -> FloatArray:
 
 
 def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the response of the error of the laser transform, in two frames.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-    principal_point : ndarray, shape (2,)
-        Of the tracker, in px.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (3, 4, 2)
-        About the axes of the camera, and about those of the tracker, in rad/px.
-    """
+    """Return the response of the error of the laser transform, in two frames."""
     spots = given.array(SPOTS).reshape(-1, 2)
     tracker = (
         spots,
@@ -112,17 +83,7 @@ def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, Fl
 def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
     """Return where the lasers sit by design, each at the corner that lies towards its spot.
 
-    Parameters
-    ----------
-    spots : ndarray, shape (4, 2)
-        Centroids in the tracker, in px.
-    diagonal : float
-        Diagonal of the square of lasers, in metres.
-
-    Returns
-    -------
-    ndarray, shape (4, 2)
-        Positions on the camera's focal plane, in metres.
+    The result has the shape (4, 2).
     """
     offsets = spots - spots.mean(axis=0)
     corners: FloatArray = np.round(offsets / np.abs(offsets).max())  # it stands on a corner
@@ -132,16 +93,6 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
 def scatter(given: Given, group: int) -> FloatArray:
     """Return the centroid scatter of one group of images.
 
-    Parameters
-    ----------
-    given : Given
-        Holds Table III.
-    group : int
-        1 or 2.
-
-    Returns
-    -------
-    ndarray, shape (4, 2)
-        One standard deviation of x and y of each spot, in px.
+    The result has the shape (4, 2).
     """
     return given.array(f"{SCATTER}#{group}-*").reshape(-1, 2) / SIGMAS

@@ -48,20 +48,7 @@ def aperture() -> FloatArray:
 
 
 def bench_path(door: Given, kind: str) -> LightPath:
-    """Return the light path of the ground platform with one kind of retro-reflector.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    kind : str
-        One of `KINDS`.
-
-    Returns
-    -------
-    LightPath
-        At rest.
-    """
+    """Return the light path of the ground platform with one kind of retro-reflector."""
     camera = door[f"{lasers.PLATFORM}#telescope-focal-length.value"]
     tracker = door[f"{lasers.PLATFORM}#tracker-focal-length.value"]
     return light_path(kind, camera, tracker, door[BORESIGHT])
@@ -77,19 +64,7 @@ def believed(
 ) -> FloatArray:
     """Return the turn of the camera that the system believes when its light path changes.
 
-    Parameters
-    ----------
-    now, rest : LightPath
-        After the change and at the zero point.
-    points, moved : ndarray, shape (n, 2)
-        The lasers as designed, and where they are after the change, in metres.
-    mirrored : bool
-        Whether the image is mirrored on the way.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Angles about X, Y and Z of the camera, in radians.
+    The result has the shape (3,).
     """
     camera = emitted_directions(points * [1.0, -1.0 if mirrored else 1.0], rest.camera_focal_length)
     zero, then = (
@@ -102,13 +77,7 @@ def believed(
 
 
 def retro_reflectors() -> Study:
-    """What turns of the retro-reflector make the system believe, for three kinds of it.
-
-    Returns
-    -------
-    Study
-        Believed tilt and roll over the turn, about the three axes.
-    """
+    """What turns of the retro-reflector make the system believe, for three kinds of it."""
     door = given(READS)
     points = pattern(door)
     pixel = door[f"{lasers.PLATFORM}#tracker-pixel-size.value"]
@@ -148,13 +117,7 @@ def _tilt_and_roll(angles: FloatArray) -> str:
 
 
 def dichroic() -> Study:
-    """How much a tilt of the dichroic mirror mimics, and the tolerance that follows.
-
-    Returns
-    -------
-    Study
-        One row per axis of the mirror.
-    """
+    """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
     door = given((BORESIGHT, ACCURACY, EXPANSION))
     response = dichroic_response(door[BORESIGHT])
     accuracy = float(door.array(ACCURACY).max())
@@ -183,16 +146,7 @@ def dichroic() -> Study:
 def dichroic_response(boresight_angle: float) -> FloatArray:
     """Return how the folded light answers to turns of the dichroic mirror about its own axes.
 
-    Parameters
-    ----------
-    boresight_angle : float
-        Between camera and tracker, in radians.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-        Columns: about the axis in the mirror and in the plane of the light, about the one in the
-        mirror across that plane, about the mirror's normal.
+    The result has the shape (3, 3).
     """
     tilt = float(raytrace.fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.

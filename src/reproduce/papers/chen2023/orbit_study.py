@@ -53,17 +53,7 @@ NAMES = (
 
 @cache
 def year() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Simulate the campaign and the year after it, for a thermal amplitude of one.
-
-    Returns
-    -------
-    times : ndarray, shape (samples,)
-        In days, zero at the end of the campaign.
-    angles : ndarray, shape (samples, 2)
-        Misalignment about X and Y over the amplitude.
-    noise : ndarray, shape (samples, 2)
-        Standard normal numbers for the errors of calibrations and of the monitoring.
-    """
+    """Simulate the campaign and the year after it, for a thermal amplitude of one."""
     period = float(orbital_period(twin_study.altitude(given(twin_study.SATELLITE))))
     orbits = int(np.ceil((YEAR_DAYS + CAMPAIGN_DAYS) * DAY / period))
     generator = default_rng(seed_of("chen2023/year"))
@@ -72,18 +62,7 @@ def year() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def residuals(amplitude: float) -> dict[str, FloatArray]:
-    """Return what each correction leaves of the misalignment, from the end of the campaign on.
-
-    Parameters
-    ----------
-    amplitude : float
-        Of the first thermal harmonic, in radians.
-
-    Returns
-    -------
-    dict
-        Name to errors of shape (samples, 2), in radians.
-    """
+    """Return what each correction leaves of the misalignment, from the end of the campaign on."""
     times, unit, noise = year()
     true = amplitude * unit
     known = int(np.searchsorted(times, 0.0))
@@ -116,13 +95,7 @@ def _ce90(errors: FloatArray, height: float) -> float:
 
 
 def strategies() -> Study:
-    """Positioning error over a year, for four corrections and four thermal amplitudes.
-
-    Returns
-    -------
-    Study
-        One row per correction; radius on the ground that holds 90 %, in metres.
-    """
+    """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = twin_study.altitude(given(twin_study.SATELLITE))
     found = {amplitude: residuals(amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES}
     rows = tuple(
@@ -149,13 +122,7 @@ def _spans() -> dict[str, slice]:
 
 
 def ages() -> Study:
-    """Positioning error against the time since calibration, for every thermal amplitude.
-
-    Returns
-    -------
-    Study
-        One row per correction and amplitude; radius on the ground that holds 90 %, in metres.
-    """
+    """Positioning error against the time since calibration, for every thermal amplitude."""
     height = twin_study.altitude(given(twin_study.SATELLITE))
     spans = [_spans()[name] for *_, name in (*AGES, LAST_DAY)]
     found = {amplitude: residuals(amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES}
@@ -174,13 +141,7 @@ def ages() -> Study:
 
 
 def suffices() -> Study:
-    """Up to which thermal amplitude each correction suffices, by age of the calibration.
-
-    Returns
-    -------
-    Study
-        One row per correction and error that is still borne; amplitudes in arc seconds.
-    """
+    """Up to which thermal amplitude each correction suffices, by age of the calibration."""
     door = given((*twin_study.SATELLITE, *ground_study.READS))
     height = twin_study.altitude(door)
     spans = _spans()
@@ -214,22 +175,7 @@ def _limits(door: Given) -> dict[str, float]:
 
 
 def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
-    """Return the amplitude at which nine tenths of the errors just stay within a limit.
-
-    Parameters
-    ----------
-    slope : ndarray, shape (samples, 2)
-        Errors per unit of amplitude.
-    noise : ndarray, shape (samples, 2)
-        Errors at amplitude zero, in radians.
-    limit : float
-        In radians.
-
-    Returns
-    -------
-    float
-        In the unit of the slope, from 0 to `LARGEST`; not a number if noise alone goes beyond.
-    """
+    """Return the amplitude at which nine tenths of the errors just stay within a limit."""
     if _ce90(noise, 1.0) > limit:
         return float("nan")
     low, high = 0.0, LARGEST

@@ -225,13 +225,7 @@ def table_reads() -> tuple[Read, ...]:
 
 
 def table_log_evidence(model: Model) -> float:
-    """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model is another one.
-    """
+    """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves."""
     likelihood = model.likelihood
     if not isinstance(likelihood, StageTableLikelihood):
         raise UnsuitableModelError(f"{model.name}: expected the stage table")

@@ -29,20 +29,7 @@ SCATTER = tuple(f"{lasers.SCATTER}#{g}-{i}.{a}" for g in (1, 2) for i in range(1
 
 
 def scatter(given: Given, model: Model) -> Published:
-    """Table III: the scatter of every spot, as the noise of the model would leave it.
-
-    Parameters
-    ----------
-    given : Given
-        Holds Table III and the number of frames.
-    model : Model
-        A misalignment whose last parameter is the noise.
-
-    Returns
-    -------
-    Published
-        Three standard deviations of each coordinate, in px.
-    """
+    """Table III: the scatter of every spot, as the noise of the model would leave it."""
     note = (
         "The noise of the simulation is the rms of these very numbers, so their size proves "
         "nothing; that some lie outside tells against one noise for all spots."

@@ -228,20 +228,7 @@ def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
 
 
 def light_for_table(given: Given, case: Case = LITERAL) -> Light:
-    """Return the light that gives the mean variance of Table III, or as much more as a case says.
-
-    Parameters
-    ----------
-    given : Given
-        Holds Table III, the spots, and the sizes of spot, pixel and window.
-    case : Case
-        What the radius is, and which share of that variance is read noise, from 0 to below 1.
-
-    Returns
-    -------
-    Light
-        Signal and read noise, in electrons.
-    """
+    """Return the light that gives the mean variance of Table III, or as much more as a case says."""
     printed = (given.array(lasers.SCATTER) / lasers.SIGMAS) ** 2
     spots = given.array(lasers.SPOTS).reshape(-1, 2)
     size = window(given)
@@ -280,21 +267,7 @@ def replicated_scatter(
 ) -> FloatArray:
     """Return what studies of the printed size would find, from the closed form.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-    seed : numpy.random.SeedSequence
-        One child for each study; all cases share its noise.
-    replicates : int
-        How many studies.
-    cases : tuple of Case
-        The readings of spot and noise.
-
-    Returns
-    -------
-    ndarray, shape (cases, replicates, resolutions)
-        Standard deviation of the errors of all phases and trials, in px.
+    The result has the shape (cases, replicates, resolutions).
     """
     trials, laws = given.count(f"{STUDY}#trials"), [law(given, case) for case in cases]
     shape = laws[0].bias.shape
@@ -312,19 +285,7 @@ def replicated_scatter(
 def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) -> FloatArray:
     """Return the index of the coarsest resolution that no finer one beats significantly.
 
-    Parameters
-    ----------
-    monitoring : ndarray, shape (..., n)
-        Monitoring accuracy from fine to coarse, in any unit.
-    relative : float
-        Relative standard error of each.
-    errors : float
-        How many standard errors of a difference are significant.
-
-    Returns
-    -------
-    ndarray of int, shape (...)
-        Index along the last axis.
+    The result has the shape (...).
     """
     finer = np.minimum.accumulate(monitoring, axis=-1)
     error = errors * relative * np.hypot(monitoring, finer)

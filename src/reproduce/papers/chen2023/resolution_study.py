@@ -49,13 +49,7 @@ class Variant:
 
 
 def readings() -> Study:
-    """Where the optimum lies under other readings of the text, from the closed form.
-
-    Returns
-    -------
-    Study
-        One row per reading.
-    """
+    """Where the optimum lies under other readings of the text, from the closed form."""
     door = given(resolution.READS)
     rows = tuple(_row(door, variant) for variant in _variants(door))
     head = ("Reading", "optimum (arcsec)", "error there (px)", "limit of gain (arcsec)")
@@ -111,13 +105,7 @@ def _fixed_travel(door: Given, reading: Variant, phases: FloatArray, radius: flo
 
 
 def errors() -> Study:
-    """Errors of the centre of gravity taken apart, against both bounds, from the closed form.
-
-    Returns
-    -------
-    Study
-        One row per quantity, one column per angular resolution.
-    """
+    """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
     door = given(resolution.READS)
     light, size = resolution.light_for_table(door), resolution.window(door)
     phases = even_phases(door.count(f"{STUDY}#phases"))
@@ -141,13 +129,7 @@ def errors() -> Study:
 
 
 def estimators() -> Study:
-    """Errors of four estimators over all phases, against the bound, by simulation.
-
-    Returns
-    -------
-    Study
-        One row per estimator, one column per angular resolution.
-    """
+    """Errors of four estimators over all phases, against the bound, by simulation."""
     door = given(resolution.READS)
     # Half of the variance at the tracker's own pixel from the readout: a middle case.
     light = resolution.light_for_table(door, replace(resolution.LITERAL, read_share=0.5))

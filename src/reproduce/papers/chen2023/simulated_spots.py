@@ -36,24 +36,7 @@ def platform(given: Given) -> Platform:
 def images(
     given: Given, turns: list[tuple[FloatArray, FloatArray]], frames: int, stream: int
 ) -> list[FloatArray]:
-    """Simulate spots of groups of images.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-    turns : list of tuple of ndarray, shape (3,)
-        Misalignment at the start and at the end of each group, in radians.
-    frames : int
-        Images in each group.
-    stream : int
-        Which of the streams of random numbers.
-
-    Returns
-    -------
-    list of ndarray, shape (frames, 4, 2)
-        In px.
-    """
+    """Simulate spots of groups of images."""
     seed = SeedSequence(DATA_SEED[0], spawn_key=(DATA_SEED[1], stream))
     generator = Generator(PCG64(seed))
     design = platform(given)

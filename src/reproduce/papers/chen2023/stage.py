@@ -110,40 +110,12 @@ def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float
 
 
 def common_length(given: Given, axis: str) -> float:
-    """Return the focal length for which (10) joins the last angle about Y with a motion.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `MEASURED`.
-    axis : str
-        The motion that belongs to the angle: ``x`` as printed, ``y`` with columns interchanged.
-
-    Returns
-    -------
-    float
-        In metres.
-    """
+    """Return the focal length for which (10) joins the last angle about Y with a motion."""
     return float(-_moved(given, STATES[-1], axis) / np.tan(given[LAST]))
 
 
 def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
-    """Return the angle of the stage in a state under every reading of Table V.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `MEASURED`.
-    state : int
-        From 2 to 5.
-    turn : str
-        The axis that the angle is about.
-
-    Returns
-    -------
-    dict
-        Name and place of the reading to the angle in radians.
-    """
+    """Return the angle of the stage in a state under every reading of Table V."""
     axis = TURNS[turn]
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
     own, other = _moved(given, state, axis), _moved(given, state, turn)
@@ -246,19 +218,7 @@ def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Result
 def monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
     """Return the errors of monitored angles that centroid noise makes.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the geometry, the scatter of the second group and the images of a state.
-    seed : numpy.random.SeedSequence
-        Of the noise.
-    replicates : int
-        How many.
-
-    Returns
-    -------
-    ndarray, shape (replicates, states, 2)
-        About X and Y, in radians, for all states but the zero state, whose error they share.
+    The result has the shape (replicates, states, 2).
     """
     response = lasers.angle_response(given)
     spots = lasers.scatter(given, 2) / np.sqrt(given.count(FRAMES))
@@ -326,17 +286,7 @@ def bound(given: Given) -> Results:
 
 @draws("chen2023/table-5", given=monitored_angle.given)
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Focal length that each printed angle implies for its printed motion.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Addresses of Table V to values, in SI.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Focal length that each printed angle implies for its printed motion."""
     panels = figure.subplots(1, 2, sharey=True)
     for axes, (axis, turn) in zip(panels, TURNS.items(), strict=True):
         motions = np.array([printed[f"{TABLE}#{state}.motion-{axis}"] for state in MOVED])

@@ -27,13 +27,7 @@ ADDED = 0.1
 
 
 def stray() -> Study:
-    """Stray terms: what the printed bands and scatters allow to be said of each.
-
-    Returns
-    -------
-    Study
-        One row per term.
-    """
+    """Stray terms: what the printed bands and scatters allow to be said of each."""
     door = given(READS)
     passed, reflected = (door[f"{MIRROR}{n}-average.value"] for n in ("transmission", "reflection"))
     # The mirror reflects further into the infrared than the detector sees.
@@ -69,23 +63,7 @@ def stray() -> Study:
 
 
 def tolerances(door: Given) -> tuple[float, float, float]:
-    """Return the light of a spot and how much stray light its centroid tolerates.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    signal : float
-        In electrons.
-    background : float
-        Even light that adds a tenth to the scatter of a centroid, in electrons per px.
-    slope : float
-        Of light across the window that moves all spots by the averaged accuracy, in electrons per
-        px from one px to the next.
-    """
+    """Return the light of a spot and how much stray light its centroid tolerates."""
     light, size = resolution.light_for_table(door), resolution.window(door)
     radius = float(door[f"{resolution.STUDY}#spot-radius"] / door[resolution.PIXEL])
     corner = np.full(2, -float(size // 2))

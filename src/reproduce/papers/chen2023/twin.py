@@ -105,20 +105,7 @@ class Bench:
 
 
 def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
-    """Set the twin up from printed numbers.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-    sensor : Detector
-        Whose noise the light has to fit Table III with; photon noise alone by default.
-
-    Returns
-    -------
-    Bench
-        The platform at rest.
-    """
+    """Set the twin up from printed numbers."""
     printed = given.array(lasers.SPOTS).reshape(-1, 2)
     pitch = given[f"{lasers.PLATFORM}#tracker-pixel-size.value"]
     radius, window = given[RADIUS] / pitch, round(given[WINDOW])
@@ -154,23 +141,7 @@ def centroids(
 ) -> FloatArray:
     """Render frames and extract the spots, as the bench does.
 
-    Parameters
-    ----------
-    platform : Bench
-        From `bench`.
-    spots : array_like, shape (..., 4, 2)
-        True centres, in px; broadcast over the frames.
-    light : array_like, shape (4,)
-        Electrons of each spot.
-    frames : int
-        How many frames.
-    generator : numpy.random.Generator
-        Draws the noise.
-
-    Returns
-    -------
-    ndarray, shape (..., frames, 4, 2)
-        Centres of gravity, in px.
+    The result has the shape (..., frames, 4, 2).
     """
     places = np.asarray(spots, dtype=np.float64)[..., np.newaxis, :, :]
     corners = window_corners(places, platform.window)
@@ -201,22 +172,7 @@ class Series:
 
 
 def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
-    """Take two groups of frames and solve them, as the accuracy test does.
-
-    Parameters
-    ----------
-    platform : Bench
-        From `bench`.
-    frames : int
-        Frames in each group.
-    generator : numpy.random.Generator
-        Draws the noise.
-
-    Returns
-    -------
-    Series
-        Spots and angles of both groups.
-    """
+    """Take two groups of frames and solve them, as the accuracy test does."""
     found = np.stack(
         [centroids(platform, platform.spots, light, frames, generator) for light in platform.light]
     )
@@ -228,20 +184,7 @@ def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
 
 
 def misfit(platform: Bench) -> dict[str, float]:
-    """Return how far the printed spots lie from where the designed lasers would put them.
-
-    Parameters
-    ----------
-    platform : Bench
-        From `bench`.
-
-    Returns
-    -------
-    dict
-        ``residual``: root-mean-square distance of a spot from its laser after the best rotation, in
-        px; ``scale``: size of the printed pattern over the designed one; ``after_scale``: the
-        distance that is left when the pattern may also shrink, in px.
-    """
+    """Return how far the printed spots lie from where the designed lasers would put them."""
     rest, designed = platform.directions(platform.spots), platform.camera_directions
     pixel = platform.tracker[1] / platform.tracker[2]
 

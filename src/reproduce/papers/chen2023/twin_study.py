@@ -31,13 +31,7 @@ OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
 
 
 def misfit() -> Study:
-    """How far the printed spots lie from the designed lasers, within what the print leaves open.
-
-    Returns
-    -------
-    Study
-        One row per focal length of the telescope and diagonal of the lasers.
-    """
+    """How far the printed spots lie from the designed lasers, within what the print leaves open."""
     door = given((*twin.READS, *stage.MEASURED))
     platform, printed = twin.bench(door), door.array(lasers.SPOTS).reshape(-1, 2)
     pixel = platform.tracker[1] / platform.tracker[2]
@@ -73,13 +67,7 @@ REFUSED, NUDGE = 0.01, 0.1
 
 
 def believable() -> Study:
-    """Whether the frames of the second group pass the TASTE test, for several laser directions.
-
-    Returns
-    -------
-    Study
-        One row per set of directions that the lasers are said to have.
-    """
+    """Whether the frames of the second group pass the TASTE test, for several laser directions."""
     door = given(twin.READS)
     platform = twin.bench(door)
     frames = door.count(accuracy.FRAMES)
@@ -136,13 +124,7 @@ FULL = 0.5
 
 
 def sensors() -> Study:
-    """What the twin predicts with other sensors, the light fitted to Table III beside each.
-
-    Returns
-    -------
-    Study
-        One row per sensor; the last keeps the light of the first and lets pixels fill up.
-    """
+    """What the twin predicts with other sensors, the light fitted to Table III beside each."""
     door = given((*twin.READS, SMOOTHED))
     many, frames = door.count(SMOOTHED), 5 * door.count(accuracy.FRAMES)
     plain = twin.bench(door)
@@ -173,13 +155,7 @@ def sensors() -> Study:
 
 
 def roll() -> Study:
-    """Roll error of the ground platform, and what it does on the ground away from the centre.
-
-    Returns
-    -------
-    Study
-        One row per number of frames.
-    """
+    """Roll error of the ground platform, and what it does on the ground away from the centre."""
     door = given((*twin.READS, SMOOTHED, *SATELLITE))
     many = door.count(SMOOTHED)
     series = twin.two_groups(
@@ -236,22 +212,7 @@ class CommonLength:
 
 
 def common_length(motions: FloatArray, angles: FloatArray, sigma: float) -> CommonLength:
-    """Fit one focal length to angles that each carry the noise of the same zero state.
-
-    Parameters
-    ----------
-    motions : ndarray, shape (n,)
-        Of the stage, in metres.
-    angles : ndarray, shape (n,)
-        Monitored, in radians, negative for a positive motion.
-    sigma : float
-        Noise of the mean over one state, in radians; states and the zero state are alike.
-
-    Returns
-    -------
-    CommonLength
-        Generalised least squares of angle = -motion / f.
-    """
+    """Fit one focal length to angles that each carry the noise of the same zero state."""
     covariance = sigma**2 * (np.eye(len(angles)) + 1.0)
     inverse = np.linalg.inv(covariance)
     information = float(motions @ inverse @ motions)
@@ -267,13 +228,7 @@ def common_length(motions: FloatArray, angles: FloatArray, sigma: float) -> Comm
 
 
 def focal_lengths() -> Study:
-    """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged.
-
-    Returns
-    -------
-    Study
-        One row per state and axis, then one for all monitored angles of an axis.
-    """
+    """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
     door = given((f"{stage.TABLE}#*", *lasers.READS, lasers.SCATTER, stage.FRAMES))
     rows = []
     for axis, turn in stage.TURNS.items():

@@ -24,23 +24,6 @@ def calibrated_alone(
     """Calibrate each channel's own camera on the twin, as the last two rows of Table 4 were.
 
     Nothing is judged with it: it shows how well such a fit can do.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `laboratory.INSTRUMENT` and `angles.READS`; the simulation's angles stand
-        in for those of the laboratory, which are not printed.
-    seed : numpy.random.SeedSequence
-        Of the errors.
-    replicates : int
-        How many calibrations.
-    error : float
-        Standard deviation of one coordinate of a calibration point, in px.
-
-    Returns
-    -------
-    dict
-        Channel to its calibrations, batch shape (replicates,).
     """
     table = angles.literal(given).angles
     true = channel_centroids(laboratory.cameras(given), laboratory.rotations(given), table)
@@ -63,11 +46,6 @@ def registered(
     the zero position, as in section 3.2.
 
     Parameters are those of `calibrated_alone`.
-
-    Returns
-    -------
-    dict
-        Channel to its fits, batch shape (replicates,).
     """
     table = angles.literal(given).angles
     true = channel_centroids(laboratory.cameras(given), laboratory.rotations(given), table)
@@ -84,10 +62,7 @@ def distortion_range(given: Given, seed: SeedSequence, replicates: int, error: f
 
     Parameters are those of `calibrated_alone`.
 
-    Returns
-    -------
-    ndarray, shape (replicates,)
-        Largest minus smallest coefficient of the three channels, in m^-2.
+    The result has the shape (replicates,).
     """
     fits = calibrated_alone(given, seed, replicates, error)
     return np.asarray(np.ptp([fit.camera.radial_distortion for fit in fits.values()], axis=0))

@@ -47,18 +47,7 @@ LITERAL = next(iter(ARRANGEMENTS))
 
 
 def half_ranges(door: Given) -> tuple[float, float]:
-    """Return half the printed range about each axis.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    tuple of float
-        About x and y, in radians.
-    """
+    """Return half the printed range about each axis."""
     x, y = (
         (door[f"{SETTINGS}#range-{axis}-high"] - door[f"{SETTINGS}#range-{axis}-low"]) / 2
         for axis in "xy"
@@ -67,42 +56,13 @@ def half_ranges(door: Given) -> tuple[float, float]:
 
 
 def candidates(door: Given) -> list[Arrangement]:
-    """Return every arrangement that has the printed number of angles.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    list of Arrangement
-        In the order of the family.
-    """
+    """Return every arrangement that has the printed number of angles."""
     count = door.count(f"{SETTINGS}#angle-count")
     return arrangements_with(count, *half_ranges(door), door[f"{SETTINGS}#step"])
 
 
 def arrangement(door: Given, name: str) -> Arrangement:
-    """Return one arrangement.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    name : str
-        One of `ARRANGEMENTS`.
-
-    Returns
-    -------
-    Arrangement
-        The angles.
-
-    Raises
-    ------
-    ValueError
-        If the arrangement does not have the number of angles that `door` holds.
-    """
+    """Return one arrangement."""
     found = {one.name: one for one in candidates(door)}
     if ARRANGEMENTS[name] not in found:
         raise ValueError(
@@ -114,50 +74,18 @@ def arrangement(door: Given, name: str) -> Arrangement:
 
 
 def literal(door: Given) -> Arrangement:
-    """Return the arrangement that the ledger uses.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    Arrangement
-        The square lattice with the printed step, centred on the zero position.
-    """
+    """Return the arrangement that the ledger uses."""
     return arrangement(door, LITERAL)
 
 
 def compute(door: Given) -> dict[str, object]:
-    """Compute what Figure 4 shows.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    dict
-        ``angles``, shape (137, 2), in radians, x before y, and ``half_ranges``, in radians.
-    """
+    """Compute what Figure 4 shows."""
     return {"angles": literal(door).angles, "half_ranges": half_ranges(door)}
 
 
 @draws("niu2024/fig-4", given=READS)
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Rotation angles of the rotary table in the simulation.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    printed : mapping
-        Not used: no value is printed on this figure.
-    door : Given
-        Holds what the figure is computed from.
-    """
+    """Rotation angles of the rotary table in the simulation."""
     content = compute(door)
     angles = np.degrees(np.asarray(content["angles"]))
     half_x, half_y = np.degrees(np.asarray(content["half_ranges"]))

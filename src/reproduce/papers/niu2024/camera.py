@@ -31,20 +31,7 @@ def field_of_view(given: Given) -> Results:
 
 
 def middles(given: Given, band: str) -> tuple[float, float]:
-    """Return the centre wavelength of a channel as the text can be read.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the channel's band and that of the starlight.
-    band : str
-        blue, green or red.
-
-    Returns
-    -------
-    tuple of float
-        The middle of the channel's band, and that of its third of the starlight's band, in metres.
-    """
+    """Return the centre wavelength of a channel as the text can be read."""
     low, high = (given[f"{OUTCOME}#simulator-band-{end}"] for end in ("low", "high"))
     third = ("blue", "green", "red").index(band)
     middle = (given[f"{OPTICS}#band-{band}-low"] + given[f"{OPTICS}#band-{band}-high"]) / 2

@@ -54,22 +54,7 @@ class Colours:
 
 
 def of_a_frame(door: Given, stars: int = STARS, seed: int = SEED) -> Colours:
-    """Measure the colours of all stars of a frame that were found and stand alone.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `images.READS`.
-    stars : int
-        How many to put into the frame.
-    seed : int
-        Of stars and noise.
-
-    Returns
-    -------
-    Colours
-        Of the stars found, in the order in which they were sent.
-    """
+    """Measure the colours of all stars of a frame that were found and stand alone."""
     generator = np.random.default_rng(seed)
     half = np.array(laboratory.half_field(door))
     angles = generator.uniform(-0.98 * half, 0.98 * half, (stars, 2))
@@ -96,27 +81,7 @@ def alone(positions: FloatArray) -> FloatArray:
 def measured_colours(
     door: Given, frames: list[FloatArray], centres: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the colours of stars from the three images of a frame.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `images.READS`.
-    frames : list of ndarray, each of shape (height, width)
-        Green, red, blue, as exposed, in electrons.
-    centres : ndarray, shape (n, 2)
-        Where the stars stand in green, in px.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (2, n)
-        Ratios red / green and blue / green, and their predicted standard deviations.
-
-    Raises
-    ------
-    ValueError
-        If the window of a star reaches over the edge of a frame.
-    """
+    """Return the colours of stars from the three images of a frame."""
     back = [transform.inverse() for transform in images.similarities(door)]
     places = [centres, *(transform.apply(centres) for transform in back)]
     light = [

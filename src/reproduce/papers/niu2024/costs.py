@@ -68,42 +68,14 @@ class Cost:
 def half_size(door: Given) -> FloatArray:
     """Return half the sides of the detector.
 
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    ndarray, shape (2,)
-        In metres.
+    The result has the shape (2,).
     """
     pixels = np.array([door[f"{simulation.OPTICS}#pixels-{axis}"] for axis in "xy"])
     return pixels * door[f"{simulation.OPTICS}#pixel-pitch-x"] / 2
 
 
 def channels(door: Given, table: str, channel: str) -> Channels:
-    """Return a channel beside green, with the printed parameters and our stand-ins.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    table : str
-        One of `TABLES`.
-    channel : str
-        red or blue.
-
-    Returns
-    -------
-    Channels
-        With all five effects.
-
-    Raises
-    ------
-    ValueError
-        If the table is unknown.
-    """
+    """Return a channel beside green, with the printed parameters and our stand-ins."""
     if table not in TABLES:
         raise ValueError(f"table: expected one of {TABLES}, got {table!r}")
     module = simulation if table == TABLES[0] else laboratory
@@ -124,20 +96,7 @@ def channels(door: Given, table: str, channel: str) -> Channels:
 
 
 def costs(door: Given, across: int = 200) -> list[Cost]:
-    """Return what every approximation costs, for both tables and both channels.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    across : int
-        How many points along either side of the detector.
-
-    Returns
-    -------
-    list of Cost
-        Tables slowest, effects fastest.
-    """
+    """Return what every approximation costs, for both tables and both channels."""
     positions = even_positions(half_size(door), across)
     return [
         _cost(table, channel, effect, channels(door, table, channel), positions, half_size(door))
@@ -150,19 +109,7 @@ def costs(door: Given, across: int = 200) -> list[Cost]:
 def isolated_error(whole: Channels, effect: str, positions: FloatArray) -> FloatArray:
     """Return the error field of one effect alone.
 
-    Parameters
-    ----------
-    whole : Channels
-        With all effects.
-    effect : str
-        One of `EFFECTS`; of "coefficients" the part of "cube" is taken away.
-    positions : ndarray, shape (n, 2)
-        In metres on the source's focal plane.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-        In px.
+    The result has the shape (n, 2).
     """
     error = error_field(whole.only(effect), positions)
     if effect == "coefficients":

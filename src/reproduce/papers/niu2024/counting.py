@@ -22,15 +22,7 @@ SUMMARISED = (*MEASURED, "rmse-before", "rmse-after")
 def summarised(measured: FloatArray) -> FloatArray:
     """Return draws with the RMSE of both axes together beside those of each.
 
-    Parameters
-    ----------
-    measured : ndarray, shape (..., 8)
-        Numbers as in `MEASURED`.
-
-    Returns
-    -------
-    ndarray, shape (..., 10)
-        Numbers as in `SUMMARISED`.
+    The result has the shape (..., 10).
 
     Examples
     --------
@@ -44,22 +36,7 @@ def summarised(measured: FloatArray) -> FloatArray:
 def quantiles_counted(summaries: FloatArray, way: str) -> FloatArray:
     """Return quantiles of the printed numbers, the axes counted in one way.
 
-    Parameters
-    ----------
-    summaries : ndarray, shape (..., 10)
-        Quantiles of the numbers of `SUMMARISED`.
-    way : str
-        One of `COUNTED`.
-
-    Returns
-    -------
-    ndarray, shape (..., 6)
-        Quantiles of the numbers of `CELLS`.
-
-    Raises
-    ------
-    ValueError
-        If `way` is none of them.
+    The result has the shape (..., 6).
 
     Examples
     --------
@@ -78,22 +55,7 @@ def quantiles_counted(summaries: FloatArray, way: str) -> FloatArray:
 def counted(measured: FloatArray, way: str) -> FloatArray:
     """Return the printed numbers of draws, the axes counted in one way.
 
-    Parameters
-    ----------
-    measured : ndarray, shape (..., 8)
-        Numbers as in `MEASURED`.
-    way : str
-        One of `COUNTED`.
-
-    Returns
-    -------
-    ndarray, shape (..., 6)
-        Numbers as in `CELLS`.
-
-    Raises
-    ------
-    ValueError
-        If `way` is none of them.
+    The result has the shape (..., 6).
 
     Examples
     --------

@@ -42,13 +42,7 @@ def facts_table_1() -> dict[str, str]:
 
 
 def facts_table_4() -> dict[str, str]:
-    """Return the largest error of every map for Table 4.
-
-    Returns
-    -------
-    dict
-        ``EFFECT-CHANNEL`` to a length in px.
-    """
+    """Return the largest error of every map for Table 4."""
     return _facts("Table 4")
 
 

@@ -21,13 +21,7 @@ FACTORS = (1.0, 1e3, 1.0, 1.0, 1.0, 1.0)
 
 
 def chosen() -> dict[str, tuple[int, str]]:
-    """Return readings to show: the literal one, and each other choice made in it alone.
-
-    Returns
-    -------
-    dict
-        What is other to the place of the reading in `study.readings` and the way of counting axes.
-    """
+    """Return readings to show: the literal one, and each other choice made in it alone."""
     door = given(study.READS)
     every, literal = study.readings(door), study.literal(door)
     both, *ways = counting.COUNTED
@@ -46,17 +40,7 @@ def chosen() -> dict[str, tuple[int, str]]:
 
 
 def draw(figure: Figure, arrays: Mapping[str, NDArray[Any]], printed: Sequence[float]) -> None:
-    """Median and central 99 % of every printed number, by reading, with the print.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    arrays : mapping
-        Those of the stored study of the readings.
-    printed : sequence of float
-        The print, red before blue and cells as in `counting.CELLS`, in rad and px.
-    """
+    """Median and central 99 % of every printed number, by reading, with the print."""
     rows, factors = chosen(), np.array(FACTORS)
     figure.set_size_inches(6.4, 9.6)
     grid = figure.subplots(len(TITLES), 2, sharey=True)

@@ -85,31 +85,14 @@ def draw_star(figure: Figure) -> None:
 
 
 def star_facts() -> dict[str, str]:
-    """Return what the drawing of one star shows, in numbers.
-
-    Returns
-    -------
-    dict
-        How far the spots of the three channels stand apart at the most.
-    """
+    """Return what the drawing of one star shows, in numbers."""
     spots = _spots()
     apart = max(np.hypot(*(one - other)) for one in spots for other in spots)
     return {"apart": f"{apart:.1f}\u202fpx"}
 
 
 def error_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """Return what the drawing of the errors shows, in numbers: the middle star, in the corner.
-
-    Parameters
-    ----------
-    arrays : mapping
-        As for `draw_errors`.
-
-    Returns
-    -------
-    dict
-        Centroid errors of the brightest and the faintest star.
-    """
+    """Return what the drawing of the errors shows, in numbers: the middle star, in the corner."""
     likely = METHOD
     row = list(fusion.STARS).index(BLACKBODIES[len(BLACKBODIES) // 2])
     error = arrays["error"][row, -1, :, :, likely]
@@ -126,15 +109,7 @@ def error_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
 
 
 def draw_errors(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Centroid error and signal-to-noise ratio over magnitude, for a cool, a solar and a hot star.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    arrays : mapping
-        Those of the stored study, as `fusion.Outcome` names them.
-    """
+    """Centroid error and signal-to-noise ratio over magnitude, for a cool, a solar and a hot star."""
     figure.set_size_inches(6.4, 5.6)
     grid = figure.subplots(2, len(BLACKBODIES), sharex=True, sharey="row")
     for column, star in zip(grid.T, BLACKBODIES, strict=True):
@@ -162,15 +137,7 @@ def _over_magnitude(column: Any, star: str, arrays: Mapping[str, NDArray[Any]]) 
 
 
 def draw_stars(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    arrays : mapping
-        Those of the stored study, as `fusion.Outcome` names them.
-    """
+    """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner."""
     figure.set_size_inches(6.4, 3.8)
     left, right = figure.subplots(1, 2, sharey=True)
     at, likely = fusion.MAGNITUDES.index(MIDDLE), METHOD
@@ -195,18 +162,7 @@ def draw_stars(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def star_kind_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """Return what the drawing of the kinds of stars shows, in numbers.
-
-    Parameters
-    ----------
-    arrays : mapping
-        As for `draw_stars`.
-
-    Returns
-    -------
-    dict
-        Least and largest centroid errors of each kind of image, least and largest gain.
-    """
+    """Return what the drawing of the kinds of stars shows, in numbers."""
     at = fusion.MAGNITUDES.index(MIDDLE)
     error, signal = arrays["error"][:, -1, at, :, METHOD], arrays["signal_to_noise"][:, -1, at]
     said = {}
@@ -233,13 +189,7 @@ def _frame() -> colours.Colours:
 
 
 def colour_facts() -> dict[str, str]:
-    """Return what the drawing of the colours shows, in numbers.
-
-    Returns
-    -------
-    dict
-        How many stars there are, and the ends of the curve of blackbodies.
-    """
+    """Return what the drawing of the colours shows, in numbers."""
     door = given(images.READS)
     light = images.star_photons(door, np.zeros(2), np.array(colours.TEMPERATURES))
     cool, hot = (light[1:] / light[0]).T

@@ -29,18 +29,7 @@ RESTARTS = 20
 
 
 def convergence(seed: int = study.SEED) -> tuple[Calibration, Calibration]:
-    """Calibrate the red channel of one replicate from the paper's start and from random ones.
-
-    Parameters
-    ----------
-    seed : int
-        Of the noise and the restarts.
-
-    Returns
-    -------
-    tuple of Calibration
-        From the starting values of section 3.2; from random starts about them.
-    """
+    """Calibrate the red channel of one replicate from the paper's start and from random ones."""
     door = given(study.READS)
     table = angles.literal(door).angles
     true = channel_centroids(simulation.cameras(door), simulation.rotations(door), table)
@@ -55,13 +44,7 @@ def convergence(seed: int = study.SEED) -> tuple[Calibration, Calibration]:
 
 
 def facts() -> dict[str, str]:
-    """Return what the drawing of the convergence shows, in numbers.
-
-    Returns
-    -------
-    dict
-        Distances from the end along the way, and where the stages end.
-    """
+    """Return what the drawing of the convergence shows, in numbers."""
     own, restarted = convergence()
     mine, theirs = distance_to_end(own), distance_to_end(restarted)
     distances = {
@@ -80,13 +63,7 @@ def facts() -> dict[str, str]:
 
 
 def draw_convergence(figure: Figure) -> None:
-    """How far each step of the calibration is from its end.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty figure.
-    """
+    """How far each step of the calibration is from its end."""
     own, restarted = convergence()
     axes = figure.add_subplot()
     lines = axes.plot(
@@ -110,16 +87,7 @@ def draw_convergence(figure: Figure) -> None:
 def distance_to_end(calibration: Calibration) -> FloatArray:
     """Return how far the modelled points are from where they end, after every step.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        With its path.
-
-    Returns
-    -------
-    ndarray, shape (m + 1, ...)
-        Root mean square over the table's points of one frame, in px; never below 1e-11, where
-        rounding takes over.
+    The result has the shape (m + 1, ...).
     """
     door = given(study.READS)
     table = angles.literal(door).angles

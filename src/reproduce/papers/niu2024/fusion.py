@@ -71,22 +71,7 @@ class Outcome:
 
 
 def simulate(door: Given, trials: int = TRIALS, seed: int = SEED) -> Outcome:
-    """Run the comparison.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `images.READS`.
-    trials : int
-        Exposures for each of `PHASES` positions within a pixel.
-    seed : int
-        Of everything.
-
-    Returns
-    -------
-    Outcome
-        By star, place and magnitude.
-    """
+    """Run the comparison."""
     cells = [
         cell(door, place, light_of(door, star, magnitude), trials, SeedSequence(seed, spawn_key=at))
         for at, star, place, magnitude in (
@@ -105,19 +90,7 @@ def simulate(door: Given, trials: int = TRIALS, seed: int = SEED) -> Outcome:
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
     """Return the photons that a star sends to each detector in one exposure.
 
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `images.READS`.
-    star : str
-        A key of `STARS`.
-    magnitude : float
-        V magnitude.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Green, red, blue.
+    The result has the shape (3,).
     """
     spectrum = STARS[star]
     if isinstance(spectrum, str):
@@ -128,26 +101,7 @@ def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
 def cell(
     door: Given, place: float, photons: FloatArray, trials: int, seed: SeedSequence
 ) -> Outcome:
-    """Compare the three images of one star in one place.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `images.READS`.
-    place : float
-        One of `PLACES`.
-    photons : ndarray, shape (3,)
-        Light of the star, from `light_of`.
-    trials : int
-        Exposures for each of `PHASES` positions within a pixel.
-    seed : numpy.random.SeedSequence
-        Of the positions and the noise.
-
-    Returns
-    -------
-    Outcome
-        Without the axes of stars, places and magnitudes.
-    """
+    """Compare the three images of one star in one place."""
     generator = np.random.default_rng(seed)
     used = images.cameras(door)
     pitch = float(used[0].pixel_pitch / used[0].focal_length)
@@ -172,26 +126,7 @@ def cell(
 def exposures(
     spots: FloatArray, photons: FloatArray, trials: int, generator: Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Expose the same window of all three detectors many times.
-
-    Parameters
-    ----------
-    spots : ndarray, shape (3, 2)
-        True positions, in px.
-    photons : ndarray, shape (3,)
-        Their light.
-    trials : int
-        How many exposures.
-    generator : numpy.random.Generator
-        Of the noise.
-
-    Returns
-    -------
-    windows : ndarray, shape (3, trials, size, size)
-        In electrons.
-    corner : ndarray, shape (2,)
-        First pixel of the windows, about green's spot.
-    """
+    """Expose the same window of all three detectors many times."""
     size = images.WINDOW + 2 * MARGIN
     corner = window_corners(spots[0], size).astype(np.float64)
     clean = spot_windows(spots, photons, images.RADIUS, np.broadcast_to(corner, (3, 2)), size)
@@ -202,22 +137,7 @@ def exposures(
 def combinations(
     windows: FloatArray, corner: FloatArray, transforms: list[Registration]
 ) -> list[FloatArray]:
-    """Return green alone, the plain sum, and the sum after registration.
-
-    Parameters
-    ----------
-    windows : ndarray, shape (3, trials, size, size)
-        Green, red, blue, in electrons.
-    corner : ndarray, shape (2,)
-        Their first pixel.
-    transforms : list of Registration
-        Red and blue onto green.
-
-    Returns
-    -------
-    list of ndarray, each of shape (trials, window, window)
-        The middle of the windows, in the order of `MADE`.
-    """
+    """Return green alone, the plain sum, and the sum after registration."""
     at = (int(corner[0]), int(corner[1]))
     moved = np.zeros_like(windows[0])
     for layer, transform in zip(windows[1:], transforms, strict=True):
@@ -227,18 +147,7 @@ def combinations(
 
 
 def signal_to_noise(image: FloatArray) -> float:
-    """Return mean over scatter of the light in an aperture about the brightest pixel.
-
-    Parameters
-    ----------
-    image : ndarray, shape (trials, window, window)
-        The same star, exposed many times, in electrons.
-
-    Returns
-    -------
-    float
-        The signal-to-noise ratio.
-    """
+    """Return mean over scatter of the light in an aperture about the brightest pixel."""
     mean = image.mean(axis=0)
     half = APERTURE // 2
     inner = mean[half:-half, half:-half]

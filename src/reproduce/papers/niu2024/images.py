@@ -64,18 +64,7 @@ def shape(door: Given) -> tuple[int, int]:
 
 
 def cameras(door: Given) -> list[Camera]:
-    """Return the cameras of Table 4 with green's principal point in the middle of the detector.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    list of Camera
-        Green, red, blue.
-    """
+    """Return the cameras of Table 4 with green's principal point in the middle of the detector."""
     middle = detector_centre(shape(door))
     return [
         Camera(c.focal_length, c.principal_point + middle, c.radial_distortion, c.pixel_pitch)
@@ -84,18 +73,7 @@ def cameras(door: Given) -> list[Camera]:
 
 
 def similarities(door: Given) -> list[Registration]:
-    """Return the transforms of red and blue onto green, as a perfect calibration would have them.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    list of Registration
-        Red, blue.
-    """
+    """Return the transforms of red and blue onto green, as a perfect calibration would have them."""
     used, turns = cameras(door), laboratory.rotations(door)
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 
@@ -103,17 +81,7 @@ def similarities(door: Given) -> list[Registration]:
 def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> FloatArray:
     """Return the photons that stars send to each detector in one exposure.
 
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    magnitude, temperature : array_like, shape (n,)
-        V magnitude, and the temperature of the blackbody in kelvin.
-
-    Returns
-    -------
-    ndarray, shape (3, n)
-        Green, red, blue.
+    The result has the shape (3, n).
     """
     bands = [blackbody_band(magnitude, temperature, *edges) for edges in _bands(door)]
     return _collected(door) * np.stack(bands)
@@ -122,19 +90,7 @@ def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> F
 def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArray:
     """Return the photons that stars with a tabulated spectrum send to each detector.
 
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    magnitude : array_like, shape (n,)
-        V magnitude.
-    name : str
-        One of `store.stars.spectra`.
-
-    Returns
-    -------
-    ndarray, shape (3, n)
-        Green, red, blue, in one exposure.
+    The result has the shape (3, n).
     """
     table = spectra()[name]
     bands = [tabulated_star(magnitude, *table, *edges) for edges in _bands(door)]
@@ -180,24 +136,7 @@ def exposed(image: FloatArray, generator: Generator) -> FloatArray:
 def frames(
     door: Given, angles: ArrayLike, magnitude: ArrayLike, temperature: ArrayLike, seed: int
 ) -> Frames:
-    """Render and expose a full frame in all three channels.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    angles : array_like, shape (n, 2)
-        Directions of the stars as table angles, in radians.
-    magnitude, temperature : array_like, shape (n,)
-        V magnitude, and temperature in kelvin.
-    seed : int
-        Of the noise.
-
-    Returns
-    -------
-    Frames
-        Images and truth.
-    """
+    """Render and expose a full frame in all three channels."""
     positions = channel_centroids(cameras(door), laboratory.rotations(door), angles)
     photons = star_photons(door, magnitude, temperature)
     streams = [np.random.default_rng(s) for s in SeedSequence(seed).spawn(len(photons))]
@@ -213,20 +152,7 @@ def frames(
 
 
 def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
-    """Return green as it is, and the other images on the pixels of green.
-
-    Parameters
-    ----------
-    images : sequence of ndarray, each of shape (height, width)
-        Green, red, blue.
-    transforms : sequence of Registration
-        Red and blue onto green.
-
-    Returns
-    -------
-    list of ndarray
-        Green, red, blue.
-    """
+    """Return green as it is, and the other images on the pixels of green."""
     with ThreadPoolExecutor(2) as pool:
         moved = list(pool.map(registered_image, images[1:], transforms))
     return [images[0], *moved]
@@ -235,20 +161,7 @@ def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -
 def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatArray:
     """Find the spots of an image and their centres.
 
-    Parameters
-    ----------
-    image : ndarray, shape (height, width)
-        In electrons.
-    layers : int
-        How many exposures were added up in it.
-    significance : float
-        How far above the noise of a dark pixel the brightest one of a spot must be.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-        Maximum-likelihood centres, the brightest spot first, in px; spots whose window would reach
-        over the edge are left out, and those whose fit does not converge.
+    The result has the shape (n, 2).
     """
     noise = SENSOR.noise_electrons() * np.sqrt(layers)
     found = detect_spots(image, significance * noise)
@@ -267,19 +180,7 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
 def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) -> FloatArray:
     """Return found minus true position for every star that was found.
 
-    Parameters
-    ----------
-    found : ndarray, shape (m, 2)
-        In px.
-    truth : ndarray, shape (n, 2)
-        In px.
-    within : float
-        How far off a spot may be and still be the star's, in px.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-        Not a number for stars that were not found.
+    The result has the shape (n, 2).
     """
     if not len(found):
         return np.full(truth.shape, np.nan)

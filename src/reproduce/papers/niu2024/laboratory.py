@@ -70,18 +70,7 @@ REGISTRATION = (
 
 
 def cameras(given: Given) -> list[Camera]:
-    """Return the cameras of Table 4, image points counted from the green principal point.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `INSTRUMENT`.
-
-    Returns
-    -------
-    list of Camera
-        Green, red, blue.
-    """
+    """Return the cameras of Table 4, image points counted from the green principal point."""
     shifts = {"green": (0.0, 0.0)} | {channel: _shift(given, channel) for channel in REGISTERED}
     return [
         Camera(
@@ -100,34 +89,12 @@ def _shift(given: Given, channel: str) -> tuple[float, float]:
 
 
 def rotations(given: Given) -> list[float]:
-    """Return the detectors' calibrated angles against green.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the rotation angles of Table 4.
-
-    Returns
-    -------
-    list of float
-        Green, red, blue, in radians.
-    """
+    """Return the detectors' calibrated angles against green."""
     return [0.0, *(given[f"{CALIBRATION}#rotation.{channel}"] for channel in REGISTERED)]
 
 
 def half_field(given: Given) -> tuple[float, float]:
-    """Return half the printed field of view about each axis.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the field of view.
-
-    Returns
-    -------
-    tuple of float
-        Along x and y, in radians.
-    """
+    """Return half the printed field of view about each axis."""
     return (
         given[f"{OPTICS}#field-of-view-x"] / 2,
         given[f"{OPTICS}#field-of-view-y"] / 2,
@@ -137,16 +104,7 @@ def half_field(given: Given) -> tuple[float, float]:
 def centroid_errors(given: Given) -> FloatArray:
     """Return the centroid errors that the printed residuals imply.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the RMSE values after registration.
-
-    Returns
-    -------
-    ndarray, shape (3, 1, 2)
-        Standard deviation by channel (green, red, blue) and axis, in px: green has half the mean
-        squared residual, the others have what is then missing to their own.
+    The result has the shape (3, 1, 2).
     """
     after = np.array(
         [[given[f"{OUTCOME}#rmse-after-{c}-{axis}"] for axis in "xy"] for c in REGISTERED]
@@ -158,19 +116,7 @@ def centroid_errors(given: Given) -> FloatArray:
 def random_positions(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
     """Return random test positions.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the field of view and the number of test positions.
-    seed : numpy.random.SeedSequence
-        Of the positions.
-    replicates : int
-        How many sets.
-
-    Returns
-    -------
-    ndarray, shape (replicates, positions, 2)
-        Table angles in radians.
+    The result has the shape (replicates, positions, 2).
     """
     count = given.count(f"{OUTCOME}#test-points")
     return spawned_angles(seed, replicates, count, half_field(given))
@@ -179,17 +125,7 @@ def random_positions(given: Given, seed: SeedSequence, replicates: int) -> Float
 def registered_points(given: Given, angles: FloatArray) -> FloatArray:
     """Return green points, and those that the similarities of Table 4 lay over them.
 
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `REGISTRATION`.
-    angles : ndarray, shape (..., n, 2)
-        Table angles in radians.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, n, 2)
-        In px from the green principal point; channels green, red, blue.
+    The result has the shape (..., 3, n, 2).
     """
     camera = Camera(
         given[f"{CALIBRATION}#focal-length.green"],
@@ -224,23 +160,7 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
 
 
 def before_by_focal_lengths(given: Given, seed: SeedSequence, replicates: int) -> Results:
-    """Return the RMSE before registration with the cameras of Table 4, without its scale factors.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the inputs of `rmse_before` and the cells of `INSTRUMENT`.
-    seed : numpy.random.SeedSequence
-        Of positions and errors.
-    replicates : int
-        How many.
-
-    Returns
-    -------
-    dict
-        Predictions by cell name. Red and blue spots follow (22) and (23) with the focal lengths
-        and distortions of Table 4; the principal points differ by its translations, by (14).
-    """
+    """Return the RMSE before registration with the cameras of Table 4, without its scale factors."""
     for_positions, for_errors = _streams(seed, 2)
     positions = random_positions(given, for_positions, replicates)
     true = channel_centroids(cameras(given), rotations(given), positions)

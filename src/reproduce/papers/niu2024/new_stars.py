@@ -60,24 +60,7 @@ def new_stars(
     columns: tuple[int, ...] = (),
     prefix: str = "",
 ) -> NewStars:
-    """Return the consequences of one channel's registration at the test points.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of the simulation, and `READS`.
-    likelihood : GaussianRegistration or PointwiseRegistration
-        The model of the channel, with its data.
-    channel : {"red", "blue"}
-        Which.
-    columns, prefix
-        As for `NewStars`.
-
-    Returns
-    -------
-    NewStars
-        With the least-squares transform of the data.
-    """
+    """Return the consequences of one channel's registration at the test points."""
     fit = fit_registration(likelihood.source, likelihood.target, likelihood.pivot)
     source = _source(given, channel)
     registered = fit.transform.apply(source)
@@ -115,22 +98,7 @@ class NoiseAlone:
 
 
 def one_channel(given: Given, model: Model, channel: str) -> Published:
-    """Return what the paper prints of one channel, calibrated by least squares.
-
-    Parameters
-    ----------
-    given : Given
-        Holds also `COMPARED`.
-    model : Model
-        A registration of the channel.
-    channel : {"red", "blue"}
-        Which.
-
-    Returns
-    -------
-    Published
-        The four parameters of Table 3 and the RMSE after registration.
-    """
+    """Return what the paper prints of one channel, calibrated by least squares."""
     likelihood = model.likelihood
     if not isinstance(likelihood, GaussianRegistration | PointwiseRegistration):
         raise TypeError(f"model: expected a registration, got {type(likelihood).__name__}")

@@ -33,20 +33,7 @@ class Precision:
 
 
 def of_channel(door: Given, channel: str) -> Precision:
-    """Return the theory of one channel under the ledger's reading.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `study.READS`.
-    channel : str
-        red or blue.
-
-    Returns
-    -------
-    Precision
-        Truth, bias and bound; angles in radians, shifts in px.
-    """
+    """Return the theory of one channel under the ledger's reading."""
     place = simulation.CHANNELS.index(channel)
     used, turns = simulation.cameras(door), simulation.rotations(door)
     true = channel_centroids(used, turns, angles.literal(door).angles)

@@ -98,26 +98,7 @@ READS = (
 
 
 def cameras(given: Given, shifts: str = SHIFTS[0]) -> list[Camera]:
-    """Return the cameras of Table 1, under one reading of the principal points.
-
-    Parameters
-    ----------
-    given : Given
-        Holds Table 1 and the pixel pitch; for the second reading the translations of Table 2, too.
-    shifts : str
-        One of `SHIFTS`: the principal points are those of Table 1, or green's and the translations
-        of Table 2 from there.
-
-    Returns
-    -------
-    list of Camera
-        Green, red, blue.
-
-    Raises
-    ------
-    ValueError
-        If `shifts` is none of them.
-    """
+    """Return the cameras of Table 1, under one reading of the principal points."""
     if shifts not in SHIFTS:
         raise ValueError(f"shifts: expected one of {SHIFTS}, got {shifts!r}")
 
@@ -138,18 +119,7 @@ def cameras(given: Given, shifts: str = SHIFTS[0]) -> list[Camera]:
 
 
 def rotations(given: Given) -> list[float]:
-    """Return the detectors' rotation angles against green.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the rotation angles of Table 2.
-
-    Returns
-    -------
-    list of float
-        Green, red, blue, in radians.
-    """
+    """Return the detectors' rotation angles against green."""
     return [0.0, *(given[f"{TRUTH}#rotation.{channel}"] for channel in REGISTERED)]
 
 
@@ -168,28 +138,6 @@ def calibrations(
     Where an arrangement has no zero position, which the starting values of section 3.2 need, it is
     measured beside the calibration points, and the fit is the closed form: that is where the
     iteration ends.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`.
-    seed : numpy.random.SeedSequence
-        Of the noise.
-    replicates : int
-        How many.
-    arrangement : str
-        One of `angles.ARRANGEMENTS`.
-    shifts : str
-        One of `SHIFTS`.
-    noise : str
-        One of `NOISY`.
-    repeats : int
-        How many draws are averaged.
-
-    Returns
-    -------
-    dict
-        Channel to its calibrated transforms, shape (replicates,).
     """
     table = angles.arrangement(given, arrangement).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
@@ -307,28 +255,7 @@ def residuals(
     repeats: int = 1,
     tests: str = TESTS[0],
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Simulate, calibrate and test both channels in every replicate.
-
-    Parameters
-    ----------
-    given : Given
-        Holds the cells of `READS`, the number of test points, and for the second of `SHIFTS` the
-        translations of Table 2.
-    seed : numpy.random.SeedSequence
-        Of noise and test points.
-    replicates : int
-        How many.
-    arrangement, shifts, noise, repeats
-        As in `calibrations`; the noise is the same kind at the test points.
-    tests : str
-        One of `TESTS`: directions at random over the printed range, or rotation angles drawn among
-        those of the calibration, none twice.
-
-    Returns
-    -------
-    dict
-        Channel to its RMSE per axis before and after registration, each of shape (replicates, 2).
-    """
+    """Simulate, calibrate and test both channels in every replicate."""
     for_noise, for_angles, for_test_noise = _streams(seed, 3)
     found = calibrations(
         given,

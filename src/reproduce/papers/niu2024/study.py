@@ -72,35 +72,13 @@ class Reading:
 
 
 def readings(door: Given) -> list[Reading]:
-    """Return every reading, in the order in which `simulate` has them.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    list of Reading
-        Arrangements slowest, tests fastest.
-    """
+    """Return every reading, in the order in which `simulate` has them."""
     arrangements = range(len(angles.candidates(door)))
     return [Reading(*c) for c in product(arrangements, SHIFTS, REPEATS, NOISY, TESTS)]
 
 
 def literal(door: Given) -> Reading:
-    """Return the literal reading, the one that the ledger uses where all give one verdict.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-
-    Returns
-    -------
-    Reading
-        Every first choice, with the ledger's arrangement.
-    """
+    """Return the literal reading, the one that the ledger uses where all give one verdict."""
     names = [found.name for found in angles.candidates(door)]
     place = names.index(angles.literal(door).name)
     return Reading(place, SHIFTS[0], REPEATS[0], next(iter(NOISY)), TESTS[0])
@@ -132,24 +110,7 @@ class Numbers:
 
 
 def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> Numbers:
-    """Draw the random numbers of some replicates.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    replicates : int
-        How many.
-    first : int
-        Number of the first one.
-    seed : int
-        Of the whole study.
-
-    Returns
-    -------
-    Numbers
-        Row r of each is the same for whatever `replicates` and `first` it was drawn with.
-    """
+    """Draw the random numbers of some replicates."""
     n = door.count(f"{simulation.SETTINGS}#angle-count")
     m = door.count(f"{simulation.SETTINGS}#test-points")
     streams = [SeedSequence(seed, spawn_key=(kind,)) for kind in range(5)]
@@ -167,22 +128,7 @@ def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> N
 def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> FloatArray:
     """Simulate, calibrate and test both channels under every reading.
 
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    replicates : int
-        How many.
-    first : int
-        Number of the first one.
-    seed : int
-        Of the whole study.
-
-    Returns
-    -------
-    ndarray, shape (readings, replicates, 2, 8)
-        Readings as in `readings`, channels red and blue, numbers as in `MEASURED`; in radians and
-        px. `counting.counted` makes of them what is printed.
+    The result has the shape (readings, replicates, 2, 8).
     """
     replicates = whole_number("replicates", replicates)
     every = readings(door)
@@ -197,22 +143,7 @@ def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> 
 
 
 def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[FloatArray]:
-    """Yield what one channel gives under every reading, in the order of `readings`.
-
-    Parameters
-    ----------
-    door : Given
-        Holds the cells of `READS`.
-    drawn : Numbers
-        From `numbers`.
-    channel : str
-        red or blue.
-
-    Yields
-    ------
-    ndarray, shape (replicates, 8)
-        Numbers as in `MEASURED`.
-    """
+    """Yield what one channel gives under every reading, in the order of `readings`."""
     place = simulation.CHANNELS.index(channel)
     pair = [0, place]
     turns = simulation.rotations(door)
