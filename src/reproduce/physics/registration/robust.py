@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import fdtri
 
 from reproduce.physics.registration.closed_form import CHANCE, MIRRORED, Solution
 from reproduce.physics.registration.steps import (
@@ -177,6 +176,8 @@ def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     size = np.median(_norm(problem.target - problem.target.mean(axis=-2, keepdims=True)), axis=-1)
     if not (median > FITS * size).any():
         return
+    from scipy.special import fdtri  # only now: its import takes longer than most fits
+
     freedom = 2 * problem.source.shape[-2] - 4
     limit = np.sqrt(fdtri(freedom, freedom, 1 - CHANCE))
     if (median > limit * _median_length(across, repeated_median(across))).any():
