@@ -50,7 +50,7 @@ def canvas(figure: Figure, width: float, height: float, inches: float = 6.4) -> 
 def diagram(
     width: float, height: float, inches: float = 6.4
 ) -> Callable[[Callable[..., None]], Draw]:
-    """Turn a function that paints on a canvas into one that draws an item without printed values."""
+    """Turn a painter on a canvas into a drawing of an item without printed values."""
 
     def declare(paint: Callable[..., None]) -> Draw:
         @functools.wraps(paint)

@@ -228,7 +228,7 @@ def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
 
 
 def light_for_table(given: Given, case: Case = LITERAL) -> Light:
-    """Return the light that gives the mean variance of Table III, or as much more as a case says."""
+    """Return the light for the mean variance of Table III, or as much more as a case says."""
     printed = (given.array(lasers.SCATTER) / lasers.SIGMAS) ** 2
     spots = given.array(lasers.SPOTS).reshape(-1, 2)
     size = window(given)

@@ -109,7 +109,7 @@ def error_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
 
 
 def draw_errors(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Centroid error and signal-to-noise ratio over magnitude, for a cool, a solar and a hot star."""
+    """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
     figure.set_size_inches(6.4, 5.6)
     grid = figure.subplots(2, len(BLACKBODIES), sharex=True, sharey="row")
     for column, star in zip(grid.T, BLACKBODIES, strict=True):

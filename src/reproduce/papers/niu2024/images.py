@@ -73,7 +73,7 @@ def cameras(door: Given) -> list[Camera]:
 
 
 def similarities(door: Given) -> list[Registration]:
-    """Return the transforms of red and blue onto green, as a perfect calibration would have them."""
+    """Return the transforms of red and blue onto green that a perfect calibration would find."""
     used, turns = cameras(door), laboratory.rotations(door)
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 

@@ -160,7 +160,7 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
 
 
 def before_by_focal_lengths(given: Given, seed: SeedSequence, replicates: int) -> Results:
-    """Return the RMSE before registration with the cameras of Table 4, without its scale factors."""
+    """Return the RMSE before registration: cameras of Table 4, without its scale factors."""
     for_positions, for_errors = _streams(seed, 2)
     positions = random_positions(given, for_positions, replicates)
     true = channel_centroids(cameras(given), rotations(given), positions)
