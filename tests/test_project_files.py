@@ -128,6 +128,14 @@ def test_every_locked_package_has_a_hash(lock: str) -> None:
     assert len(hashed) == len(locked(lock))
 
 
+def test_every_dependency_says_what_it_is_for(project: dict) -> None:
+    rows = [line.split("|")[1] for line in read("CONTRIBUTING.md").splitlines() if "|" in line]
+    told = set(re.findall(r"[a-z0-9-]+", " ".join(rows)))
+    extras = project["project"]["optional-dependencies"].values()
+    wanted = project["project"]["dependencies"] + [one for extra in extras for one in extra]
+    assert {re.split(r"[^a-z0-9._-]", one)[0] for one in wanted} - told == set()
+
+
 def test_dependencies_have_lower_bounds(project: dict) -> None:
     assert [item for item in project["project"]["dependencies"] if ">=" not in item] == []
 

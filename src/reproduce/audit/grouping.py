@@ -30,7 +30,7 @@ def _shared(relation: Relation) -> frozenset[object]:
 
 
 def apart(relations: Sequence[Relation], together: frozenset[str]) -> list[frozenset[str]]:
-    """Split a group that no few slips explain: by shared unknowns, and each other relation alone."""
+    """Split a group that no few slips explain: by shared unknowns, all other relations alone."""
     found: dict[str, set[str]] = {}
     for relation in (r for r in relations if r.name in together):
         shared = f"unknown {relation.unknown.name}" if relation.unknown else relation.name
