@@ -245,42 +245,31 @@ def _erratum(entry: Erratum) -> Markup:
     )
 
 
-def glue() -> None:
-    """Make the audit's numbers available to the sentences of a page.
+def sayings() -> dict[str, str]:
+    """Return what sentences may say of the audit: label to text.
 
-    For each paper: ``NAME-relations``, ``-agreeing``, ``-rounding``, ``-contradicting``,
-    ``-examined``, ``-numbers``, ``-groups`` (contradictions that hang together), ``-supposed``
-    (relations that rest on a supposition of ours, in none of the other counts); over both:
-    ``audit-…`` likewise, and ``audited-errata`` with ``audited-errata-extraction`` among them,
-    ``audited-errata-supposed`` apart.
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting``, ``-examined``,
+    ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed`` (relations that
+    rest on a supposition of ours, in none of the other counts); the same of both papers without the
+    paper's name; ``errata``, ``errata-extraction`` among them, ``errata-supposed`` apart.
     """
-    from myst_nb import glue as glue_one
-
+    counts: dict[str, int] = {}
     audits = [audit_paper(paper) for paper in PAPERS]
-    for name, group in [*((a.name, [a]) for a in audits), ("audit", audits)]:
+    for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
         tallies = [list(audit.tally().values()) for audit in group]
-        said = dict(
-            zip(
-                ("agreeing", "rounding", "contradicting"),
-                map(sum, zip(*tallies, strict=True)),
-                strict=True,
-            )
-        )
-        said["relations"] = sum(said.values())
-        said["examined"] = sum(len(audit.examined) for audit in group)
-        said["numbers"] = sum(len(audit.cells) for audit in group)
-        said["groups"] = sum(len(audit.groups) for audit in group)
-        said["supposed"] = sum(len(audit.supposed) for audit in group)
-        for label, count in said.items():
-            glue_one(f"audited-{name}-{label}", str(count), display=False)
+        sums = [sum(column) for column in zip(*tallies, strict=True)]
+        outcomes = ("agreeing", "rounding", "contradicting")
+        counts |= {f"{start}{name}": n for name, n in zip(outcomes, sums, strict=True)}
+        counts[f"{start}relations"] = sum(sums)
+        counts[f"{start}examined"] = sum(len(audit.examined) for audit in group)
+        counts[f"{start}numbers"] = sum(len(audit.cells) for audit in group)
+        counts[f"{start}groups"] = sum(len(audit.groups) for audit in group)
+        counts[f"{start}supposed"] = sum(len(audit.supposed) for audit in group)
     told = [entry for entry in errata_register() if not entry.supposition]
-    errata_said = {
-        "errata": len(told),
-        "errata-extraction": sum(entry.extraction for entry in told),
-        "errata-supposed": len(errata_register()) - len(told),
-    }
-    for label, count in errata_said.items():
-        glue_one(f"audited-{label}", str(count), display=False)
+    counts["errata"] = len(told)
+    counts["errata-extraction"] = sum(entry.extraction for entry in told)
+    counts["errata-supposed"] = len(errata_register()) - len(told)
+    return {label: str(count) for label, count in counts.items()}
 
 
 def _code(text: str) -> Markup:

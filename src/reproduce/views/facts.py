@@ -19,11 +19,12 @@ from reproduce.printed.cells import PAPERS, anchor
 from reproduce.views import words
 from reproduce.views.sayings import sayable, whole_ledger
 
-# Study -> the module of `views` that says its results.
+# Study, or the audit -> the module of `views` that says its results.
 STUDIES = {
     "niu2024/readings": "study_pages",
     "niu2024/approximations": "cost_pages",
     "niu2024/fusion": "fusion_pages",
+    "audit": "audit_pages",
 }
 
 
