@@ -5,7 +5,7 @@ processes: with another processor's linear algebra, without the wide instruction
 and from another place, with another locale, time zone and order of sets, and no home to write to.
 Words and tables must be the same letter by letter, drawings to a thousandth of a pixel, the
 ledger's own numbers to `CLOSE`. The pages that sample take most of the time; they run under the
-settings of `SAMPLED` alone, under all with ``--all``, or under none with ``--quick``, as in CI.
+settings of `SAMPLED`, as in CI, under all with ``--all``, or under none with ``--quick``.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from page_cells import BOOK, notebooks, run
 ROOT = BOOK.parent
 CLOSE = 1e-12
 DRAWN = 1e-3
-USUAL, PLAIN, ELSEWHERE = "as it is", "plain instructions", "some where"
-SAMPLED = (USUAL, PLAIN)
+USUAL, PLAIN, ONE, ELSEWHERE = "as it is", "plain instructions", "one thread", "some where"
+SAMPLED = (USUAL, PLAIN, ONE)
 # What a process needs of the checkout to make the pages.
 NEEDED = ("src", "data", "book", "tools")
 # What a setting may change is not taken over from outside.
@@ -68,7 +68,7 @@ def settings() -> dict[str, dict[str, str]]:
         },
     }
     if (os.cpu_count() or 1) > 1:
-        found["one thread"] = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        found[ONE] = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     for core, feature in (("Haswell", "AVX2"), ("SkylakeX", "X86_V4")):
         if features.get(feature) and core != arithmetic()["core"]:
             found[core] = {"OPENBLAS_CORETYPE": core}
