@@ -35,6 +35,8 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
     A relation that contradicts by itself gives one set. Relations that share an unknown conflict
     in pairs: intervals of one number have a common point if and only if every two of them have.
     Relations that hold one by one but not together are found by propagation through all.
+
+    The smallest first; each is minimal: free any of its cells, and the rest can be right.
     """
     odd = [conflict for relation in relations for conflict in _odd(cells, relation)]
     relations = by_value(relations)

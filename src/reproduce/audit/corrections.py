@@ -64,7 +64,11 @@ def corrections(
     depth: int = DEPTH,
     breadth: int = BREADTH,
 ) -> list[Correction]:
-    """Return corrections that lift a group of contradictions, the smallest slips first."""
+    """Return corrections that lift a group of contradictions, the smallest slips first.
+
+    Those that restore everything first, then those that break other relations in exchange; within
+    each, by size.
+    """
     search = Search(cells, relations, targets)
     found = [_correction(state, search) for state in search.run(depth, breadth)]
     return sorted(_worth_showing(found), key=_rank)

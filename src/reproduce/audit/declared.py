@@ -25,7 +25,10 @@ _KEYS |= {"unknown", "tolerance", "claim", "reading", "supposition"}
 
 
 def relations_of(paper: str, cells: Sheet) -> list[Relation]:
-    """Return the relations that the printed numbers of a paper should keep."""
+    """Return the relations that the printed numbers of a paper should keep.
+
+    In order of declaration; none of a paper without a file of relations.
+    """
     text = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
     if not text.is_file():
         return []
@@ -34,6 +37,8 @@ def relations_of(paper: str, cells: Sheet) -> list[Relation]:
 
 def declared(text: str, cells: Sheet, prefix: str = "") -> list[Relation]:
     """Read relations from a TOML text.
+
+    In order of declaration.
 
     Examples
     --------

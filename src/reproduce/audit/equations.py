@@ -71,7 +71,10 @@ class Demonstration:
 
 
 def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
-    """Run the equations of a paper as printed."""
+    """Run the equations of a paper as printed.
+
+    In order of print; none of a paper whose equations are not held against its numbers.
+    """
     runs: dict[str, tuple[Callable[[Sheet], Iterator[Demonstration]], ...]] = {
         "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
         "chen2023": (

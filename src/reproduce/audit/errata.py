@@ -59,7 +59,10 @@ class Erratum(BaseModel):
 
 
 def register(text: str) -> list[Erratum]:
-    """Read the register."""
+    """Read the register.
+
+    In the order of the file.
+    """
     entries = [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]
     seen: set[str] = set()
     for entry in entries:

@@ -97,7 +97,10 @@ def boxes_of(cells: Sheet, relations: Iterable[Relation], rule: Rule) -> dict[st
 def fix_unknowns(
     cells: Sheet, relations: Sequence[Relation], rule: Rule = "nearest"
 ) -> dict[str, Fixed]:
-    """Find, for each unknown, the largest set of relations that agree on one value."""
+    """Find, for each unknown, the largest set of relations that agree on one value.
+
+    Name of unknown to what the relations say of it.
+    """
     groups: dict[str, list[Relation]] = {}
     for relation in relations:
         if relation.unknown is not None:
@@ -166,7 +169,10 @@ def by_value(relations: Iterable[Relation]) -> list[Relation]:
 
 
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Finding]:
-    """Say of every relation whether it agrees, agrees only through rounding, or contradicts."""
+    """Say of every relation whether it agrees, agrees only through rounding, or contradicts.
+
+    One for each relation, in their order.
+    """
     wrong = contradicted(cells, relations)
     lifted = {rule: wrong - contradicted(cells, relations, rule) for rule in _other_rules()}
     fixed = fix_unknowns(cells, relations)
@@ -246,6 +252,9 @@ def jointly_contradicted(cells: Sheet, relations: Sequence[Relation]) -> bool:
 
 
 def rounding_votes(findings: Iterable[Finding]) -> dict[str, int]:
-    """Count, over the results that tell them apart, how many each rounding rule prints."""
+    """Count, over the results that tell them apart, how many each rounding rule prints.
+
+    Rule to count; results printed by all rules or by none are not counted.
+    """
     telling = [f.rules for f in findings if f.rules and len(f.rules) < len(ROUNDINGS)]
     return {rule: sum(rule in rules for rules in telling) for rule in ROUNDINGS}

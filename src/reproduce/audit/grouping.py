@@ -10,7 +10,10 @@ from reproduce.audit.relation import Relation
 
 
 def groups(cells: Sheet, relations: Sequence[Relation]) -> list[frozenset[str]]:
-    """Sort the contradictions into groups that hang together by a cell or an unknown."""
+    """Sort the contradictions into groups that hang together by a cell or an unknown.
+
+    Names of relations, each in one group, in order of first appearance.
+    """
     wrong = contradicted(cells, relations)
     pools: list[tuple[frozenset[str], frozenset[object]]] = []
     for relation in (r for r in relations if r.name in wrong):
@@ -30,7 +33,10 @@ def _shared(relation: Relation) -> frozenset[object]:
 
 
 def apart(relations: Sequence[Relation], together: frozenset[str]) -> list[frozenset[str]]:
-    """Split a group that no few slips explain: by shared unknowns, all other relations alone."""
+    """Split a group that no few slips explain: by shared unknowns, all other relations alone.
+
+    Smaller groups, in order of first appearance.
+    """
     found: dict[str, set[str]] = {}
     for relation in (r for r in relations if r.name in together):
         shared = f"unknown {relation.unknown.name}" if relation.unknown else relation.name

@@ -102,7 +102,10 @@ def quantity(address: str, text: str, unit: str = "1", qualifier: str | None = N
 
 
 def sheet(cells: Iterable[Cell]) -> dict[str, Quantity]:
-    """Return the numbers among printed cells by address."""
+    """Return the numbers among printed cells by address.
+
+    Address to quantity.
+    """
     return {c.address: Quantity(c.address, c.number, c.unit) for c in cells if c.is_number}
 
 
@@ -117,7 +120,10 @@ def _printed(number: PrintedNumber, rule: Rule) -> Interval:
 
 
 def allowed(printed: Quantity, rule: Rule = "nearest") -> Interval:
-    """Return the values that print so."""
+    """Return the values that print so.
+
+    A closed interval, in SI units.
+    """
     return printed.nearest if rule == "nearest" else _in_si(printed, rule)
 
 

@@ -160,7 +160,10 @@ class Search:
         return len(left) + _BROKEN * len(broken)
 
     def covers(self, state: State) -> list[frozenset[str]]:
-        """Return sets of cells, each of which must be touched to lift the group."""
+        """Return sets of cells, each of which must be touched to lift the group.
+
+        At least one for each relation of the group that contradicts.
+        """
         ours = [r for r in self.near if r.name in self.targets]
         found = []
         for relation in (r for r in ours if r.name in state.wrong):

@@ -27,7 +27,10 @@ _VISITS = 5_000
 def contract(
     relation: Relation, boxes: Mapping[str, Interval], unknown: Interval | None = None
 ) -> dict[str, Interval] | None:
-    """Narrow the intervals of a relation's cells to the values that can keep it."""
+    """Narrow the intervals of a relation's cells to the values that can keep it.
+
+    Address to narrowed interval, the unknown under its name; None if nothing is left.
+    """
     found = _alone(relation, tuple([boxes[a] for a in relation.addresses]), unknown)
     return None if found is None else dict(zip(_variables(relation), found, strict=False))
 
@@ -102,7 +105,10 @@ def projection(relation: Relation, boxes: Mapping[str, Interval]) -> Interval | 
 def propagate(
     relations: Iterable[Relation], boxes: Mapping[str, Interval]
 ) -> dict[str, Interval] | None:
-    """Narrow all cells by all relations together, back and forth until nothing moves."""
+    """Narrow all cells by all relations together, back and forth until nothing moves.
+
+    Address (and name of unknown) to narrowed interval; None if they cannot all hold.
+    """
     every = list(relations)
     state: dict[str, Interval] = {a: widened(boxes[a]) for r in every for a in r.addresses}
     for repeat in (relation for relation in every if relation.repeats):

@@ -24,7 +24,10 @@ class Expectation:
 
 @cache
 def frozen(key: str | None = None) -> dict[str, Expectation]:
-    """Return the frozen verdicts by address."""
+    """Return the frozen verdicts by address.
+
+    Address to expectation.
+    """
     expectations: dict[str, Expectation] = {}
     for entry in _entries():
         verdict, reason = entry["verdict"], entry.get("reason", "")

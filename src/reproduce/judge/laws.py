@@ -76,7 +76,8 @@ def _raised(values: Array, power: Array) -> Array:
 def log_tails(law: Law, intervals: Array) -> Array:
     """Return how far out every printed number lies, each by itself.
 
-    The result has the shape (cells,).
+    Shape (cells,). Decimal logarithm of the two-sided mid-p over the interval, as
+    `verdicts.judge_prediction` has it.
 
     Examples
     --------

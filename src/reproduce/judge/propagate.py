@@ -22,6 +22,9 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     inputs are moved together to the corner that makes the result smallest and to the one that
     makes it largest. For results monotone in each input, as all deterministic ones here are,
     these corners are the exact ends.
+
+    Cell name to the smallest and largest result, in SI; for a reading of a blocked cell, the name
+    that `reading_name` gives.
     """
     if computation.replicates:
         raise ValueError(f"{computation.name}: expected a deterministic computation")
@@ -44,6 +47,9 @@ def plain_results(computation: Computation, given: Given) -> dict[str, str]:
 
     Every input is moved by one unit of its last digit, up and down, to see which results follow
     it and by how much.
+
+    Cell name to ``repeated`` (the result is one input, moves one to one with it and with no other)
+    or ``difference`` (one input less another, or less itself); no other names.
     """
     centre = numbers(computation, given)
     follows: dict[str, dict[str, set[float]]] = {name: {} for name in centre}

@@ -73,7 +73,10 @@ def compare(draws: Array) -> Comparison:
 
 
 def compare_one(one: Array) -> tuple[Array, ...]:
-    """Compare the print with the prediction of one reading, for every way of counting the axes."""
+    """Compare the print with the prediction of one reading, for every way of counting the axes.
+
+    A row of each array of `Comparison`, in order.
+    """
     cells = [find(address)[0] for address in ADDRESSES]
     intervals = np.array([cell.number.interval() for cell in cells])
     rows: list[tuple[Array, ...]] = []
@@ -88,7 +91,10 @@ def compare_one(one: Array) -> tuple[Array, ...]:
 
 
 def columns_in_print(one: Array, cells: list[Cell], way: str) -> list[Array]:
-    """Return the draws of one reading cell by cell, in the unit of print."""
+    """Return the draws of one reading cell by cell, in the unit of print.
+
+    Shape (replicates,). In the order of `cells`.
+    """
     flat = counting.counted(one, way).reshape(len(one), -1)
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
 

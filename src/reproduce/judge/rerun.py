@@ -120,6 +120,8 @@ def reads(computation: Computation) -> tuple[str, ...]:
 def options(key: str) -> dict[str, dict[str, str]]:
     """Return what the text leaves open of an item.
 
+    Option to its alternatives, each with what it stands for.
+
     Examples
     --------
     >>> list(options("niu2024/table-3")["translations"])
@@ -134,6 +136,8 @@ def options(key: str) -> dict[str, dict[str, str]]:
 
 def changeable(key: str) -> tuple[str, ...]:
     """Return every cell that an item reads, directly or through other items.
+
+    Addresses, nearest first.
 
     Examples
     --------

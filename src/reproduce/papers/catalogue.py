@@ -55,6 +55,9 @@ def catalogue() -> Catalogue:
 def studies() -> dict[str, Callable[[], Study]]:
     """Return the tables of our own that stand beside the papers, by name.
 
+    Name, such as ``chen2023/readings``, to what computes the table: the function of that name in
+    its module.
+
     Examples
     --------
     >>> sorted(studies())[0].partition("/")[0]

@@ -13,6 +13,8 @@ from reproduce.papers.declare_posterior import Declaration
 def posteriors() -> dict[str, Declaration]:
     """Return the declaration of every posterior by its key.
 
+    What each paper's module ``posteriors``, if it has one, lists as ``POSTERIORS``.
+
     Examples
     --------
     >>> list(posteriors())[0]

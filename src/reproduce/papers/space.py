@@ -88,7 +88,7 @@ def triad(
 def swept(axis: ArrayLike, start: ArrayLike, angle: float) -> FloatArray:
     """Return the way that a vector takes while it turns about an axis.
 
-    The result has the shape (60, 3).
+    Shape (60, 3). The vector at sixty equal steps, the first before the turn.
 
     Examples
     --------

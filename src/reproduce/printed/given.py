@@ -72,7 +72,7 @@ class Given:
     def array(self, pattern: str) -> NDArray[np.float64]:
         """Return the numbers that match `pattern`, in order of print and SI units.
 
-        The result has the shape (n,).
+        Shape (n,). The numbers.
         """
         return np.array([self[cell.address] for cell in find(pattern) if cell.is_number])
 

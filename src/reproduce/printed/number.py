@@ -114,6 +114,9 @@ class PrintedNumber:
     def interval(self) -> tuple[float, float]:
         """Return the closed interval of values that agree with the print.
 
+        Lower and upper end. A bound reaches to infinity; ``within`` lies around zero. The limit
+        itself is taken as stated, not widened by half its last digit.
+
         Examples
         --------
         >>> PrintedNumber("0.1", qualifier="within").interval()

@@ -35,6 +35,8 @@ UNITS: dict[str, tuple[str, str, float]] = {
 def si_factor(unit: str) -> float:
     """Return the SI value of one `unit`; pixels stay pixels.
 
+    Metres, radians, seconds, hertz per unit; 1 for pixels and pure numbers.
+
     Examples
     --------
     >>> si_factor("mm")

@@ -67,7 +67,11 @@ class Table:
         )
 
     def last_digit(self, names: Sequence[str], rows: Sequence[int] | None = None) -> float:
-        """Return one unit of the last digit that is written in some columns."""
+        """Return one unit of the last digit that is written in some columns.
+
+        In the unit of the columns: 0.01 if no number has more than two decimals; see `last_place`
+        for numbers with an exponent.
+        """
         chosen = range(len(self.texts)) if rows is None else rows
         places = [self.columns.index(name) for name in names]
         least = min(last_place(self.texts[row][place]) for row in chosen for place in places)

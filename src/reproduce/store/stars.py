@@ -77,7 +77,11 @@ def bright_stars() -> Stars:
 
 @cache
 def spectra() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return the tabulated spectra of Vega and the Sun, as seen from the Earth."""
+    """Return the tabulated spectra of Vega and the Sun, as seen from the Earth.
+
+    ``vega`` and ``sun``, each to wavelengths, in metres, and photons per second, square metre and
+    metre of wavelength; both of shape (n,).
+    """
     path = data_folder() / "stars" / "spectra.csv"
     names = path.read_text(encoding="utf-8").partition("\n")[0].split(",")[1:]
     table = np.loadtxt(path, delimiter=",", skiprows=1)

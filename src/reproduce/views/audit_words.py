@@ -22,7 +22,10 @@ MANY = 12
 def audits(
     paper: str | None, table: Path | None = None, relations: Path | None = None
 ) -> list[Audit]:
-    """Audit one paper, both, or a table of the reader's own."""
+    """Audit one paper, both, or a table of the reader's own.
+
+    One for each paper or table.
+    """
     if table is not None and relations is not None:
         cells = sheet(read(table, table.stem).cells)
         text = relations.read_text(encoding="utf-8")

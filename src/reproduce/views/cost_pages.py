@@ -57,7 +57,10 @@ def _number(value: float, least: float) -> str:
 
 
 def sayings() -> dict[str, str]:
-    """Return what sentences may say of the approximations."""
+    """Return what sentences may say of the approximations.
+
+    Label to text: ``EFFECT-TABLE-CHANNEL-rms``, ``-left`` and ``-peak``, in px.
+    """
     said = {}
     for cost in _all():
         name = "-".join((cost.effect, cost.table, cost.channel)).lower().replace(" ", "-")

@@ -13,7 +13,10 @@ from reproduce.views.export import export
 
 
 def shipped() -> dict[str, str]:
-    """Return the names of the shipped files and what they hold."""
+    """Return the names of the shipped files and what they hold.
+
+    Path below the root of the book to a description.
+    """
     files = {
         "ledger.json": "one record per printed cell",
         "ledger.schema.json": "what each field of the ledger means",

@@ -29,7 +29,10 @@ STUDIES = {
 
 
 def facts() -> dict[str, str]:
-    """Compute every fact."""
+    """Compute every fact.
+
+    Name to text, as a sentence shows it.
+    """
     found = {}
     ledger = whole_ledger()
     keys = dict.fromkeys(record.key for record in ledger.records)

@@ -19,7 +19,10 @@ ENDINGS = (".svg", ".pdf", ".png")
 
 
 def drawable() -> list[str]:
-    """Return the keys of the items that draw."""
+    """Return the keys of the items that draw.
+
+    In order of print.
+    """
     return [key for key, item in catalogue().items() if item.draw is not None]
 
 

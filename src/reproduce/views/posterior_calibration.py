@@ -141,7 +141,11 @@ def overview_rows(found: dict[str, Calibration]) -> list[tuple[str, ...]]:
 
 
 def least_of_all(found: dict[str, Calibration]) -> tuple[float, int, float]:
-    """Return the least evenness of all quantities of all models, and how surprising it is."""
+    """Return the least evenness of all quantities of all models, and how surprising it is.
+
+    How many of so many are expected to be as small by chance: their product. It holds though
+    quantities of one model depend on each other, and models with a seed in common too.
+    """
     all_of_them = np.concatenate([one.probabilities() for one in found.values()])
     least, count = float(all_of_them.min()), len(all_of_them)
     return least, count, count * least

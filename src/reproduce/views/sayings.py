@@ -29,6 +29,8 @@ def whole_ledger() -> Ledger:
 def sayable(name: str) -> dict[str, str]:
     """Return what a sentence may say of a cell, an item, a paper or everything.
 
+    Label to text; the anchor of the name, a hyphen, and what is said.
+
     Examples
     --------
     >>> sayable("niu2024/table-2#scale.red")["niu2024-table-2-scale-red-computed"]

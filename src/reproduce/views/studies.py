@@ -36,7 +36,7 @@ def _part(span: tuple[int, int]) -> NDArray[np.float64]:
 def all_draws(replicates: int, processes: int) -> NDArray[np.float64]:
     """Simulate every reading, in parallel; the result does not depend on how.
 
-    The result has the shape (readings, replicates, 2, 8).
+    Shape (readings, replicates, 2, 8). As `study.simulate` returns it.
     """
     size = -(-replicates // PARTS)
     spans = [(begin, min(size, replicates - begin)) for begin in range(0, replicates, size)]
@@ -55,7 +55,12 @@ def _compared(draws: NDArray[np.float64], processes: int) -> readings.Comparison
 
 
 def niu2024_readings(replicates: int = study.REPLICATES, processes: int = 2) -> Arrays:
-    """Simulate niu2024 under every reading and compare each with the print."""
+    """Simulate niu2024 under every reading and compare each with the print.
+
+    ``mean``, ``sd`` (readings, 2, 8); ``quantiles`` (readings, 5, 2, 10), of what
+    `counting.SUMMARISED` names; ``first``, the first replicates (readings, 20, 2, 8); the rest as
+    in `judge.readings.Comparison`.
+    """
     draws = all_draws(replicates, processes)
     found = _compared(draws, processes)
     # One reading at a time: a second copy of the draws would not fit the promised memory.

@@ -140,7 +140,10 @@ def unit(record: Record) -> str:
 
 
 def tally(records: tuple[Record, ...]) -> dict[str, int]:
-    """Count records by verdict."""
+    """Count records by verdict.
+
+    Verdict to count, every verdict present, in the order in which they are shown.
+    """
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
@@ -148,7 +151,11 @@ WEAK = ("repeated", "difference", "through_rounding", "uninformative")
 
 
 def weak(records: tuple[Record, ...]) -> dict[str, int]:
-    """Count the records whose agreement says little, by what makes it weak."""
+    """Count the records whose agreement says little, by what makes it weak.
+
+    Flag to count, each of `WEAK`, among the exact and consistent records. A record with two flags
+    counts in both.
+    """
     agreeing = _agreeing(records)
     return {flag: sum(flag in r.flags for r in agreeing) for flag in WEAK}
 

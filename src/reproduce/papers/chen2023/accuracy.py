@@ -64,7 +64,7 @@ def simulated_accuracies(
 ) -> FloatArray:
     """Simulate both groups of images and return the scatter of their averages.
 
-    The result has the shape (replicates, 2 groups, counts, 2 axes).
+    Shape (replicates, 2 groups, counts, 2 axes). Three standard deviations, in radians.
     """
     response = lasers.angle_response(given)
     spots = np.stack([lasers.scatter(given, group) for group in (1, 2)])
@@ -162,7 +162,8 @@ def _predicted(door: Given) -> Results:
 def replicated_table(counts: list[int]) -> FloatArray:
     """Return the replicates of Table IV that its prediction rests on.
 
-    The result has the shape (replicates, columns, counts).
+    Shape (replicates, columns, counts). Three standard deviations, in radians; X and Y of the laser
+    transform, then of the misalignment.
     """
     predicted = _predicted(given(READS))
     return np.stack(

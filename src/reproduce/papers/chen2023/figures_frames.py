@@ -38,7 +38,7 @@ SHIFT = 0.8
 def turned_camera(angles: ArrayLike) -> FloatArray:
     """Return the axes of a camera that has turned, in the camera frame of the zero point.
 
-    The result has the shape (3, 3).
+    Shape (3, 3). X, Y and Z of the turned camera, one per row.
 
     Examples
     --------

@@ -91,7 +91,7 @@ def ride(door: Given) -> Ride:
 def trailing_mean(series: FloatArray, count: int) -> FloatArray:
     """Return the mean of the last `count` frames at each frame, of fewer at the beginning.
 
-    The result has the shape (frames, k).
+    Shape (frames, k). In the unit of the series.
     """
     start = np.cumsum(series[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
     return np.concatenate([start, moving_average(series, count, axis=0)])

@@ -37,7 +37,10 @@ NAMED = {1852: ("Mintaka", 1), 1903: ("Alnilam", -1), 1948: ("Alnitak", -1), 189
 
 
 def starfield(door: Given) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Return the stars that the tracker sees in the example: spots, magnitudes, numbers."""
+    """Return the stars that the tracker sees in the example: spots, magnitudes, numbers.
+
+    Shape (n, 2). In px. Shape (n,). Visual.
+    """
     pixels = door.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
     tracker = (
         detector_centre(pixels),

@@ -127,7 +127,12 @@ def fit(printed: FloatArray, noise: FloatArray, digit: float) -> JointFit:
 def preferences(
     tables: FloatArray, model: Model
 ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Return how strongly tables prefer floors, column by column and all together."""
+    """Return how strongly tables prefer floors, column by column and all together.
+
+    Shape (tables,). Minus twice the log likelihood without floors, up to a constant. Shape (tables,
+    columns + 1). What it loses when one column must do without a floor and the others need not;
+    last, when all columns must. Shape (tables, columns). Places of the most likely floors.
+    """
     away = _away(tables, model)
     none = _surprise(model, away, np.zeros(tables.shape[:2], dtype=np.intp))
     best, least = _descended(model, away)

@@ -70,7 +70,10 @@ def monitoring_sigma(door: Given, frames: int) -> FloatArray:
 
 
 def terms(door: Given) -> tuple[Term, ...]:
-    """Return the errors of the imaging model for SVGF-1."""
+    """Return the errors of the imaging model for SVGF-1.
+
+    The misalignment axis by axis, for one frame and for the average of many.
+    """
     pixel = np.array([1.0, 1.0, 0.0]) * door[twin_study.SATELLITE[1]]
     turns = [("attitude of the tracker, at its limit", np.full(3, door[POINTING] / lasers.SIGMAS))]
     for frames, said in ((1, ONE), (door.count(twin_study.SMOOTHED), MANY)):
@@ -128,7 +131,7 @@ def analytic(jacobian: GroundJacobian, term: Term) -> FloatArray:
 def simulated(view: Look, errors: tuple[Term, ...], name: str) -> FloatArray:
     """Return errors on the ground from draws of several errors through the whole imaging model.
 
-    The result has the shape (draws, 2).
+    Shape (draws, 2). East and north of the true place, in metres.
     """
     noise = dict.fromkeys(("satellite", "turn", "image"), np.zeros((DRAWS, 3)))
     for term in errors:

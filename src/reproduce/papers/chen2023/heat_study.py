@@ -123,7 +123,10 @@ def _laser_moves(points: FloatArray) -> dict[str, FloatArray]:
 
 
 def opened_angle(door: Given, kind: str) -> float:
-    """Return the tilt that is believed when one right angle of a retro-reflector opens."""
+    """Return the tilt that is believed when one right angle of a retro-reflector opens.
+
+    In radians per radian.
+    """
     points, rest = light_study.pattern(door), light_study.bench_path(door, kind)
     if not isinstance(rest.retroreflector, Mirrors):
         raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")

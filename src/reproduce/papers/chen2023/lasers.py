@@ -42,7 +42,8 @@ SIGMAS = 3.0
 def angle_response(given: Given) -> FloatArray:
     """Return how the camera's misalignment angles respond to errors of the four centroids.
 
-    The result has the shape (2, 4, 2).
+    Shape (2, 4, 2). Derivative of the angles about X and Y of the camera by x and y of each spot,
+    in rad/px.
     """
     return turn_response(given)[:2]
 
@@ -50,7 +51,7 @@ def angle_response(given: Given) -> FloatArray:
 def turn_response(given: Given) -> FloatArray:
     """Return the same response for the angles about X, Y and Z, roll included.
 
-    The result has the shape (3, 4, 2).
+    Shape (3, 4, 2). In rad/px.
     """
     return responses(given, tracker_centre(given))[0]
 
@@ -61,7 +62,10 @@ def tracker_centre(given: Given) -> FloatArray:
 
 
 def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the response of the error of the laser transform, in two frames."""
+    """Return the response of the error of the laser transform, in two frames.
+
+    Shape (3, 4, 2). About the axes of the camera, and about those of the tracker, in rad/px.
+    """
     spots = given.array(SPOTS).reshape(-1, 2)
     tracker = (
         spots,
@@ -83,7 +87,7 @@ def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, Fl
 def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
     """Return where the lasers sit by design, each at the corner that lies towards its spot.
 
-    The result has the shape (4, 2).
+    Shape (4, 2). Positions on the camera's focal plane, in metres.
     """
     offsets = spots - spots.mean(axis=0)
     corners: FloatArray = np.round(offsets / np.abs(offsets).max())  # it stands on a corner
@@ -93,6 +97,6 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
 def scatter(given: Given, group: int) -> FloatArray:
     """Return the centroid scatter of one group of images.
 
-    The result has the shape (4, 2).
+    Shape (4, 2). One standard deviation of x and y of each spot, in px.
     """
     return given.array(f"{SCATTER}#{group}-*").reshape(-1, 2) / SIGMAS

@@ -64,7 +64,7 @@ def believed(
 ) -> FloatArray:
     """Return the turn of the camera that the system believes when its light path changes.
 
-    The result has the shape (3,).
+    Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
     camera = emitted_directions(points * [1.0, -1.0 if mirrored else 1.0], rest.camera_focal_length)
     zero, then = (
@@ -146,7 +146,8 @@ def dichroic() -> Study:
 def dichroic_response(boresight_angle: float) -> FloatArray:
     """Return how the folded light answers to turns of the dichroic mirror about its own axes.
 
-    The result has the shape (3, 3).
+    Shape (3, 3). Columns: about the axis in the mirror and in the plane of the light, about the one
+    in the mirror across that plane, about the mirror's normal.
     """
     tilt = float(raytrace.fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.

@@ -53,7 +53,12 @@ NAMES = (
 
 @cache
 def year() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Simulate the campaign and the year after it, for a thermal amplitude of one."""
+    """Simulate the campaign and the year after it, for a thermal amplitude of one.
+
+    Shape (samples,). In days, zero at the end of the campaign. Shape (samples, 2). Misalignment
+    about X and Y over the amplitude. Shape (samples, 2). Standard normal numbers for the errors of
+    calibrations and of the monitoring.
+    """
     period = float(orbital_period(twin_study.altitude(given(twin_study.SATELLITE))))
     orbits = int(np.ceil((YEAR_DAYS + CAMPAIGN_DAYS) * DAY / period))
     generator = default_rng(seed_of("chen2023/year"))
@@ -62,7 +67,10 @@ def year() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def residuals(amplitude: float) -> dict[str, FloatArray]:
-    """Return what each correction leaves of the misalignment, from the end of the campaign on."""
+    """Return what each correction leaves of the misalignment, from the end of the campaign on.
+
+    Name to errors of shape (samples, 2), in radians.
+    """
     times, unit, noise = year()
     true = amplitude * unit
     known = int(np.searchsorted(times, 0.0))
@@ -175,7 +183,10 @@ def _limits(door: Given) -> dict[str, float]:
 
 
 def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
-    """Return the amplitude at which nine tenths of the errors just stay within a limit."""
+    """Return the amplitude at which nine tenths of the errors just stay within a limit.
+
+    In the unit of the slope, from 0 to `LARGEST`; not a number if noise alone goes beyond.
+    """
     if _ce90(noise, 1.0) > limit:
         return float("nan")
     low, high = 0.0, LARGEST

@@ -267,7 +267,8 @@ def replicated_scatter(
 ) -> FloatArray:
     """Return what studies of the printed size would find, from the closed form.
 
-    The result has the shape (cases, replicates, resolutions).
+    Shape (cases, replicates, resolutions). Standard deviation of the errors of all phases and
+    trials, in px.
     """
     trials, laws = given.count(f"{STUDY}#trials"), [law(given, case) for case in cases]
     shape = laws[0].bias.shape
@@ -285,7 +286,7 @@ def replicated_scatter(
 def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) -> FloatArray:
     """Return the index of the coarsest resolution that no finer one beats significantly.
 
-    The result has the shape (...).
+    Index along the last axis.
     """
     finer = np.minimum.accumulate(monitoring, axis=-1)
     error = errors * relative * np.hypot(monitoring, finer)

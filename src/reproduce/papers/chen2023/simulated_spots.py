@@ -36,7 +36,10 @@ def platform(given: Given) -> Platform:
 def images(
     given: Given, turns: list[tuple[FloatArray, FloatArray]], frames: int, stream: int
 ) -> list[FloatArray]:
-    """Simulate spots of groups of images."""
+    """Simulate spots of groups of images.
+
+    Shape (frames, 4, 2). In px.
+    """
     seed = SeedSequence(DATA_SEED[0], spawn_key=(DATA_SEED[1], stream))
     generator = Generator(PCG64(seed))
     design = platform(given)

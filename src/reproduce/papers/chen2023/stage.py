@@ -115,7 +115,10 @@ def common_length(given: Given, axis: str) -> float:
 
 
 def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
-    """Return the angle of the stage in a state under every reading of Table V."""
+    """Return the angle of the stage in a state under every reading of Table V.
+
+    Name and place of the reading to the angle in radians.
+    """
     axis = TURNS[turn]
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
     own, other = _moved(given, state, axis), _moved(given, state, turn)
@@ -218,7 +221,8 @@ def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Result
 def monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
     """Return the errors of monitored angles that centroid noise makes.
 
-    The result has the shape (replicates, states, 2).
+    Shape (replicates, states, 2). About X and Y, in radians, for all states but the zero state,
+    whose error they share.
     """
     response = lasers.angle_response(given)
     spots = lasers.scatter(given, 2) / np.sqrt(given.count(FRAMES))

@@ -141,7 +141,7 @@ def centroids(
 ) -> FloatArray:
     """Render frames and extract the spots, as the bench does.
 
-    The result has the shape (..., frames, 4, 2).
+    Shape (..., frames, 4, 2). Centres of gravity, in px.
     """
     places = np.asarray(spots, dtype=np.float64)[..., np.newaxis, :, :]
     corners = window_corners(places, platform.window)
@@ -184,7 +184,12 @@ def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
 
 
 def misfit(platform: Bench) -> dict[str, float]:
-    """Return how far the printed spots lie from where the designed lasers would put them."""
+    """Return how far the printed spots lie from where the designed lasers would put them.
+
+    ``residual``: root-mean-square distance of a spot from its laser after the best rotation, in px;
+    ``scale``: size of the printed pattern over the designed one; ``after_scale``: the distance that
+    is left when the pattern may also shrink, in px.
+    """
     rest, designed = platform.directions(platform.spots), platform.camera_directions
     pixel = platform.tracker[1] / platform.tracker[2]
 

@@ -47,7 +47,10 @@ LITERAL = next(iter(ARRANGEMENTS))
 
 
 def half_ranges(door: Given) -> tuple[float, float]:
-    """Return half the printed range about each axis."""
+    """Return half the printed range about each axis.
+
+    About x and y, in radians.
+    """
     x, y = (
         (door[f"{SETTINGS}#range-{axis}-high"] - door[f"{SETTINGS}#range-{axis}-low"]) / 2
         for axis in "xy"
@@ -56,7 +59,10 @@ def half_ranges(door: Given) -> tuple[float, float]:
 
 
 def candidates(door: Given) -> list[Arrangement]:
-    """Return every arrangement that has the printed number of angles."""
+    """Return every arrangement that has the printed number of angles.
+
+    In the order of the family.
+    """
     count = door.count(f"{SETTINGS}#angle-count")
     return arrangements_with(count, *half_ranges(door), door[f"{SETTINGS}#step"])
 
@@ -79,7 +85,10 @@ def literal(door: Given) -> Arrangement:
 
 
 def compute(door: Given) -> dict[str, object]:
-    """Compute what Figure 4 shows."""
+    """Compute what Figure 4 shows.
+
+    ``angles``, shape (137, 2), in radians, x before y, and ``half_ranges``, in radians.
+    """
     return {"angles": literal(door).angles, "half_ranges": half_ranges(door)}
 
 

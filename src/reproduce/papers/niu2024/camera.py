@@ -31,7 +31,10 @@ def field_of_view(given: Given) -> Results:
 
 
 def middles(given: Given, band: str) -> tuple[float, float]:
-    """Return the centre wavelength of a channel as the text can be read."""
+    """Return the centre wavelength of a channel as the text can be read.
+
+    The middle of the channel's band, and that of its third of the starlight's band, in metres.
+    """
     low, high = (given[f"{OUTCOME}#simulator-band-{end}"] for end in ("low", "high"))
     third = ("blue", "green", "red").index(band)
     middle = (given[f"{OPTICS}#band-{band}-low"] + given[f"{OPTICS}#band-{band}-high"]) / 2

@@ -81,7 +81,10 @@ def alone(positions: FloatArray) -> FloatArray:
 def measured_colours(
     door: Given, frames: list[FloatArray], centres: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the colours of stars from the three images of a frame."""
+    """Return the colours of stars from the three images of a frame.
+
+    Shape (2, n). Ratios red / green and blue / green, and their predicted standard deviations.
+    """
     back = [transform.inverse() for transform in images.similarities(door)]
     places = [centres, *(transform.apply(centres) for transform in back)]
     light = [

@@ -68,7 +68,7 @@ class Cost:
 def half_size(door: Given) -> FloatArray:
     """Return half the sides of the detector.
 
-    The result has the shape (2,).
+    Shape (2,). In metres.
     """
     pixels = np.array([door[f"{simulation.OPTICS}#pixels-{axis}"] for axis in "xy"])
     return pixels * door[f"{simulation.OPTICS}#pixel-pitch-x"] / 2
@@ -109,7 +109,7 @@ def costs(door: Given, across: int = 200) -> list[Cost]:
 def isolated_error(whole: Channels, effect: str, positions: FloatArray) -> FloatArray:
     """Return the error field of one effect alone.
 
-    The result has the shape (n, 2).
+    Shape (n, 2). In px.
     """
     error = error_field(whole.only(effect), positions)
     if effect == "coefficients":

@@ -22,7 +22,7 @@ SUMMARISED = (*MEASURED, "rmse-before", "rmse-after")
 def summarised(measured: FloatArray) -> FloatArray:
     """Return draws with the RMSE of both axes together beside those of each.
 
-    The result has the shape (..., 10).
+    Shape (..., 10). Numbers as in `SUMMARISED`.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def summarised(measured: FloatArray) -> FloatArray:
 def quantiles_counted(summaries: FloatArray, way: str) -> FloatArray:
     """Return quantiles of the printed numbers, the axes counted in one way.
 
-    The result has the shape (..., 6).
+    Shape (..., 6). Quantiles of the numbers of `CELLS`.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def quantiles_counted(summaries: FloatArray, way: str) -> FloatArray:
 def counted(measured: FloatArray, way: str) -> FloatArray:
     """Return the printed numbers of draws, the axes counted in one way.
 
-    The result has the shape (..., 6).
+    Shape (..., 6). Numbers as in `CELLS`.
 
     Examples
     --------

@@ -42,7 +42,10 @@ def facts_table_1() -> dict[str, str]:
 
 
 def facts_table_4() -> dict[str, str]:
-    """Return the largest error of every map for Table 4."""
+    """Return the largest error of every map for Table 4.
+
+    ``EFFECT-CHANNEL`` to a length in px.
+    """
     return _facts("Table 4")
 
 

@@ -21,7 +21,10 @@ FACTORS = (1.0, 1e3, 1.0, 1.0, 1.0, 1.0)
 
 
 def chosen() -> dict[str, tuple[int, str]]:
-    """Return readings to show: the literal one, and each other choice made in it alone."""
+    """Return readings to show: the literal one, and each other choice made in it alone.
+
+    What is other to the place of the reading in `study.readings` and the way of counting axes.
+    """
     door = given(study.READS)
     every, literal = study.readings(door), study.literal(door)
     both, *ways = counting.COUNTED

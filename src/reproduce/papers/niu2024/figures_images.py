@@ -162,7 +162,10 @@ def draw_stars(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def star_kind_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """Return what the drawing of the kinds of stars shows, in numbers."""
+    """Return what the drawing of the kinds of stars shows, in numbers.
+
+    Least and largest centroid errors of each kind of image, least and largest gain.
+    """
     at = fusion.MAGNITUDES.index(MIDDLE)
     error, signal = arrays["error"][:, -1, at, :, METHOD], arrays["signal_to_noise"][:, -1, at]
     said = {}

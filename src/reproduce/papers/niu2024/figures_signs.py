@@ -28,7 +28,8 @@ TURN, FOCAL = float(np.radians(20.0)), 7.0
 def registration_steps() -> FloatArray:
     """Return a blue spot on its way to the green image: as it is, turned, stretched, shifted.
 
-    The result has the shape (4, 2).
+    Shape (4, 2). Pixel coordinates in the units of the drawing; the last row is the registered
+    spot.
     """
     steps = Registration.similarity(
         scale=[1.0, 1.0, SCALE, SCALE],
@@ -77,7 +78,10 @@ def _axes(axes: Axes, corner: tuple[float, float], length: float) -> None:
 
 
 def table_spots() -> dict[str, FloatArray]:
-    """Return where the star's spot stands after a positive turn of either frame of the table."""
+    """Return where the star's spot stands after a positive turn of either frame of the table.
+
+    Name of the angle to the spot, shape (2,), from the principal point.
+    """
     turns = {"φ_1": (TURN, 0.0), "φ_2": (0.0, TURN)}
     return {name: ideal_positions([starlight(*turn)], FOCAL)[0] for name, turn in turns.items()}
 

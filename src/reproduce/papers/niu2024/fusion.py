@@ -90,7 +90,7 @@ def simulate(door: Given, trials: int = TRIALS, seed: int = SEED) -> Outcome:
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
     """Return the photons that a star sends to each detector in one exposure.
 
-    The result has the shape (3,).
+    Shape (3,). Green, red, blue.
     """
     spectrum = STARS[star]
     if isinstance(spectrum, str):
@@ -126,7 +126,11 @@ def cell(
 def exposures(
     spots: FloatArray, photons: FloatArray, trials: int, generator: Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Expose the same window of all three detectors many times."""
+    """Expose the same window of all three detectors many times.
+
+    Shape (3, trials, size, size). In electrons. Shape (2,). First pixel of the windows, about
+    green's spot.
+    """
     size = images.WINDOW + 2 * MARGIN
     corner = window_corners(spots[0], size).astype(np.float64)
     clean = spot_windows(spots, photons, images.RADIUS, np.broadcast_to(corner, (3, 2)), size)
@@ -137,7 +141,10 @@ def exposures(
 def combinations(
     windows: FloatArray, corner: FloatArray, transforms: list[Registration]
 ) -> list[FloatArray]:
-    """Return green alone, the plain sum, and the sum after registration."""
+    """Return green alone, the plain sum, and the sum after registration.
+
+    Shape (trials, window, window). The middle of the windows, in the order of `MADE`.
+    """
     at = (int(corner[0]), int(corner[1]))
     moved = np.zeros_like(windows[0])
     for layer, transform in zip(windows[1:], transforms, strict=True):

@@ -64,7 +64,10 @@ def shape(door: Given) -> tuple[int, int]:
 
 
 def cameras(door: Given) -> list[Camera]:
-    """Return the cameras of Table 4 with green's principal point in the middle of the detector."""
+    """Return the cameras of Table 4 with green's principal point in the middle of the detector.
+
+    Green, red, blue.
+    """
     middle = detector_centre(shape(door))
     return [
         Camera(c.focal_length, c.principal_point + middle, c.radial_distortion, c.pixel_pitch)
@@ -81,7 +84,7 @@ def similarities(door: Given) -> list[Registration]:
 def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> FloatArray:
     """Return the photons that stars send to each detector in one exposure.
 
-    The result has the shape (3, n).
+    Shape (3, n). Green, red, blue.
     """
     bands = [blackbody_band(magnitude, temperature, *edges) for edges in _bands(door)]
     return _collected(door) * np.stack(bands)
@@ -90,7 +93,7 @@ def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> F
 def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArray:
     """Return the photons that stars with a tabulated spectrum send to each detector.
 
-    The result has the shape (3, n).
+    Shape (3, n). Green, red, blue, in one exposure.
     """
     table = spectra()[name]
     bands = [tabulated_star(magnitude, *table, *edges) for edges in _bands(door)]
@@ -152,7 +155,10 @@ def frames(
 
 
 def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
-    """Return green as it is, and the other images on the pixels of green."""
+    """Return green as it is, and the other images on the pixels of green.
+
+    Green, red, blue.
+    """
     with ThreadPoolExecutor(2) as pool:
         moved = list(pool.map(registered_image, images[1:], transforms))
     return [images[0], *moved]
@@ -161,7 +167,8 @@ def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -
 def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatArray:
     """Find the spots of an image and their centres.
 
-    The result has the shape (n, 2).
+    Shape (n, 2). Maximum-likelihood centres, the brightest spot first, in px; spots whose window
+    would reach over the edge are left out, and those whose fit does not converge.
     """
     noise = SENSOR.noise_electrons() * np.sqrt(layers)
     found = detect_spots(image, significance * noise)
@@ -180,7 +187,7 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
 def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) -> FloatArray:
     """Return found minus true position for every star that was found.
 
-    The result has the shape (n, 2).
+    Shape (n, 2). Not a number for stars that were not found.
     """
     if not len(found):
         return np.full(truth.shape, np.nan)

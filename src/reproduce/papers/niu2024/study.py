@@ -128,7 +128,8 @@ def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> N
 def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> FloatArray:
     """Simulate, calibrate and test both channels under every reading.
 
-    The result has the shape (readings, replicates, 2, 8).
+    Shape (readings, replicates, 2, 8). Readings as in `readings`, channels red and blue, numbers as
+    in `MEASURED`; in radians and px. `counting.counted` makes of them what is printed.
     """
     replicates = whole_number("replicates", replicates)
     every = readings(door)
