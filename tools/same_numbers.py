@@ -103,8 +103,7 @@ def computed(pages: list[str]) -> dict[str, Any]:
     shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}
     if pages:
         return {"arithmetic": arithmetic(), "pages": shown, "ledger": {}}
-    from reproduce.views.facts import facts
-    from reproduce.views.sayings import whole_ledger
+    from reproduce.views.facts import facts, whole_ledger
 
     ledger = json.loads(whole_ledger().model_dump_json())
     return {"arithmetic": arithmetic(), "pages": {"sentences": facts()}, "ledger": ledger}

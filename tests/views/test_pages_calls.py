@@ -9,8 +9,8 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 from reproduce.views import pages, words
 from reproduce.views.downloads import shipped, write
+from reproduce.views.facts import facts_of, whole_ledger
 from reproduce.views.figures import drawable
-from reproduce.views.sayings import sayable, whole_ledger
 
 TABLES = list(library())
 
@@ -106,21 +106,21 @@ def test_the_score_of_one_paper_lists_its_items():
             assert html.count(f"<code>{name}</code>") == 1
 
 
-def test_sayings_of_a_cell_an_item_and_a_paper():
-    cell = sayable("niu2024/table-3#rotation.red")
-    assert cell["niu2024-table-3-rotation-red-printed"] == "0.0698°"
-    assert cell["niu2024-table-3-rotation-red-verdict"] == "consistent"
-    assert sayable("niu2024/table-3")["niu2024-table-3-joint"] == "below 1 in 2,000"
-    everything = sayable("all")
-    assert everything["all-cells"] == "333"
-    judged = sum(int(everything[f"all-{v}"]) for v in ("exact", "consistent", "differs"))
-    assert int(everything["all-judged"]) == judged
+def test_facts_of_a_cell_an_item_and_a_paper():
+    cell = facts_of("niu2024/table-3#rotation.red")
+    assert cell["printed"] == "0.0698°"
+    assert cell["verdict"] == "consistent"
+    assert facts_of("niu2024/table-3")["joint"] == "below 1 in 2,000"
+    everything = facts_of("all")
+    assert everything["cells"] == "333"
+    judged = sum(int(everything[v]) for v in ("exact", "consistent", "differs"))
+    assert int(everything["judged"]) == judged
 
 
 @pytest.mark.parametrize("name", ["nobody1999", "niu2024/table-3#scale.green"])
 def test_nothing_can_be_said_of_what_does_not_exist(name):
     with pytest.raises(KeyError):
-        sayable(name)
+        facts_of(name)
 
 
 @pytest.mark.parametrize(

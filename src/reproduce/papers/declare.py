@@ -219,6 +219,13 @@ def seed_of(name: str) -> np.random.SeedSequence:
     return np.random.SeedSequence(root, spawn_key=(key,))
 
 
+def split_seed(seed: np.random.SeedSequence, count: int) -> list[np.random.SeedSequence]:
+    """Return independent seeds for the parts of a computation."""
+    # spawn() would count up inside `seed`, and a second call would draw other numbers.
+    keys = ((*seed.spawn_key, part) for part in range(count))
+    return [np.random.SeedSequence(seed.entropy, spawn_key=key) for key in keys]
+
+
 def _entropy(name: str) -> tuple[int, int]:
     return ROOT_SEED, zlib.crc32(name.encode())
 

@@ -15,10 +15,10 @@ from reproduce.papers.niu2024 import (
 )
 from reproduce.store import studies
 from reproduce.views.distribution_pages import printed_values
+from reproduce.views.facts import filled
 from reproduce.views.figures import STYLE
 from reproduce.views.inline_svg import inline
 from reproduce.views.pages import Html
-from reproduce.views.sayings import filled
 from reproduce.views.studies import FUSION, READINGS
 from reproduce.views.words import powers
 

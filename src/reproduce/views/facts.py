@@ -8,16 +8,20 @@ paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
+import re
 import sys
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
+from reproduce.judge import ledger
+from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
-from reproduce.printed.cells import PAPERS, anchor
+from reproduce.printed.cells import PAPERS
 from reproduce.views import words
-from reproduce.views.sayings import sayable, whole_ledger
 
 # Study, or the audit -> the module of `views` that says its results.
 STUDIES = {
@@ -26,24 +30,51 @@ STUDIES = {
     "niu2024/fusion": "fusion_pages",
     "audit": "audit_pages",
 }
+_BLANK = re.compile(r"\{([^{}]+)\}")
+
+
+@functools.cache
+def item_ledger(key: str) -> Ledger:
+    """Return the ledger of one item."""
+    return ledger.build([key])
+
+
+@functools.cache
+def whole_ledger() -> Ledger:
+    """Return the ledger of everything."""
+    return ledger.build()
 
 
 def facts() -> dict[str, str]:
-    """Compute every fact.
-
-    Name to text, as a sentence shows it.
-    """
-    found = {}
-    ledger = whole_ledger()
-    keys = dict.fromkeys(record.key for record in ledger.records)
-    for name in (*(record.cell for record in ledger.records), *keys, *PAPERS, "all"):
-        start = len(anchor(name)) + 1
-        for label, text in sayable(name).items():
-            found[f"{name} {label[start:]}"] = words.powers(text)
+    """Compute every fact."""
+    records = whole_ledger().records
+    keys = dict.fromkeys(record.key for record in records)
+    found = {
+        f"{name} {what}": text
+        for name in (*(record.cell for record in records), *keys, *PAPERS, "all")
+        for what, text in facts_of(name).items()
+    }
     for study, module in STUDIES.items():
         sayings = import_module(f"reproduce.views.{module}").sayings()
-        found |= {f"{study}#{label}": words.powers(text) for label, text in sayings.items()}
-    return found
+        found |= {f"{study}#{label}": text for label, text in sayings.items()}
+    return {name: words.powers(text) for name, text in found.items()}
+
+
+def facts_of(name: str) -> dict[str, str]:
+    """Return what a sentence may say of a cell, an item, a paper or everything.
+
+    Examples
+    --------
+    >>> facts_of("niu2024/table-2#scale.red")["computed"]
+    '0.9976'
+    """
+    if "#" in name:
+        return _of_cell(name)
+    if "/" in name:
+        return _of_item(name)
+    if name not in {*PAPERS, "all"}:
+        raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
+    return _of_paper(name)
 
 
 def fingerprint() -> str:
@@ -67,6 +98,69 @@ def write(path: Path) -> bool:
     text = json.dumps({"key": key, "facts": facts()}, ensure_ascii=False, indent=0)
     path.write_text(text + "\n", encoding="utf-8")
     return True
+
+
+def filled(text: str, facts: Mapping[str, str] | None = None) -> str:
+    """Fill the blanks of an alternative text, so that no number is typed into it.
+
+    Examples
+    --------
+    >>> filled("a scale of {niu2024/table-2#scale.red printed}")
+    'a scale of 0.9976'
+    """
+
+    def fill(blank: re.Match[str]) -> str:
+        name, _, what = blank.group(1).partition(" ")
+        if not what:
+            return (facts or {})[name]
+        return facts_of(name)[what]
+
+    return _BLANK.sub(fill, text)
+
+
+def _of_cell(address: str) -> dict[str, str]:
+    record = item_ledger(address.partition("#")[0]).cell(address)
+    cell = words.cell_of(record)
+    unit = words.unit(record)
+    gap = "" if unit in {"", "°", "″"} else "\u202f"
+    value = words.computed(record)
+    said = {
+        "printed": cell.shown,
+        "computed": f"{value}{gap}{unit}" if value else "nothing",
+        "verdict": record.verdict,
+        "probability": words.probability(record) or "none",
+    }
+    if record.readings:
+        said["readings"] = str(len(record.readings))
+        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
+        for number, reading in enumerate(record.readings, start=1):
+            said[f"reading-{number}"] = words.read(record, reading).partition(",")[0]
+    return said
+
+
+def _of_item(key: str) -> dict[str, str]:
+    found = item_ledger(key)
+    said = {verdict: str(count) for verdict, count in words.tally(found.of(key)).items()}
+    joint = found.table(key)
+    if joint is not None:
+        said["joint"] = words.joint_chance(joint)
+        said["replicates"] = f"{joint.replicates:,}"
+    return said
+
+
+def _of_paper(name: str) -> dict[str, str]:
+    chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
+    tally = words.tally(chosen)
+    strong = words.strong(chosen)
+    counts = {
+        **tally,
+        **{flag.replace("_", "-"): count for flag, count in words.weak(chosen).items()},
+        "strong": strong,
+        "weak": tally["exact"] + tally["consistent"] - strong,
+        "cells": len(chosen),
+        "judged": sum(tally[verdict] for verdict in ("exact", "consistent", "differs")),
+    }
+    return {what: str(count) for what, count in counts.items()}
 
 
 if __name__ == "__main__":

@@ -20,8 +20,8 @@ from reproduce.printed.cells import library
 from reproduce.printed.units import symbol
 from reproduce.views import keys, terminal, words
 from reproduce.views.changed import Changed
+from reproduce.views.facts import item_ledger
 from reproduce.views.markup import html_table
-from reproduce.views.sayings import item_ledger
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -39,9 +40,9 @@ class _Own(Shown):
 
     title: str
 
+    @abstractmethod
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each."""
-        raise NotImplementedError
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""

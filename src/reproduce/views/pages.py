@@ -23,9 +23,9 @@ from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
 from reproduce.views import cite, keys, words
 from reproduce.views.downloads import shipped as downloads_shipped
+from reproduce.views.facts import filled, item_ledger, whole_ledger
 from reproduce.views.figures import draw
 from reproduce.views.inline_svg import inline
-from reproduce.views.sayings import filled, item_ledger, whole_ledger
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import SeedSequence
 
-from reproduce.papers.declare import Blocked, Prediction, Results, reproduces
+from reproduce.papers.declare import Blocked, Prediction, Results, reproduces, split_seed
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import (
     channel_centroids,
@@ -163,7 +163,7 @@ def registered_points(given: Given, angles: FloatArray) -> FloatArray:
 )
 def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
-    for_positions, for_errors = _streams(seed, 2)
+    for_positions, for_errors = split_seed(seed, 2)
     true = registered_points(given, random_positions(given, for_positions, replicates))
     errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
     return _per_axis(true + errors)
@@ -171,7 +171,7 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
 
 def before_by_focal_lengths(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Return the RMSE before registration: cameras of Table 4, without its scale factors."""
-    for_positions, for_errors = _streams(seed, 2)
+    for_positions, for_errors = split_seed(seed, 2)
     positions = random_positions(given, for_positions, replicates)
     true = channel_centroids(cameras(given), rotations(given), positions)
     errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
@@ -208,8 +208,3 @@ def _per_axis(measured: FloatArray) -> dict[str, Prediction]:
         for axis, draws in zip("xy", found.T, strict=True):
             results[f"rmse-before-{channel}-{axis}"] = Prediction(draws)
     return results
-
-
-def _streams(seed: SeedSequence, count: int) -> list[SeedSequence]:
-    """Return independent seeds; built by hand because spawn() would count up inside `seed`."""
-    return [SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, i)) for i in range(count)]

@@ -26,7 +26,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import SeedSequence
 
-from reproduce.papers.declare import Blocked, Prediction, Reading, Result, Results, reproduces
+from reproduce.papers.declare import (
+    Blocked,
+    Prediction,
+    Reading,
+    Result,
+    Results,
+    reproduces,
+    split_seed,
+)
 from reproduce.papers.niu2024 import angles
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import (
@@ -267,7 +275,7 @@ def residuals(
 
     Channel to its RMSE per axis before and after registration, each of shape (replicates, 2).
     """
-    for_noise, for_angles, for_test_noise = _streams(seed, 3)
+    for_noise, for_angles, for_test_noise = split_seed(seed, 3)
     found = calibrations(
         given,
         for_noise,
@@ -423,8 +431,3 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
                 else found(literal | chosen, channel, which)
             )
     return results
-
-
-def _streams(seed: SeedSequence, count: int) -> list[SeedSequence]:
-    """Return independent seeds; built by hand because spawn() would count up inside `seed`."""
-    return [SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, i)) for i in range(count)]
