@@ -21,7 +21,7 @@ def test_the_claim_on_the_reflector_of_the_satellite_holds():
 
 
 def test_a_roll_leaks_by_the_distance_of_the_spots_from_the_boresight():
-    spots = [[number(f"text-extraction#spot-{i}-{a}") for a in "xy"] for i in "1234"]
+    spots = [[number(f"text-platform#spot-{i}-{a}") for a in "xy"] for i in "1234"]
     table = "table-2#tracker-"
     pixels = [number(f"{table}pixels-{a}.value") for a in "xy"]
     # The middle of 1024 pixels, the first at zero, is at 511.5: as in the ledger's own geometry.

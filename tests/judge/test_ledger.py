@@ -103,7 +103,7 @@ def test_what_repeats_another_cell_is_flagged(whole):
 def test_only_work_not_done_is_pending(whole):
     """The Monte Carlo of Figure 11 is still to come."""
     pending = {record.key for record in whole.records if record.verdict == "pending"}
-    assert pending <= {"chen2023/text-angular-resolution"}
+    assert pending <= {"chen2023/text-resolution"}
 
 
 def test_one_item_alone_is_judged_as_in_the_whole(whole):
@@ -176,17 +176,17 @@ def test_no_prediction_is_degenerate(whole):
 def made_up(readings):
     """Judge the saturation of chen2023, 40 arcsec, by readings of our own."""
 
-    @reproduces("chen2023/text-angular-resolution", cells=["saturation"], given=[FAR, NEAR])
+    @reproduces("chen2023/text-resolution", cells=["saturation"], given=[FAR, NEAR])
     def computation(given):
         results = [Reading(name, "V-D", function(given)) for name, function in readings.items()]
         return {"saturation": Blocked("the rule", readings=tuple(results))}
 
-    table = library()["chen2023/text-angular-resolution"]
+    table = library()["chen2023/text-resolution"]
     return ledger._run(computation, table)[0]["saturation"]
 
 
-NEAR = "chen2023/text-angular-resolution#resolution-low"
-FAR = "chen2023/text-angular-resolution#resolution-high"
+NEAR = "chen2023/text-resolution#resolution-low"
+FAR = "chen2023/text-resolution#resolution-high"
 
 
 def test_a_cell_that_depends_on_its_reading_is_blocked_and_shows_them_all():

@@ -69,7 +69,7 @@ def test_columns_drawn_at_once_follow_the_law_of_whole_windows():
 def test_the_light_gives_back_the_variance_of_table_3(share):
     """By simulation at the printed spots: whole windows, no closed form."""
     light = resolution.light_for_table(DOOR, replace(resolution.LITERAL, read_share=share))
-    spots = DOOR.array("chen2023/text-extraction#spot-*").reshape(-1, 2)
+    spots = DOOR.array("chen2023/text-platform#spot-*").reshape(-1, 2)
     corners = np.round(spots).astype(int) - 2
     mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
     sensor = Detector(read_noise=light.read_noise)

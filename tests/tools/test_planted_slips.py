@@ -47,7 +47,7 @@ def test_the_relations_see_what_the_study_says():
 def test_a_verdict_sees_a_wrong_result_and_a_wrong_input():
     assert seen_by_verdicts("niu2024/table-2#scale.red", "0.9967").seen
     assert seen_by_verdicts("niu2024/table-1#focal-length.red", "25.6001").seen
-    assert not seen_by_verdicts("niu2024/text-registration#exposure", "900").seen
+    assert not seen_by_verdicts("niu2024/text-experiment#exposure", "900").seen
     assert seen_by_verdicts("niu2024/text-simulation#angle-count", "139").refused
 
 

@@ -197,7 +197,7 @@ def test_every_name_works_as_the_design_writes_it(tmp_path, monkeypatch):
     f = rp.figure("chen2023/fig-11")
     assert set(f.data["figure"]) == {"chen2023/fig-11a", "chen2023/fig-11b"}
     assert [path.name for path in f.save("fig.pdf")] == ["fig-a.pdf", "fig-b.pdf"]
-    assert f.rerun({"chen2023/text-angular-resolution#spot-radius": "20 um"}).panels[0].changes
+    assert f.rerun({"chen2023/text-resolution#spot-radius": "20 um"}).panels[0].changes
     p = rp.posterior("registration")
     assert "scale" in p.summary().index
     assert "<svg" in p.corner()._repr_html_()

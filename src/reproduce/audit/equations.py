@@ -223,7 +223,7 @@ def _roll_leak(cells: Sheet) -> Iterator[Demonstration]:
     """Roll the camera about its boresight, and take the error of (5) in the two orders."""
     t = "chen2023/table-2#tracker-"
     spots = np.array(
-        [[cells[f"chen2023/text-extraction#spot-{i}-{a}"].si for a in "xy"] for i in "1234"]
+        [[cells[f"chen2023/text-platform#spot-{i}-{a}"].si for a in "xy"] for i in "1234"]
     )
     middle = detector_centre([cells[f"{t}pixels-{a}.value"].si for a in "xy"])
     scale = cells[f"{t}pixel-size.value"].si / cells[f"{t}focal-length.value"].si

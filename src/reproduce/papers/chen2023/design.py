@@ -8,7 +8,7 @@ from reproduce.physics.light import raytrace
 from reproduce.printed.given import Given
 
 SATELLITE = "chen2023/table-1"
-DESIGN = "chen2023/text-design"
+DESIGN = "chen2023/text-satellite"
 TRACKER = "chen2023/table-2#tracker-focal-length.value"
 
 

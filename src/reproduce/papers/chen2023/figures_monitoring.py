@@ -97,7 +97,7 @@ def trailing_mean(series: FloatArray, count: int) -> FloatArray:
     return np.concatenate([start, moving_average(series, count, axis=0)])
 
 
-@draws("chen2023/fig-7", given=READS, marks=["chen2023/text-extraction#spot-*"])
+@draws("chen2023/fig-7", given=READS, marks=["chen2023/text-platform#spot-*"])
 def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
     platform = twin.bench(door)

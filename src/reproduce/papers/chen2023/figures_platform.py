@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-DESIGN = "chen2023/text-design"
+DESIGN = "chen2023/text-satellite"
 ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
 # Towards Orion, for no better reason than that everybody knows it; turned about the boresight.
 POINTING = np.radians([84.6, -0.4, 20.0])

@@ -26,7 +26,7 @@ from reproduce.printed.given import Given
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INSTALLED = "chen2023/text-design#boresight-angle"
+INSTALLED = "chen2023/text-satellite#boresight-angle"
 INERTIAL = Look("J2000", INK, "--")
 DATE = "2023-09-22T03:30:00"
 RADIUS = WGS84.equatorial_radius

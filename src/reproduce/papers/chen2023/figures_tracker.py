@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DESIGN = "chen2023/text-design"
+DESIGN = "chen2023/text-satellite"
 HARDWARE = "chen2023/text-hardware"
 BANDS = (
     f"{DESIGN}#transmission-low",

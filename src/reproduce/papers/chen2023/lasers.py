@@ -25,7 +25,7 @@ from reproduce.printed.given import Given
 
 PLATFORM = "chen2023/table-2"
 SCATTER = "chen2023/table-3"
-SPOTS = "chen2023/text-extraction#spot-*"
+SPOTS = "chen2023/text-platform#spot-*"
 DIAGONAL = "chen2023/text-hardware#laser-diagonal"
 READS = (
     SPOTS,

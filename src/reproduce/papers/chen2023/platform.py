@@ -23,7 +23,7 @@ def pixel_angle(given: Given) -> Results:
     return {"tracker-angular-resolution.value": angle_of_one_pixel(given)}
 
 
-@reproduces("chen2023/text-extraction", cells=["sd-*"], given=[SCATTER])
+@reproduces("chen2023/text-platform", cells=["sd-*"], given=[SCATTER])
 def scatter_range(given: Given) -> Results:
     """Smallest and largest scatter in Table III."""
     scatter = given.array(SCATTER)

@@ -24,7 +24,7 @@ PRINTED_SIGNS = np.array([1.0, -1.0])
 # Rows of print, and the two blocks of the table: motion along X, then along Y.
 MONITORED = tuple(f"{STAGE}#{state}.monitoring-{axis}" for state in MOVED for axis in "yx")
 REFERENCE = tuple(f"{STAGE}#{state}.reference-{axis}" for state in MOVED for axis in "yx")
-SPOT_CELLS = tuple(f"chen2023/text-extraction#spot-{i}-{a}" for i in range(1, 5) for a in "xy")
+SPOT_CELLS = tuple(f"chen2023/text-platform#spot-{i}-{a}" for i in range(1, 5) for a in "xy")
 SCATTER = tuple(f"{lasers.SCATTER}#{g}-{i}.{a}" for g in (1, 2) for i in range(1, 5) for a in "xy")
 
 

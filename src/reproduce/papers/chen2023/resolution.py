@@ -47,7 +47,7 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
-STUDY = "chen2023/text-angular-resolution"
+STUDY = "chen2023/text-resolution"
 FOCAL_LENGTH = "chen2023/table-2#tracker-focal-length.value"
 PIXEL = "chen2023/table-2#tracker-pixel-size.value"
 READS = (

@@ -50,7 +50,7 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 RADIUS = f"{resolution.STUDY}#spot-radius"
-WINDOW = "chen2023/text-extraction#window-x"
+WINDOW = "chen2023/text-platform#window-x"
 # The sensor that the predictions rest on.
 PHOTONS = Detector()
 READS = (*lasers.READS, lasers.SCATTER, accuracy.FRAMES, RADIUS, WINDOW)

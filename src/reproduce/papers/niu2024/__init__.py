@@ -13,7 +13,7 @@ ITEMS = {
     "niu2024/text-simulation": "simulation",
     "niu2024/fig-4": "angles",
     "niu2024/table-3": "simulation",
-    "niu2024/text-registration": "experiment laboratory",
+    "niu2024/text-experiment": "experiment laboratory",
     "niu2024/fig-5": "figures_setup",
     "niu2024/table-4": "experiment",
 }

@@ -7,7 +7,7 @@ from reproduce.physics.optics import camera
 from reproduce.printed.given import Given
 
 OPTICS = "niu2024/text-optics"
-OUTCOME = "niu2024/text-registration"
+OUTCOME = "niu2024/text-experiment"
 
 
 @reproduces(

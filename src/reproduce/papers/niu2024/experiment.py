@@ -7,7 +7,7 @@ from reproduce.physics.optics import camera, chromatic
 from reproduce.printed.given import Given
 
 CALIBRATION = "niu2024/table-4"
-OUTCOME = "niu2024/text-registration"
+OUTCOME = "niu2024/text-experiment"
 OPTICS = "niu2024/text-optics"
 CHANNELS = ("red", "blue")
 AXES = "xy"

@@ -42,7 +42,7 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 CALIBRATION = "niu2024/table-4"
-OUTCOME = "niu2024/text-registration"
+OUTCOME = "niu2024/text-experiment"
 OPTICS = "niu2024/text-optics"
 SETTINGS = "niu2024/text-simulation"
 CHANNELS = ("green", "red", "blue")
