@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
-from functools import cache, partial
+from collections.abc import Iterator, Mapping
+from functools import cache
 from types import ModuleType
 
 from reproduce.locate import papers
@@ -52,22 +52,46 @@ def catalogue() -> Catalogue:
     )
 
 
-def studies() -> dict[str, Callable[[], Study]]:
-    """Return the tables of our own that stand beside the papers, by name.
+class Studies(Mapping[str, Study]):
+    """Every table of our own by its key; its module is imported when it is used."""
 
-    Name, such as ``chen2023/readings``, to what computes the table: the function of that name in
-    its module.
+    def __init__(self, modules: Mapping[str, str]) -> None:
+        self._modules = modules
+
+    def __getitem__(self, key: str) -> Study:
+        """Return a study: what its module declares under this key."""
+        module = _module(key.partition("/")[0], self._modules[key])
+        declared = [one for one in vars(module).values() if isinstance(one, Study)]
+        found = next((one for one in declared if one.key == key), None)
+        if found is None:
+            raise ValueError(f"{key}: expected a study with this key in {module.__name__}")
+        return found
+
+    def __contains__(self, key: object) -> bool:
+        """Tell whether there is such a study, without importing it."""
+        return key in self._modules
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the keys, paper by paper."""
+        return iter(self._modules)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._modules)
+
+
+@cache
+def studies() -> Studies:
+    """Return the tables of our own that stand beside the papers, by key.
 
     Examples
     --------
-    >>> sorted(studies())[0].partition("/")[0]
-    'chen2023'
+    >>> "chen2023/heat" in studies()
+    True
     """
-    return {
-        key: partial(_study, key, name)
-        for paper in papers()
-        for key, name in _module(paper).STUDIES.items()
-    }
+    return Studies(
+        {key: name for paper in papers() for key, name in _module(paper).STUDIES.items()}
+    )
 
 
 def _module(*path: str) -> ModuleType:
@@ -92,9 +116,3 @@ def _item(key: str, names: list[str]) -> Item:
             f"{len(computations)} computations and {len(drawings)} drawings"
         )
     return Item(key, tuple(computations), drawings[0] if drawings else None)
-
-
-def _study(key: str, name: str) -> Study:
-    paper, _, title = key.partition("/")
-    found: Study = getattr(_module(paper, name), title.replace("-", "_"))()
-    return found

@@ -1,36 +1,105 @@
-"""Results of our own that stand beside a paper: a table in words, judged against nothing."""
+"""Tables of our own that stand beside a paper: declared once, numbers in a DataFrame, no verdict."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from reproduce.printed.given import Given, given
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a study, and how its numbers are written.
+
+    Parameters
+    ----------
+    name : str
+        Its head, with the unit in brackets.
+    form : str
+        A format specification for numbers, such as ``.2f``; empty for words.
+    zero : float
+        Numbers smaller than this are what rounding leaves of zero, and are shown as 0.
+    infinite : str
+        The word for a number without limit.
+    error : str
+        The name of the column that holds its standard error, shown behind ±; that column is not
+        shown on its own.
+    """
+
+    name: str
+    form: str = ""
+    zero: float = 0.0
+    infinite: str = "any"
+    error: str = ""
 
 
 @dataclass(frozen=True)
 class Study:
-    """A table of results that no paper prints.
+    """A table that no paper prints, with what it reads.
 
     Parameters
     ----------
+    key : str
+        Such as ``chen2023/heat``.
+    function : callable
+        Takes the door, if anything is given, and returns the rows, or a DataFrame whose ``attrs``
+        fill the blanks of the caption.
+    columns : tuple of Column
+        As many as a row has entries; the first names the row.
     caption : str
-        What it shows, in one sentence.
-    head : tuple of str
-        Names of the columns, with units.
-    rows : tuple of tuple of str
-        Entries, as many in each row as there are columns; the first names the row.
-
-    Examples
-    --------
-    >>> Study("Squares", ("n", "square"), (("2", "4"),)).rows[0]
-    ('2', '4')
+        What it shows, in one or two sentences.
+    given : tuple of str
+        Addresses of all printed cells that it reads.
     """
 
+    key: str
+    function: Callable[..., Iterable[Sequence[Any]] | pd.DataFrame]
+    columns: tuple[Column, ...]
     caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    given: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        wrong = [row for row in self.rows if len(row) != len(self.head)]
-        if wrong or not self.rows:
+    @property
+    def title(self) -> str:
+        """What it shows: the first line of the function's docstring."""
+        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+
+    def __call__(self, door: Given | None = None) -> pd.DataFrame:
+        """Compute the table, from the print or from what another door holds."""
+        import pandas as pd
+
+        doors = [given(self.given) if door is None else door] if self.given else []
+        found = self.function(*doors)
+        if isinstance(found, pd.DataFrame):
+            frame = found
+        else:
+            rows = list(found)
+            wrong = [row for row in rows if len(row) != len(self.columns)]
+            if wrong or not rows:
+                raise ValueError(
+                    f"{self.key}: expected rows of {len(self.columns)} entries, got "
+                    f"{wrong or 'no rows'}"
+                )
+            frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
+        if list(frame.columns) != [column.name for column in self.columns]:
             raise ValueError(
-                f"rows: expected {len(self.head)} entries each, got {wrong or 'no rows'}"
+                f"{self.key}: expected the columns {[c.name for c in self.columns]}, got "
+                f"{list(frame.columns)}"
             )
+        frame.attrs["caption"] = self.caption.format(**frame.attrs)
+        return frame
+
+
+def studied(
+    key: str, *, columns: Sequence[Column], caption: str, given: Sequence[str] = ()
+) -> Callable[[Callable[..., Any]], Study]:
+    """Declare that a function computes the study `key`; the arguments are those of `Study`."""
+
+    def declare(function: Callable[..., Any]) -> Study:
+        return Study(key, function, tuple(columns), caption, tuple(given))
+
+    return declare

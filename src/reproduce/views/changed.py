@@ -10,8 +10,8 @@ from rich.console import RenderableType
 
 from reproduce.judge.rerun import Rerun
 from reproduce.printed.units import symbol
-from reproduce.views import terminal, words
-from reproduce.views.markup import html_table
+from reproduce.views import words
+from reproduce.views.grid import Grid
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
@@ -123,12 +123,14 @@ class Changed(Shown):
             return ("cell", "printed", "so read", "from", "to", "would be", "unit")
         return ("cell", "printed", "from the print", "changed", "from", "to", "unit")
 
+    @property
+    def grid(self) -> Grid:
+        """The cells and what was changed, as a reader sees them."""
+        return Grid(self._told(), self._head, self._shown())
+
     def _repr_html_(self) -> str:
-        rows = [tuple(text.replace("-", "−") if 0 < i < 5 else text for i, text in enumerate(row))
-                for row in self._shown()]  # fmt: skip
-        return f'<div class="rp-table">{html_table(self._head, rows, self._told())}</div>'
+        return self.grid._repr_html_()
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the cells and what was changed."""
-        yield terminal.aligned(self._head, self._shown())
-        yield self._told()
+        yield from self.grid.parts(width)

@@ -15,7 +15,7 @@ from rich.console import RenderableType
 
 from reproduce.judge.expected import surprises
 from reproduce.judge.ledger import build
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS
 from reproduce.views import keys, terminal, words
 from reproduce.views.items import Cell, Figure, Panels, Table
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from reproduce.judge.ledger import Ledger
     from reproduce.views.own import Monitored, Registered
     from reproduce.views.sampled import Posterior
+    from reproduce.views.study import StudyTable
 
 
 class Contents(Shown):
@@ -235,24 +236,29 @@ def contents(paper: str | None = None) -> Contents:
     return Contents(paper)
 
 
-def table(address: str) -> Table | Cell:
-    """Return a table, a group of quoted numbers, or one cell of it.
+def table(address: str) -> Table | Cell | StudyTable:
+    """Return a table, a group of quoted numbers, one cell of it, or a table of our own.
 
     Parameters
     ----------
     address : str
-        A key such as ``niu2024/table-3``, or a cell such as ``niu2024/table-3#scale.red``.
+        A key such as ``niu2024/table-3``, a cell such as ``niu2024/table-3#scale.red``, or a
+        study such as ``chen2023/heat``.
 
     Returns
     -------
-    Table or Cell
-        Printed beside computed, with verdicts.
+    Table, Cell or StudyTable
+        Printed beside computed, with verdicts; our own numbers, without.
 
     Examples
     --------
     >>> table("niu2024/table-2")["scale.red"].verdict
     'exact'
     """
+    if address in studies():
+        from reproduce.views.study import StudyTable
+
+        return StudyTable(address)
     return Cell(address) if "#" in address else Table(address)
 
 

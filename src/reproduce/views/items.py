@@ -21,7 +21,7 @@ from reproduce.printed.units import symbol
 from reproduce.views import keys, terminal, words
 from reproduce.views.changed import Changed
 from reproduce.views.facts import item_ledger
-from reproduce.views.markup import html_table
+from reproduce.views.grid import Grid
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
@@ -301,7 +301,7 @@ class Cell(Shown):
         return [(name, text) for name, text in lines if text]
 
     def _repr_html_(self) -> str:
-        return html_table(("", self.address), self._lines(), self._cell.label)
+        return Grid(self._cell.label, ("", self.address), self._lines())._repr_html_()
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the cell with all that is known of it, a line each."""

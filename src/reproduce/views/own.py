@@ -24,9 +24,8 @@ from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.store.points import read_table
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views import terminal
 from reproduce.views.export import export_frame
-from reproduce.views.markup import html_table
+from reproduce.views.grid import Grid
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
@@ -48,21 +47,22 @@ class _Own(Shown):
         """Return the numbers as csv, json, latex or markdown."""
         return export_frame(self.frame().reset_index(), form)
 
-    def _rows(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    @property
+    def grid(self) -> Grid:
+        """The numbers as a reader sees them."""
         frame = self.frame()
-        head = (str(frame.index.name), *map(str, frame.columns))
-        cells = [(str(name), *(_text(value) for value in row))
-                 for name, row in zip(frame.index, frame.to_numpy(), strict=True)]  # fmt: skip
-        return head, cells
+        rows = [
+            [str(name), *map(_text, row)]
+            for name, row in zip(frame.index, frame.to_numpy(), strict=True)
+        ]
+        return Grid(self.title, [str(frame.index.name), *map(str, frame.columns)], rows)
 
     def _repr_html_(self) -> str:
-        head, rows = self._rows()
-        return f'<div class="rp-table">{html_table(head, rows, self.title)}</div>'
+        return self.grid._repr_html_()
 
     def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the title and the numbers."""
-        yield self.title
-        yield terminal.aligned(*self._rows())
+        """Yield the numbers and the title."""
+        yield from self.grid.parts(width)
 
 
 def _text(value: object) -> str:

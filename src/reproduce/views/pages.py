@@ -17,7 +17,7 @@ from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import papers
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.niu2024 import angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
@@ -26,6 +26,7 @@ from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.facts import filled, item_ledger, whole_ledger
 from reproduce.views.figures import draw
 from reproduce.views.inline_svg import inline
+from reproduce.views.study import StudyTable
 
 
 @dataclass(frozen=True)
@@ -190,12 +191,9 @@ def figure(key: str, alternative: str) -> Html:
     return Html(inline(draw(key), f"figure-{anchor(key)}", words.powers(filled(alternative))))
 
 
-def study(name: str) -> Html:
+def study(name: str) -> StudyTable:
     """Show a table of our own results that no paper prints."""
-    known = studies()
-    if name not in known:
-        raise KeyError(f"unknown study {name!r}: expected one of {', '.join(known)}")
-    return Html(_templates().get_template("study.html").render(study=known[name](), name=name))
+    return StudyTable(name)
 
 
 def score(paper: str | None = None) -> Html:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
-
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
+from reproduce.views.numbers import chance
 
 MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
@@ -28,45 +27,6 @@ FLAG_MEANINGS: dict[str, str] = {
     "about": "printed as an approximate number",
     "nominal": "printed as a nominal value",
 }
-
-
-_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
-_SUPERSCRIPTS = str.maketrans("−0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_TAGS = re.compile(r"(<[^>]*>)")
-
-
-def powers(text: str) -> str:
-    """Write the exponents of a text as powers of ten.
-
-    Examples
-    --------
-    >>> powers("from 1e−6 to −5.7e+12 px, not 2e-05.")
-    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
-    """
-
-    def write(found: re.Match[str]) -> str:
-        digits, sign, size = found.groups()
-        power = f"{'−' if sign in ('-', '−') else ''}{size}".translate(_SUPERSCRIPTS)
-        return f"10{power}" if digits == "1" else f"{digits}\u202f×\u202f10{power}"
-
-    return _EXPONENT.sub(write, text)
-
-
-def powers_in_html(html: str) -> str:
-    """Write exponents as powers of ten wherever HTML shows a sentence or a number.
-
-    Examples
-    --------
-    >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
-    '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
-    """
-    pieces, verbatim = _TAGS.split(html), 0
-    for index, piece in enumerate(pieces):
-        if re.match(r"</?(code|pre|script|style)\b", piece):
-            verbatim += -1 if piece.startswith("</") else 1
-        elif not piece.startswith("<") and not verbatim:
-            pieces[index] = powers(piece)
-    return "".join(pieces)
 
 
 def cell_of(record: Record) -> Cell:
@@ -98,22 +58,6 @@ def probability(record: Record) -> str:
     if record.probability is None or record.mcse is None:
         return ""
     return chance(record.probability, record.mcse)
-
-
-def chance(value: float, mcse: float) -> str:
-    """Write a probability with no more digits than its Monte Carlo error allows.
-
-    Examples
-    --------
-    >>> chance(0.4321, 0.01)
-    '0.43'
-    """
-    if value < mcse:
-        return f"<\u00a0{2 * mcse:.1g}"
-    decimals = 1
-    while decimals < 6 and 10.0**-decimals > 2 * mcse:
-        decimals += 1
-    return f"{value:.{decimals}f}"
 
 
 def joint_chance(joint: TableRecord) -> str:

@@ -1,0 +1,78 @@
+"""The one way to show a table of texts: HTML in a page, aligned columns in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup, escape
+from rich.console import RenderableType
+from rich.table import Table
+
+from reproduce.views.numbers import powers_in_html
+from reproduce.views.shown import Shown
+
+Entry = str | Markup
+
+
+@dataclass(frozen=True)
+class Grid(Shown):
+    """A table of texts; the first entry of each row names it.
+
+    Parameters
+    ----------
+    caption : str
+        What it shows; also its name for a reader who cannot see it.
+    head : sequence of str
+        Names of the columns.
+    rows : sequence of sequences of str
+        Entries; those that are `markupsafe.Markup` are HTML already.
+    identifier : str
+        The anchor of the table on a page.
+    kind : str
+        A further class of its HTML.
+    """
+
+    caption: Entry
+    head: Sequence[Entry]
+    rows: Sequence[Sequence[Entry]]
+    identifier: str = ""
+    kind: str = ""
+
+    @property
+    def html(self) -> Markup:
+        """The table as HTML that scrolls by itself where a page is narrow."""
+        th = '<th scope="{}">{}</th>'.format
+        head = "".join(th("col", escape(name)) for name in self.head)
+        rows = "\n".join(
+            f"<tr>{th('row', escape(row[0]))}"
+            f"{''.join(f'<td>{escape(entry)}</td>' for entry in row[1:])}</tr>"
+            for row in self.rows
+        )
+        anchor = f' id="{escape(self.identifier)}"' if self.identifier else ""
+        label = escape(Markup(escape(self.caption)).striptags())
+        return Markup(
+            powers_in_html(
+                f'<div class="rp-scroll"{anchor} tabindex="0" role="region" aria-label="{label}">'
+                f'\n<table class="{f"rp-table {self.kind}".strip()}">'
+                f"<caption>{escape(self.caption)}</caption>"
+                f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
+            )
+        )
+
+    def _repr_html_(self) -> str:
+        return str(self.html)
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the table and its caption."""
+        table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+        for i, name in enumerate(self.head):
+            table.add_column(_text(name), justify="right" if i else "left", overflow="fold")
+        for row in self.rows:
+            table.add_row(*map(_text, row))
+        yield table
+        yield _text(self.caption)
+
+
+def _text(entry: Entry) -> str:
+    return entry.striptags() if isinstance(entry, Markup) else entry

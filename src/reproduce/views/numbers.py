@@ -1,0 +1,94 @@
+"""How a number is written, wherever it is shown: minus signs, powers of ten, errors, chances."""
+
+from __future__ import annotations
+
+import math
+import re
+
+_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
+_SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_TAGS = re.compile(r"(<[^>]*>)")
+# A law is an extrapolation so far out, so that smaller probabilities are not told apart.
+LEAST_ORDER = -12
+
+
+def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any") -> str:
+    """Write a number by a format specification, with a true minus sign.
+
+    What is smaller than `zero` is the rounding of nothing; what has no limit is named.
+
+    Examples
+    --------
+    >>> number(-0.25, ".1f"), number(3e-16, ".2e", zero=1e-12), number(float("inf"), ".1f")
+    ('−0.2', '0', 'any')
+    """
+    if math.isinf(value):
+        return infinite
+    if abs(value) < zero:
+        return "0"
+    return f"{value:{form}}".replace("-", "−")
+
+
+def powers(text: str) -> str:
+    """Write the exponents of a text as powers of ten.
+
+    Examples
+    --------
+    >>> powers("from 1e−6 to −5.7e+12 px, not 2e-05.")
+    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
+    """
+
+    def write(found: re.Match[str]) -> str:
+        digits, sign, size = found.groups()
+        power = f"{'−' if sign in ('-', '−') else ''}{size}".translate(_SUPERSCRIPTS)
+        return f"10{power}" if digits == "1" else f"{digits}\u202f×\u202f10{power}"
+
+    return _EXPONENT.sub(write, text)
+
+
+def powers_in_html(html: str) -> str:
+    """Write exponents as powers of ten wherever HTML shows a sentence or a number.
+
+    Examples
+    --------
+    >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
+    '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
+    """
+    pieces, verbatim = _TAGS.split(html), 0
+    for index, piece in enumerate(pieces):
+        if re.match(r"</?(code|pre|script|style)\b", piece):
+            verbatim += -1 if piece.startswith("</") else 1
+        elif not piece.startswith("<") and not verbatim:
+            pieces[index] = powers(piece)
+    return "".join(pieces)
+
+
+def chance(value: float, mcse: float) -> str:
+    """Write a probability with no more digits than its Monte Carlo error allows.
+
+    Examples
+    --------
+    >>> chance(0.4321, 0.01)
+    '0.43'
+    """
+    if value < mcse:
+        return f"<\u00a0{2 * mcse:.1g}"
+    decimals = 1
+    while decimals < 6 and 10.0**-decimals > 2 * mcse:
+        decimals += 1
+    return f"{value:.{decimals}f}"
+
+
+def order(probability: float, least: int = LEAST_ORDER) -> str:
+    """Write a probability as a power of ten where it is small.
+
+    Examples
+    --------
+    >>> order(0.3), order(2e-9), order(1e-99)
+    ('0.3', '10⁻⁹', '<\u202f10⁻¹²')
+    """
+    if probability >= 1e-3:
+        return f"{probability:.1g}"
+    power = round(math.log10(max(probability, 1e-300)))
+    text = f"10{str(max(power, least)).translate(_SUPERSCRIPTS)}"
+    return text if power >= least else f"<\u202f{text}"
