@@ -1,4 +1,4 @@
-"""Tables of our own that stand beside a paper: declared once, numbers in a DataFrame, no verdict."""
+"""Tables of our own beside a paper: declared once, numbers in a DataFrame, no verdict."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
-from reproduce.views import words
+from reproduce.views import numbers, words
 
 # Study, or the audit -> the module of `views` that says its results.
 STUDIES = {
@@ -57,7 +57,7 @@ def facts() -> dict[str, str]:
     for study, module in STUDIES.items():
         sayings = import_module(f"reproduce.views.{module}").sayings()
         found |= {f"{study}#{label}": text for label, text in sayings.items()}
-    return {name: words.powers(text) for name, text in found.items()}
+    return {name: numbers.powers(text) for name, text in found.items()}
 
 
 def facts_of(name: str) -> dict[str, str]:

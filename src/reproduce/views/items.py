@@ -410,7 +410,7 @@ class Figure(Item):
     def _repr_html_(self) -> str:
         from reproduce.printed.cells import anchor
         from reproduce.views.inline_svg import inline
-        from reproduce.views.words import powers_in_html
+        from reproduce.views.numbers import powers_in_html
 
         name = f"figure-{anchor(self.key)}" + ("-changed" if self.changes else "")
         return powers_in_html(inline(self.drawn, name, f"{self.title}. {self._told()}".rstrip()))

@@ -21,7 +21,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.niu2024 import angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
-from reproduce.views import cite, keys, words
+from reproduce.views import cite, keys, numbers, words
 from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.facts import filled, item_ledger, whole_ledger
 from reproduce.views.figures import draw
@@ -36,7 +36,7 @@ class Html:
     text: str
 
     def _repr_html_(self) -> str:
-        return words.powers_in_html(self.text)
+        return numbers.powers_in_html(self.text)
 
     def __repr__(self) -> str:
         """Return nothing to read: the HTML is what counts."""
@@ -188,7 +188,7 @@ def _joint_sentence(joint: TableRecord | None) -> str:
 
 def figure(key: str, alternative: str) -> Html:
     """Show a figure that follows the page's light or dark theme."""
-    return Html(inline(draw(key), f"figure-{anchor(key)}", words.powers(filled(alternative))))
+    return Html(inline(draw(key), f"figure-{anchor(key)}", numbers.powers(filled(alternative))))
 
 
 def study(name: str) -> StudyTable:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
@@ -91,7 +91,7 @@ class StudyTable(Shown):
         yield from self.grid.parts(width)
 
 
-def _entry(row: Mapping[str, object], column: Column) -> str:
+def _entry(row: Mapping[Any, Any], column: Column) -> str:
     value = row[column.name]
     if not column.form or isinstance(value, str):
         return str(value)

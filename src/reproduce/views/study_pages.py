@@ -14,7 +14,7 @@ from reproduce.judge.verdicts import CENTRAL
 from reproduce.papers.niu2024 import angles, counting, precision, simulation, study
 from reproduce.printed.given import given
 from reproduce.store import studies
-from reproduce.views import words
+from reproduce.views import numbers
 from reproduce.views.pages import Html
 from reproduce.views.studies import READINGS
 
@@ -108,7 +108,7 @@ def chance(counted: float, law: float, replicates: int) -> str:
     """
     if counted * replicates < judged.LEAST:
         return order(10.0**law)
-    return words.chance(counted, float(np.sqrt(counted * max(2 - counted, 0) / replicates)))
+    return numbers.chance(counted, float(np.sqrt(counted * max(2 - counted, 0) / replicates)))
 
 
 def order(probability: float, least: int = LEAST_ORDER) -> str:
