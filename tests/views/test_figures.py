@@ -16,7 +16,7 @@ from matplotlib.path import Path
 from reproduce.views import figures, pages
 from reproduce.views.drawings import DRAWINGS, FACTS, paint
 from reproduce.views.inline_svg import SMALLEST, inline
-from reproduce.views.words import powers
+from reproduce.views.numbers import powers
 
 NAMES = [*figures.drawable(), *DRAWINGS]
 # The theme's backgrounds, and what it writes with; black in a figure becomes the latter.

@@ -7,7 +7,7 @@ import pytest
 
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
-from reproduce.views import pages, words
+from reproduce.views import numbers, pages
 from reproduce.views.downloads import shipped, write
 from reproduce.views.facts import facts_of, whole_ledger
 from reproduce.views.figures import drawable
@@ -47,7 +47,7 @@ def test_every_cell_has_its_anchor_and_its_print(key):
     reader = Reader(pages.table(key)._repr_html_())
     for cell in library()[key].cells:
         assert reader.ids.count(cell.anchor) == 1
-    assert reader.printed == [words.powers(cell.shown) for cell in library()[key].cells]
+    assert reader.printed == [numbers.powers(cell.shown) for cell in library()[key].cells]
     assert reader.open == []
 
 
@@ -133,7 +133,7 @@ def test_nothing_can_be_said_of_what_does_not_exist(name):
     ],
 )
 def test_probabilities_show_no_more_digits_than_their_error_allows(value, mcse, shown):
-    assert words.chance(value, mcse) == shown
+    assert numbers.chance(value, mcse) == shown
 
 
 def test_shipped_files_are_written(tmp_path):

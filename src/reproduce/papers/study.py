@@ -90,7 +90,7 @@ class Study:
                 f"{self.key}: expected the columns {[c.name for c in self.columns]}, got "
                 f"{list(frame.columns)}"
             )
-        frame.attrs["caption"] = self.caption.format(**frame.attrs)
+        frame.attrs["caption"] = self.caption.format_map(frame.attrs)
         return frame
 
 

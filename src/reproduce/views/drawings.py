@@ -18,9 +18,9 @@ from reproduce.views.distribution_pages import printed_values
 from reproduce.views.facts import filled
 from reproduce.views.figures import STYLE
 from reproduce.views.inline_svg import inline
+from reproduce.views.numbers import powers
 from reproduce.views.pages import Html
 from reproduce.views.studies import FUSION, READINGS
-from reproduce.views.words import powers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

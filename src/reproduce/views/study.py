@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
-from reproduce.judge import rerun as rerunning
 from reproduce.papers.catalogue import studies
 from reproduce.papers.study import Column
+from reproduce.printed.given import given
 from reproduce.views.grid import Grid
 from reproduce.views.numbers import number
 from reproduce.views.shown import Shown
@@ -44,7 +44,7 @@ class StudyTable(Shown):
     @property
     def reads(self) -> tuple[str, ...]:
         """Addresses of all printed cells that it reads."""
-        return tuple(rerunning.given(self._study.given).cells)
+        return tuple(given(self._study.given).cells)
 
     @property
     def source(self) -> str:
