@@ -1,6 +1,7 @@
 """Every number that a sentence of the book may say, by name, computed once before the pages.
 
-``python -m reproduce.views.facts FILE`` writes them; the roles of the book only look them up. A
+``python -m reproduce.views.facts FILE`` writes them, those of single papers where their keys
+follow; the roles of the book only look them up. A
 printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
 paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
 (``niu2024/readings#best-joint``).
@@ -20,7 +21,8 @@ from pathlib import Path
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
-from reproduce.printed.cells import PAPERS
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import PAPERS, library
 from reproduce.views import numbers, words
 
 # Study, or the audit -> the module of `views` that says its results.
@@ -45,16 +47,17 @@ def whole_ledger() -> Ledger:
     return ledger.build()
 
 
-def facts() -> dict[str, str]:
-    """Compute every fact."""
-    records = whole_ledger().records
-    keys = dict.fromkeys(record.key for record in records)
-    found = {
-        f"{name} {what}": text
-        for name in (*(record.cell for record in records), *keys, *PAPERS, "all")
-        for what, text in facts_of(name).items()
-    }
-    for study, module in STUDIES.items():
+def facts(*papers: str) -> dict[str, str]:
+    """Compute every fact, or those of the cells and items of some papers alone."""
+    if papers:
+        keys = [key for key in catalogue() if key.partition("/")[0] in papers and key in library()]
+        records = tuple(record for key in keys for record in item_ledger(key).records)
+    else:
+        records = whole_ledger().records
+        keys = list(dict.fromkeys(record.key for record in records))
+    names = [*(record.cell for record in records), *keys, *(() if papers else (*PAPERS, "all"))]
+    found = {f"{name} {what}": text for name in names for what, text in facts_of(name).items()}
+    for study, module in () if papers else STUDIES.items():
         sayings = import_module(f"reproduce.views.{module}").sayings()
         found |= {f"{study}#{label}": text for label, text in sayings.items()}
     return {name: numbers.powers(text) for name, text in found.items()}
@@ -89,13 +92,13 @@ def fingerprint() -> str:
     return digest.hexdigest()
 
 
-def write(path: Path) -> bool:
+def write(path: Path, *papers: str) -> bool:
     """Write all facts to a JSON file, unless it holds those of the present files."""
-    key = fingerprint()
+    key = " ".join((fingerprint(), *papers))
     if path.is_file() and json.loads(path.read_text(encoding="utf-8"))["key"] == key:
         return False
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"key": key, "facts": facts()}, ensure_ascii=False, indent=0)
+    text = json.dumps({"key": key, "facts": facts(*papers)}, ensure_ascii=False, indent=0)
     path.write_text(text + "\n", encoding="utf-8")
     return True
 
@@ -164,4 +167,4 @@ def _of_paper(name: str) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    write(Path(sys.argv[1]))
+    write(Path(sys.argv[1]), *sys.argv[2:])
