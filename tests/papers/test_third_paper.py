@@ -107,9 +107,10 @@ def test_its_page_is_built_with_its_numbers(tmp_path):
     shutil.copy(FOLDER / "data" / "references.bib", tmp_path / "data")
     shutil.copy(FOLDER / "book" / "lamp2025.md", book)
     (book / "_toc.yml").write_text("format: jb-book\nroot: lamp2025\n", encoding="utf-8")
+    builder = Path(sys.executable).parent / "jupyter-book"
     for command in (
         ["-m", "reproduce.views.facts", str(book / "_build" / "facts.json"), "lamp2025"],
-        [str(Path(sys.executable).parent / "jupyter-book"), "build", str(book), "-W", "--keep-going"],
+        [str(builder), "build", str(book), "-W", "--keep-going"],
     ):
         result = run(*command)
         assert result.returncode == 0, result.stdout + result.stderr

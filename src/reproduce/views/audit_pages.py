@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 from markupsafe import Markup
 
-import reproduce
 from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group, audit_paper
@@ -15,6 +14,7 @@ from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record, build
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
+from reproduce.version import __version__
 from reproduce.views import audit_words as words
 from reproduce.views.pages import Html
 
@@ -234,7 +234,7 @@ def _erratum(entry: Erratum) -> Markup:
         "Caution": Markup("{}").format(fault if entry.extraction else ""),
         "Cite as": Markup(
             "Erratum <code>{}</code>, <em>Pointing, reproduced</em>, version {}"
-        ).format(entry.id, reproduce.__version__),
+        ).format(entry.id, __version__),
     }
     items = Markup("").join(
         Markup("<dt>{}</dt><dd>{}</dd>").format(term, text) for term, text in terms.items() if text

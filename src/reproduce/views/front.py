@@ -16,7 +16,7 @@ from rich.console import RenderableType
 from reproduce.judge.expected import surprises
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue, studies
-from reproduce.printed.cells import PAPERS
+from reproduce.printed.cells import PAPERS, library
 from reproduce.views import keys, terminal, words
 from reproduce.views.items import Cell, Figure, Panels, Table
 from reproduce.views.shown import Shown
@@ -277,6 +277,12 @@ def figure(key: str) -> Figure | Panels:
     """
     panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
     return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
+
+
+def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
+    """Return what an address of the command line names: `table` or `figure`."""
+    known = address.partition("#")[0]
+    return table(address) if known in library() or known in studies() else figure(address)
 
 
 def check(*keys: str, progress: Callable[[str], None] | None = None) -> Check:

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import reproduce
 from reproduce.judge import readings
 from reproduce.papers.niu2024 import counting, fusion, images, study
 from reproduce.printed.given import given
 from reproduce.store import studies
+from reproduce.version import __version__
 
 Arrays = dict[str, NDArray[Any]]
 READINGS = "niu2024-readings"
@@ -97,7 +97,7 @@ STUDIES: dict[str, tuple[Callable[[], Arrays], int, int]] = {
 
 def versions() -> str:
     """Return what a study is run with: Python, NumPy and this project."""
-    return f"Python {platform.python_version()}, NumPy {np.__version__}, {reproduce.__version__}"
+    return f"Python {platform.python_version()}, NumPy {np.__version__}, {__version__}"
 
 
 def processor_seconds() -> float:
