@@ -28,7 +28,7 @@ from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import averaged_error, scatter_of_averages
 from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def replicated_table(door: Given, counts: list[int]) -> FloatArray:
     transform, then of the misalignment.
     """
     # The door that the drawing is given, so that both share one simulation.
-    predicted = _predicted(given(READS).changed(door.values))
+    predicted = _predicted(door.narrowed(READS))
     columns = [
         np.stack([_draws(predicted[f"{count}.{matrix}-{axis}"]) for count in counts], axis=-1)
         for matrix, axis in COLUMNS
@@ -359,7 +359,7 @@ def printed_fit(given: Given) -> JointFit:
 
 @studied(
     "chen2023/floors",
-    given=(*READS, f"{TABLE}#*"),
+    given=(*READS, *(f"{TABLE}#*.{matrix}-?" for matrix in MATRICES)),
     columns=(
         Column("Column"),
         Column("best floor (arcsec, 3σ)", ".3f"),

@@ -69,13 +69,19 @@ if TYPE_CHECKING:
 
 STUDY = "chen2023/text-resolution"
 SPOT_RADIUS = f"{STUDY}#spot-radius"
-READS = (
+# The spot on pixels of any size, with the light that Table III implies.
+SPOT_READS = (
     SPOT_RADIUS,
-    *(f"{STUDY}#{name}" for name in ("window-x", "resolution-low", "resolution-high")),
-    *(f"{STUDY}#{name}" for name in ("phases", "trials", "lasers")),
+    f"{STUDY}#window-x",
     *platform.TRACKER,
     platform.SPOTS,
     platform.SCATTER,
+)
+PHASES = f"{STUDY}#phases"
+READS = (
+    *SPOT_READS,
+    PHASES,
+    *(f"{STUDY}#{name}" for name in ("trials", "lasers", "resolution-low", "resolution-high")),
 )
 STEP = RADIANS_PER_ARCSEC
 REPLICATES = 2000
@@ -269,7 +275,7 @@ def light_for_table(given: Given, case: Case = LITERAL) -> Light:
 
 def law(given: Given, case: Case = LITERAL) -> CentroidError:
     """Return bias and variance of every resolution and phase, shape (resolutions, phases)."""
-    phases = even_phases(given.count(f"{STUDY}#phases"))
+    phases = even_phases(given.count(PHASES))
     radius = radii(given, resolutions(given), case)
     return predicted_errors(phases, light_for_table(given, case), radius, window(given))
 
@@ -281,9 +287,7 @@ def window(given: Given) -> int:
 
 def relative_error(given: Given) -> float:
     """Return the relative standard error of a standard deviation from all phases and trials."""
-    return float(
-        1.0 / np.sqrt(2.0 * given.count(f"{STUDY}#phases") * given.count(f"{STUDY}#trials"))
-    )
+    return float(1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials")))
 
 
 def replicated_scatter(
@@ -373,7 +377,7 @@ def readings(given: Given) -> list[tuple[str, float, float, float]]:
 
 def _error(given: Given, variant: Variant, angles: FloatArray) -> FloatArray:
     """Return the error of the centroids at every resolution, in px."""
-    phases = even_phases(given.count(f"{STUDY}#phases"))
+    phases = even_phases(given.count(PHASES))
     radius = radii(given, angles, variant.case)
     light = light_for_table(given, variant.case)
     if variant.whole_pixel:
@@ -392,7 +396,7 @@ def _error(given: Given, variant: Variant, angles: FloatArray) -> FloatArray:
 
 @studied(
     "chen2023/errors",
-    given=READS,
+    given=(*SPOT_READS, PHASES),
     columns=(Column("Quantity"), *(Column(f"{angle} arcsec", ".4f") for angle in TAKEN_APART)),
     caption="The centre of gravity in the fixed window, in px, for pixels of the given angle, with "
     "the light of the study and photon noise alone.",
@@ -400,7 +404,7 @@ def _error(given: Given, variant: Variant, angles: FloatArray) -> FloatArray:
 def errors(given: Given) -> list[tuple[str | float, ...]]:
     """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
     light, size = light_for_table(given), window(given)
-    phases = even_phases(given.count(f"{STUDY}#phases"))
+    phases = even_phases(given.count(PHASES))
     radius = radii(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
     law = predicted_errors(phases, light, radius, size)
     parts, least = predicted_scatter(law), bound(phases, light, radius, size)
@@ -417,7 +421,7 @@ def errors(given: Given) -> list[tuple[str | float, ...]]:
 
 @studied(
     "chen2023/estimators",
-    given=READS,
+    given=(*SPOT_READS, PHASES),
     columns=(Column("Estimator"), *(Column(f"{angle} arcsec", ".4f") for angle in COMPARED)),
     caption="Root-mean-square error over all phases, in px, for pixels of the given angle. Light "
     "{signal:.0f} electrons, read noise {read_noise:.1f} electrons: half of the "
@@ -427,7 +431,7 @@ def estimators(given: Given) -> pd.DataFrame:
     """Errors of four estimators over all phases, against the bound, by simulation."""
     # Half of the variance at the tracker's own pixel from the readout: a middle case.
     light = light_for_table(given, replace(LITERAL, read_share=0.5))
-    size, phases = window(given), even_phases(given.count(f"{STUDY}#phases"))
+    size, phases = window(given), even_phases(given.count(PHASES))
     radius = radii(given, np.array(COMPARED) * RADIANS_PER_ARCSEC)
     streams = spawned_streams(seed_of("chen2023/estimators"), len(radius))
     columns = [

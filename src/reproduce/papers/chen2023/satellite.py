@@ -36,7 +36,7 @@ __all__ = [
     "CAMERA",
     "EXPANSION",
     "IMAGE",
-    "READS",
+    "LIGHT_PATH",
     "SATELLITE",
     "TEXT",
     "TURN",
@@ -57,7 +57,13 @@ CAMERA = tuple(
 BORESIGHT = f"{TEXT}#boresight-angle"
 EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 ACCURACY = "chen2023/table-4#100.misalignment-?"
-READS = (*platform.INSTRUMENT, BORESIGHT, EXPANSION, ACCURACY)
+LIGHT_PATH = (
+    platform.SPOTS,
+    platform.DIAGONAL,
+    platform.TELESCOPE,
+    platform.FOCAL_LENGTH,
+    BORESIGHT,
+)
 OUT = np.array([0.0, 0.0, 1.0])
 TURN = 10 * RADIANS_PER_ARCSEC
 # Rays around the edge of the beam, and its radius in metres.
@@ -150,7 +156,7 @@ AXES = ("X (across the edge)", "Y (along the edge)", "Z (the beam)")
 
 @studied(
     "chen2023/retro-reflectors",
-    given=READS,
+    given=(*LIGHT_PATH, platform.PIXEL),
     columns=(
         Column("Retro-reflector"),
         *(

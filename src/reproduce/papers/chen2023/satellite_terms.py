@@ -40,7 +40,6 @@ STEP = 1e-6
 NOISE = 1e-6
 MIRROR = f"{platform.PLATFORM}#dichroic-"
 SEEN = f"{platform.PLATFORM}#tracker-band-high.value"
-STRAY_READS = (*resolution.READS, f"{MIRROR}*.value", SEEN, satellite.ACCURACY)
 # No width of the narrow filter is printed; this one stands in, in metres.
 FILTER_WIDTH = 10e-9
 # How much an even background may add to the noise of a centroid.
@@ -79,7 +78,7 @@ def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
 
 @studied(
     "chen2023/thermal",
-    given=(*satellite.READS, FLIGHT),
+    given=(*satellite.LIGHT_PATH, satellite.EXPANSION, satellite.ACCURACY, FLIGHT),
     columns=(
         Column("Term"),
         Column("unit of its motion"),
@@ -162,7 +161,7 @@ def opened_angle(given: Given, kind: str) -> float:
 
 @studied(
     "chen2023/stray",
-    given=STRAY_READS,
+    given=(*resolution.SPOT_READS, f"{MIRROR}*.value", SEEN, satellite.ACCURACY),
     columns=(
         Column("Term"),
         Column("at most (%)", ".1f"),
