@@ -36,7 +36,7 @@ def test_the_expected_tables_and_groups_are_there():
         *(
             f"chen2023/text-{topic}"
             for topic in (
-                "design extraction accuracy effectiveness angular-resolution positioning "
+                "satellite positioning platform accuracy effectiveness resolution "
                 "hardware context"
             ).split()
         ),

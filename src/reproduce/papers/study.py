@@ -27,8 +27,10 @@ class Column:
     infinite : str
         The word for a number without limit.
     error : str
-        The name of the column that holds its standard error, shown behind ±; that column is not
-        shown on its own.
+        The name of the column that holds its standard error, shown behind ± in that column's form
+        or with one digit; that column is not shown on its own.
+    missing : str
+        What stands where there is no number.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Column:
     zero: float = 0.0
     infinite: str = "any"
     error: str = ""
+    missing: str = ""
 
 
 @dataclass(frozen=True)
@@ -74,23 +77,28 @@ class Study:
 
         doors = [given(self.given) if door is None else door] if self.given else []
         found = self.function(*doors)
-        if isinstance(found, pd.DataFrame):
-            frame = found
-        else:
-            rows = list(found)
-            wrong = [row for row in rows if len(row) != len(self.columns)]
-            if wrong or not rows:
-                raise ValueError(
-                    f"{self.key}: expected rows of {len(self.columns)} entries, got "
-                    f"{wrong or 'no rows'}"
-                )
-            frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
+        frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
         if list(frame.columns) != [column.name for column in self.columns]:
             raise ValueError(
                 f"{self.key}: expected the columns {[c.name for c in self.columns]}, got "
                 f"{list(frame.columns)}"
             )
         frame.attrs["caption"] = self.caption.format_map(frame.attrs)
+        return frame
+
+    def frame(self, rows: Iterable[Sequence[Any]], **blanks: Any) -> pd.DataFrame:
+        """Return rows under the declared heads, with what fills the blanks of the caption."""
+        import pandas as pd
+
+        rows = list(rows)
+        wrong = [row for row in rows if len(row) != len(self.columns)]
+        if wrong or not rows:
+            raise ValueError(
+                f"{self.key}: expected rows of {len(self.columns)} entries, got "
+                f"{wrong or 'no rows'}"
+            )
+        frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
+        frame.attrs.update(blanks)
         return frame
 
 

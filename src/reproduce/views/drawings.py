@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from reproduce.papers.chen2023 import figures_frames
+from reproduce.papers.chen2023.figures import attitude
 from reproduce.papers.niu2024 import (
     figures_costs,
     figures_distributions,
@@ -47,9 +47,9 @@ def _distributions(figure: Figure) -> None:
 
 
 DRAWINGS: dict[str, Callable[[Figure], None]] = {
-    "chen2023-instruments": figures_frames.draw_instruments,
-    "chen2023-misalignment": figures_frames.draw_misalignment,
-    "chen2023-stage": figures_frames.draw_stage,
+    "chen2023-instruments": attitude.draw_instruments,
+    "chen2023-misalignment": attitude.draw_misalignment,
+    "chen2023-stage": attitude.draw_stage,
     "niu2024-approximations-table-1": figures_costs.draw_table_1,
     "niu2024-approximations-table-4": figures_costs.draw_table_4,
     "niu2024-colours": figures_images.draw_colours,
