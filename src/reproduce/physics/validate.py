@@ -1,4 +1,4 @@
-"""Checks on what a public function is given.
+"""Checks on what a public function is given: once, at the border; kernels behind it trust it.
 
 Every message says what was expected, what came and what to do about it.
 """
@@ -8,9 +8,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = [
+    "NON_NEGATIVE",
+    "POSITIVE",
+    "DegenerateGeometryError",
+    "FloatArray",
+    "MirroredPointsError",
+    "common_batch",
+    "finite_array",
+    "non_negative",
+    "number_array",
+    "positive",
+    "together",
+    "weights_for",
+    "whole_number",
+]
+
 FloatArray = NDArray[np.float64]
+Shape = tuple[int | None, ...]
 
-
+# What `together` is told of an argument that may have any shape.
+POSITIVE, NON_NEGATIVE = "positive", "non-negative"
 # What NumPy's kinds of arrays that hold no numbers are called.
 _KINDS = {"U": "text", "S": "bytes", "m": "time differences", "M": "dates"}
 
@@ -23,7 +41,7 @@ class MirroredPointsError(DegenerateGeometryError):
     """The target points are a mirror image of the source points."""
 
 
-def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] = ()) -> FloatArray:
+def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
     """Return `value` as a float array after checking its trailing shape and its finiteness.
 
     Parameters
@@ -65,25 +83,8 @@ def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
     return array
 
 
-def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] = ()) -> FloatArray:
-    """Return `value` as a float array after checking its trailing shape, not its finiteness.
-
-    Parameters
-    ----------
-    name, value, shape
-        As for `finite_array`.
-
-    Returns
-    -------
-    ndarray
-        A float64 array; not a copy when `value` already is one.
-
-    Raises
-    ------
-    TypeError
-        If `value` is not numeric.
-    ValueError
-        If it has the wrong shape or is empty.
+def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+    """Return what `finite_array` does, but let NaN and infinity pass.
 
     Examples
     --------
@@ -108,7 +109,16 @@ def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
             f"{name}: expected an array of numbers, got an entry that is none or too large; remove "
             "or convert it"
         ) from None
-    _check_shape(name, array, shape)
+    fits = array.ndim >= len(shape) and all(
+        want is None or want == have
+        for want, have in zip(shape[::-1], array.shape[::-1], strict=False)
+    )
+    if not fits:
+        wanted = ", ".join("n" if want is None else str(want) for want in shape)
+        raise ValueError(
+            f"{name}: expected shape (..., {wanted}), got {array.shape}; "
+            "rows are observations, columns are coordinates"
+        )
     if array.size == 0:
         raise ValueError(
             f"{name}: expected at least one value, got shape {array.shape}; "
@@ -117,47 +127,15 @@ def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
     return array
 
 
-def _check_shape(name: str, array: FloatArray, shape: tuple[int | None, ...]) -> None:
-    if not shape:
-        return
-    fits = array.ndim >= len(shape)
-    if fits:
-        for want, have in zip(shape, array.shape[-len(shape) :], strict=True):
-            fits = fits and (want is None or want == have)
-    if not fits:
-        wanted = ", ".join("n" if want is None else str(want) for want in shape)
-        raise ValueError(
-            f"{name}: expected shape (..., {wanted}), got {array.shape}; "
-            "rows are observations, columns are coordinates"
-        )
-
-
-def positive(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as a float array after checking that it is finite and above zero.
-
-    Parameters
-    ----------
-    name : str
-        What the caller calls the quantity; it opens the error message.
-    value : array_like
-        The quantity, in any unit.
-
-    Returns
-    -------
-    ndarray
-        A float64 array.
-
-    Raises
-    ------
-    ValueError
-        If a value is NaN, infinite, zero or negative.
+def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+    """Return what `finite_array` does, and refuse zero and negative values with a ValueError.
 
     Examples
     --------
     >>> float(positive("focal_length", 25e-3))
     0.025
     """
-    array = finite_array(name, value)
+    array = finite_array(name, value, shape=shape)
     if (array <= 0).any():
         raise ValueError(
             f"{name}: expected values above zero, got a smallest value of {array.min():g}; "
@@ -166,20 +144,73 @@ def positive(name: str, value: ArrayLike) -> FloatArray:
     return array
 
 
+def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+    """Return what `finite_array` does, and refuse negative values with a ValueError.
+
+    Examples
+    --------
+    >>> float(non_negative("sigma", 0))
+    0.0
+    """
+    array = finite_array(name, value, shape=shape)
+    if (array < 0).any():
+        raise ValueError(
+            f"{name}: expected zero or more, got a smallest value of {array.min():g}; "
+            "check its sign"
+        )
+    return array
+
+
+def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ...]:
+    """Return several arguments as float arrays after checking each, and that batches broadcast.
+
+    Parameters
+    ----------
+    **arguments : (array_like, tuple or str)
+        Each argument by its name, with its trailing shape as `finite_array` takes it; () is a
+        number with batch axes, and `POSITIVE` and `NON_NEGATIVE` are such numbers with a sign.
+
+    Returns
+    -------
+    tuple of ndarray
+        In the order given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `finite_array`, `positive`, `non_negative` and `common_batch`.
+
+    Examples
+    --------
+    >>> together(points=([[1, 2]], (None, 2)), focal_length=(3, POSITIVE))
+    (array([[1., 2.]]), array(3.))
+    """
+    arrays, batches = [], {}
+    for name, (value, kind) in arguments.items():
+        if isinstance(kind, str):
+            array = (positive if kind == POSITIVE else non_negative)(name, value)
+            batches[name] = array.shape
+        else:
+            array = finite_array(name, value, shape=kind)
+            batches[name] = array.shape[: array.ndim - len(kind)]
+        arrays.append(array)
+    common_batch(**batches)
+    return tuple(arrays)
+
+
 def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
-    """Return `count` non-negative weights, all one where none are given.
+    """Return `count` relative weights, all one where none are given.
 
     Parameters
     ----------
     weights : array_like, shape (..., count), or None
-        Relative weights, zero allowed but not for all observations at once.
+        Zero or more, but not zero for all observations at once.
     count : int
         How many observations there are.
 
     Returns
     -------
     ndarray, shape (..., count)
-        The weights as floats.
 
     Raises
     ------
@@ -193,48 +224,9 @@ def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
     """
     if weights is None:
         return np.ones(count)
-    array = finite_array("weights", weights, shape=(count,))
-    if (array < 0).any():
-        raise ValueError(
-            f"weights: expected zero or more, got a smallest weight of {array.min():g}; "
-            "weights are inverse variances"
-        )
+    array = non_negative("weights", weights, shape=(count,))
     if (array.sum(axis=-1) <= 0).any():
         raise ValueError("weights: expected at least one above zero, got all zero; drop the set")
-    return array
-
-
-def non_negative(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as a float array after checking that it is finite and not below zero.
-
-    Parameters
-    ----------
-    name : str
-        What the caller calls the quantity; it opens the error message.
-    value : array_like
-        The quantity, in any unit: a standard deviation, for one.
-
-    Returns
-    -------
-    ndarray
-        A float64 array.
-
-    Raises
-    ------
-    ValueError
-        If a value is NaN, infinite or negative.
-
-    Examples
-    --------
-    >>> float(non_negative("sigma", 0))
-    0.0
-    """
-    array = finite_array(name, value)
-    if (array < 0).any():
-        raise ValueError(
-            f"{name}: expected zero or more, got a smallest value of {array.min():g}; "
-            "check its sign"
-        )
     return array
 
 
@@ -246,14 +238,13 @@ def whole_number(name: str, value: int, *, least: int = 1) -> int:
     name : str
         What the caller calls the count; it opens the error message.
     value : int
-        The count; NumPy integers are welcome, booleans and floats are not.
+        NumPy integers are welcome, booleans and floats are not.
     least : int
         The smallest value allowed.
 
     Returns
     -------
     int
-        The count.
 
     Raises
     ------
@@ -278,17 +269,7 @@ def whole_number(name: str, value: int, *, least: int = 1) -> int:
 
 
 def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the batch shape that the named leading shapes broadcast to.
-
-    Parameters
-    ----------
-    **batches : tuple of int
-        The leading (batch) shape of each argument, by the argument's name.
-
-    Returns
-    -------
-    tuple of int
-        Their common shape under NumPy's broadcasting rules.
+    """Return the shape that leading (batch) shapes, by their arguments' names, broadcast to.
 
     Raises
     ------

@@ -9,9 +9,9 @@ import pytest
 
 from reproduce.physics.optics.arrangements import (
     Arrangement,
+    _lattices,
     arrangements,
     arrangements_with,
-    lattices,
 )
 
 HALF_X, HALF_Y, STEP = np.radians((8.0, 6.0, 0.9))
@@ -134,7 +134,7 @@ def test_points_of_a_row_are_a_step_apart_where_the_name_says_so() -> None:
 
 
 def test_spacings_of_the_fitted_quincunxes_average_to_the_step() -> None:
-    fitted = [found for found in lattices(HALF_X, HALF_Y, STEP) if " by " in found.name]
+    fitted = [found for found in _lattices(HALF_X, HALF_Y, STEP) if " by " in found.name]
     assert [found.name.split(" in ")[1] for found in fitted] == [
         "16 by 15 spacings",
         "20 by 12 spacings",

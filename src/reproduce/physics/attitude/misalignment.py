@@ -26,15 +26,32 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import rotations, transpose, unit, vector_from_rotation
-from reproduce.physics.attitude.wahba import attitude
+from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation, rotations
+from reproduce.physics.attitude.wahba import _rotation
 from reproduce.physics.validate import (
+    POSITIVE,
     FloatArray,
     common_batch,
     finite_array,
-    positive,
+    together,
     weights_for,
 )
+
+__all__ = [
+    "angle_jacobian",
+    "corrected_installation",
+    "inertial_attitude",
+    "laser_transform",
+    "misalignment",
+    "misalignment_angles",
+    "misalignment_between",
+    "misalignment_in_tracker",
+    "moved_laser_transform",
+    "stage_angle",
+    "stage_angle_printed",
+    "stage_angles",
+    "transform_error_printed",
+]
 
 
 def laser_transform(
@@ -71,7 +88,7 @@ def laser_transform(
     DegenerateGeometryError
         If there are not two lasers in different directions.
     ValueError
-        If shapes do not fit, or values or weights are out of range.
+        If the counts differ, or a direction has length zero.
 
     Examples
     --------
@@ -79,8 +96,8 @@ def laser_transform(
     >>> np.allclose(laser_transform(directions, directions), np.eye(3))
     True
     """
-    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
-    return attitude(tracker, camera, factors, method)
+    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, pooled)
+    return _rotation(tracker, camera, kept, method)
 
 
 def misalignment(
@@ -113,7 +130,7 @@ def misalignment(
     Raises
     ------
     DegenerateGeometryError, ValueError
-        As for `laser_transform`; also if the zero point is not a rotation.
+        As for `laser_transform`.
 
     Examples
     --------
@@ -121,11 +138,16 @@ def misalignment(
     >>> np.allclose(misalignment(directions, directions, np.eye(3)), np.eye(3))
     True
     """
-    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
+    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, pooled)
     zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
-    common_batch(tracker_directions=tracker.shape[:-2], tracker_from_camera_zero=zero.shape[:-2])
+    common_batch(
+        camera_directions=camera.shape[:-2],
+        tracker_directions=tracker.shape[:-2],
+        weights=kept.shape[:-1],
+        tracker_from_camera_zero=zero.shape[:-2],
+    )
     # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
-    return attitude(camera, tracker @ zero, factors, "quest")
+    return _rotation(camera, tracker @ zero, kept, "quest")
 
 
 def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
@@ -134,7 +156,7 @@ def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
     Parameters
     ----------
     camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        The misalignment R_cam,0^cam,t; less than half a turn.
+        The misalignment R_cam,0^cam,t.
 
     Returns
     -------
@@ -145,7 +167,7 @@ def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If a matrix is not a rotation, or turns by half a turn.
+        If a matrix turns by half a turn.
 
     Examples
     --------
@@ -156,7 +178,7 @@ def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
     array([0. , 0. , 0.5])
     """
     matrix = rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
-    return vector_from_rotation(transpose(matrix))
+    return _vector_from_rotation(matrix.mT)
 
 
 def angle_jacobian(
@@ -201,22 +223,20 @@ def angle_jacobian(
     >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
     array([0. , 0. , 0.5])
     """
-    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, False)
+    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, False)
     count = tracker.shape[-2]
     moves = finite_array("direction_jacobian", direction_jacobian, shape=(count, 3, None))
-    camera_from_tracker = attitude(camera, tracker, factors)
-    batch = camera_from_tracker.shape[:-2]
-    common_batch(directions=batch, direction_jacobian=moves.shape[:-3])
-    camera = unit("camera_directions", camera)
-    carried = unit("tracker_directions", tracker) @ transpose(camera_from_tracker)
-    shares = weights_for(factors, count)
-    product = transpose(shares[..., np.newaxis] * camera) @ carried
+    camera_from_tracker = _rotation(camera, tracker, kept)
+    common_batch(directions=camera_from_tracker.shape[:-2], direction_jacobian=moves.shape[:-3])
+    camera = _unit("camera_directions", camera)
+    carried = _unit("tracker_directions", tracker) @ camera_from_tracker.mT
+    product = (kept[..., np.newaxis] * camera).mT @ carried
     trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
-    stiffness = trace * np.eye(3) - 0.5 * (product + transpose(product))
+    stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
     moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, moves)
-    torque = np.cross(camera[..., np.newaxis, :], np.swapaxes(moved, -1, -2))
-    weighted = shares[..., np.newaxis, np.newaxis] * torque
-    return np.asarray(np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted))
+    torque = np.cross(camera[..., np.newaxis, :], moved.mT)
+    weighted = kept[..., np.newaxis, np.newaxis] * torque
+    return np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted)
 
 
 def _paired(
@@ -224,8 +244,8 @@ def _paired(
     tracker_directions: ArrayLike,
     weights: ArrayLike | None,
     pooled: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return directions and weights row by row; pooled frames become rows of one set."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Check directions and weights row by row; pooled frames become rows of one set."""
     camera = finite_array("camera_directions", camera_directions, shape=(None, 3))
     leading = (None, None, 3) if pooled else (None, 3)
     tracker = finite_array("tracker_directions", tracker_directions, shape=leading)
@@ -236,16 +256,22 @@ def _paired(
             f"{tracker.shape[-2]}; row i of both must be the same laser"
         )
     factors = None if weights is None else finite_array("weights", weights, shape=(count,))
-    if not pooled:
-        return camera, tracker, factors
-    frames = tracker.shape[-3]
-    flat = (*tracker.shape[:-3], frames * count)
-    if factors is not None:
-        common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
-        factors = np.broadcast_to(factors, tracker.shape[:-1]).reshape(flat)
-    repeated = np.repeat(camera[..., np.newaxis, :, :], frames, axis=-3)
-    camera = repeated.reshape(*camera.shape[:-2], frames * count, 3)
-    return camera, tracker.reshape(*flat, 3), factors
+    if pooled:
+        frames = tracker.shape[-3]
+        flat = (*tracker.shape[:-3], frames * count)
+        if factors is not None:
+            common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
+            factors = np.broadcast_to(factors, tracker.shape[:-1]).reshape(flat)
+        repeated = np.repeat(camera[..., np.newaxis, :, :], frames, axis=-3)
+        camera = repeated.reshape(*camera.shape[:-2], frames * count, 3)
+        tracker = tracker.reshape(*flat, 3)
+    kept = weights_for(factors, camera.shape[-2])
+    common_batch(
+        camera_directions=camera.shape[:-2],
+        tracker_directions=tracker.shape[:-2],
+        weights=kept.shape[:-1],
+    )
+    return camera, tracker, kept
 
 
 def moved_laser_transform(
@@ -267,23 +293,16 @@ def moved_laser_transform(
     ndarray, shape (..., 3, 3)
         T_cam,t^st, tracker_from_camera_now.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> moved_laser_transform(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
+    zero, moved = _rotations(
         tracker_from_camera_zero=tracker_from_camera_zero,
-        camera_zero_from_camera_now=transpose(
-            rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
-        ),
+        camera_now_from_camera_zero=camera_now_from_camera_zero,
     )
+    return zero @ moved.mT
 
 
 def misalignment_between(
@@ -304,23 +323,16 @@ def misalignment_between(
     ndarray, shape (..., 3, 3)
         camera_now_from_camera_zero.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> misalignment_between(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
-        camera_now_from_tracker=transpose(
-            rotations("tracker_from_camera_now", tracker_from_camera_now)
-        ),
+    now, zero = _rotations(
+        tracker_from_camera_now=tracker_from_camera_now,
         tracker_from_camera_zero=tracker_from_camera_zero,
     )
+    return now.mT @ zero
 
 
 def transform_error_printed(
@@ -343,23 +355,16 @@ def transform_error_printed(
     ndarray, shape (..., 3, 3)
         A small rotation within the tracker frame.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> transform_error_printed(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
+    found, reference = _rotations(
         tracker_from_camera=tracker_from_camera,
-        camera_reference_from_tracker=transpose(
-            rotations("tracker_from_camera_reference", tracker_from_camera_reference)
-        ),
+        tracker_from_camera_reference=tracker_from_camera_reference,
     )
+    return found @ reference.mT
 
 
 def corrected_installation(
@@ -381,21 +386,16 @@ def corrected_installation(
     ndarray, shape (..., 3, 3)
         R_st^cam,t, camera_now_from_tracker.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> corrected_installation(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
+    moved, installed = _rotations(
         camera_now_from_camera_zero=camera_now_from_camera_zero,
         camera_zero_from_tracker=camera_zero_from_tracker,
     )
+    return moved @ installed
 
 
 def inertial_attitude(
@@ -417,20 +417,15 @@ def inertial_attitude(
     ndarray, shape (..., 3, 3)
         R_inertial^cam,t, camera_from_inertial.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> inertial_attitude(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
+    installed, seen = _rotations(
         camera_from_tracker=camera_from_tracker, tracker_from_inertial=tracker_from_inertial
     )
+    return installed @ seen
 
 
 def misalignment_in_tracker(
@@ -454,31 +449,23 @@ def misalignment_in_tracker(
     ndarray, shape (..., 3, 3)
         R_U = R_cam,0^st (R_cam,0^cam,t)' (R_cam,0^st)'.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> misalignment_in_tracker(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
-    return _product(
-        tracker_from_camera_now=moved_laser_transform(zero, camera_now_from_camera_zero),
-        camera_zero_from_tracker=transpose(zero),
+    moved, zero = _rotations(
+        camera_now_from_camera_zero=camera_now_from_camera_zero,
+        tracker_from_camera_zero=tracker_from_camera_zero,
     )
+    return zero @ moved.mT @ zero.mT
 
 
-def _product(**factors: ArrayLike) -> FloatArray:
-    """Return the product of two named rotations in the order given."""
+def _rotations(**factors: ArrayLike) -> tuple[FloatArray, ...]:
+    """Return named rotations after checking each, and that their batches broadcast."""
     checked = {name: rotations(name, matrix) for name, matrix in factors.items()}
     common_batch(**{name: matrix.shape[:-2] for name, matrix in checked.items()})
-    left, right = checked.values()
-    result: FloatArray = left @ right
-    return result
+    return tuple(checked.values())
 
 
 def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
@@ -501,17 +488,12 @@ def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     ndarray
         theta = -atan(L / f) about Y (or X), in radians.
 
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the focal length is not above zero.
-
     Examples
     --------
     >>> float(stage_angle(1.0, 1.0)) / np.pi
     -0.25
     """
-    motion, focal = _checked(shift, focal_length)
+    motion, focal = together(shift=(shift, ()), focal_length=(focal_length, POSITIVE))
     return np.asarray(-np.arctan2(motion, focal))
 
 
@@ -534,17 +516,12 @@ def stage_angle_printed(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray
     ndarray
         -tan(L) f; a number that is no angle.
 
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the focal length is not above zero.
-
     Examples
     --------
     >>> round(float(stage_angle_printed(1e-6, 2.0)), 12)
     -2e-06
     """
-    motion, focal = _checked(shift, focal_length)
+    motion, focal = together(shift=(shift, ()), focal_length=(focal_length, POSITIVE))
     return np.asarray(-np.tan(motion) * focal)
 
 
@@ -567,27 +544,11 @@ def stage_angles(shifts: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     ndarray, shape (..., 3)
         (theta_X, theta_Y, theta_Z) = (atan(L_Y / f), -atan(L_X / f), 0), in radians.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a value is not finite, or the focal length is not above zero.
-
     Examples
     --------
     >>> stage_angles([1.0, 1.0], 1.0) / np.pi
     array([ 0.25, -0.25,  0.  ])
     """
-    motion = finite_array("shifts", shifts, shape=(2,))
-    focal = positive("focal_length", focal_length)
-    batch = common_batch(shifts=motion.shape[:-1], focal_length=focal.shape)
-    result = np.zeros((*batch, 3))
-    result[..., 0] = np.arctan2(motion[..., 1], focal)
-    result[..., 1] = -np.arctan2(motion[..., 0], focal)
-    return result
-
-
-def _checked(shift: ArrayLike, focal_length: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    motion = finite_array("shift", shift)
-    focal = positive("focal_length", focal_length)
-    common_batch(shift=motion.shape, focal_length=focal.shape)
-    return motion, focal
+    motion, focal = together(shifts=(shifts, (2,)), focal_length=(focal_length, POSITIVE))
+    about_x = np.arctan2(motion[..., 1], focal)
+    return np.stack([about_x, -np.arctan2(motion[..., 0], focal), np.zeros_like(about_x)], axis=-1)
