@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+__all__ = ["DURATION", "FRAMES", "RATE", "SMOOTHED"]
+
 TABLE = "chen2023/table-4"
 TEXT = "chen2023/text-accuracy"
 FRAMES = f"{TEXT}#frames"

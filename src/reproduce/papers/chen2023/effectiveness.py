@@ -45,9 +45,10 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+__all__ = ["FRAMES", "LAST", "STATES", "TABLE", "common_length"]
+
 TABLE = "chen2023/table-5"
 PLAN = "chen2023/text-effectiveness"
-TELESCOPE = platform.TELESCOPE
 QUOTED = f"{PLAN}#focal-length"
 FRAMES = f"{PLAN}#frames-per-state"
 STATES = (1, 2, 3, 4, 5)
@@ -106,7 +107,7 @@ def motion(given: Given) -> Results:
     }
 
 
-MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, TELESCOPE, QUOTED)
+MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, QUOTED)
 
 
 def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float:
@@ -130,7 +131,7 @@ def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str]
     exchanged = common_length(given, "y")
     sides = {
         AS_QUOTED: (printed, given[QUOTED]),
-        NOMINAL: (printed, given[TELESCOPE]),
+        NOMINAL: (printed, given[platform.TELESCOPE]),
         AS_PRINTED: (printed, common_length(given, "x")),
         MOTIONS: (other, exchanged),
         REFERENCES: (own, exchanged),
@@ -161,14 +162,14 @@ def reference_angle(given: Given) -> Results:
 @reproduces(
     TABLE,
     cells=["5.reference-y"],
-    given=[f"{TABLE}#5.motion-x", TELESCOPE, QUOTED],
+    given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, QUOTED],
     equations=["10"],
     options={"telescope": {name: LENGTHS[name] for name in ("quoted", "nominal")}},
 )
 def last_reference_angle(given: Given) -> Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
     motion = given[f"{TABLE}#5.motion-x"]
-    lengths = {AS_QUOTED: given[QUOTED], NOMINAL: given[TELESCOPE]}
+    lengths = {AS_QUOTED: given[QUOTED], NOMINAL: given[platform.TELESCOPE]}
     angles = {reading: float(stage_angle(motion, length)) for reading, length in lengths.items()}
     return {"5.reference-y": _blocked(MISSING, angles)}
 
@@ -318,7 +319,9 @@ def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
             color="#D55E00",
             label="monitoring",
         )
-        axes.axhline(door[TELESCOPE] * 1e3, color="#000000", ls="--", lw=1, label="nominal")
+        axes.axhline(
+            door[platform.TELESCOPE] * 1e3, color="#000000", ls="--", lw=1, label="nominal"
+        )
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=MOVED)
     panels[0].set_ylabel("focal length (mm)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)

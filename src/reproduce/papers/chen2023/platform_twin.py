@@ -72,6 +72,8 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = ["READS", "Bench", "Series", "bench", "centroids", "two_groups"]
+
 WINDOW = f"{TEXT}#window-x"
 # The sensor that the predictions rest on.
 PHOTONS = Detector()
@@ -273,12 +275,12 @@ REFUSED, NUDGE = 0.01, 0.1
         Column("Laser directions"),
         Column("median of the statistic", ".3g"),
         Column("expected", ".3g"),
-        Column(f"refused at {REFUSED:.0%} (%)", ".1f"),
+        Column("frames refused (%)", ".1f"),
         Column("agrees with the law", ".2g"),
     ),
     caption="The TASTE test of {frames} single frames of the twin, with {spots} spots and "
-    "{freedom} degrees of freedom. The last column is the probability of a Kolmogorov–Smirnov test "
-    "against the chi-square law.",
+    f"{{freedom}} degrees of freedom. A frame is refused below a probability of {REFUSED:.0%}. The "
+    "last column is the probability of a Kolmogorov–Smirnov test against the chi-square law.",
 )
 def believable(given: Given) -> pd.DataFrame:
     """Whether the frames of the second group pass the TASTE test, for several laser directions."""

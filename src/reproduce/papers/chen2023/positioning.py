@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +48,7 @@ READS = (*MONITORING, *satellite.CAMERA, POINTING)
 YEAR_READS = (*MONITORING, *satellite.CAMERA, accuracy.RATE)
 ORBIT = 0.05
 DRAWS = 20_000
+SIZES = ("CE90", "major", "minor")
 SINGLE, AVERAGED = "one frame", "averaged"
 # Where the satellite stands and how it looks: name, tilt off the nadir, image point off the centre.
 LOOKS = (
@@ -201,17 +203,15 @@ def simulated(view: Look, errors: tuple[Term, ...], name: str) -> FloatArray:
     columns=(
         Column("Term"),
         Column("σ", ".3g"),
-        Column("its unit"),
+        Column("unit"),
         Column("Look"),
-        Column("CE90 by formula (m)", ".2f"),
-        Column("CE90 by draws (m)", ".2f"),
-        Column("major semi-axis by formula (m)", ".2f"),
-        Column("minor by formula (m)", ".2f"),
-        Column("major by draws (m)", ".2f"),
-        Column("minor by draws (m)", ".2f"),
+        *(
+            Column(f"{size}, {source} (m)", ".2f")
+            for size, source in product(SIZES, ("formula", "draws"))
+        ),
     ),
-    caption="Error on the ground: CE90 from the derivative and from draws, and the semi-axes of "
-    "the one-sigma ellipse from both. Altitude {altitude:.0f} km.",
+    caption="Error on the ground: CE90 from the derivative and from draws, and the major and "
+    "minor semi-axes of the one-sigma ellipse from both. Altitude {altitude:.0f} km.",
 )
 def budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term: formula and simulation."""
@@ -226,8 +226,8 @@ def budget(given: Given) -> pd.DataFrame:
             drawn = simulated(view, errors, name)
             radii = circular_error(exact), np.quantile(np.linalg.norm(drawn, axis=1), 0.9)
             shapes = ellipse(exact), ellipse(np.cov(drawn.T))
-            axes = (axis for shape in shapes for axis in (shape.major, shape.minor))
-            rows.append((label, *sigma, name, *(float(size) for size in (*radii, *axes))))
+            axes = (*(shape.major for shape in shapes), *(shape.minor for shape in shapes))
+            rows.append((label, *sigma, name, *map(float, (*radii, *axes))))
     return budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
 

@@ -67,6 +67,17 @@ from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = [
+    "READS",
+    "SPOT_RADIUS",
+    "SPOT_READS",
+    "STUDY",
+    "light_for_table",
+    "radii",
+    "resolutions",
+    "window",
+]
+
 STUDY = "chen2023/text-resolution"
 SPOT_RADIUS = f"{STUDY}#spot-radius"
 # The spot on pixels of any size, with the light that Table III implies.

@@ -22,6 +22,7 @@ from reproduce.papers.chen2023.platform import (
     PIXEL,
     PIXELS,
     SPOTS,
+    TELESCOPE,
 )
 from reproduce.papers.declare import draws, seed_of
 from reproduce.papers.sketch import (
@@ -73,7 +74,6 @@ STAGE_READS = (
     *READS,
     f"{effectiveness.TABLE}#*.position-?",
     effectiveness.FRAMES,
-    effectiveness.TELESCOPE,
 )
 MARGIN = 12
 
@@ -241,7 +241,7 @@ def ride(door: Given) -> Ride:
     moved = places - places[0]
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
-    angles[:, :2] = stage_angle(moved[:, ::-1], door[effectiveness.TELESCOPE])
+    angles[:, :2] = stage_angle(moved[:, ::-1], door[TELESCOPE])
     spots = platform.turned(angles)
     found = platform_twin.centroids(
         platform, spots, platform.light[1], frames, default_rng(seed_of("chen2023/fig-10b"))
