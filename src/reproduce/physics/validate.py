@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "NON_NEGATIVE",
     "POSITIVE",
+    "ROTATION",
     "DegenerateGeometryError",
     "FloatArray",
     "MirroredPointsError",
@@ -19,6 +20,7 @@ __all__ = [
     "non_negative",
     "number_array",
     "positive",
+    "rotations",
     "together",
     "weights_for",
     "whole_number",
@@ -27,8 +29,10 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 Shape = tuple[int | None, ...]
 
-# What `together` is told of an argument that may have any shape.
-POSITIVE, NON_NEGATIVE = "positive", "non-negative"
+# What `together` is told of an argument, in place of its shape.
+POSITIVE, NON_NEGATIVE, ROTATION = "positive", "non-negative", "rotation"
+# A matrix this far from orthogonal is a transcription error, not a rounding error.
+_ORTHOGONALITY_TOLERANCE = 1e-6
 # What NumPy's kinds of arrays that hold no numbers are called.
 _KINDS = {"U": "text", "S": "bytes", "m": "time differences", "M": "dates"}
 
@@ -161,6 +165,47 @@ def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
     return array
 
 
+def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> FloatArray:
+    """Return matrices as floats after checking that they are rotations.
+
+    Parameters
+    ----------
+    name : str
+        What the caller calls the matrices; it opens the error message.
+    matrices : array_like, shape (..., 3, 3)
+        Proper rotations.
+    shape : tuple of int or None
+        The trailing dimensions, where there must be more than two.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not orthogonal to 1e-6, or is a reflection.
+
+    Examples
+    --------
+    >>> rotations("camera_from_tracker", np.eye(3)).shape
+    (3, 3)
+    """
+    array = finite_array(name, matrices, shape=shape)
+    excess = np.abs(array @ array.mT - np.eye(3)).max()
+    if excess > _ORTHOGONALITY_TOLERANCE:
+        raise ValueError(
+            f"{name}: expected rotation matrices, got one whose rows miss unit length or right "
+            f"angles by {excess:.2g}; check for a missing normalisation or a typing error"
+        )
+    if (np.linalg.det(array) < 0).any():
+        raise ValueError(
+            f"{name}: expected rotation matrices, got a reflection (determinant -1); "
+            "one axis is flipped or two are swapped"
+        )
+    return array
+
+
 def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ...]:
     """Return several arguments as float arrays after checking each, and that batches broadcast.
 
@@ -168,7 +213,8 @@ def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ..
     ----------
     **arguments : (array_like, tuple or str)
         Each argument by its name, with its trailing shape as `finite_array` takes it; () is a
-        number with batch axes, and `POSITIVE` and `NON_NEGATIVE` are such numbers with a sign.
+        number with batch axes, `POSITIVE` and `NON_NEGATIVE` are such numbers with a sign, and
+        `ROTATION` is a matrix of shape (3, 3).
 
     Returns
     -------
@@ -178,22 +224,22 @@ def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ..
     Raises
     ------
     TypeError, ValueError
-        As for `finite_array`, `positive`, `non_negative` and `common_batch`.
+        As for `finite_array`, `positive`, `non_negative`, `rotations` and `common_batch`.
 
     Examples
     --------
     >>> together(points=([[1, 2]], (None, 2)), focal_length=(3, POSITIVE))
     (array([[1., 2.]]), array(3.))
     """
+    checks = {POSITIVE: positive, NON_NEGATIVE: non_negative, ROTATION: rotations}
     arrays, batches = [], {}
     for name, (value, kind) in arguments.items():
         if isinstance(kind, str):
-            array = (positive if kind == POSITIVE else non_negative)(name, value)
-            batches[name] = array.shape
+            array, inner = checks[kind](name, value), 2 if kind == ROTATION else 0
         else:
-            array = finite_array(name, value, shape=kind)
-            batches[name] = array.shape[: array.ndim - len(kind)]
+            array, inner = finite_array(name, value, shape=kind), len(kind)
         arrays.append(array)
+        batches[name] = array.shape[: array.ndim - inner]
     common_batch(**batches)
     return tuple(arrays)
 

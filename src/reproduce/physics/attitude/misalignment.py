@@ -26,13 +26,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation, rotations
+from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation
 from reproduce.physics.attitude.wahba import _rotation
 from reproduce.physics.validate import (
     POSITIVE,
+    ROTATION,
     FloatArray,
     common_batch,
     finite_array,
+    rotations,
     together,
     weights_for,
 )
@@ -298,9 +300,9 @@ def moved_laser_transform(
     >>> moved_laser_transform(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    zero, moved = _rotations(
-        tracker_from_camera_zero=tracker_from_camera_zero,
-        camera_now_from_camera_zero=camera_now_from_camera_zero,
+    zero, moved = together(
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
     )
     return zero @ moved.mT
 
@@ -328,9 +330,9 @@ def misalignment_between(
     >>> misalignment_between(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    now, zero = _rotations(
-        tracker_from_camera_now=tracker_from_camera_now,
-        tracker_from_camera_zero=tracker_from_camera_zero,
+    now, zero = together(
+        tracker_from_camera_now=(tracker_from_camera_now, ROTATION),
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
     )
     return now.mT @ zero
 
@@ -360,9 +362,9 @@ def transform_error_printed(
     >>> transform_error_printed(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    found, reference = _rotations(
-        tracker_from_camera=tracker_from_camera,
-        tracker_from_camera_reference=tracker_from_camera_reference,
+    found, reference = together(
+        tracker_from_camera=(tracker_from_camera, ROTATION),
+        tracker_from_camera_reference=(tracker_from_camera_reference, ROTATION),
     )
     return found @ reference.mT
 
@@ -391,9 +393,9 @@ def corrected_installation(
     >>> corrected_installation(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    moved, installed = _rotations(
-        camera_now_from_camera_zero=camera_now_from_camera_zero,
-        camera_zero_from_tracker=camera_zero_from_tracker,
+    moved, installed = together(
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
+        camera_zero_from_tracker=(camera_zero_from_tracker, ROTATION),
     )
     return moved @ installed
 
@@ -422,8 +424,9 @@ def inertial_attitude(
     >>> inertial_attitude(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    installed, seen = _rotations(
-        camera_from_tracker=camera_from_tracker, tracker_from_inertial=tracker_from_inertial
+    installed, seen = together(
+        camera_from_tracker=(camera_from_tracker, ROTATION),
+        tracker_from_inertial=(tracker_from_inertial, ROTATION),
     )
     return installed @ seen
 
@@ -454,18 +457,11 @@ def misalignment_in_tracker(
     >>> misalignment_in_tracker(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    moved, zero = _rotations(
-        camera_now_from_camera_zero=camera_now_from_camera_zero,
-        tracker_from_camera_zero=tracker_from_camera_zero,
+    moved, zero = together(
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
     )
     return zero @ moved.mT @ zero.mT
-
-
-def _rotations(**factors: ArrayLike) -> tuple[FloatArray, ...]:
-    """Return named rotations after checking each, and that their batches broadcast."""
-    checked = {name: rotations(name, matrix) for name, matrix in factors.items()}
-    common_batch(**{name: matrix.shape[:-2] for name, matrix in checked.items()})
-    return tuple(checked.values())
 
 
 def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
