@@ -132,7 +132,7 @@ def test_public_functions_say_what_they_take_and_return_and_show_it(module):
         function = getattr(import_module(module), name)
         if inspect.isfunction(function) and not module.endswith(".validate"):
             text = inspect.getdoc(function) or ""
-            said = re.search(r"(those of|as) `\w+`", text) or "(...)" in text.splitlines()[0]
+            said = re.search(r"(those of|as)\s+`\w+`", text) or "(..." in text.splitlines()[0]
             assert said or "Parameters\n---" in text, name
             assert said or re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), name
             assert ">>> " in text, name

@@ -156,12 +156,8 @@ def test_every_public_function_is_tried():
 
 
 @pytest.mark.parametrize("function", GOOD, ids=lambda f: f.__name__)
-def test_the_good_call_is_good_and_its_docstring_whole(function):
+def test_the_good_call_is_good(function):
     function(**GOOD[function])
-    text = inspect.getdoc(function)
-    assert "Parameters\n---" in text or "Arguments and errors are those of `" in text
-    for section in ("Returns\n---", "Examples\n---", ">>> "):
-        assert section in text
 
 
 @given(argument=st.sampled_from(ARGUMENTS), poison=st.sampled_from([np.nan, np.inf, -np.inf]),

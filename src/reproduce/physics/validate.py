@@ -53,15 +53,10 @@ def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
     name : str
         What the caller calls the array; it opens the error message.
     value : array_like
-        Anything NumPy turns into floating point numbers.
+        Anything NumPy turns into floating point numbers; not copied when it is a float64 array.
     shape : tuple of int or None
         The trailing dimensions; None leaves a dimension open, but it must not be empty.
         Leading (batch) dimensions are always allowed.
-
-    Returns
-    -------
-    ndarray
-        A float64 array; not a copy when `value` already is one.
 
     Raises
     ------
@@ -88,13 +83,7 @@ def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
 
 
 def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, but let NaN and infinity pass.
-
-    Examples
-    --------
-    >>> number_array("windows", [[1, float("nan")]], shape=(None, None))
-    array([[ 1., nan]])
-    """
+    """Return what `finite_array` does, but let NaN and infinity pass."""
     try:
         raw = np.asarray(value)
     except ValueError:
@@ -132,13 +121,7 @@ def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
 
 
 def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, and refuse zero and negative values with a ValueError.
-
-    Examples
-    --------
-    >>> float(positive("focal_length", 25e-3))
-    0.025
-    """
+    """Return what `finite_array` does, and refuse zero and negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
     if (array <= 0).any():
         raise ValueError(
@@ -149,13 +132,7 @@ def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
 
 
 def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, and refuse negative values with a ValueError.
-
-    Examples
-    --------
-    >>> float(non_negative("sigma", 0))
-    0.0
-    """
+    """Return what `finite_array` does, and refuse negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
     if (array < 0).any():
         raise ValueError(
@@ -166,30 +143,10 @@ def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
 
 
 def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> FloatArray:
-    """Return matrices as floats after checking that they are rotations.
+    """Return matrices (..., 3, 3) as floats after checking that they are rotations.
 
-    Parameters
-    ----------
-    name : str
-        What the caller calls the matrices; it opens the error message.
-    matrices : array_like, shape (..., 3, 3)
-        Proper rotations.
-    shape : tuple of int or None
-        The trailing dimensions, where there must be more than two.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-
-    Raises
-    ------
-    ValueError
-        If a matrix is not orthogonal to 1e-6, or is a reflection.
-
-    Examples
-    --------
-    >>> rotations("camera_from_tracker", np.eye(3)).shape
-    (3, 3)
+    One that is not orthogonal to 1e-6, or a reflection, raises a ValueError. `shape` may ask for
+    more dimensions than the last two.
     """
     array = finite_array(name, matrices, shape=shape)
     excess = np.abs(array @ array.mT - np.eye(3)).max()
@@ -209,22 +166,9 @@ def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> Float
 def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ...]:
     """Return several arguments as float arrays after checking each, and that batches broadcast.
 
-    Parameters
-    ----------
-    **arguments : (array_like, tuple or str)
-        Each argument by its name, with its trailing shape as `finite_array` takes it; () is a
-        number with batch axes, `POSITIVE` and `NON_NEGATIVE` are such numbers with a sign, and
-        `ROTATION` is a matrix of shape (3, 3).
-
-    Returns
-    -------
-    tuple of ndarray
-        In the order given.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `finite_array`, `positive`, `non_negative`, `rotations` and `common_batch`.
+    Each argument is a pair: what came, and its trailing shape as `finite_array` takes it. The shape
+    () is a number with batch axes; `POSITIVE` and `NON_NEGATIVE` stand for such a number with a
+    sign, and `ROTATION` for a matrix (3, 3).
 
     Examples
     --------
@@ -245,28 +189,9 @@ def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ..
 
 
 def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
-    """Return `count` relative weights, all one where none are given.
+    """Return `count` relative weights, shape (..., count), all one where none are given.
 
-    Parameters
-    ----------
-    weights : array_like, shape (..., count), or None
-        Zero or more, but not zero for all observations at once.
-    count : int
-        How many observations there are.
-
-    Returns
-    -------
-    ndarray, shape (..., count)
-
-    Raises
-    ------
-    ValueError
-        If a weight is negative or not finite, or if all are zero.
-
-    Examples
-    --------
-    >>> weights_for(None, 2)
-    array([1., 1.])
+    Weights are zero or more, but not zero for all observations at once; else a ValueError.
     """
     if weights is None:
         return np.ones(count)
@@ -277,32 +202,9 @@ def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
 
 
 def whole_number(name: str, value: int, *, least: int = 1) -> int:
-    """Return `value` as an int after checking that it is whole and not below `least`.
+    """Return `value` as an int; a TypeError if it is not whole, a ValueError if below `least`.
 
-    Parameters
-    ----------
-    name : str
-        What the caller calls the count; it opens the error message.
-    value : int
-        NumPy integers are welcome, booleans and floats are not.
-    least : int
-        The smallest value allowed.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    TypeError
-        If `value` is not an integer.
-    ValueError
-        If it is below `least`.
-
-    Examples
-    --------
-    >>> whole_number("replicates", 10)
-    10
+    NumPy's integers are welcome, booleans and floats are not.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TypeError(
@@ -317,10 +219,7 @@ def whole_number(name: str, value: int, *, least: int = 1) -> int:
 def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:
     """Return the shape that leading (batch) shapes, by their arguments' names, broadcast to.
 
-    Raises
-    ------
-    ValueError
-        If they do not broadcast together.
+    Raises a ValueError that names them if they do not broadcast together.
 
     Examples
     --------

@@ -113,26 +113,14 @@ def misalignment(
 
     Implements: chen2023 (7).
 
-    Parameters
-    ----------
-    camera_directions : array_like, shape (..., n, 3)
-        Emitted directions v_i,cam; constant in the camera frame.
-    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
-        Received directions w_i,t^k in the tracker frame at the present.
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        T_cam,0^st, the laser transform at the zero point.
-    weights, pooled
-        As for `laser_transform`.
+    Arguments and errors are those of `laser_transform`, with the directions in the tracker those at
+    the present, w_i,t^k, and the laser transform at the zero point, T_cam,0^st, of shape (..., 3,
+    3).
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         camera_now_from_camera_zero; `misalignment_angles` reads its angles.
-
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `laser_transform`.
 
     Examples
     --------
@@ -193,7 +181,7 @@ def angle_jacobian(
 
     At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
     Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
-    H = trace(P) I - P and P = sum w v b^T.
+    H = trace(P) I - P and P = sum w v b^T. Errors are those of `laser_transform`.
 
     Parameters
     ----------
@@ -209,11 +197,6 @@ def angle_jacobian(
     -------
     ndarray, shape (..., 3, n, k)
         Derivative of (theta_X, theta_Y, theta_Z), in radians per unit of the parameters.
-
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `laser_transform`.
 
     Examples
     --------
@@ -285,10 +268,8 @@ def moved_laser_transform(
 
     Parameters
     ----------
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        T_cam,0^st, the laser transform at the zero point.
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
+    tracker_from_camera_zero, camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        T_cam,0^st, the laser transform at the zero point, and R_cam,0^cam,t, the misalignment.
 
     Returns
     -------
@@ -378,10 +359,8 @@ def corrected_installation(
 
     Parameters
     ----------
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
-    camera_zero_from_tracker : array_like, shape (..., 3, 3)
-        R_st^cam,0, the installation calibrated at the zero point.
+    camera_now_from_camera_zero, camera_zero_from_tracker : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment, and R_st^cam,0, the installation at the zero point.
 
     Returns
     -------
@@ -409,10 +388,8 @@ def inertial_attitude(
 
     Parameters
     ----------
-    camera_from_tracker : array_like, shape (..., 3, 3)
-        R_st^cam,t, the corrected installation.
-    tracker_from_inertial : array_like, shape (..., 3, 3)
-        R_inertial^st,t, the attitude that the tracker finds from its stars.
+    camera_from_tracker, tracker_from_inertial : array_like, shape (..., 3, 3)
+        R_st^cam,t, the corrected installation, and R_inertial^st,t, the tracker's attitude.
 
     Returns
     -------
@@ -442,10 +419,8 @@ def misalignment_in_tracker(
 
     Parameters
     ----------
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^st, the installation at the zero point.
+    camera_now_from_camera_zero, tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment, and R_cam,0^st, the installation at the zero point.
 
     Returns
     -------
@@ -474,10 +449,8 @@ def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    shift : array_like
-        L, the motion of the focal plane along X (or Y), in metres.
-    focal_length : array_like
-        Of the camera, in metres; broadcasts against the shift.
+    shift, focal_length : array_like, in metres
+        L, the motion of the focal plane along X (or Y), and the camera's focal length f.
 
     Returns
     -------
@@ -498,19 +471,12 @@ def stage_angle_printed(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray
 
     Printed form of chen2023 (10). It takes the tangent of a length and multiplies where it
     should divide: for small shifts the result is -L f, in square metres, larger than the
-    angle by the square of the focal length in metres.
-
-    Parameters
-    ----------
-    shift : array_like
-        L, in metres, taken for radians.
-    focal_length : array_like
-        In metres.
+    angle by the square of the focal length in metres. Arguments are those of `stage_angle`.
 
     Returns
     -------
     ndarray
-        -tan(L) f; a number that is no angle.
+        A number that is no angle.
 
     Examples
     --------
@@ -532,8 +498,7 @@ def stage_angles(shifts: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     ----------
     shifts : array_like, shape (..., 2)
         Motion of the lasers along X and Y of the camera frame, in metres.
-    focal_length : array_like, shape (...)
-        In metres.
+    focal_length : array_like, shape (...), in metres
 
     Returns
     -------

@@ -52,17 +52,7 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
 
 
 def transpose(matrices: FloatArray) -> FloatArray:
-    """Return the transposes of the last two axes: for rotations, the inverses.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (..., 3, 3)
-        For example `camera_from_tracker`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        For example `tracker_from_camera`.
+    """Return the transposes, (..., 3, 3), of matrices (...): for rotations, the inverses.
 
     Examples
     --------
@@ -74,16 +64,7 @@ def transpose(matrices: FloatArray) -> FloatArray:
 
 
 def cross_matrix(vectors: ArrayLike) -> FloatArray:
-    """Return the matrices [v×] that turn a cross product into a matrix product.
-
-    Parameters
-    ----------
-    vectors : array_like, shape (..., 3)
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        `cross_matrix(v) @ u` is the cross product v × u.
+    """Return the matrices [v×], shape (..., 3, 3), of vectors v (...): [v×] u = v × u.
 
     Examples
     --------

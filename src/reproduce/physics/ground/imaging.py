@@ -52,8 +52,7 @@ class Ellipsoid:
 
     Attributes
     ----------
-    equatorial_radius : float
-        In metres.
+    equatorial_radius : float, in metres
     flattening : float
         (equatorial - polar radius) / equatorial radius.
 
@@ -162,10 +161,8 @@ def imaging_chain(
 
     Parameters
     ----------
-    earth_from_inertial : array_like, shape (..., 3, 3)
-        R_J2000^WGS84.
-    inertial_from_tracker : array_like, shape (..., 3, 3)
-        R_star^J2000.
+    earth_from_inertial, inertial_from_tracker : array_like, shape (..., 3, 3)
+        R_J2000^WGS84 and R_star^J2000.
     tracker_misalignment : array_like, shape (..., 3, 3)
         R_U, the misalignment resolved in the tracker; see
         `attitude.misalignment.misalignment_in_tracker`.

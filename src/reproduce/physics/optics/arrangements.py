@@ -44,8 +44,7 @@ class Arrangement:
     ----------
     lattice, offset, window : str
         The choices that made it.
-    angles : ndarray, shape (n, 2)
-        In radians, x before y.
+    angles : ndarray, shape (n, 2), in radians, x before y
     """
 
     lattice: str

@@ -113,8 +113,7 @@ def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (n, 2)
-        In px.
+    ndarray, shape (n, 2), in px
 
     Examples
     --------
@@ -259,8 +258,7 @@ def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> f
 
     Returns
     -------
-    float
-        In m^-4.
+    float, in m^-4
 
     Raises
     ------
