@@ -151,10 +151,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "Stopping": (calibration.Stopping, {"movement": 1e-9, "steps": 9}),
     "constraint": (calibration.constraint, {"rotation": 0.1}),
     "constraint_printed": (calibration.constraint_printed, {"rotation": 0.1}),
-    "arrangements": (
-        lambda **given: list(arrangements.arrangements(**given)),
-        {"half_x": 8.0, "half_y": 6.0, "step": 0.9},
-    ),
     "arrangements_with": (
         arrangements.arrangements_with,
         {"count": 9, "half_x": 8.0, "half_y": 6.0, "step": 0.9},
@@ -366,8 +362,8 @@ def test_stars_beside_and_behind_the_camera_are_refused(star: np.ndarray) -> Non
 
 def test_special_refusals() -> None:
     assert "no ratio" in refuses("distortion_ratio", "distortion", 0.0)
-    assert "radians" in refuses("arrangements", "step", 1e-5)
-    assert "one number" in refuses("arrangements", "step", np.array([0.9, 0.8]))
+    assert "radians" in refuses("arrangements_with", "step", 1e-5)
+    assert "one number" in refuses("arrangements_with", "step", np.array([0.9, 0.8]))
     assert "one x and one y" in refuses("spawned_angles", "half_range", np.ones((3, 2)))
     assert "SeedSequence" in refuses("spawned_normals", "seeds", 7)
     assert "leave" in refuses("gauss_newton_step", "free", 5)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "NON_NEGATIVE",
     "POSITIVE",
+    "ROTATION",
     "DegenerateGeometryError",
     "FloatArray",
     "MirroredPointsError",
@@ -19,6 +20,7 @@ __all__ = [
     "non_negative",
     "number_array",
     "positive",
+    "rotations",
     "together",
     "weights_for",
     "whole_number",
@@ -27,8 +29,10 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 Shape = tuple[int | None, ...]
 
-# What `together` is told of an argument that may have any shape.
-POSITIVE, NON_NEGATIVE = "positive", "non-negative"
+# What `together` is told of an argument, in place of its shape.
+POSITIVE, NON_NEGATIVE, ROTATION = "positive", "non-negative", "rotation"
+# A matrix this far from orthogonal is a transcription error, not a rounding error.
+_ORTHOGONALITY_TOLERANCE = 1e-6
 # What NumPy's kinds of arrays that hold no numbers are called.
 _KINDS = {"U": "text", "S": "bytes", "m": "time differences", "M": "dates"}
 
@@ -49,15 +53,10 @@ def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
     name : str
         What the caller calls the array; it opens the error message.
     value : array_like
-        Anything NumPy turns into floating point numbers.
+        Anything NumPy turns into floating point numbers; not copied when it is a float64 array.
     shape : tuple of int or None
         The trailing dimensions; None leaves a dimension open, but it must not be empty.
         Leading (batch) dimensions are always allowed.
-
-    Returns
-    -------
-    ndarray
-        A float64 array; not a copy when `value` already is one.
 
     Raises
     ------
@@ -84,13 +83,7 @@ def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
 
 
 def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, but let NaN and infinity pass.
-
-    Examples
-    --------
-    >>> number_array("windows", [[1, float("nan")]], shape=(None, None))
-    array([[ 1., nan]])
-    """
+    """Return what `finite_array` does, but let NaN and infinity pass."""
     try:
         raw = np.asarray(value)
     except ValueError:
@@ -128,13 +121,7 @@ def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
 
 
 def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, and refuse zero and negative values with a ValueError.
-
-    Examples
-    --------
-    >>> float(positive("focal_length", 25e-3))
-    0.025
-    """
+    """Return what `finite_array` does, and refuse zero and negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
     if (array <= 0).any():
         raise ValueError(
@@ -145,13 +132,7 @@ def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
 
 
 def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, and refuse negative values with a ValueError.
-
-    Examples
-    --------
-    >>> float(non_negative("sigma", 0))
-    0.0
-    """
+    """Return what `finite_array` does, and refuse negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
     if (array < 0).any():
         raise ValueError(
@@ -161,66 +142,56 @@ def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
     return array
 
 
+def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> FloatArray:
+    """Return matrices (..., 3, 3) as floats after checking that they are rotations.
+
+    One that is not orthogonal to 1e-6, or a reflection, raises a ValueError. `shape` may ask for
+    more dimensions than the last two.
+    """
+    array = finite_array(name, matrices, shape=shape)
+    excess = np.abs(array @ array.mT - np.eye(3)).max()
+    if excess > _ORTHOGONALITY_TOLERANCE:
+        raise ValueError(
+            f"{name}: expected rotation matrices, got one whose rows miss unit length or right "
+            f"angles by {excess:.2g}; check for a missing normalisation or a typing error"
+        )
+    if (np.linalg.det(array) < 0).any():
+        raise ValueError(
+            f"{name}: expected rotation matrices, got a reflection (determinant -1); "
+            "one axis is flipped or two are swapped"
+        )
+    return array
+
+
 def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ...]:
     """Return several arguments as float arrays after checking each, and that batches broadcast.
 
-    Parameters
-    ----------
-    **arguments : (array_like, tuple or str)
-        Each argument by its name, with its trailing shape as `finite_array` takes it; () is a
-        number with batch axes, and `POSITIVE` and `NON_NEGATIVE` are such numbers with a sign.
-
-    Returns
-    -------
-    tuple of ndarray
-        In the order given.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `finite_array`, `positive`, `non_negative` and `common_batch`.
+    Each argument is a pair: what came, and its trailing shape as `finite_array` takes it. The shape
+    () is a number with batch axes; `POSITIVE` and `NON_NEGATIVE` stand for such a number with a
+    sign, and `ROTATION` for a matrix (3, 3).
 
     Examples
     --------
     >>> together(points=([[1, 2]], (None, 2)), focal_length=(3, POSITIVE))
     (array([[1., 2.]]), array(3.))
     """
+    checks = {POSITIVE: positive, NON_NEGATIVE: non_negative, ROTATION: rotations}
     arrays, batches = [], {}
     for name, (value, kind) in arguments.items():
         if isinstance(kind, str):
-            array = (positive if kind == POSITIVE else non_negative)(name, value)
-            batches[name] = array.shape
+            array, inner = checks[kind](name, value), 2 if kind == ROTATION else 0
         else:
-            array = finite_array(name, value, shape=kind)
-            batches[name] = array.shape[: array.ndim - len(kind)]
+            array, inner = finite_array(name, value, shape=kind), len(kind)
         arrays.append(array)
+        batches[name] = array.shape[: array.ndim - inner]
     common_batch(**batches)
     return tuple(arrays)
 
 
 def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
-    """Return `count` relative weights, all one where none are given.
+    """Return `count` relative weights, shape (..., count), all one where none are given.
 
-    Parameters
-    ----------
-    weights : array_like, shape (..., count), or None
-        Zero or more, but not zero for all observations at once.
-    count : int
-        How many observations there are.
-
-    Returns
-    -------
-    ndarray, shape (..., count)
-
-    Raises
-    ------
-    ValueError
-        If a weight is negative or not finite, or if all are zero.
-
-    Examples
-    --------
-    >>> weights_for(None, 2)
-    array([1., 1.])
+    Weights are zero or more, but not zero for all observations at once; else a ValueError.
     """
     if weights is None:
         return np.ones(count)
@@ -231,32 +202,9 @@ def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
 
 
 def whole_number(name: str, value: int, *, least: int = 1) -> int:
-    """Return `value` as an int after checking that it is whole and not below `least`.
+    """Return `value` as an int; a TypeError if it is not whole, a ValueError if below `least`.
 
-    Parameters
-    ----------
-    name : str
-        What the caller calls the count; it opens the error message.
-    value : int
-        NumPy integers are welcome, booleans and floats are not.
-    least : int
-        The smallest value allowed.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    TypeError
-        If `value` is not an integer.
-    ValueError
-        If it is below `least`.
-
-    Examples
-    --------
-    >>> whole_number("replicates", 10)
-    10
+    NumPy's integers are welcome, booleans and floats are not.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TypeError(
@@ -271,10 +219,7 @@ def whole_number(name: str, value: int, *, least: int = 1) -> int:
 def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:
     """Return the shape that leading (batch) shapes, by their arguments' names, broadcast to.
 
-    Raises
-    ------
-    ValueError
-        If they do not broadcast together.
+    Raises a ValueError that names them if they do not broadcast together.
 
     Examples
     --------

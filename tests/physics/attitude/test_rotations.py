@@ -10,10 +10,10 @@ from reproduce.physics.attitude.rotations import (
     _rotation_from_quaternion,
     cross_matrix,
     rotation_from_vector,
-    rotations,
     unit,
     vector_from_rotation,
 )
+from reproduce.physics.validate import rotations
 
 RNG = np.random.default_rng(1)
 VECTORS = np.concatenate(

@@ -65,7 +65,7 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     series : array_like
         Values frame by frame, along `axis`.
     counts : sequence of int
-        The numbers n of frames in an average; each must leave two averages at least.
+        The numbers n of frames in an average.
     axis : int
 
     Returns
@@ -106,10 +106,8 @@ def averaged_error(count: ArrayLike, single: ArrayLike, floor: ArrayLike = 0.0) 
     ----------
     count : array_like
         n, how many independent frames are averaged; above zero.
-    single : array_like
-        a, the error of a single frame that averaging reduces.
-    floor : array_like
-        b, the error that averaging does not reduce, in the unit of `single`.
+    single, floor : array_like, in one unit
+        a, the error of a single frame that averaging reduces, and b, what it does not reduce.
 
     Returns
     -------

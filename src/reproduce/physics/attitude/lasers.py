@@ -101,17 +101,16 @@ def received_spots(
 ) -> FloatArray:
     """Return where light from given directions makes spots: `received_directions` turned round.
 
+    Other arguments are those of `received_directions`.
+
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
         Tracker directions, of any length, pointing to where the light comes from.
-    principal_point, pixel_pitch, focal_length
-        As for `received_directions`.
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        Spots, in px.
+    ndarray, shape (..., n, 2), in px
 
     Raises
     ------
@@ -140,10 +139,7 @@ def received_jacobian(
 ) -> FloatArray:
     """Return how a received direction moves with its spot.
 
-    Parameters
-    ----------
-    spots, principal_point, pixel_pitch, focal_length
-        As for `received_directions`.
+    Arguments are those of `received_directions`.
 
     Returns
     -------

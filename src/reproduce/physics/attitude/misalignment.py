@@ -26,13 +26,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation, rotations
+from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation
 from reproduce.physics.attitude.wahba import _rotation
 from reproduce.physics.validate import (
     POSITIVE,
+    ROTATION,
     FloatArray,
     common_batch,
     finite_array,
+    rotations,
     together,
     weights_for,
 )
@@ -111,26 +113,14 @@ def misalignment(
 
     Implements: chen2023 (7).
 
-    Parameters
-    ----------
-    camera_directions : array_like, shape (..., n, 3)
-        Emitted directions v_i,cam; constant in the camera frame.
-    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
-        Received directions w_i,t^k in the tracker frame at the present.
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        T_cam,0^st, the laser transform at the zero point.
-    weights, pooled
-        As for `laser_transform`.
+    Arguments and errors are those of `laser_transform`, with the directions in the tracker those at
+    the present, w_i,t^k, and the laser transform at the zero point, T_cam,0^st, of shape (..., 3,
+    3).
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         camera_now_from_camera_zero; `misalignment_angles` reads its angles.
-
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `laser_transform`.
 
     Examples
     --------
@@ -191,7 +181,7 @@ def angle_jacobian(
 
     At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
     Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
-    H = trace(P) I - P and P = sum w v b^T.
+    H = trace(P) I - P and P = sum w v b^T. Errors are those of `laser_transform`.
 
     Parameters
     ----------
@@ -207,11 +197,6 @@ def angle_jacobian(
     -------
     ndarray, shape (..., 3, n, k)
         Derivative of (theta_X, theta_Y, theta_Z), in radians per unit of the parameters.
-
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `laser_transform`.
 
     Examples
     --------
@@ -283,10 +268,8 @@ def moved_laser_transform(
 
     Parameters
     ----------
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        T_cam,0^st, the laser transform at the zero point.
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
+    tracker_from_camera_zero, camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        T_cam,0^st, the laser transform at the zero point, and R_cam,0^cam,t, the misalignment.
 
     Returns
     -------
@@ -298,9 +281,9 @@ def moved_laser_transform(
     >>> moved_laser_transform(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    zero, moved = _rotations(
-        tracker_from_camera_zero=tracker_from_camera_zero,
-        camera_now_from_camera_zero=camera_now_from_camera_zero,
+    zero, moved = together(
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
     )
     return zero @ moved.mT
 
@@ -328,9 +311,9 @@ def misalignment_between(
     >>> misalignment_between(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    now, zero = _rotations(
-        tracker_from_camera_now=tracker_from_camera_now,
-        tracker_from_camera_zero=tracker_from_camera_zero,
+    now, zero = together(
+        tracker_from_camera_now=(tracker_from_camera_now, ROTATION),
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
     )
     return now.mT @ zero
 
@@ -360,9 +343,9 @@ def transform_error_printed(
     >>> transform_error_printed(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    found, reference = _rotations(
-        tracker_from_camera=tracker_from_camera,
-        tracker_from_camera_reference=tracker_from_camera_reference,
+    found, reference = together(
+        tracker_from_camera=(tracker_from_camera, ROTATION),
+        tracker_from_camera_reference=(tracker_from_camera_reference, ROTATION),
     )
     return found @ reference.mT
 
@@ -376,10 +359,8 @@ def corrected_installation(
 
     Parameters
     ----------
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
-    camera_zero_from_tracker : array_like, shape (..., 3, 3)
-        R_st^cam,0, the installation calibrated at the zero point.
+    camera_now_from_camera_zero, camera_zero_from_tracker : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment, and R_st^cam,0, the installation at the zero point.
 
     Returns
     -------
@@ -391,9 +372,9 @@ def corrected_installation(
     >>> corrected_installation(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    moved, installed = _rotations(
-        camera_now_from_camera_zero=camera_now_from_camera_zero,
-        camera_zero_from_tracker=camera_zero_from_tracker,
+    moved, installed = together(
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
+        camera_zero_from_tracker=(camera_zero_from_tracker, ROTATION),
     )
     return moved @ installed
 
@@ -407,10 +388,8 @@ def inertial_attitude(
 
     Parameters
     ----------
-    camera_from_tracker : array_like, shape (..., 3, 3)
-        R_st^cam,t, the corrected installation.
-    tracker_from_inertial : array_like, shape (..., 3, 3)
-        R_inertial^st,t, the attitude that the tracker finds from its stars.
+    camera_from_tracker, tracker_from_inertial : array_like, shape (..., 3, 3)
+        R_st^cam,t, the corrected installation, and R_inertial^st,t, the tracker's attitude.
 
     Returns
     -------
@@ -422,8 +401,9 @@ def inertial_attitude(
     >>> inertial_attitude(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    installed, seen = _rotations(
-        camera_from_tracker=camera_from_tracker, tracker_from_inertial=tracker_from_inertial
+    installed, seen = together(
+        camera_from_tracker=(camera_from_tracker, ROTATION),
+        tracker_from_inertial=(tracker_from_inertial, ROTATION),
     )
     return installed @ seen
 
@@ -439,10 +419,8 @@ def misalignment_in_tracker(
 
     Parameters
     ----------
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^st, the installation at the zero point.
+    camera_now_from_camera_zero, tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment, and R_cam,0^st, the installation at the zero point.
 
     Returns
     -------
@@ -454,18 +432,11 @@ def misalignment_in_tracker(
     >>> misalignment_in_tracker(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    moved, zero = _rotations(
-        camera_now_from_camera_zero=camera_now_from_camera_zero,
-        tracker_from_camera_zero=tracker_from_camera_zero,
+    moved, zero = together(
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
     )
     return zero @ moved.mT @ zero.mT
-
-
-def _rotations(**factors: ArrayLike) -> tuple[FloatArray, ...]:
-    """Return named rotations after checking each, and that their batches broadcast."""
-    checked = {name: rotations(name, matrix) for name, matrix in factors.items()}
-    common_batch(**{name: matrix.shape[:-2] for name, matrix in checked.items()})
-    return tuple(checked.values())
 
 
 def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
@@ -478,10 +449,8 @@ def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    shift : array_like
-        L, the motion of the focal plane along X (or Y), in metres.
-    focal_length : array_like
-        Of the camera, in metres; broadcasts against the shift.
+    shift, focal_length : array_like, in metres
+        L, the motion of the focal plane along X (or Y), and the camera's focal length f.
 
     Returns
     -------
@@ -502,19 +471,12 @@ def stage_angle_printed(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray
 
     Printed form of chen2023 (10). It takes the tangent of a length and multiplies where it
     should divide: for small shifts the result is -L f, in square metres, larger than the
-    angle by the square of the focal length in metres.
-
-    Parameters
-    ----------
-    shift : array_like
-        L, in metres, taken for radians.
-    focal_length : array_like
-        In metres.
+    angle by the square of the focal length in metres. Arguments are those of `stage_angle`.
 
     Returns
     -------
     ndarray
-        -tan(L) f; a number that is no angle.
+        A number that is no angle.
 
     Examples
     --------
@@ -536,8 +498,7 @@ def stage_angles(shifts: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     ----------
     shifts : array_like, shape (..., 2)
         Motion of the lasers along X and Y of the camera frame, in metres.
-    focal_length : array_like, shape (...)
-        In metres.
+    focal_length : array_like, shape (...), in metres
 
     Returns
     -------

@@ -33,8 +33,7 @@ def monitored_angles(
         Images at the zero point, which are pooled, and at the present, in px.
     lasers : array_like, shape (n, 2)
         Positions on the camera's focal plane, in metres.
-    camera_focal_length : float
-        In metres.
+    camera_focal_length : float, in metres
     tracker : tuple
         Principal point (px), pixel pitch and focal length (metres) of the tracker.
 

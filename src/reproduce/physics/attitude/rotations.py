@@ -10,19 +10,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, finite_array
+from reproduce.physics.validate import FloatArray, finite_array, rotations
 
 __all__ = [
     "cross_matrix",
     "rotation_from_vector",
-    "rotations",
     "transpose",
     "unit",
     "vector_from_rotation",
 ]
 
-# A matrix this far from orthogonal is a transcription error, not a rounding error.
-_ORTHOGONALITY_TOLERANCE = 1e-6
 # Below this a squared length loses digits to underflow; beyond its inverse it may overflow.
 _SHORTEST_SQUARE = 1e-200
 
@@ -54,61 +51,8 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     return _unit(name, finite_array(name, vectors, shape=(3,)))
 
 
-def rotations(
-    name: str, matrices: ArrayLike, *, shape: tuple[int | None, ...] = (3, 3)
-) -> FloatArray:
-    """Return matrices as floats after checking that they are rotations.
-
-    Parameters
-    ----------
-    name : str
-        What the caller calls the matrices; it opens the error message.
-    matrices : array_like, shape (..., 3, 3)
-        Proper rotations.
-    shape : tuple of int or None
-        The trailing dimensions, where there must be more than two.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-
-    Raises
-    ------
-    ValueError
-        If a matrix is not orthogonal to 1e-6, or is a reflection.
-
-    Examples
-    --------
-    >>> rotations("camera_from_tracker", np.eye(3)).shape
-    (3, 3)
-    """
-    array = finite_array(name, matrices, shape=shape)
-    excess = np.abs(array @ array.mT - np.eye(3)).max()
-    if excess > _ORTHOGONALITY_TOLERANCE:
-        raise ValueError(
-            f"{name}: expected rotation matrices, got one whose rows miss unit length or right "
-            f"angles by {excess:.2g}; check for a missing normalisation or a typing error"
-        )
-    if (_determinant(array) < 0).any():
-        raise ValueError(
-            f"{name}: expected rotation matrices, got a reflection (determinant -1); "
-            "one axis is flipped or two are swapped"
-        )
-    return array
-
-
 def transpose(matrices: FloatArray) -> FloatArray:
-    """Return the transposes of the last two axes: for rotations, the inverses.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (..., 3, 3)
-        For example `camera_from_tracker`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        For example `tracker_from_camera`.
+    """Return the transposes, (..., 3, 3), of matrices (...): for rotations, the inverses.
 
     Examples
     --------
@@ -120,16 +64,7 @@ def transpose(matrices: FloatArray) -> FloatArray:
 
 
 def cross_matrix(vectors: ArrayLike) -> FloatArray:
-    """Return the matrices [v×] that turn a cross product into a matrix product.
-
-    Parameters
-    ----------
-    vectors : array_like, shape (..., 3)
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        `cross_matrix(v) @ u` is the cross product v × u.
+    """Return the matrices [v×], shape (..., 3, 3), of vectors v (...): [v×] u = v × u.
 
     Examples
     --------

@@ -22,13 +22,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc
 
 from reproduce.physics.attitude import wahba_solvers
-from reproduce.physics.attitude.rotations import _unit, rotations
+from reproduce.physics.attitude.rotations import _unit
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
     common_batch,
     finite_array,
     positive,
+    rotations,
     weights_for,
 )
 

@@ -114,8 +114,7 @@ def earth_fixed(coordinates: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatAr
 
     Returns
     -------
-    ndarray, shape (..., 3)
-        In metres.
+    ndarray, shape (..., 3), in metres
 
     Raises
     ------

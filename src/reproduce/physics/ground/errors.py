@@ -39,8 +39,7 @@ def ground_resolution(
 
     Parameters
     ----------
-    focal_length, pixel_pitch, altitude : array_like
-        In metres.
+    focal_length, pixel_pitch, altitude : array_like, in metres
 
     Returns
     -------
@@ -65,10 +64,7 @@ def altitude_for_resolution(
 ) -> FloatArray:
     """Return the altitude from which a pixel has a given size on the ground at nadir.
 
-    Parameters
-    ----------
-    focal_length, pixel_pitch, resolution : array_like
-        In metres.
+    Arguments are those of `ground_resolution`, the size in place of the altitude.
 
     Returns
     -------
@@ -93,8 +89,7 @@ def ground_error(altitude: ArrayLike, angle: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    altitude : array_like
-        In metres.
+    altitude : array_like, in metres
     angle : array_like
         Pointing error about an axis across the boresight, in radians, small; keeps its sign.
 
@@ -150,8 +145,7 @@ def ground_covariance(
 
     Returns
     -------
-    ndarray, shape (..., 2, 2)
-        In square metres.
+    ndarray, shape (..., 2, 2), in square metres
 
     Examples
     --------
@@ -171,19 +165,11 @@ def ground_covariance(
 def ellipse(covariance: ArrayLike) -> Ellipse:
     """Return the one-sigma ellipse of a covariance.
 
-    Parameters
-    ----------
-    covariance : array_like, shape (..., 2, 2)
-        Of east and north, in square metres.
+    Arguments and errors are those of `circular_error`.
 
     Returns
     -------
     Ellipse
-
-    Raises
-    ------
-    ValueError
-        If the matrix is not a covariance: a variance is negative.
 
     Examples
     --------
@@ -208,8 +194,7 @@ def circular_error(covariance: ArrayLike, share: float = 0.9) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (...)
-        In metres.
+    ndarray, shape (...), in metres
 
     Raises
     ------

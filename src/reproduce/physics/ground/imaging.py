@@ -18,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import _cross_matrix, _unit, rotations
+from reproduce.physics.attitude.rotations import _cross_matrix, _unit
 from reproduce.physics.validate import (
     POSITIVE,
+    ROTATION,
     FloatArray,
     common_batch,
     finite_array,
@@ -51,8 +52,7 @@ class Ellipsoid:
 
     Attributes
     ----------
-    equatorial_radius : float
-        In metres.
+    equatorial_radius : float, in metres
     flattening : float
         (equatorial - polar radius) / equatorial radius.
 
@@ -161,10 +161,8 @@ def imaging_chain(
 
     Parameters
     ----------
-    earth_from_inertial : array_like, shape (..., 3, 3)
-        R_J2000^WGS84.
-    inertial_from_tracker : array_like, shape (..., 3, 3)
-        R_star^J2000.
+    earth_from_inertial, inertial_from_tracker : array_like, shape (..., 3, 3)
+        R_J2000^WGS84 and R_star^J2000.
     tracker_misalignment : array_like, shape (..., 3, 3)
         R_U, the misalignment resolved in the tracker; see
         `attitude.misalignment.misalignment_in_tracker`.
@@ -181,15 +179,12 @@ def imaging_chain(
     >>> imaging_chain(np.eye(3), np.eye(3), np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    chain = {
-        "earth_from_inertial": earth_from_inertial,
-        "inertial_from_tracker": inertial_from_tracker,
-        "tracker_misalignment": tracker_misalignment,
-        "tracker_from_camera": tracker_from_camera,
-    }
-    factors = {name: rotations(name, matrix) for name, matrix in chain.items()}
-    common_batch(**{name: matrix.shape[:-2] for name, matrix in factors.items()})
-    first, second, third, fourth = factors.values()
+    first, second, third, fourth = together(
+        earth_from_inertial=(earth_from_inertial, ROTATION),
+        inertial_from_tracker=(inertial_from_tracker, ROTATION),
+        tracker_misalignment=(tracker_misalignment, ROTATION),
+        tracker_from_camera=(tracker_from_camera, ROTATION),
+    )
     return first @ second @ third @ fourth
 
 
@@ -281,14 +276,12 @@ def distance_to_ground(
 
 def _checked(
     vectors: ArrayLike, satellite: ArrayLike, earth_from_camera: ArrayLike
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    rows = finite_array("vectors", vectors, shape=(None, 3))
-    origin = finite_array("satellite", satellite, shape=(3,))
-    chain = rotations("earth_from_camera", earth_from_camera)
-    common_batch(
-        vectors=rows.shape[:-2], satellite=origin.shape[:-1], earth_from_camera=chain.shape[:-2]
+) -> tuple[FloatArray, ...]:
+    return together(
+        vectors=(vectors, (None, 3)),
+        satellite=(satellite, (3,)),
+        earth_from_camera=(earth_from_camera, ROTATION),
     )
-    return rows, origin, chain
 
 
 def _lines_of_sight(

@@ -42,8 +42,7 @@ def orbital_period(altitude: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray
-        In seconds.
+    ndarray, in seconds
 
     Examples
     --------
@@ -109,10 +108,8 @@ def thermal_series(
 
     Returns
     -------
-    times : ndarray, shape (samples,)
-        In days.
-    angles : ndarray, shape (samples, 2)
-        In radians.
+    times : ndarray, shape (samples,), in days
+    angles : ndarray, shape (samples, 2), in radians
 
     Examples
     --------
@@ -162,14 +159,12 @@ def trend_and_fourier(
 
     Parameters
     ----------
-    times : ndarray, shape (samples,)
-        In days.
-    phase : ndarray, shape (samples,)
-        In orbits.
+    times : ndarray, shape (samples,), in days
+    phase : ndarray, shape (samples,), in orbits
     measured : ndarray, shape (samples, 2)
-        Misalignment as calibrated; only the first `known` samples are looked at.
+        Misalignment as calibrated.
     known : int
-        How many samples are fitted.
+        How many samples, the first ones, are fitted.
     degree : int
         Of the Fourier series.
 

@@ -32,10 +32,8 @@ def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatA
 
     Parameters
     ----------
-    phase : array_like
-        Position of the spot relative to the centre of a pixel, in px.
-    radius : array_like
-        Standard deviation of the spot, in px.
+    phase, radius : array_like, in px
+        Position relative to the centre of a pixel, and standard deviation of the spot.
     terms : int
         Harmonics of the series.
 
@@ -101,8 +99,7 @@ def centre_of_gravity_error(
         True centres of the spots, in px.
     light : array_like, shape (...)
         Of a whole spot, in electrons.
-    radius : array_like, shape (...)
-        In px.
+    radius : array_like, shape (...), in px
     corners : array_like, shape (..., 2)
         First pixel of each window.
     size : int

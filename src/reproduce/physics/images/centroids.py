@@ -188,12 +188,10 @@ def windowed_centre(
 
     The weight has the spot's own radius, so each step doubles the weighted offset: the product of
     two equal Gaussians lies halfway between them. Far pixels, which hold noise and no light, lose
-    their weight.
+    their weight. Other arguments and errors are those of `centre_of_gravity`.
 
     Parameters
     ----------
-    windows, corners
-        As for `centre_of_gravity`.
     radius : array_like, shape (...)
         Standard deviation of the weight, in px.
     steps : int
@@ -201,13 +199,7 @@ def windowed_centre(
 
     Returns
     -------
-    ndarray, shape (..., 2)
-        Centroids, in px.
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If a window holds no light in sum.
+    ndarray, shape (..., 2), in px
 
     Examples
     --------

@@ -87,8 +87,7 @@ class Detector:
 
         Returns
         -------
-        ndarray
-            In DN squared.
+        ndarray, in DN squared
 
         Examples
         --------
@@ -161,8 +160,7 @@ def electrons(output: ArrayLike, detector: Detector) -> FloatArray:
 
     Parameters
     ----------
-    output : array_like
-        In DN.
+    output : array_like, in DN
     detector : Detector
 
     Returns

@@ -77,7 +77,7 @@ class Scatter:
 
 
 def even_phases(count: int) -> FloatArray:
-    """Return the middles of equal parts of one pixel.
+    """Return the middles of so many equal parts of one pixel, shape (count,), in px.
 
     Parameters
     ----------
@@ -115,8 +115,7 @@ def simulated_errors(
     phases : array_like, shape (n,)
         Positions of the spot relative to the middle of the window, in px.
     light : Light
-    radius : float
-        In px.
+    radius : float, in px
     size : int
         Width and height of the window, in px; odd.
     trials : int
@@ -163,15 +162,7 @@ def predicted_errors(
 ) -> CentroidError:
     """Return the closed-form error of the same centroids.
 
-    Parameters
-    ----------
-    phases : array_like, shape (n,)
-        As for `simulated_errors`.
-    light : Light
-    radius : array_like, shape (...)
-        In px.
-    size : int
-        Width and height of the window, in px.
+    Arguments are those of `simulated_errors`, with radii of shape (...).
 
     Returns
     -------
@@ -211,15 +202,12 @@ def bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> Floa
 def biased_bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
     """Return the least standard deviation of a centroid with the bias of the centre of gravity.
 
-    The bound of each phase counts with the square of the slope: how far the expected centroid
-    moves when the spot does.
-
-    Arguments are those of `predicted_errors`.
+    It is that of `bound`, each phase with the square of the slope: how far the expected centroid
+    moves when the spot does. Arguments are those of `bound`.
 
     Returns
     -------
-    ndarray, shape (...)
-        Root mean square over the phases, along x, in px.
+    ndarray, shape (...), in px
 
     Examples
     --------
@@ -234,17 +222,7 @@ def biased_bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) 
 
 
 def predicted_scatter(law: CentroidError) -> Scatter:
-    """Return the scatter over all phases that a closed-form error amounts to.
-
-    Parameters
-    ----------
-    law : CentroidError
-        From `predicted_errors`, phases last.
-
-    Returns
-    -------
-    Scatter
-        Of shape (...).
+    """Return the scatter (...) over all phases that an error from `predicted_errors` amounts to.
 
     Examples
     --------
@@ -262,12 +240,7 @@ def predicted_scatter(law: CentroidError) -> Scatter:
 
 
 def observed_scatter(errors: ArrayLike) -> Scatter:
-    """Return the scatter of simulated errors, of shape (...).
-
-    Parameters
-    ----------
-    errors : array_like, shape (..., trials, phases)
-        From `simulated_errors`.
+    """Return the scatter (...) of errors (..., trials, phases) from `simulated_errors`.
 
     Examples
     --------

@@ -33,8 +33,7 @@ def window_corners(positions: ArrayLike, size: int | tuple[int, int]) -> IntArra
 
     Parameters
     ----------
-    positions : array_like, shape (..., 2)
-        In px.
+    positions : array_like, shape (..., 2), in px
     size : int or (int, int)
         Width of the window, or width and height, in px; odd, so that it has a middle pixel.
 
@@ -119,14 +118,13 @@ def render_frame(
 
     Parameters
     ----------
-    positions : array_like, shape (n, 2)
-        In px.
+    positions : array_like, shape (n, 2), in px
     photons, radius : array_like, shape () or (n,)
         Light of each spot, and its standard deviation in px.
     size : int or (int, int)
         Width of the frame, or width and height, in px.
     reach : float
-        How far from its centre a spot is drawn, in standard deviations.
+        How far from its centre a spot is drawn, in standard deviations; above zero.
 
     Returns
     -------

@@ -44,12 +44,6 @@ class Mirrors:
         Of the mirrors, of any length.
     turn : array_like, shape (3,)
         Rotation vector by which all have turned about that point.
-
-    Examples
-    --------
-    >>> flat = Mirrors(np.zeros(3), np.array([[0, 0, 1.0]]))
-    >>> flat.send(np.array([0, 0, 5.0]), np.array([0, 0.6, -0.8]))[1]
-    array([0. , 0.6, 0.8])
     """
 
     point: FloatArray
@@ -93,12 +87,6 @@ class Cone:
         Its tip, in metres.
     turn : array_like, shape (3,)
         Rotation vector by which it has turned about its tip.
-
-    Examples
-    --------
-    >>> cone = Cone(np.array([0, 0, 3.0]))
-    >>> cone.send(np.array([0.2, 0, 0]), np.array([0, 0, 1.0]))[1].round(12) + 0.0
-    array([ 0.,  0., -1.])
     """
 
     point: FloatArray
@@ -122,8 +110,7 @@ class LightPath:
 
     Attributes
     ----------
-    camera_focal_length, tracker_focal_length : float
-        In metres.
+    camera_focal_length, tracker_focal_length : float, in metres
     boresight_angle : float
         Between the two boresights, both outwards, in radians.
     retroreflector : Mirrors or Cone
@@ -169,8 +156,7 @@ class LightPath:
 
         Returns
         -------
-        places, ways : ndarray, shape (n, rays, 3)
-            In the frame of the camera at rest.
+        places, ways : ndarray, shape (n, rays, 3), in the frame of the camera at rest
 
         Raises
         ------
@@ -193,8 +179,7 @@ class LightPath:
 
         Returns
         -------
-        ndarray, shape (n, rays, 2)
-            In metres from the principal point.
+        ndarray, shape (n, rays, 2), in metres from the principal point
         """
         _, ways = self.arriving(lasers, aperture)
         # The tracker counts directions to where the light comes from.
@@ -216,10 +201,8 @@ def light_path(
     ----------
     kind : str
         A key of `RETROREFLECTORS`, or ``conical mirror``.
-    camera_focal_length, tracker_focal_length : float
-        In metres.
-    boresight_angle : float
-        Between the boresights, both outwards, in radians.
+    camera_focal_length, tracker_focal_length, boresight_angle : float
+        As of `LightPath`, in metres and radians.
     distance : float
         Of the retro-reflector in front of the camera's lens, in metres.
     aside : float

@@ -67,17 +67,12 @@ def mirror_train(normals: ArrayLike) -> FloatArray:
     Parameters
     ----------
     normals : array_like, shape (..., n, 3)
-        In the order in which the light meets them.
+        In the order in which the light meets them, as for `reflection`.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         Product of the reflections.
-
-    Raises
-    ------
-    ValueError
-        If a normal has length zero.
 
     Examples
     --------
@@ -94,19 +89,18 @@ def mirror_train(normals: ArrayLike) -> FloatArray:
 
 
 def turned_train(train: ArrayLike, turn: ArrayLike) -> FloatArray:
-    """Return a train of mirrors that has turned as a whole.
+    """Return a train of mirrors that has turned as a whole: R M R^T.
 
     Parameters
     ----------
     train : array_like, shape (..., 3, 3)
-        From `mirror_train`.
+        M, from `mirror_train`.
     turn : array_like, shape (..., 3)
         Rotation vector, in radians.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        R M R^T.
 
     Examples
     --------

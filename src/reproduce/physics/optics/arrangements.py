@@ -20,7 +20,7 @@ import numpy as np
 
 from reproduce.physics.validate import FloatArray, positive, whole_number
 
-__all__ = ["Arrangement", "arrangements", "arrangements_with"]
+__all__ = ["Arrangement", "arrangements_with"]
 
 _EDGE = 1e-9
 _LARGEST_SIDE = 2000
@@ -44,8 +44,7 @@ class Arrangement:
     ----------
     lattice, offset, window : str
         The choices that made it.
-    angles : ndarray, shape (n, 2)
-        In radians, x before y.
+    angles : ndarray, shape (n, 2), in radians, x before y
     """
 
     lattice: str
@@ -85,51 +84,14 @@ def _lattices(half_x: float, half_y: float, step: float) -> list[_Lattice]:
     ]
 
 
-def arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrangement]:
-    """Every different arrangement of the family: lattices by offsets by windows.
-
-    Offsets: a point at the middle of the range; half a spacing away from it along the rows, across
-    them, or both; a point at the lower left corner. Windows: the rectangle with and without its
-    border, the ellipse that touches its sides, the circle of the smaller half range, that of the
-    larger one cut by the rectangle, the diamond through the middles of its sides. An arrangement
-    equal to an earlier one is left out. (The circle through the corners cuts nothing off.)
-
-    Parameters
-    ----------
-    half_x, half_y, step : float
-        Half the range in x and in y, and the step of the angles, in radians, above zero.
-
-    Yields
-    ------
-    Arrangement
-        Empty ones are left out.
-
-    Raises
-    ------
-    ValueError
-        If the step is too small for the range.
-
-    Examples
-    --------
-    >>> first = next(arrangements(1.0, 1.0, 1.0))
-    >>> first.name, len(first.angles)
-    ('square, step between neighbours; centred; rectangle', 9)
-    """
-    half_x, half_y, step = _checked(half_x, half_y, step)
-    seen: set[bytes] = set()
-    for lattice in _lattices(half_x, half_y, step):
-        for offset, origin in _offsets(lattice, half_x, half_y).items():
-            nodes = _nodes(lattice, origin, half_x, half_y)
-            for window, inside in _windows(half_x, half_y).items():
-                angles = nodes[inside(nodes[:, 0], nodes[:, 1])]
-                key = np.rint(angles / (_EDGE * step)).astype(np.int64).tobytes()
-                if len(angles) and key not in seen:
-                    seen.add(key)
-                    yield Arrangement(lattice.name, offset, window, angles)
-
-
 def arrangements_with(count: int, half_x: float, half_y: float, step: float) -> list[Arrangement]:
     """Every arrangement of the family that has exactly so many angles.
+
+    The family is lattices by offsets by windows. Offsets: a point at the middle of the range; half
+    a spacing away from it along the rows, across them, or both; a point at the lower left corner.
+    Windows: the rectangle with and without its border, the ellipse that touches its sides, the
+    circle of the smaller half range, that of the larger one cut by the rectangle, the diamond
+    through the middles of its sides. (The circle through the corners cuts nothing off.)
 
     Parameters
     ----------
@@ -140,15 +102,34 @@ def arrangements_with(count: int, half_x: float, half_y: float, step: float) -> 
     Returns
     -------
     list of Arrangement
-        In the order of `arrangements`; empty if none fits.
+        All different; empty if none fits.
+
+    Raises
+    ------
+    ValueError
+        If the step is too small for the range.
 
     Examples
     --------
     >>> [found.name for found in arrangements_with(9, 1.0, 1.0, 1.0)][0]
     'square, step between neighbours; centred; rectangle'
     """
-    count = whole_number("count", count)
-    return [found for found in arrangements(half_x, half_y, step) if len(found.angles) == count]
+    count, ranges = whole_number("count", count), _checked(half_x, half_y, step)
+    return [found for found in _arrangements(*ranges) if len(found.angles) == count]
+
+
+def _arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrangement]:
+    """Every arrangement of the family but empty ones and those equal to an earlier one."""
+    seen: set[bytes] = set()
+    for lattice in _lattices(half_x, half_y, step):
+        for offset, origin in _offsets(lattice, half_x, half_y).items():
+            nodes = _nodes(lattice, origin, half_x, half_y)
+            for window, inside in _windows(half_x, half_y).items():
+                angles = nodes[inside(nodes[:, 0], nodes[:, 1])]
+                key = np.rint(angles / (_EDGE * step)).astype(np.int64).tobytes()
+                if len(angles) and key not in seen:
+                    seen.add(key)
+                    yield Arrangement(lattice.name, offset, window, angles)
 
 
 def _checked(half_x: float, half_y: float, step: float) -> tuple[float, float, float]:

@@ -41,7 +41,7 @@ __all__ = [
 
 
 def detector_centre(pixels: ArrayLike) -> FloatArray:
-    """The middle of a detector; it stands in for a principal point that is not printed.
+    """The middle of a detector, (..., 2) in px; it stands in for an unprinted principal point.
 
     Parameters
     ----------
@@ -50,8 +50,7 @@ def detector_centre(pixels: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (..., 2)
-        In px: half a pixel less than half of their number.
+    ndarray, shape (..., 2), in px
 
     Examples
     --------
@@ -67,8 +66,7 @@ class Camera:
 
     Parameters
     ----------
-    focal_length : array_like, shape (...)
-        In metres.
+    focal_length : array_like, shape (...), in metres
     principal_point : array_like, shape (..., 2)
         Where the boresight meets the detector, in px.
     radial_distortion : array_like, shape (...)
@@ -124,8 +122,7 @@ def ideal_positions(directions: ArrayLike, focal_length: ArrayLike) -> FloatArra
     ----------
     directions : array_like, shape (..., n, 3)
         Towards the stars, in the camera frame, of any length.
-    focal_length : array_like, shape (...)
-        In metres.
+    focal_length : array_like, shape (...), in metres
 
     Returns
     -------
@@ -191,8 +188,7 @@ def turned_onto_detector(positions: ArrayLike, rotation: ArrayLike) -> FloatArra
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In the same unit.
+    ndarray, shape (..., n, 2), in the same unit
 
     Examples
     --------
@@ -243,12 +239,7 @@ def image_points(directions: ArrayLike, camera: Camera, rotation: ArrayLike = 0.
 def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     """The full angle that a row of pixels sees, the boresight at its middle.
 
-    Parameters
-    ----------
-    pixels : array_like
-        Number of pixels, above zero.
-    pixel_pitch, focal_length : array_like
-        In metres.
+    Arguments are those of `angle_from_pixels`, with the pixels their number, above zero.
 
     Returns
     -------
@@ -274,8 +265,7 @@ def angle_from_pixels(
     ----------
     pixels : array_like
         Signed distance, in px.
-    pixel_pitch, focal_length : array_like
-        In metres.
+    pixel_pitch, focal_length : array_like, in metres
 
     Returns
     -------

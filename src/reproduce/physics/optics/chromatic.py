@@ -65,8 +65,7 @@ def reference_ideal_positions(ideal: ArrayLike, scale: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In the same unit.
+    ndarray, shape (..., n, 2), in the same unit
 
     Examples
     --------
@@ -120,7 +119,7 @@ def distortion_ratio(
 
 
 def distortion_ratio_equal_coefficients(scale: ArrayLike) -> FloatArray:
-    """The ratio (7) under the approximation that all channels share one distortion coefficient.
+    """The ratio (7) if all channels share one distortion coefficient: k^3.
 
     Implements: niu2024 (8).
 
@@ -132,7 +131,6 @@ def distortion_ratio_equal_coefficients(scale: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray
-        k^3.
 
     Examples
     --------
@@ -147,15 +145,12 @@ def distortion_ratio_linear(scale: ArrayLike) -> FloatArray:
 
     Implements: niu2024 (9).
 
-    Parameters
-    ----------
-    scale : array_like
-        Scale factor k, above zero.
+    Near k = 1 its relative error is 2 (1 - k). Arguments are those of
+    `distortion_ratio_equal_coefficients`.
 
     Returns
     -------
     ndarray
-        k. Near k = 1 its relative error is 2 (1 - k).
 
     Examples
     --------
@@ -172,19 +167,17 @@ def reference_points_from_ideal(
 
     Implements: niu2024 (10).
 
+    Scale and principal point are those of `reference_points_scaled`; the displacements are scaled
+    by k too, which is approximation (9).
+
     Parameters
     ----------
     ideal, displacements : array_like, shape (..., n, 2)
         Ideal positions and displacements by distortion of the other channel, both in px.
-    scale : array_like, shape (...)
-        Scale factor k; the displacements are scaled by k too, which is approximation (9).
-    principal_point : array_like, shape (..., 2)
-        Shared by both channels here, in px.
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In px.
+    ndarray, shape (..., n, 2), in px
 
     Examples
     --------
@@ -208,15 +201,12 @@ def offsets_from_principal_point(points: ArrayLike, principal_point: ArrayLike) 
 
     Parameters
     ----------
-    points : array_like, shape (..., n, 2)
-        Image points, in px.
-    principal_point : array_like, shape (..., 2)
-        In px.
+    points : array_like, shape (..., n, 2), in px
+    principal_point : array_like, shape (..., 2), in px
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In px.
+    ndarray, shape (..., n, 2), in px
 
     Examples
     --------

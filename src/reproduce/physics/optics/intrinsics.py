@@ -79,8 +79,7 @@ def fit_camera(
         Known starlight, in the frame of the reference channel.
     points : array_like, shape (..., n, 2)
         Where the channel images it, in px.
-    pixel_pitch : float
-        In metres.
+    pixel_pitch : float, in metres
     rotation : array_like, shape (...)
         Angle of the detector against the reference, in radians; zero for the reference itself.
 

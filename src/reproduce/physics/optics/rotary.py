@@ -53,17 +53,11 @@ def rotary_matrix_printed(external: ArrayLike, middle: ArrayLike) -> FloatArray:
 
     It is not a rotation: its determinant is cos(2 * middle), and its first column is not
     orthogonal to its third. Its third column is the right one, so starlight that starts along z
-    comes out the same; any other starting vector does not.
-
-    Parameters
-    ----------
-    external, middle : array_like, shape (...)
-        Angles of the two frames, in radians.
+    comes out the same; any other starting vector does not. Arguments are those of `rotary_matrix`.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        The printed product.
 
     Examples
     --------
@@ -80,11 +74,8 @@ def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
 
     Implements: niu2024 (19).
 
-    Parameters
-    ----------
-    external, middle : array_like, shape (...)
-        Angles of the two frames, in radians. Angles of shape (n,) give directions (n, 3), as
-        `camera.image_points` takes them.
+    Arguments are those of `rotary_matrix`; angles of shape (n,) give directions (n, 3), as
+    `camera.image_points` takes them.
 
     Returns
     -------

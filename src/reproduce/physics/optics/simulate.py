@@ -43,8 +43,7 @@ def table_starlight(angles: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    angles : array_like, shape (..., n, 2)
-        In radians.
+    angles : array_like, shape (..., n, 2), in radians
 
     Returns
     -------
@@ -115,27 +114,20 @@ def noisy_centroids(
 ) -> FloatArray:
     """Replicates of measured centroids: the true ones plus Gaussian noise, averaged over repeats.
 
+    Other arguments and errors are those of `spawned_streams`.
+
     Parameters
     ----------
     centroids : array_like, shape (channels, n, 2) or (replicates, channels, n, 2)
         True positions, in px; the same for all replicates, or their own for each.
     sigma : array_like, shape () or (channels,)
         Standard deviation of one coordinate of one draw, in px; zero for a channel without noise.
-    seeds : numpy.random.SeedSequence
-    replicates : int
     repeats : int
         How many draws are averaged into each replicate.
-    first : int
 
     Returns
     -------
-    ndarray, shape (replicates, channels, n, 2)
-        In px.
-
-    Raises
-    ------
-    TypeError
-        If `seeds` is not a SeedSequence, or a count is not a whole number.
+    ndarray, shape (replicates, channels, n, 2), in px
 
     Examples
     --------
@@ -168,23 +160,12 @@ def spawned_normals(
 ) -> FloatArray:
     """Standard normal numbers, every replicate from its own stream.
 
-    Parameters
-    ----------
-    seeds : numpy.random.SeedSequence
-    replicates : int
-    shape : tuple of int
-        Shape of one replicate.
-    first : int
+    Arguments and errors are those of `spawned_streams`, and the shape of one replicate.
 
     Returns
     -------
     ndarray, shape (replicates, *shape)
         Row r is the same for whatever `replicates` and `first` it was drawn with.
-
-    Raises
-    ------
-    TypeError
-        If `seeds` is not a SeedSequence, or a count is not a whole number.
 
     Examples
     --------
@@ -209,25 +190,18 @@ def spawned_angles(
 ) -> FloatArray:
     """Rotation angles at random, uniform over a rectangle, every replicate from its own stream.
 
+    Other arguments and errors are those of `spawned_streams`.
+
     Parameters
     ----------
-    seeds : numpy.random.SeedSequence
-    replicates : int
     count : int
         How many angles each.
     half_range : array_like, shape (2,)
         Half the range in x and in y, in radians; zero or more.
-    first : int
 
     Returns
     -------
-    ndarray, shape (replicates, count, 2)
-        In radians, x before y.
-
-    Raises
-    ------
-    TypeError
-        If `seeds` is not a SeedSequence, or a count is not a whole number.
+    ndarray, shape (replicates, count, 2), in radians, x before y
 
     Examples
     --------
@@ -251,7 +225,10 @@ def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Ite
     Parameters
     ----------
     seeds : numpy.random.SeedSequence
-    replicates, first : int
+        One that is used for nothing else; it is not changed.
+    replicates : int
+    first : int
+        Number of the first replicate, where a long run is done in parts.
 
     Returns
     -------

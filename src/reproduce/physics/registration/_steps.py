@@ -47,16 +47,13 @@ class Problem:
 
     Attributes
     ----------
-    source, target : ndarray, shape (..., n, 2)
-        In px.
-    pivot : ndarray, shape (..., 2)
-        In px.
+    source, target : ndarray, shape (..., n, 2), in px
+    pivot : ndarray, shape (..., 2), in px
     model : str
         A key of `MODELS`.
     weights : ndarray, shape (..., n), or None
         None where every point counts alike.
-    source_covariance, target_covariance : ndarray, shape (..., n, 2, 2), or None
-        In px^2.
+    source_covariance, target_covariance : ndarray, shape (..., n, 2, 2), or None, in px^2
     """
 
     source: FloatArray

@@ -113,8 +113,7 @@ def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (n, 2)
-        In px.
+    ndarray, shape (n, 2), in px
 
     Examples
     --------
@@ -146,6 +145,15 @@ def simulated_bias(channels: Channels, positions: ArrayLike) -> FloatArray:
     -------
     ndarray, shape (4,)
         Fitted minus true (k, theta, shift x, shift y), in rad and px.
+
+    Examples
+    --------
+    A pivot that is off by 10 px, at a scale of 1.1: a tenth of it goes into the shift.
+
+    >>> source = Camera(20e-3, (0, 0), 0, 1e-5)
+    >>> wrong = Channels(source, Camera(22e-3, (0, 0), 0, 1e-5), pivot_error=(10, 0))
+    >>> simulated_bias(wrong, even_positions((1e-3, 1e-3), 9)).round(9) + 0.0
+    array([ 0.,  0., -1.,  0.])
     """
     source, reference = _imaged(channels, positions)
     truth = similarity_between(channels.source, channels.rotation, channels.reference)
@@ -180,7 +188,7 @@ def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> Floa
 
     Examples
     --------
-    A pivot that is off by 10 px, at a scale of 1.1: a tenth of it goes into the shift.
+    The same as from `simulated_bias`.
 
     >>> source = Camera(20e-3, (0, 0), 0, 1e-5)
     >>> wrong = Channels(source, Camera(22e-3, (0, 0), 0, 1e-5), pivot_error=(10, 0))
@@ -250,8 +258,7 @@ def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> f
 
     Returns
     -------
-    float
-        In m^-4.
+    float, in m^-4
 
     Raises
     ------

@@ -68,15 +68,13 @@ def model_points(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> 
     Parameters
     ----------
     parameters : array_like, shape (..., 4)
-    source : array_like, shape (..., n, 2)
-        In px.
+    source : array_like, shape (..., n, 2), in px
     pivot : array_like, shape (..., 2)
         The source channel's principal point, in px.
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In the target channel, in px.
+    ndarray, shape (..., n, 2), in the target channel, in px
 
     Examples
     --------
@@ -91,13 +89,7 @@ def jacobian(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> Floa
 
     Implements: niu2024 (25).
 
-    Parameters
-    ----------
-    parameters : array_like, shape (..., 4)
-    source : array_like, shape (..., n, 2)
-        In px.
-    pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
+    Arguments are those of `model_points`.
 
     Returns
     -------
@@ -120,13 +112,7 @@ def deviations(
 
     Implements: niu2024 (25).
 
-    Parameters
-    ----------
-    parameters : array_like, shape (..., 4)
-    source, target : array_like, shape (..., n, 2)
-        The same spots in both channels, in px.
-    pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
+    Arguments are those of `model_points`, and the target points, as many, in px.
 
     Returns
     -------
@@ -160,15 +146,8 @@ def gauss_newton_step(
     T is observed minus modelled and J the derivative of the model, as (25) prints both; then the
     correction must be added. As extracted it is subtracted, see `gauss_newton_step_printed`.
 
-    Parameters
-    ----------
-    parameters : array_like, shape (..., 4)
-    source, target : array_like, shape (..., n, 2)
-        The same spots in both channels, in px.
-    pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
-    free : int
-        How many leading parameters move: 2 for scale and rotation alone, 4 for all.
+    Arguments are those of `deviations`, and the number of leading parameters that are `free` to
+    move: 2 for scale and rotation alone, 4 for all.
 
     Returns
     -------
@@ -256,7 +235,7 @@ def starting_values(
     Parameters
     ----------
     source_line, target_line : array_like, shape (..., n, 2)
-        Centroids while the middle frame of the rotary table turns alone, in px.
+        As for `two_line_rotation`.
     source_zero, target_zero : array_like, shape (..., 2)
         Centroids at the table's zero position, in px: each channel's principal point, nearly.
 
@@ -264,6 +243,9 @@ def starting_values(
     -------
     ndarray, shape (..., 4)
         (1, theta, shift x, shift y).
+
+    Raises
+    ------
     DegenerateGeometryError
         If the spots of a channel fix no line.
 
@@ -293,13 +275,11 @@ def random_starts(
     Parameters
     ----------
     start : array_like, shape (..., 4)
-        The centre of the box, a vector u.
+        The centre of the box.
     half_widths : array_like, shape (4,)
         Half the box in k, theta (radians), shift x and shift y (px); zero or more.
     count : int
-        How many starts.
     generator : numpy.random.Generator
-        The source of randomness.
 
     Returns
     -------
@@ -440,26 +420,14 @@ def calibrate_from_all(
 ) -> Calibration:
     """Calibrate from every start and keep, for each calibration, the end of lowest cost.
 
-    Parameters
-    ----------
-    source, target, pivot, stopping
-        As for `calibrate`.
-    starts : array_like, shape (s, ..., 4)
-        Starting vectors, from `random_starts` for one; s of them for each calibration.
+    Arguments and errors are those of `calibrate`, with s starting vectors for each calibration,
+    shape (s, ..., 4), from `random_starts` for one. Ends that have not settled are never chosen; if
+    all ends of a calibration have not, a ConvergenceError says so.
 
     Returns
     -------
     Calibration
-        The best of the s calibrations; those that have not settled are never chosen.
-
-    Raises
-    ------
-    ValueError
-        If the counts differ.
-    DegenerateGeometryError
-        If the points coincide or mirror each other, or cluster too far from the pivot.
-    ConvergenceError
-        If no start of some calibration has settled.
+        The best of the s calibrations.
 
     Examples
     --------
@@ -494,7 +462,6 @@ def constraint(rotation: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (...)
-        Zero, up to rounding.
 
     Examples
     --------
@@ -509,17 +476,11 @@ def constraint_printed(rotation: ArrayLike) -> FloatArray:
     """The constraint as extracted from section 3.2: cos^2 + cos^2 - 1, which is cos(2 theta).
 
     It is zero at odd multiples of 45 degrees alone; a detector turned by a fraction of a degree
-    misses it by almost one.
-
-    Parameters
-    ----------
-    rotation : array_like, shape (...)
-        Angle theta, in radians.
+    misses it by almost one. Arguments are those of `constraint`.
 
     Returns
     -------
     ndarray, shape (...)
-        cos(2 theta).
 
     Examples
     --------

@@ -130,20 +130,12 @@ def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
 
     Implements: niu2024 (26).
 
-    Parameters
-    ----------
-    points, reference : array_like, shape (..., n, 2)
-        Transformed points and those they should meet, in px.
+    Arguments and errors are those of `rmse_per_axis`.
 
     Returns
     -------
     ndarray, shape (...)
         In px. Noise of standard deviation s per coordinate in one set gives s * sqrt(2).
-
-    Raises
-    ------
-    ValueError
-        If the counts differ.
 
     Examples
     --------
@@ -163,8 +155,7 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (..., 2)
-        In px.
+    ndarray, shape (..., 2), in px
 
     Raises
     ------
@@ -183,23 +174,9 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
 def paired_points(
     source: ArrayLike, target: ArrayLike, *, names: tuple[str, str] = ("source", "target")
 ) -> tuple[FloatArray, FloatArray]:
-    """Check two sets of points that belong together row by row.
+    """Check two sets of points, (..., n, 2), that belong together row by row.
 
-    Parameters
-    ----------
-    source, target : array_like, shape (..., n, 2)
-        In px.
-    names : tuple of str
-        What to call them in a message.
-
-    Returns
-    -------
-    tuple of ndarray
-
-    Raises
-    ------
-    ValueError
-        If the counts differ.
+    They are called by the `names` in a message; a ValueError says so if the counts differ.
 
     Examples
     --------

@@ -106,10 +106,8 @@ class Registration:
     ----------
     model : str
         A key of `MODELS`.
-    parameters : ndarray, shape (..., p)
-        In the order of `MODELS`.
-    pivot : ndarray, shape (..., 2)
-        In px.
+    parameters : ndarray, shape (..., p), in the order of `MODELS`
+    pivot : ndarray, shape (..., 2), in px
 
     Examples
     --------
@@ -222,13 +220,11 @@ class Registration:
 
         Parameters
         ----------
-        points : array_like, shape (..., n, 2)
-            In the source, in px.
+        points : array_like, shape (..., n, 2), in the source, in px
 
         Returns
         -------
-        ndarray, shape (..., n, 2)
-            In the target, in px.
+        ndarray, shape (..., n, 2), in the target, in px
         """
         return self._apply(self._checked(points))
 
@@ -247,13 +243,11 @@ class Registration:
 
         Parameters
         ----------
-        points : array_like, shape (..., n, 2)
-            In the target, in px.
+        points : array_like, shape (..., n, 2), in the target, in px
 
         Returns
         -------
-        ndarray, shape (..., n, 2)
-            In the source, in px.
+        ndarray, shape (..., n, 2), in the source, in px
 
         Raises
         ------
@@ -386,8 +380,7 @@ def principal_point_shift(
 
     Parameters
     ----------
-    principal_point, reference_principal_point : array_like, shape (..., 2)
-        In px.
+    principal_point, reference_principal_point : array_like, shape (..., 2), in px
 
     Returns
     -------
