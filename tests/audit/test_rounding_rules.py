@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 
 from reproduce.audit.examine import rounding_votes
-from reproduce.audit.quantity import ROUNDINGS, rules_that_print
 from reproduce.audit.relation import Tolerance
+from reproduce.audit.rounding import ROUNDINGS, rules_that_print
 from reproduce.printed.number import PrintedNumber
 
 

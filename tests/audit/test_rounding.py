@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reproduce.audit.quantity import Quantity, allowed, quantity, rules_that_print
+from reproduce.audit.rounding import allowed, printed_cell, rules_that_print
 from reproduce.printed.cells import library
 from reproduce.printed.given import given as given_cells
 from reproduce.printed.number import PrintedNumber
@@ -33,7 +33,7 @@ from reproduce.printed.units import si_factor
     ],
 )
 def test_intervals_of_print(text, qualifier, rule, wanted):
-    assert allowed(quantity("t#a", text, "1", qualifier), rule) == pytest.approx(wanted)
+    assert allowed(printed_cell("t#a", text, "1", qualifier), rule) == pytest.approx(wanted)
 
 
 def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_number():
@@ -41,7 +41,7 @@ def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_numbe
     assert {c.number.qualifier for c in cells} > {None, "about", "nominal"}
     for cell in cells:
         if not cell.number.is_bound:
-            low, high = allowed(Quantity(cell.address, cell.number, cell.unit))
+            low, high = allowed(cell)
             factor = si_factor(cell.unit)
             assert (low, high) == tuple(factor * end for end in cell.number.interval())
             door = given_cells([cell.address])
@@ -51,8 +51,8 @@ def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_numbe
 
 
 def test_counts_are_exact_and_units_are_si():
-    assert allowed(quantity("t#n", "4", "count")) == (4.0, 4.0)
-    assert allowed(quantity("t#a", "20", "um")) == pytest.approx((19.5e-6, 20.5e-6))
+    assert allowed(printed_cell("t#n", "4", "count")) == (4.0, 4.0)
+    assert allowed(printed_cell("t#a", "20", "um")) == pytest.approx((19.5e-6, 20.5e-6))
 
 
 @given(st.decimals(min_value=-99, max_value=99, places=4), st.sampled_from(["0.01", "0.1", "1"]))
@@ -68,7 +68,7 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
         text = str(value.quantize(Decimal(step), rounding=way))
         assert name in rules_that_print(float(value), PrintedNumber(text))
         rule = "nearest" if name.startswith("half") else name
-        low, high = allowed(quantity("t#a", text), rule)
+        low, high = allowed(printed_cell("t#a", text), rule)
         assert low - 1e-9 <= float(value) <= high + 1e-9
 
 
