@@ -62,7 +62,7 @@ def test_a_table_of_sums_sees_nearly_all():
             cells[f"bill#{row}.{column}"] = printed_cell(f"bill#{row}.{column}", str(value))
     text = """
     [[relations.all]]
-    name = "sum"
+    name = "sum-{r}"
     formula = "gross = net + tax"
     cells = "gross=bill#{r}.gross net=bill#{r}.net tax=bill#{r}.tax"
     each = { r = "012345678" }
