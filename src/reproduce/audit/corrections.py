@@ -133,7 +133,7 @@ class Search:
         self.interchanges = interchanges(cells, keys)
         self.already = contradicted(cells, self.near)
         self.start = State((), cells, self.already)
-        self._affected: dict[frozenset[str], list[Relation]] = {}
+        self._affected: dict[frozenset[str], list[list[Relation]]] = {}
 
     def run(self, depth: int, breadth: int) -> list[State]:
         """Return the states without a contradiction of the group."""
@@ -221,7 +221,7 @@ class Search:
         cover = min(self.covers(state), key=len)
         slips = (single(state, address) for address in sorted(cover))
         for slip in itertools.chain(*slips, self._interchanged(state, [cover])):
-            child = self._after(state, slip, below)
+            child = self._after(state, slip, lambda wrong: self._ill(wrong) < below)
             if child is not None and child.wrong & self.targets:
                 yield child
 
@@ -239,9 +239,15 @@ class Search:
         common = frozenset.intersection(*covers) - self._tried_before(state)
         slips = (self._lifting(state, address) for address in sorted(common))
         for slip in itertools.chain(*slips, self._interchanged(state, covers, room)):
-            lifts = slip.cost <= room and self._lifts(state, slip)
-            if lifts and (slip.cost < room or self._restores(state, slip)):
-                yield self._after(state, slip) or state
+            if slip.cost <= room:
+                size = slip.cost
+
+                def lifts(wrong: frozenset[str], size: float = size) -> bool:
+                    whole = size < room or not wrong - self.already
+                    return whole and not wrong & self.targets
+
+                if child := self._after(state, slip, lifts):
+                    yield child
 
     def _tried_before(self, state: State) -> frozenset[str]:
         """Return the cells whose slips were tried first: a pair need not come in both orders."""
@@ -304,48 +310,30 @@ class Search:
         about = agreements(cells, others).get(relation.unknown.name)
         return list(about.by_relation.values()) if about and about.by_relation else [None]
 
-    def _lifts(self, state: State, slip: Slip) -> bool:
-        """Tell whether a slip leaves nothing of the group; cheaper than judging all it touches."""
-        again = self._again(slip.addresses)
-        blamed = [r for r in again if r.name in self.targets]
-        if state.wrong & self.targets - {r.name for r in blamed}:
-            return False
-        cells = slip.undone(state.cells)
-        if any(contradicted(cells, [relation]) for relation in blamed if not relation.unknown):
-            return False
-        return not contradicted(cells, [r for r in again if r.unknown]) & self.targets
-
-    def _restores(self, state: State, slip: Slip) -> bool:
-        """Tell whether a slip breaks nothing, and stop at the first relation that it breaks."""
-        again = self._again(slip.addresses)
-        if state.wrong - self.already - {r.name for r in again}:
-            return False
-        cells = slip.undone(state.cells)
-        alone = (r for r in again if r.unknown is None and r.name not in self.already)
-        if any(contradicted(cells, [relation]) for relation in alone):
-            return False
-        return not contradicted(cells, [r for r in again if r.unknown]) - self.already
-
-    def _after(self, state: State, slip: Slip, below: float = math.inf) -> State | None:
+    def _after(
+        self, state: State, slip: Slip, worth: Callable[[frozenset[str]], bool]
+    ) -> State | None:
         """Undo a slip, and judge again what it touches and what shares an unknown with that.
 
-        None as soon as so much is wrong as `below` says.
+        None as soon as what is wrong is not worth going on; the group's own relations come first.
         """
         cells = slip.undone(state.cells)
         again = self._again(slip.addresses)
-        wrong = state.wrong - {r.name for r in again}
-        for some in [*([r] for r in again if not r.unknown), [r for r in again if r.unknown]]:
-            if self._ill(wrong) >= below:
+        wrong = state.wrong - {relation.name for batch in again for relation in batch}
+        for batch in again:
+            if not worth(wrong):
                 return None
-            wrong |= contradicted(cells, some)
-        return State((*state.slips, slip), cells, wrong) if self._ill(wrong) < below else None
+            wrong |= contradicted(cells, batch)
+        return State((*state.slips, slip), cells, wrong) if worth(wrong) else None
 
-    def _again(self, moved: frozenset[str]) -> list[Relation]:
-        """Return the relations of some cells, and those that share an unknown with them."""
+    def _again(self, moved: frozenset[str]) -> list[list[Relation]]:
+        """Return what some cells touch, in batches that can be judged one after the other."""
         if moved not in self._affected:
             hit = [r for r in self.near if not moved.isdisjoint(r.addresses)]
-            again = {*hit, *_sharing(hit, self.near)}
-            self._affected[moved] = [r for r in self.near if r in again]
+            alone = [r for r in hit if r.unknown is None]
+            ours = [[r] for r in alone if r.name in self.targets]
+            others = [[r] for r in alone if r.name not in self.targets]
+            self._affected[moved] = [*ours, _sharing(hit, self.near), *others]
         return self._affected[moved]
 
 
