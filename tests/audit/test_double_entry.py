@@ -26,6 +26,7 @@ from reproduce.printed.number import PrintedNumber
 from reproduce.printed.units import si_factor
 from reproduce.views import double_entry
 from reproduce.views.double_entry import disagreement, disagreements
+from reproduce.views.front import check
 
 SHEET = {address: cell for paper in PAPERS for address, cell in paper_sheet(paper).items()}
 RELATIONS = [r for paper in PAPERS for r in relations_of(paper, paper_sheet(paper))]
@@ -160,6 +161,7 @@ def test_a_computation_that_is_not_monotone_is_seen():
 def test_a_check_names_both_entries_that_disagree(monkeypatch):
     ledger = build(["niu2024/table-2"])
     assert disagreements(ledger) == []
+    assert check("niu2024/table-2")
 
     def wrong(paper, cells):
         found = relations_of(paper, cells)
@@ -173,6 +175,9 @@ def test_a_check_names_both_entries_that_disagree(monkeypatch):
     (line,) = disagreements(ledger)
     assert line.startswith("true-scale-red (scale = green / f0 * 1.000001) gives")
     assert "the computation of niu2024/table-2#scale.red" in line
+    found = check("niu2024/table-2")
+    assert not found
+    assert found.faults() == [line]
 
 
 def test_restating_relations_are_counted_apart():

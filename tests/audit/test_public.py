@@ -13,6 +13,9 @@ import reproduce.audit
 
 FOLDER = Path(reproduce.audit.__file__).parent
 MODULES = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "__init__")
+# From a printed number to the whole audit: each module stands on those before it.
+ORDER = ["rounding", "formula", "relation", "intervals", "solve", "examine", "conflicts"]
+ORDER += ["slips", "corrections", "equations", "report", "errata"]
 ROOT = FOLDER.parent.parent.parent
 
 
@@ -39,6 +42,14 @@ def test_all_lists_what_others_import(name):
     assert all(hasattr(module, one) for one in public)
     idle = {one for one in public - imported()[name] if one.islower() or one.isupper()}
     assert not idle
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_modules_stand_on_each_other_in_one_direction(name):
+    source = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
+    below = re.findall(r"^from reproduce\.audit\.(\w+) import", source, flags=re.MULTILINE)
+    assert sorted(ORDER) == MODULES
+    assert set(below) <= set(ORDER[: ORDER.index(name)])
 
 
 @pytest.mark.parametrize("name", MODULES)

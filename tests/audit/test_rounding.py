@@ -2,12 +2,15 @@
 
 import math
 from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reproduce.audit.rounding import allowed, printed_cell, rules_that_print
+from reproduce.audit.examine import rounding_votes
+from reproduce.audit.relation import Tolerance
+from reproduce.audit.rounding import ROUNDINGS, allowed, printed_cell, rules_that_print
 from reproduce.printed.cells import library
 from reproduce.printed.given import given as given_cells
 from reproduce.printed.number import PrintedNumber
@@ -75,3 +78,27 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
 def test_what_is_no_number_is_printed_by_no_rule():
     assert rules_that_print(math.nan, PrintedNumber("1.0")) == frozenset()
     assert rules_that_print(3.0000001, PrintedNumber("3", exact=True)) == frozenset()
+
+
+def test_the_last_bits_of_a_sum_speak_for_no_rule():
+    """A tenth and two tenths are three tenths, whatever floating point makes of them."""
+    assert 0.1 + 0.2 > 0.3
+    assert rules_that_print(0.1 + 0.2, PrintedNumber("0.3")) == frozenset(ROUNDINGS)
+    assert rules_that_print(0.0, PrintedNumber("0.0")) == frozenset(ROUNDINGS)
+
+
+def test_only_results_that_tell_rules_apart_have_a_vote():
+    def printed_by(*rules):
+        return SimpleNamespace(rules=frozenset(rules))
+
+    findings = [printed_by(*ROUNDINGS), printed_by(), printed_by("truncation", "half-up")]
+    votes = rounding_votes([*findings, printed_by("truncation")])
+    assert {rule: count for rule, count in votes.items() if count} == {
+        "truncation": 2,
+        "half-up": 1,
+    }
+
+
+def test_tolerances_are_read_in_their_unit_or_in_hundredths():
+    assert Tolerance(0.025, "small angles").text == "2.5 %"
+    assert Tolerance(0.3, "nominal", "arcsec").text == "0.3 arcsec"

@@ -59,25 +59,6 @@ class Demonstration:
         return abs(self.right - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
 
 
-def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
-    """Run the equations of a paper as printed.
-
-    In order of print; none of a paper whose equations are not held against its numbers.
-    """
-    runs: dict[str, tuple[Callable[[Sheet], Demonstration], ...]] = {
-        "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
-        "chen2023": (
-            _unit_vectors,
-            _chain,
-            _stage_angle,
-            _stage_signs,
-            _retroreflector,
-            _roll_leak,
-        ),
-    }
-    return [run(cells) for run in runs.get(paper, ())]
-
-
 def _distortion_ratio(cells: Sheet) -> Demonstration:
     k = cells["niu2024/table-2#scale.red"].si
     ours, theirs = (cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red"))
@@ -276,3 +257,14 @@ def _stage_signs(cells: Sheet) -> Demonstration:
         meaning="sign of the angle about X",
         supposition="the angles about X and Y are both right-handed",
     )
+
+
+_RUNS: dict[str, tuple[Callable[[Sheet], Demonstration], ...]] = {
+    "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
+    "chen2023": (_unit_vectors, _chain, _stage_angle, _stage_signs, _retroreflector, _roll_leak),
+}
+
+
+def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
+    """Run the equations of a paper as printed, in order of print; none if none are declared."""
+    return [run(cells) for run in _RUNS.get(paper, ())]
