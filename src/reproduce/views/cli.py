@@ -140,9 +140,9 @@ def show(
     again: dict[str, Any] = {"seed": seed, "replicates": replicates, **_pairs("--option", options)}
     again = {name: value for name, value in again.items() if value is not None}
     try:
-        if changes or again:
-            found = found.rerun(_pairs("--set", changes), **again)
-        found.print(Console())
+        changed = changes or again
+        shown = found.rerun(_pairs("--set", changes), **again) if changed else found
+        shown.print(Console())
     except CannotChangeError as error:
         raise click.UsageError(str(error)) from error
 
