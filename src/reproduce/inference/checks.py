@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.posterior import Posterior
+from reproduce.inference.diagnostics import mcse_deviation, mcse_mean
+from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray
 
 # Simulated data sets of a predictive check, and repeats of an experiment.
@@ -59,6 +60,17 @@ class Share:
         least = np.sqrt(1 / count) if float(np.ptp(values)) == 0 else 0.0
         return cls(float(values.mean()), float(max(values.std(), least) / np.sqrt(count)), count)
 
+    @classmethod
+    def counted(cls, value: float, count: int) -> Share:
+        """A share of so many simulations, with its binomial error.
+
+        Examples
+        --------
+        >>> Share.counted(0.5, 100).error
+        0.05
+        """
+        return cls(value, float(np.sqrt(max(value * (1 - value), 1 / count) / count)), count)
+
 
 @dataclass(frozen=True)
 class Range:
@@ -102,7 +114,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Check:
+class PredictiveCheck:
     """One number of the data among those of simulated data.
 
     Parameters
@@ -124,19 +136,19 @@ class Check:
     tail: Share
 
 
-def predictive_checks(posterior: Posterior, replicates: int = REPLICATES) -> list[Check]:
+def predictive_checks(posterior: Sampled, replicates: int = REPLICATES) -> list[PredictiveCheck]:
     """Compare the data with simulations from prior and posterior.
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sampled
         Draws with their model.
     replicates : int
         Simulated data sets from each.
 
     Returns
     -------
-    list of Check
+    list of PredictiveCheck
         One for every number of `Likelihood.checks`.
     """
     model = posterior.model
@@ -156,7 +168,7 @@ def predictive_checks(posterior: Posterior, replicates: int = REPLICATES) -> lis
         values = {which: np.array([c[name] for c in checks]) for which, checks in found.items()}
         tail = tail_share(values["posterior"], observed)
         ranges = {which: Range.of(v) for which, v in values.items()}
-        rows.append(Check(name, observed, ranges["prior"], ranges["posterior"], tail))
+        rows.append(PredictiveCheck(name, observed, ranges["prior"], ranges["posterior"], tail))
     return rows
 
 
@@ -183,6 +195,85 @@ def tail_share(values: FloatArray, observed: float) -> Share:
     tail, count = two_sided(values, observed), len(values)
     # Twice a share: its variance is four times that of the share of half the size.
     return Share(tail, float(np.sqrt(max(tail * (2 - tail), 1 / count) / count)), count, sides=2)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A nominal or least-squares estimate in the posterior of its parameter.
+
+    Parameters
+    ----------
+    name, unit : str
+        The parameter, and its unit.
+    estimate : float
+        In that unit.
+    off, error : float
+        Posterior standard deviations from the mean, and the Monte Carlo standard error of that.
+    tail : Share
+        Two-sided tail probability.
+    """
+
+    name: str
+    unit: str
+    estimate: float
+    off: float
+    error: float
+    tail: Share
+
+
+def placed(posterior: Sampled) -> list[Placed]:
+    """Place every point estimate of a model in its posterior."""
+    found = []
+    for i, parameter in enumerate(posterior.model.parameters):
+        if parameter.name not in posterior.model.estimate:
+            continue
+        estimate, chain = posterior.model.estimate[parameter.name], posterior.chain[..., i]
+        width = chain.std()
+        off = (estimate - chain.mean()) / width
+        error = float(np.hypot(mcse_mean(chain), off * mcse_deviation(chain)) / width)
+        tail = tail_share(posterior.draws[:, i], estimate)
+        shown = estimate * parameter.shown
+        found.append(Placed(parameter.name, parameter.unit, shown, off, error, tail))
+    return found
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """The width of a posterior beside the least that any unbiased estimate can have.
+
+    Parameters
+    ----------
+    name, unit : str
+        The parameter, and its unit.
+    width, error, bound : float
+        Posterior standard deviation, its Monte Carlo standard error, and the bound, in that unit.
+    """
+
+    name: str
+    unit: str
+    width: float
+    error: float
+    bound: float
+
+    @property
+    def ratio(self) -> float:
+        """Width over bound; a prior may make it less than one."""
+        return self.width / self.bound
+
+    @property
+    def ratio_error(self) -> float:
+        """Monte Carlo standard error of the ratio."""
+        return self.error / self.bound
+
+
+def bounded(posterior: Sampled, bounds: FloatArray) -> list[Bounded]:
+    """Compare the widths of all parameters with their bounds, (d,), in SI units or px."""
+    found = []
+    for i, (parameter, bound) in enumerate(zip(posterior.model.parameters, bounds, strict=True)):
+        chain, shown = posterior.chain[..., i], parameter.shown
+        width, error = chain.std() * shown, mcse_deviation(chain) * shown
+        found.append(Bounded(parameter.name, parameter.unit, width, error, bound * shown))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,13 +344,13 @@ class Repeat:
 
 
 def repeats(
-    posterior: Posterior, published: Published, replicates: int = REPEATS
+    posterior: Sampled, published: Published, replicates: int = REPEATS
 ) -> tuple[list[Repeat], Share]:
     """Simulate repeats of the experiment under the posterior and compare their digits.
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sampled
         Draws.
     published : Published
         What is printed.
@@ -286,7 +377,7 @@ def repeats(
 
 
 def _row(
-    posterior: Posterior, published: Published, found: FloatArray, same: FloatArray, i: int
+    posterior: Sampled, published: Published, found: FloatArray, same: FloatArray, i: int
 ) -> Repeat:
     unit, printed = 2 * published.half_units[i], float(published.printed[i])
     name, estimated = published.parameters[i], None

@@ -256,7 +256,7 @@ class Diagnosis:
     mcse: float
 
 
-class ConvergenceError(ArithmeticError):
+class UnconvergedError(ArithmeticError):
     """Chains that miss the gates; the message is short, the attributes carry all numbers.
 
     Parameters
@@ -370,7 +370,7 @@ def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gat
 
     Raises
     ------
-    ConvergenceError
+    UnconvergedError
         If a gate is missed, or a number is not finite.
     """
     # How many times more steps each gate needs, and which it is; NaN misses and comes first.
@@ -398,7 +398,7 @@ def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gat
         if np.isfinite(factor):
             kept = diagnoses[0].time * diagnoses[0].times
             steps = int(np.ceil(MARGIN * factor * kept / 100)) * 100
-        raise ConvergenceError([words for _, words in missed], diagnoses, acceptance, steps)
+        raise UnconvergedError([words for _, words in missed], diagnoses, acceptance, steps)
 
 
 def _short(needed: float, found: float) -> float:

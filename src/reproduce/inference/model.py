@@ -219,12 +219,12 @@ class Model:
 class Derived(Protocol):
     """Consequences of a model's parameters."""
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Named consequences of parameter vectors of shape (n, d)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity:
+class Consequence:
     """A consequence with its draws.
 
     Parameters

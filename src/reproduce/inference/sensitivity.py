@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.inference.pareto import smoothed
-from reproduce.inference.posterior import Posterior
+from reproduce.inference.evidence import smoothed
+from reproduce.inference.posterior import Sampled
 from reproduce.inference.priors import (
     HalfNormal,
     LogNormal,
@@ -75,15 +75,24 @@ class Sensitivity:
         """Whether the posterior reaches an end of a flat prior, which then bounds it."""
         return self.near_end > CROWDED
 
+    @property
+    def held_by(self) -> str:
+        """What holds the posterior, in a few words."""
+        if self.held_by_end:
+            return "an end of the flat prior holds it"
+        if self.prior < NOTABLE:
+            return "as it should be"
+        return "prior and data" if self.likelihood >= NOTABLE else "the prior holds it"
 
-def sensitivities(posterior: Posterior) -> list[Sensitivity]:
+
+def sensitivities(posterior: Sampled) -> list[Sensitivity]:
     """Return the sensitivity of every parameter to prior and likelihood.
 
     The errors are those of the jackknife that leaves out one ensemble after the other.
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sampled
         Draws.
 
     Returns
@@ -157,12 +166,12 @@ class Leaning:
         )
 
 
-def leanings(posterior: Posterior) -> list[Leaning]:
+def leanings(posterior: Sampled) -> list[Leaning]:
     """Return the parameters whose posterior leans on an end of a prior, or lies in its tail.
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sampled
         Draws.
 
     Returns

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.checks import Published
+from reproduce.inference.checks import Bounded, Published, Repeat, Share, bounded, repeats
+from reproduce.inference.evidence import Compared, compared
 from reproduce.inference.model import Model
+from reproduce.inference.posterior import Sampled
+from reproduce.inference.sampling import Plan, sample
+from reproduce.papers.declare import ROOT_SEED
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import Table
+from reproduce.store.points import Table, TableFileError, read_table
 
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
@@ -45,6 +50,28 @@ class File:
     read: Callable[[Table, Pivot], Model]
     pivots: Callable[[Table, Pivot], list[FloatArray]] | None = None
     remarks: Callable[[Table, Pivot], list[str]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Supplied:
+    """A user's file as a model, and what to say of it.
+
+    Parameters
+    ----------
+    model : Model
+        With priors on the scale of the data.
+    rows : int
+        Lines of data.
+    pivots : list of list of float
+        Of each channel, in px; none where the model takes none.
+    remarks : tuple of str
+        What a user should hear of the data.
+    """
+
+    model: Model
+    rows: int
+    pivots: list[list[float]]
+    remarks: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -137,11 +164,68 @@ class Declaration:
         """Return the models that model choice compares this one with."""
         return [rival(given(self.given)) for rival in self.rivals]
 
-    def printed(self, model: Model) -> Published | None:
-        """Return what the paper prints of the experiment, with how to repeat it."""
+    def plan(
+        self,
+        steps: int | None = None,
+        ensembles: int = 4,
+        walkers: int | None = None,
+        seed: int | None = None,
+    ) -> Plan:
+        """Return how it is sampled in the book, or otherwise where something is given."""
+        steps = steps or self.steps
+        return Plan(
+            ROOT_SEED if seed is None else seed,
+            ensembles=ensembles,
+            walkers=walkers or self.walkers,
+            steps=steps,
+            warmup=max(150, steps // 4),
+        )
+
+    def from_file(self, path: Path, pivot: Pivot = None) -> Supplied:
+        """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
+
+        The priors of what is measured come from the scale of the data. What the data do not
+        measure, an instrument or a design, stays that of the paper.
+        """
+        file = self.file
+        if isinstance(file, str):
+            raise TableFileError(f"{self.key} takes no file: {file}")
+        if pivot is not None and file.pivots is None:
+            raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
+        try:
+            # A number that overflows or divides by nothing is an error of the file, not a warning.
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                table = read_table(path, file.columns)
+                model = file.read(table, pivot)
+                remarks = file.remarks(table, pivot) if file.remarks else []
+        except FloatingPointError as error:
+            raise TableFileError(
+                f"{path}: the numbers lead to an {error}; look for values that are huge, zero or "
+                "alike"
+            ) from error
+        pivots = file.pivots(table, pivot) if file.pivots else []
+        return Supplied(model, len(table.values), [p.tolist() for p in pivots], tuple(remarks))
+
+    def repeats(self, found: Sampled) -> tuple[list[Repeat], Share, str] | None:
+        """Return the printed numbers among those of repeats, all at once, and what to note of it.
+
+        None where the paper prints no number of the experiment.
+        """
         if self.published is None:
             return None
-        return self.published(given((*self.given, *self.compared)), model)
+        published = self.published(given((*self.given, *self.compared)), found.model)
+        return *repeats(found, published), published.note
+
+    def bounds(self, found: Sampled) -> list[Bounded]:
+        """Return the widths beside the Cramér-Rao bound; nothing where there is none."""
+        return [] if self.bound is None else bounded(found, self.bound(found.model))
+
+    def choice(self, found: Sampled) -> list[Compared]:
+        """Return the evidence of the model and its rivals."""
+        plan = self.plan()
+        return compared(
+            found, self.rival_models(), self.evidence, lambda rival: sample(rival, plan)
+        )
 
 
 # What a comparison of a model with its own data can show.

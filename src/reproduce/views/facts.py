@@ -3,25 +3,24 @@
 ``python -m reproduce.views.facts FILE`` writes them; the roles of the book only look them up. A
 printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
 paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
-(``niu2024/readings#best-joint``).
+(``niu2024/readings#best-joint``), and so does a posterior (``posterior/registration#noise-mean``).
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
-from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
 from reproduce.views import words
+from reproduce.views.build import fingerprint
 
 # Study, or the audit -> the module of `views` that says its results.
 STUDIES = {
@@ -47,6 +46,25 @@ def whole_ledger() -> Ledger:
 
 def facts() -> dict[str, str]:
     """Compute every fact."""
+    from reproduce.papers.posteriors import posteriors
+
+    return unsampled() | of_posteriors(posteriors())
+
+
+def of_posteriors(names: Iterable[str]) -> dict[str, str]:
+    """Compute the facts of posteriors, which are sampled for it."""
+    from reproduce.views.posterior_words import sayings
+    from reproduce.views.sampled import book_posterior
+
+    return {
+        f"posterior/{name}#{label}": words.powers(text)
+        for name in names
+        for label, text in sayings(name, book_posterior(name)).items()
+    }
+
+
+def unsampled() -> dict[str, str]:
+    """Compute the facts of the ledger, the studies and the audit."""
     records = whole_ledger().records
     keys = dict.fromkeys(record.key for record in records)
     found = {
@@ -55,8 +73,8 @@ def facts() -> dict[str, str]:
         for what, text in facts_of(name).items()
     }
     for study, module in STUDIES.items():
-        sayings = import_module(f"reproduce.views.{module}").sayings()
-        found |= {f"{study}#{label}": text for label, text in sayings.items()}
+        said = import_module(f"reproduce.views.{module}").sayings()
+        found |= {f"{study}#{label}": text for label, text in said.items()}
     return {name: words.powers(text) for name, text in found.items()}
 
 
@@ -75,18 +93,6 @@ def facts_of(name: str) -> dict[str, str]:
     if name not in {*PAPERS, "all"}:
         raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
     return _of_paper(name)
-
-
-def fingerprint() -> str:
-    """Return a hash of what the facts depend on: the package's own files, the data, the lock."""
-    data = data_folder()
-    package = Path(__file__).resolve().parent.parent
-    files = [*package.rglob("*.py"), *(path for path in data.rglob("*") if path.is_file())]
-    digest = hashlib.sha256()
-    for path in [*sorted(files), data.parent / "environment.txt"]:
-        if path.is_file():
-            digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()
 
 
 def write(path: Path) -> bool:

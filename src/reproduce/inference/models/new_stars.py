@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Quantity
+from reproduce.inference.model import Consequence
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
@@ -23,7 +23,7 @@ CHUNK = 10_000
 SEED = 52
 
 
-class Stars(Protocol):
+class StarModel(Protocol):
     """What is needed of a registration's likelihood at other stars."""
 
     @property
@@ -44,19 +44,19 @@ class Stars(Protocol):
         """The same model of other stars."""
 
 
-def true_places(stars: Stars, parameters: FloatArray) -> FloatArray:
+def true_places(stars: StarModel, parameters: FloatArray) -> FloatArray:
     """Return where the stars lie in the reference channel without noise, (n, points, 2)."""
     return as_points(as_complex(stars.target) - stars.residuals(parameters))
 
 
 def rmse_at(
-    stars: Stars, registered: FloatArray, parameters: FloatArray, generator: Generator
+    stars: StarModel, registered: FloatArray, parameters: FloatArray, generator: Generator
 ) -> FloatArray:
     """Root mean square distance between registered and measured stars, as niu2024 (26).
 
     Parameters
     ----------
-    stars : Stars
+    stars : StarModel
         The model at the new stars.
     registered : ndarray, shape (points, 2) or (n, points, 2)
         Where the transform in use puts them, in px.
@@ -80,7 +80,7 @@ class NewStars:
 
     Parameters
     ----------
-    stars : Stars
+    stars : StarModel
         The model at the new stars.
     registered : ndarray, shape (points, 2)
         Where the least-squares transform puts them, in px.
@@ -92,13 +92,13 @@ class NewStars:
         Stands before the names, where there is more than one channel.
     """
 
-    stars: Stars
+    stars: StarModel
     registered: FloatArray
     arcsec_per_px: float
     columns: tuple[int, ...] = ()
     prefix: str = ""
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """RMSE, the same as an angle, and the error of the transform at the outermost star."""
         generator = Generator(PCG64(SEED))
         parameters = parameters[:, self.columns] if self.columns else parameters
@@ -111,11 +111,13 @@ class NewStars:
         rmse, misplaced = np.concatenate(errors), np.concatenate(moved)
         angle = rmse * self.arcsec_per_px
         return {
-            f"{self.prefix}test points, RMSE": Quantity(rmse, "px", "as (26), both axes together"),
-            f"{self.prefix}test points, pointing error": Quantity(
+            f"{self.prefix}test points, RMSE": Consequence(
+                rmse, "px", "as (26), both axes together"
+            ),
+            f"{self.prefix}test points, pointing error": Consequence(
                 angle, "arcsec", "the same as an angle"
             ),
-            f"{self.prefix}outermost star, misregistration": Quantity(
+            f"{self.prefix}outermost star, misregistration": Consequence(
                 misplaced, "px", "from the error of the transform alone"
             ),
         }
@@ -133,7 +135,7 @@ class Together:
 
     parts: tuple[NewStars, ...]
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """The consequences of all, one after the other."""
         return {name: found for part in self.parts for name, found in part(parameters).items()}
 

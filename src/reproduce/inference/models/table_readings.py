@@ -31,7 +31,7 @@ BIAS_REACH = 6.5
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class TableReading:
     """One way to read the table.
 
     Parameters
@@ -51,7 +51,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Read:
+class TableResult:
     """What a reading comes to.
 
     Parameters
@@ -70,7 +70,9 @@ class Read:
     deviations: tuple[float, ...]
 
 
-def hypotheses(printed: FloatArray, from_motions: FloatArray, half_unit: float) -> list[Reading]:
+def hypotheses(
+    printed: FloatArray, from_motions: FloatArray, half_unit: float
+) -> list[TableReading]:
     """Return the readings that tell themselves apart.
 
     Parameters
@@ -83,7 +85,7 @@ def hypotheses(printed: FloatArray, from_motions: FloatArray, half_unit: float) 
 
     Returns
     -------
-    list of Reading
+    list of TableReading
         Both positions with every order of the angle columns. To interchange positions and motions
         is to interchange both angle columns, but for the names of the two biases.
     """
@@ -93,36 +95,38 @@ def hypotheses(printed: FloatArray, from_motions: FloatArray, half_unit: float) 
         "reference columns interchanged": (CROSSED, PRINTED),
         "monitored columns interchanged": (PRINTED, CROSSED),
     }
-    found = [Reading(f"{name}, positions hold", *pair) for name, pair in orders.items()]
+    found = [TableReading(f"{name}, positions hold", *pair) for name, pair in orders.items()]
     # Position less position rounds twice: within three halves of a digit it is no slip.
     slip = np.abs(printed - from_motions) > 3.5 * half_unit
     if slip.any():
         other = np.where(slip, from_motions, printed)
-        found += [Reading(f"{name}, motions hold", *pair, other) for name, pair in orders.items()]
+        found += [
+            TableReading(f"{name}, motions hold", *pair, other) for name, pair in orders.items()
+        ]
     return found
 
 
-def read(model: Model, reading: Reading, finer: float = 1) -> Read:
+def read(model: Model, reading: TableReading, finer: float = 1) -> TableResult:
     """Evidence and moments of the table model under one reading, by quadrature.
 
     Parameters
     ----------
     model : Model
         From `stage_table.table_model`; its own hypothesis plays no part.
-    reading : Reading
+    reading : TableReading
         Which columns stand where.
     finer : float
         Multiplies the points of every grid.
 
     Returns
     -------
-    Read
+    TableResult
         Log evidence and the moments of the parameters.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, StageTableLikelihood):
         raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
-    table = Table.of(model, likelihood, reading)
+    table = StageTable.of(model, likelihood, reading)
     points = EVERY * round(finer * POINTS / EVERY) + 1
     orders = [round(finer * order) for order in ORDERS]
     u = np.linspace(-REACH, REACH, points)
@@ -154,7 +158,7 @@ class Parts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class StageTable:
     """The table as one reading has it.
 
     Parameters
@@ -181,7 +185,9 @@ class Table:
     noise_ends: tuple[float, float]
 
     @classmethod
-    def of(cls, model: Model, likelihood: StageTableLikelihood, reading: Reading) -> Table:
+    def of(
+        cls, model: Model, likelihood: StageTableLikelihood, reading: TableReading
+    ) -> StageTable:
         """Put the columns where the reading has them, and take the priors apart."""
         noise, first, second, scatter = (p.prior for p in model.parameters[1:])
         if not (
@@ -257,12 +263,12 @@ def _gauss(order: int, ends: tuple[float, float]) -> tuple[FloatArray, FloatArra
 
 
 def _summed(
-    reading: Reading,
+    reading: TableReading,
     weights: FloatArray,
     held: FloatArray,
     parts: Parts,
     values: tuple[FloatArray, FloatArray],
-) -> Read:
+) -> TableResult:
     """Sum over zero positions, then over focal length, scatter and noise."""
     logs = weights.copy()
     biases = []
@@ -284,4 +290,4 @@ def _summed(
     means = [float((density * first).sum()) for first, _ in moments]
     squares = [float((density * second).sum()) for _, second in moments]
     deviations = [float(np.sqrt(max(s - m**2, 0))) for s, m in zip(squares, means, strict=True)]
-    return Read(reading.name, evidence, tuple(means), tuple(deviations))
+    return TableResult(reading.name, evidence, tuple(means), tuple(deviations))

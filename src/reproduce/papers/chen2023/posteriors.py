@@ -27,7 +27,7 @@ from reproduce.inference.models.small_angle import (
     spot_bound,
 )
 from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
-from reproduce.inference.models.table_readings import Read, Reading, hypotheses, read
+from reproduce.inference.models.table_readings import TableReading, TableResult, hypotheses, read
 from reproduce.inference.priors import HalfNormal
 from reproduce.inference.quadrature import small_log_evidence, summed
 from reproduce.papers.chen2023 import lasers, published, simulated_spots, users_spots, users_tables
@@ -206,7 +206,7 @@ def table_5(given: Given, hypothesis: int | None = None) -> Model:
     return replace(model, name=f"{model.name}, {HYPOTHESES[hypothesis]}")
 
 
-def readings() -> list[Reading]:
+def readings() -> list[TableReading]:
     """Return the readings of Table V: the orders of its columns, positions or motions that hold.
 
     The motions, which no model reads, reach the readings alone.
@@ -218,10 +218,16 @@ def readings() -> list[Reading]:
 
 
 @cache
-def table_reads() -> tuple[Read, ...]:
+def table_reads() -> tuple[TableResult, ...]:
     """Return what every reading of Table V comes to, summed once in a process."""
     model = table_5(given(STAGE_READS))
     return tuple(read(model, reading) for reading in readings())
+
+
+def table_shares() -> list[float]:
+    """Return the probability of every reading of Table V, all equally probable beforehand."""
+    logs = np.array([one.log_evidence for one in table_reads()])
+    return [float(share) for share in np.exp(logs - np.logaddexp.reduce(logs))]
 
 
 def table_log_evidence(model: Model) -> float:

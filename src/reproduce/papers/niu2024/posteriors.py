@@ -19,6 +19,13 @@ from reproduce.inference.models.closed_form import cramer_rao_bound, registratio
 from reproduce.inference.models.joint import JointRegistration, joint_model
 from reproduce.inference.models.least_squares import noise_growth
 from reproduce.inference.models.new_stars import Together
+from reproduce.inference.models.radial import (
+    WIDTHS,
+    affine_model,
+    linear_log_evidence,
+    radial_model,
+    similarity_model,
+)
 from reproduce.inference.models.registration import GaussianRegistration, registration_model
 from reproduce.inference.models.variants import (
     PointwiseRegistration,
@@ -54,6 +61,7 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+from reproduce.printed.given import given as door
 
 DATA_SEED = SeedSequence(ROOT_SEED, spawn_key=(1,))
 # How well a laboratory may know a principal point, in px.
@@ -191,6 +199,18 @@ def beside_the_registration(model: Model) -> dict[str, Aside]:
         "noise-growth": Aside(*noise_growth(plain.source, plain.target, plain.pivot), "1"),
         "principal-point": Aside(PRINCIPAL_POINT, 0.0, "px"),
         "shift-by-principal-point": Aside(float(moved), 0.0, "px"),
+    }
+
+
+def transforms() -> dict[str, list[float]]:
+    """Return the log evidence of similarity, radial term and affine transform of the red channel.
+
+    By the name of the model; one number for each prior width of `WIDTHS`.
+    """
+    base = registration(door(READS))
+    return {
+        rival(base).name: [linear_log_evidence(rival(base, width)) for width in WIDTHS]
+        for rival in (similarity_model, radial_model, affine_model)
     }
 
 
