@@ -156,41 +156,16 @@ def least_of_all(found: Sequence[Ranks]) -> tuple[float, int, float]:
 
 
 def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
-    """Draw the truth of one replicate, and the model with data simulated from it.
-
-    Parameters
-    ----------
-    model, seed, index
-        As for `replicate`.
-
-    Returns
-    -------
-    ndarray, shape (d,)
-        The true parameters.
-    Model
-        With the data.
-    """
+    """Draw the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(SeedSequence(seed, spawn_key=(index, 0))))
     truth = model.draw_prior(generator, 1)[0]
     return truth, model.given(model.simulate(truth, generator))
 
 
 def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covered]:
-    """Run one replicate.
+    """Run one replicate, which is the same for any number of them and on any machine.
 
-    Parameters
-    ----------
-    model : Model
-        Its data are replaced.
-    seed : int
-        Root of all replicates.
-    index : int
-        Which replicate: it is the same for any number of them and on any machine.
-
-    Returns
-    -------
-    tuple
-        Ranks, shape (d + 1,); whether the chain missed the gate; covered, shape (levels, d).
+    Ranks, (d + 1,); whether the chain missed the gate; covered, (levels, d).
     """
     root = SeedSequence(seed, spawn_key=(index,))
     truth, fitted = simulated(model, seed, index)
@@ -212,15 +187,7 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
 def intervals(model: Model, seed: int, replicates: int) -> Covered:
     """Redo what `calibrate` tells of the published estimator, from the same data, unsampled.
 
-    Parameters
-    ----------
-    model, seed, replicates
-        As for `calibrate`.
-
-    Returns
-    -------
-    ndarray of int8, shape (replicates, levels, parameters)
-        As in `Ranks`.
+    Shape (replicates, levels, parameters), as in `Ranks`.
     """
     if not isinstance(model.likelihood, Estimated):
         return np.full((replicates, len(LEVELS), model.dimension), -1, dtype=np.int8)
@@ -263,22 +230,7 @@ def calibrate(
 
 @lru_cache(maxsize=32)
 def band_statistics(replicates: int, seed: int, simulations: int = SIMULATIONS) -> FloatArray:
-    """Smallest pointwise probability along the whole curve, for ranks that are truly uniform.
-
-    Parameters
-    ----------
-    replicates : int
-        Ranks in each simulated sample.
-    seed : int
-        Of the simulation.
-    simulations : int
-        How many samples.
-
-    Returns
-    -------
-    ndarray, shape (simulations,)
-        Sorted.
-    """
+    """Smallest pointwise probability along a curve of even ranks, sorted, (simulations,)."""
     generator = Generator(PCG64(seed))
     even = np.full(DRAWS + 1, 1 / (DRAWS + 1))
     counts = np.cumsum(generator.multinomial(replicates, even, simulations), axis=1)
@@ -303,19 +255,8 @@ def _least(counts: Counts) -> FloatArray:
 def band(replicates: int, level: float = 0.95, seed: int = 1) -> tuple[FloatArray, FloatArray]:
     """Simultaneous band of the cumulated ranks (Säilynoja, Bürkner and Vehtari, 2022).
 
-    Parameters
-    ----------
-    replicates : int
-        How many ranks.
-    level : float
-        Probability that the whole curve of uniform ranks stays inside.
-    seed : int
-        Of the simulation that sets the pointwise level.
-
-    Returns
-    -------
-    tuple of ndarray, shape (DRAWS + 1,)
-        Lower and upper count; the last rank is certain.
+    Lower and upper count, (DRAWS + 1,), between which the whole curve of even ranks stays with the
+    probability `level`; the last rank is certain.
     """
     pointwise = float(np.quantile(band_statistics(replicates, seed), 1 - level))
     share = np.arange(1, DRAWS + 2) / (DRAWS + 1)

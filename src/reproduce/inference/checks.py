@@ -137,20 +137,7 @@ class PredictiveCheck:
 
 
 def predictive_checks(posterior: Sampled, replicates: int = REPLICATES) -> list[PredictiveCheck]:
-    """Compare the data with simulations from prior and posterior.
-
-    Parameters
-    ----------
-    posterior : Sampled
-        Draws with their model.
-    replicates : int
-        Simulated data sets from each.
-
-    Returns
-    -------
-    list of PredictiveCheck
-        One for every number of `Likelihood.checks`.
-    """
+    """Compare every number of `Likelihood.checks` with simulations from prior and posterior."""
     model = posterior.model
     generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
     chosen = posterior.draws[np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)]
@@ -348,21 +335,8 @@ def repeats(
 ) -> tuple[list[Repeat], Share]:
     """Simulate repeats of the experiment under the posterior and compare their digits.
 
-    Parameters
-    ----------
-    posterior : Sampled
-        Draws.
-    published : Published
-        What is printed.
-    replicates : int
-        How many repeats.
-
-    Returns
-    -------
-    list of Repeat
-        One for each printed number.
-    Share
-        Probability that a repeat prints all of them alike, at once.
+    One `Repeat` for each printed number, and the probability that a repeat prints all of them
+    alike, at once.
     """
     draws = posterior.draws
     chosen = draws[np.linspace(0, len(draws) - 1, min(replicates, len(draws))).astype(int)]

@@ -64,18 +64,6 @@ class Declared:
 def scores(values: FloatArray, ends: tuple[float, float]) -> FloatArray:
     """Normal scores of values between two ends: uniform values become Gaussian.
 
-    Parameters
-    ----------
-    values : ndarray
-        Inside the ends.
-    ends : tuple of float
-        Lower and upper end.
-
-    Returns
-    -------
-    ndarray
-        Same shape.
-
     Examples
     --------
     >>> scores(np.array([0.5]), (0.0, 1.0))
@@ -116,20 +104,6 @@ def weighted(
     spread: FloatArray | float,
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and standard deviation of a Gaussian estimate with a Gaussian prior.
-
-    Parameters
-    ----------
-    estimate : ndarray or float
-        The estimate.
-    error : ndarray
-        Its standard error.
-    prior, spread : ndarray or float
-        Mean and standard deviation beforehand.
-
-    Returns
-    -------
-    tuple of ndarray
-        Afterwards.
 
     Examples
     --------

@@ -125,19 +125,9 @@ def compared(
 
 
 def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
-    """Normalised log weights with the largest smoothed, and the Pareto shape k.
+    """Normalised log weights with the largest smoothed, and the Pareto shape k of the upper tail.
 
-    Parameters
-    ----------
-    log_weights : ndarray, shape (n,)
-        Unnormalised.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Log weights that sum to one.
-    float
-        Shape of the upper tail: above 0.7 the weights are not to be trusted.
+    Above 0.7 the weights are not to be trusted.
 
     Examples
     --------
@@ -165,15 +155,8 @@ def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
 def fitted_pareto(values: FloatArray) -> tuple[float, float]:
     """Shape and scale of a generalised Pareto distribution (Zhang and Stephens, 2009).
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Excesses over a threshold, sorted, the largest above zero.
-
-    Returns
-    -------
-    tuple of float
-        Shape, pulled a little towards one half as usual for small tails, and scale.
+    Of excesses over a threshold, sorted, the largest above zero. The shape is pulled a little
+    towards one half as usual for small tails.
     """
     count = len(values)
     grid = 30 + int(np.sqrt(count))

@@ -183,11 +183,7 @@ class Model:
         """Over-dispersed starting points about a displaced centre, shape (walkers, d).
 
         The displacement belongs to the ensemble, so that ensembles start apart from each other.
-
-        Raises
-        ------
-        StartError
-            If hardly any starting point has a finite posterior.
+        Where hardly any point has a finite posterior, a `StartError` says so.
         """
         rough, spread = self.likelihood.start()
         centre = rough + OVERDISPERSION * spread * generator.normal(size=self.dimension)

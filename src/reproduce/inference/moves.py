@@ -125,22 +125,12 @@ class Mirror(_AtOnce):
 
 
 def mixture(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
-    """Return the moves of an ensemble with their shares.
+    """Return the moves of an ensemble for emcee, with their shares.
 
     The stretch and the differential evolution carry a far-off ensemble in and keep curved or
     heavy-tailed posteriors moving; the complement makes draws nearly independent once it is in.
     In coordinates that straighten a posterior the first two have less to do; where these know of
     a second mode, a mirror joins them.
-
-    Parameters
-    ----------
-    coordinates : Coordinates, optional
-        In which they propose; the parameters themselves by default.
-
-    Returns
-    -------
-    list of tuple
-        Moves and weights for `emcee.EnsembleSampler`.
 
     Examples
     --------

@@ -121,10 +121,7 @@ class Sampled:
     def consequences(self) -> list[tuple[Summary, Consequence]]:
         """Return the summary of every derived quantity, of draws thinned as `draws` are.
 
-        Raises
-        ------
-        UnconvergedError
-            If one of them misses a gate.
+        One that misses a gate is an `UnconvergedError`.
         """
         if self.gates is not None:
             gates = replace(self.gates, times=0.0)
@@ -149,16 +146,8 @@ class Sampled:
     def to_datatree(self) -> Any:
         """Convert to a DataTree as ArviZ reads it: a chain per ensemble, thinned by its time.
 
-        Returns
-        -------
-        xarray.DataTree
-            With the groups ``posterior`` (a variable per parameter, in SI units or px, with what it
-            is shown in and its prior as attributes) and ``sample_stats`` (log posterior).
-
-        Raises
-        ------
-        ModuleNotFoundError
-            If the extra ``netcdf`` is not installed.
+        Its groups are ``posterior`` (a variable per parameter, in SI units or px, with what it is
+        shown in and its prior as attributes) and ``sample_stats`` (log posterior).
         """
         try:
             import arviz_base
@@ -185,22 +174,7 @@ def _diagnosis(row: Summary, steps: int) -> Diagnosis:
 
 
 def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
-    """Summarise one quantity.
-
-    Parameters
-    ----------
-    name, unit : str
-        Which, and its unit.
-    values : ndarray, shape (ensembles, steps, walkers)
-        In that unit.
-    known : Diagnosis
-        Its numbers, from `diagnostics.diagnosed`, the standard error in that unit.
-
-    Returns
-    -------
-    Summary
-        Its summary.
-    """
+    """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
     ends = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     low, median, high = np.quantile(values, (ends[0], 0.5, ends[1]))
     return Summary(

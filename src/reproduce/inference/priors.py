@@ -233,19 +233,7 @@ class HalfNormal:
 
 
 def in_unit(prior: Prior, scale: float) -> Prior:
-    """Return a prior of the same parameter in another unit, to be read, not sampled.
-
-    Parameters
-    ----------
-    prior : Prior
-        In SI units or px.
-    scale : float
-        How many of that unit one SI unit is.
-
-    Returns
-    -------
-    Prior
-        Of the number read.
+    """Return a prior in another unit, of which one SI unit has so many, to be read, not sampled.
 
     Examples
     --------
@@ -268,17 +256,7 @@ def in_unit(prior: Prior, scale: float) -> Prior:
 def flat_place(prior: Prior, values: FloatArray) -> FloatArray | None:
     """Return where values lie between the ends of a flat prior, zero to one.
 
-    Parameters
-    ----------
-    prior : Prior
-        Of the parameter.
-    values : ndarray
-        Inside the ends.
-
-    Returns
-    -------
-    ndarray or None
-        In the scale in which the prior is flat, same shape; None if it is not flat.
+    In the scale in which the prior is flat; None if it is not flat.
 
     Examples
     --------

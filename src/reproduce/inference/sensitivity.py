@@ -89,16 +89,6 @@ def sensitivities(posterior: Sampled) -> list[Sensitivity]:
     """Return the sensitivity of every parameter to prior and likelihood.
 
     The errors are those of the jackknife that leaves out one ensemble after the other.
-
-    Parameters
-    ----------
-    posterior : Sampled
-        Draws.
-
-    Returns
-    -------
-    list of Sensitivity
-        In the order of the parameters.
     """
     draws, model = posterior.draws, posterior.model
     logs = (model.log_prior(draws), model.log_likelihood(draws))
@@ -167,18 +157,7 @@ class Leaning:
 
 
 def leanings(posterior: Sampled) -> list[Leaning]:
-    """Return the parameters whose posterior leans on an end of a prior, or lies in its tail.
-
-    Parameters
-    ----------
-    posterior : Sampled
-        Draws.
-
-    Returns
-    -------
-    list of Leaning
-        In the order of the parameters; usually none.
-    """
+    """Return the parameters whose posterior leans on an end of a prior, or lies in its tail."""
     found = []
     for parameter, column in zip(
         posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
@@ -228,23 +207,11 @@ def _answers(draws: FloatArray, logs: tuple[FloatArray, ...]) -> tuple[FloatArra
 
 
 def _distance(values: FloatArray, weights: FloatArray) -> float:
-    """Root of the cumulative Jensen-Shannon divergence of draws and draws with weights.
+    """Root of the cumulative Jensen-Shannon divergence of sorted draws and draws with weights.
 
-    Symmetric, over its upper bound; the larger of that of the values and that of their negatives,
-    since distribution functions count from below (Kallioinen et al., 2024, after Nguyen and
-    Vreeken, 2015).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Sorted.
-    weights : ndarray, shape (n,)
-        That sum to one.
-
-    Returns
-    -------
-    float
-        From zero to one.
+    Symmetric, over its upper bound, so from zero to one; the larger of that of the values and that
+    of their negatives, since distribution functions count from below (Kallioinen et al., 2024,
+    after Nguyen and Vreeken, 2015).
     """
     steps = np.diff(values)
     from_below = np.cumsum(weights)[:-1]

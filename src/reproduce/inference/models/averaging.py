@@ -27,20 +27,10 @@ from reproduce.units import ARCSEC_PER_RADIAN
 
 @lru_cache(maxsize=8)
 def moments(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Moments of the variances of running averages.
+    """Moments of the variances of running averages over so many of all frames.
 
-    Parameters
-    ----------
-    frames : int
-        Length of the series.
-    counts : tuple of int
-        Frames in each average.
-
-    Returns
-    -------
-    tuple of ndarray
-        Means for white noise of unit size and for the floor, shape (m,); traces of products for
-        the white part and for the mixed part of the covariances, shape (m, m).
+    Means for white noise of unit size and for the floor, (m,); traces of products for the white
+    part and for the mixed part of the covariances, (m, m).
     """
     drift = np.linspace(-1, 1, frames)
     drift = drift / drift.std(ddof=1)
@@ -154,22 +144,7 @@ def averaging_model(
     shown: float = ARCSEC_PER_RADIAN,
     derived: Derived | None = None,
 ) -> Model:
-    """White noise and floor from printed scatters of running averages.
-
-    Parameters
-    ----------
-    likelihood : AveragingLikelihood
-        With the printed numbers.
-    shown : float
-        Shown units in one SI unit.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Parameters white and floor, in radians, one sigma; white alone without a floor.
-    """
+    """White noise and floor, one sigma in radians, or white noise alone without a floor."""
     least = likelihood.half_unit
     white = LogUniform(10 * least, 10000 * least, "from ten to ten thousand times what the print "
                        "can tell from zero; no scale preferred")  # fmt: skip

@@ -85,20 +85,7 @@ class CentroidNoiseLikelihood:
 
 
 def centroid_noise_model(likelihood: CentroidNoiseLikelihood, stated: float) -> Model:
-    """Effective centroid noise of a simulation.
-
-    Parameters
-    ----------
-    likelihood : CentroidNoiseLikelihood
-        With the printed results.
-    stated : float
-        The noise that the text states, in px.
-
-    Returns
-    -------
-    Model
-        One parameter, in px.
-    """
+    """Effective centroid noise of a simulation whose text states a noise, in px."""
     prior = LogUniform(1e-4, 10.0, "from a ten-thousandth of a pixel to the size of a spot; no "
                        "scale preferred")  # fmt: skip
     parameter = Parameter("noise", r"\sigma", "px", prior)

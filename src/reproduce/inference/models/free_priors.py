@@ -24,22 +24,7 @@ ROUNDING = 1e-11
 def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, Prior]:
     """Return flat priors whose ends are as far from the fit as the data's own scale allows.
 
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        The same stars in the channel and in the reference channel, in px.
-    pivot : ndarray, shape (2,)
-        The channel's principal point, in px.
-
-    Returns
-    -------
-    dict
-        For scale, rotation, shift-x, shift-y and noise.
-
-    Raises
-    ------
-    ValueError
-        If the points are few or mirrored, or fit without any error.
+    By parameter. Few or mirrored points, or points that fit without any error, are refused.
 
     Examples
     --------

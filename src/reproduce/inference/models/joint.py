@@ -168,24 +168,7 @@ def joint_model(
     pivots: tuple[FloatArray, FloatArray],
     derived: Derived | None = None,
 ) -> Model:
-    """Registration of red and blue together, with one noise in all three channels.
-
-    Parameters
-    ----------
-    sources : tuple of ndarray, shape (n, 2)
-        Red and blue points, in px.
-    target : ndarray, shape (n, 2)
-        Green points, in px.
-    pivots : tuple of ndarray, shape (2,)
-        Principal points of red and blue, in px.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Nine parameters, in rad and px.
-    """
+    """Registration of red and blue over green, with one noise in all channels: nine parameters."""
     likelihood = JointRegistration(sources, target, pivots)
     parameters = []
     for channel, source in zip(CHANNELS, sources, strict=True):

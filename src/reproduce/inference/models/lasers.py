@@ -54,42 +54,20 @@ class Platform:
     def predicted(
         self, mount: FloatArray, turn: FloatArray, scale: FloatArray, focal: FloatArray | float
     ) -> FloatArray:
-        """Where the spots should lie.
+        """Where the spots should lie, shape (n, groups, lasers, 2), in px.
 
-        Parameters
-        ----------
-        mount : ndarray, shape (n, 3)
-            Rotation vector of the zero attitude against `reference`, in the camera frame.
-        turn : ndarray, shape (n, groups, 3)
-            Misalignment angles of the camera since the zero point.
-        scale : ndarray, shape (n,)
-            Size of the laser pattern over the designed one.
-        focal : ndarray, shape (n,), or float
-            Focal length of the camera, in metres.
-
-        Returns
-        -------
-        ndarray, shape (n, groups, lasers, 2)
-            In px.
+        The mount, (n, 3), is the rotation vector of the zero attitude against `reference`, in the
+        camera frame; the turn, (n, groups, 3), holds the misalignment angles since the zero point;
+        the scale, (n,), is the size of the laser pattern over the designed one.
         """
         return self.landed(mount, turn, scale[:, None, None] * self.lasers, focal)
 
     def landed(
         self, mount: FloatArray, turn: FloatArray, lasers: FloatArray, focal: FloatArray | float
     ) -> FloatArray:
-        """Where the spots of lasers at given positions lie.
+        """Where the spots of lasers at given positions, (n, lasers, 2), in metres, lie.
 
-        Parameters
-        ----------
-        mount, turn, focal
-            As for `predicted`.
-        lasers : ndarray, shape (n, lasers, 2)
-            Positions on the camera's focal plane, in metres.
-
-        Returns
-        -------
-        ndarray, shape (n, groups, lasers, 2)
-            In px.
+        The rest is as for `predicted`.
         """
         count = len(mount)
         rays = np.empty((count, lasers.shape[-2], 3))
@@ -139,19 +117,9 @@ class SpotStatistics:
 
     @classmethod
     def of(cls, images: list[FloatArray], drifts: tuple[bool, ...]) -> SpotStatistics:
-        """Reduce images to what the likelihood needs.
+        """Reduce images (frames, lasers, 2) of each group, evenly spaced in time, in px.
 
-        Parameters
-        ----------
-        images : list of ndarray, shape (frames, lasers, 2)
-            Spots of each group, evenly spaced in time, in px.
-        drifts : tuple of bool
-            Whether the camera may drift within each group.
-
-        Raises
-        ------
-        ValueError
-            If a group has fewer than three images, or spots are not finite.
+        `drifts` says within which groups the camera may drift.
         """
         means, slopes, levers, squares = [], [], [], 0.0
         for group, (spots, drift) in enumerate(zip(images, drifts, strict=True)):
@@ -176,19 +144,9 @@ class SpotStatistics:
     def log_likelihood(self, start: FloatArray, end: FloatArray, noise: FloatArray) -> FloatArray:
         """Log likelihood of white Gaussian noise about paths that are straight in time.
 
-        Parameters
-        ----------
-        start, end : ndarray, shape (n, groups, lasers, 2)
-            Predicted spots at u = -1 and u = 1, in px.
-        noise : ndarray, shape (n,)
-            Standard deviation of a coordinate in one image, in px.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Exact for straight paths. A path that bends by b px changes it by less than size times
-            b times the misfit over noise^2: nothing near the posterior of a camera that turns by
-            arc seconds.
+        The spots predicted at u = -1 and u = 1 have shape (n, groups, lasers, 2). Exact for
+        straight paths. A path that bends by b px changes it by less than size times b times the
+        misfit over noise^2: nothing near the posterior of a camera that turns by arc seconds.
         """
         off_mean = np.square(self.means - 0.5 * (start + end)).sum(axis=(-2, -1)) @ self.counts
         off_slope = np.square(self.slopes - 0.5 * (end - start)).sum(axis=(-2, -1)) @ self.levers

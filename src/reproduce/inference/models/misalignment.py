@@ -138,12 +138,8 @@ class SpotLikelihood(ABC):
     def linearised(self, centre: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Response of the weighted statistics to all parameters but the noise, and what is left.
 
-        Returns
-        -------
-        ndarray, shape (m, d - 1)
-            Derivatives of mean times root count, then of slope times root lever.
-        ndarray, shape (m,)
-            Measured less predicted, weighted alike; each has the standard deviation of the noise.
+        Derivatives, (m, d - 1), of mean times root count, then of slope times root lever; measured
+        less predicted, (m,), weighted alike: each has the standard deviation of the noise.
         """
         steps = np.zeros((2 * len(scale), len(centre)))
         steps[::2, :-1], steps[1::2, :-1] = np.diag(STEP * scale), -np.diag(STEP * scale)
@@ -259,21 +255,7 @@ def misalignment_model(
 ) -> Model:
     """A constant misalignment from two groups of images, the first at the zero point.
 
-    Parameters
-    ----------
-    platform : Platform
-        The instrument.
-    statistics : SpotStatistics
-        Two groups.
-    priors : mapping, optional
-        Priors in place of ours, by parameter.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Parameters mount-x..z, angle-x..z (rad), laser-scale, noise (px).
+    Parameters mount-x..z, angle-x..z (rad), laser-scale, noise (px).
     """
     likelihood = ConstantLikelihood(platform, statistics)
     middle = _angles("angle", r"\theta", MISALIGNED)
@@ -287,18 +269,10 @@ def drift_model(
     priors: Mapping[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
-    """A misalignment that drifts evenly through the second group of images.
+    """A misalignment that drifts evenly through the second group, of which there are slopes.
 
-    Parameters
-    ----------
-    platform, statistics, priors, derived
-        As for `misalignment_model`; the statistics hold slopes of the second group.
-
-    Returns
-    -------
-    Model
-        Parameters mount-x..z, angle-x..z (middle of the group), drift-x..z (over the whole
-        group), laser-scale, noise.
+    Parameters mount-x..z, angle-x..z (middle of the group), drift-x..z (over the whole group),
+    laser-scale, noise.
     """
     likelihood = DriftLikelihood(platform, statistics)
     middle = (

@@ -52,23 +52,9 @@ def true_places(stars: StarModel, parameters: FloatArray) -> FloatArray:
 def rmse_at(
     stars: StarModel, registered: FloatArray, parameters: FloatArray, generator: Generator
 ) -> FloatArray:
-    """Root mean square distance between registered and measured stars, as niu2024 (26).
+    """Root mean square distance between registered and measured stars, as niu2024 (26), (n,).
 
-    Parameters
-    ----------
-    stars : StarModel
-        The model at the new stars.
-    registered : ndarray, shape (points, 2) or (n, points, 2)
-        Where the transform in use puts them, in px.
-    parameters : ndarray, shape (n, d)
-        True parameters.
-    generator : numpy.random.Generator
-        Of the noise.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In px, both axes together.
+    In px, both axes together; the transform in use puts the stars at `registered`, (points, 2).
     """
     measured = true_places(stars, parameters) + stars.scatter(parameters, generator)
     return np.asarray(np.sqrt(np.square(measured - registered).sum(axis=-1).mean(axis=-1)))

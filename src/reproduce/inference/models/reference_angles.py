@@ -40,21 +40,8 @@ def log_rounded(
 ) -> FloatArray:
     """Log probability that a noisy value prints so, its mean uniform over a rounding interval.
 
-    Parameters
-    ----------
-    distance : ndarray
-        Printed value less the middle of the mean's interval.
-    half_angle : float
-        Half the last printed digit.
-    half_shift : ndarray
-        Half the width of the mean's interval.
-    noise : ndarray
-        Standard deviation of the Gaussian noise.
-
-    Returns
-    -------
-    ndarray
-        Log of the mean probability of the printed interval.
+    `distance` is the printed value less the middle of the mean's interval, `half_angle` half the
+    last printed digit, `half_shift` half the width of the mean's interval.
 
     Examples
     --------
@@ -248,14 +235,7 @@ def in_radians(logarithm: FloatArray) -> FloatArray:
 def log_same_hypothesis(both: FloatArray) -> FloatArray:
     """Log probability of the same digits again, the hypothesis being the one of the digits.
 
-    Parameters
-    ----------
-    both : ndarray, shape (n, 2)
-        Log probability of the digits under both hypotheses, equally probable beforehand.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The two, weighted with what the digits say of the hypotheses.
+    Of those under both hypotheses, (n, 2), equally probable beforehand; weighted with what the
+    digits say of the hypotheses.
     """
     return np.asarray(np.logaddexp(*(2 * both.T)) - np.logaddexp(*both.T))

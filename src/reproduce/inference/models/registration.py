@@ -142,18 +142,7 @@ class GaussianRegistration:
 
 
 def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
-    """Parameters (k, theta, shift x, shift y, noise) with priors on the scale of the data alone.
-
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        In px.
-
-    Returns
-    -------
-    tuple of Parameter
-        The five parameters.
-    """
+    """Parameters (k, theta, shift x, shift y, noise), priors on the scale of the data alone."""
     source, target = paired_points(source, target)
     extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
     field = "the field itself: with a larger shift the channels would share no star"
@@ -177,28 +166,10 @@ def registration_model(
     priors: dict[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
-    """Registration of one channel with Gaussian noise.
+    """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
-    Parameters
-    ----------
-    source, target : array_like, shape (n, 2)
-        The same stars in the channel and in the reference channel, in px.
-    pivot : array_like, shape (2,)
-        The channel's principal point, in px.
-    priors : dict, optional
-        Priors in place of those on the scale of the data.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Parameters scale, rotation (rad), shift-x, shift-y, noise (px).
-
-    Raises
-    ------
-    ValueError, DegenerateGeometryError
-        As for `physics.registration.fit_registration`; also with fewer than four points.
+    Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
+    `physics.registration.fit_registration`, and a ValueError for fewer than four points.
 
     Examples
     --------
@@ -230,13 +201,7 @@ def registration_model(
 def with_priors(
     parameters: tuple[Parameter, ...], priors: dict[str, Prior] | None
 ) -> tuple[Parameter, ...]:
-    """Return parameters with some priors replaced.
-
-    Raises
-    ------
-    ValueError
-        If a prior is for a parameter that does not exist.
-    """
+    """Return parameters with some priors replaced, by name; an unknown name is a ValueError."""
     unknown = set(priors or ()) - {p.name for p in parameters}
     if unknown:
         raise ValueError(

@@ -70,20 +70,7 @@ class SmallAnglePosterior:
 def small_angle_posterior(model: Model) -> SmallAnglePosterior:
     """Return the posterior of a misalignment whose prediction is replaced by its tangent.
 
-    Parameters
-    ----------
-    model : Model
-        A misalignment; every prior but that of the noise is a `Normal`.
-
-    Returns
-    -------
-    SmallAnglePosterior
-        Exact in the limit of small angles.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model is no misalignment or has other priors.
+    Exact in the limit of small angles; every prior but that of the noise has to be a `Normal`.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
@@ -126,23 +113,10 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
 
 
 def spot_bound(model: Model) -> FloatArray:
-    """Cramér-Rao bound of a misalignment: the least standard deviation without any prior.
+    """Cramér-Rao bound of a misalignment: the least standard deviations without any prior, (d,).
 
-    Parameters
-    ----------
-    model : Model
-        A misalignment.
-
-    Returns
-    -------
-    ndarray, shape (d,)
-        In SI units and px, the noise last: roots of the diagonal of the inverse Fisher
-        information at the best fit.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model is no misalignment.
+    In SI units and px, the noise last: roots of the diagonal of the inverse Fisher information at
+    the best fit.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
@@ -163,20 +137,10 @@ def small_angle_log_evidence(model: Model) -> float:
 
 
 def errors_with_free_lasers(likelihood: ConstantLikelihood) -> FloatArray:
-    """Standard errors of the misalignment if the direction of every laser were free, shape (3,).
+    """Standard errors of the misalignment if the direction of every laser were free, (3,), radians.
 
     The first group then measures where each laser points, and only the motion of its spot from
     group to group tells of the misalignment: the noise of both groups is in it, and no prior.
-
-    Parameters
-    ----------
-    likelihood : ConstantLikelihood
-        Two groups of spots.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        In radians.
     """
     centre, spread = likelihood.start()
     first, second = likelihood.statistics.counts

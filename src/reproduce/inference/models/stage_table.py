@@ -256,20 +256,7 @@ class StageTableCoordinates:
 
 
 def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
-    """Focal length, bias and noise from Table V.
-
-    Parameters
-    ----------
-    likelihood : StageTableLikelihood
-        With the printed numbers.
-    nominal : float
-        Nominal focal length, in metres.
-
-    Returns
-    -------
-    Model
-        Five parameters, in metres and radians.
-    """
+    """Focal length, bias and noise from Table V: five parameters, in metres and radians."""
     bias = Normal(0.0, BIAS_SPREAD, "the zero state is averaged over hundreds of images: its "
                   "error stays well below an arc second")  # fmt: skip
     return Model(

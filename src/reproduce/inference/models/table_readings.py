@@ -73,21 +73,12 @@ class TableResult:
 def hypotheses(
     printed: FloatArray, from_motions: FloatArray, half_unit: float
 ) -> list[TableReading]:
-    """Return the readings that tell themselves apart.
+    """Return the readings that tell themselves apart, of positions (states + 1, 2), in metres.
 
-    Parameters
-    ----------
-    printed, from_motions : ndarray, shape (states + 1, 2)
-        Positions as printed, and as the printed motions and the first positions give them, in
-        metres. They differ where a digit of one of the two is wrong.
-    half_unit : float
-        Half the last printed digit of a motion, in metres.
-
-    Returns
-    -------
-    list of TableReading
-        Both positions with every order of the angle columns. To interchange positions and motions
-        is to interchange both angle columns, but for the names of the two biases.
+    Those as printed, and those that the printed motions and the first positions give, differ where
+    a digit of one of the two is wrong. Both come with every order of the angle columns. To
+    interchange positions and motions is to interchange both angle columns, but for the names of the
+    two biases.
     """
     orders = {
         "as printed": (PRINTED, PRINTED),
@@ -107,21 +98,9 @@ def hypotheses(
 
 
 def read(model: Model, reading: TableReading, finer: float = 1) -> TableResult:
-    """Evidence and moments of the table model under one reading, by quadrature.
+    """Evidence and moments of a `table_model` under one reading, by quadrature.
 
-    Parameters
-    ----------
-    model : Model
-        From `stage_table.table_model`; its own hypothesis plays no part.
-    reading : TableReading
-        Which columns stand where.
-    finer : float
-        Multiplies the points of every grid.
-
-    Returns
-    -------
-    TableResult
-        Log evidence and the moments of the parameters.
+    The model's own hypothesis plays no part; `finer` multiplies the points of every grid.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, StageTableLikelihood):

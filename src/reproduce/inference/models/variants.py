@@ -193,15 +193,7 @@ def _shift(parameters: FloatArray) -> NDArray[np.complex128]:
 def student_model(base: Model) -> Model:
     """The registration with Student-t noise, for centroids that go astray now and then.
 
-    Parameters
-    ----------
-    base : Model
-        From `registration.registration_model`.
-
-    Returns
-    -------
-    Model
-        With one more parameter, the decimal logarithm of the degrees of freedom.
+    With one more parameter, the decimal logarithm of the degrees of freedom.
     """
     prior = Uniform(0.3, 2.3, "from two degrees, tails that barely have a variance, to two "
                     "hundred, which no sample of this size tells from Gaussian")  # fmt: skip
@@ -212,15 +204,7 @@ def student_model(base: Model) -> Model:
 def distortion_model(base: Model) -> Model:
     """The registration with the radial distortion of both channels free.
 
-    Parameters
-    ----------
-    base : Model
-        From `registration.registration_model`.
-
-    Returns
-    -------
-    Model
-        With two more parameters, the displacement at the edge of the field in source and target.
+    With two more parameters, the displacement at the edge of the field in source and target.
     """
     prior = Normal(
         0.0, 2.0, "a corrected star camera moves its outermost stars by a few px at most"
