@@ -30,6 +30,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
+from reproduce.views.posterior import plan_for, run
+from reproduce.views.posterior_calibration import REPLICATES, SEED
+from reproduce.views.posterior_choice import exact_evidence
 
 from reproduce.inference.calibration import replicate
 from reproduce.inference.diagnostics import diagnose
@@ -37,9 +40,6 @@ from reproduce.inference.models.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.transforms import Registration
-from reproduce.views.posterior import plan_for, run
-from reproduce.views.posterior_calibration import REPLICATES, SEED
-from reproduce.views.posterior_choice import exact_evidence
 
 Points = NDArray[np.float64]
 

@@ -45,18 +45,12 @@ SIMULATIONS = 4000
 class Ranks:
     """Ranks of many replicates.
 
-    Parameters
-    ----------
-    names : tuple of str
-        The parameters, then the data-dependent test quantity.
-    ranks : ndarray of int, shape (replicates, names)
-        From 0 to `DRAWS`.
-    failed : ndarray of bool, shape (replicates,)
-        Replicates whose chain missed the gate on time even with the most steps. They keep their
-        ranks: leaving them out would leave out the hard cases.
-    covered : ndarray of int8, shape (replicates, levels, parameters)
-        Whether the interval of each level of the published estimator covers: 1 or 0, and -1 for
-        a parameter of which it gives no estimate.
+    - `names`: the parameters, then the data-dependent test quantity.
+    - `ranks`, (replicates, names): from 0 to `DRAWS`.
+    - `failed`, (replicates,): replicates whose chain missed the gate on time even with the most
+      steps. They keep their ranks: leaving them out would leave out the hard cases.
+    - `covered`, (replicates, levels, parameters): whether the interval of each level of the
+      published estimator covers: 1 or 0, and -1 for a parameter of which it gives no estimate.
     """
 
     names: tuple[str, ...]
@@ -119,16 +113,11 @@ class Ranks:
 class Coverage:
     """How a quantity fares in a calibration.
 
-    Parameters
-    ----------
-    name : str
-        A parameter, or the test quantity.
-    chance : Share
-        Probability of ranks at least as uneven.
-    half, wide : Share
-        How often central posterior intervals of 50 % and 95 % cover.
-    published : Share, optional
-        How often intervals of 95 % of the published estimator cover, where it gives them.
+    - `name`: a parameter, or the test quantity.
+    - `chance`: probability of ranks at least as uneven.
+    - `half`, `wide`: how often central posterior intervals of 50 % and 95 % cover.
+    - `published`, optional: how often intervals of 95 % of the published estimator cover, where it
+      gives them.
     """
 
     name: str

@@ -26,14 +26,9 @@ ENDS = (0.025, 0.975)
 class Share:
     """A probability found by simulation.
 
-    Parameters
-    ----------
-    value, error : float
-        The probability and its Monte Carlo standard error.
-    count : int
-        How many independent draws it rests on.
-    sides : int
-        Two for a tail probability of both sides, which is twice a share.
+    - `value`, `error`: the probability and its Monte Carlo standard error.
+    - `count`: how many independent draws it rests on.
+    - `sides`: two for a tail probability of both sides, which is twice a share.
     """
 
     value: float
@@ -76,12 +71,8 @@ class Share:
 class Range:
     """The central 95 % of predictions.
 
-    Parameters
-    ----------
-    low, high : float
-        Its ends.
-    errors : tuple of float
-        Their Monte Carlo standard errors.
+    - `low`, `high`: its ends.
+    - `errors`: their Monte Carlo standard errors.
     """
 
     low: float
@@ -117,16 +108,10 @@ class Range:
 class PredictiveCheck:
     """One number of the data among those of simulated data.
 
-    Parameters
-    ----------
-    name : str
-        What is compared.
-    observed : float
-        In the data.
-    prior, posterior : Range
-        The central 95 % of the predictions, from prior and from posterior.
-    tail : Share
-        Two-sided tail probability of the observed number under the posterior prediction.
+    - `name`: what is compared.
+    - `observed`: in the data.
+    - `prior`, `posterior`: the central 95 % of the predictions, from prior and from posterior.
+    - `tail`: two-sided tail probability of the observed number under the posterior prediction.
     """
 
     name: str
@@ -188,16 +173,11 @@ def tail_share(values: FloatArray, observed: float) -> Share:
 class Placed:
     """A nominal or least-squares estimate in the posterior of its parameter.
 
-    Parameters
-    ----------
-    name, unit : str
-        The parameter, and its unit.
-    estimate : float
-        In that unit.
-    off, error : float
-        Posterior standard deviations from the mean, and the Monte Carlo standard error of that.
-    tail : Share
-        Two-sided tail probability.
+    - `name`, `unit`: the parameter, and its unit.
+    - `estimate`: in that unit.
+    - `off`, `error`: posterior standard deviations from the mean, and the Monte Carlo standard
+      error of that.
+    - `tail`: two-sided tail probability.
     """
 
     name: str
@@ -228,12 +208,9 @@ def placed(posterior: Sampled) -> list[Placed]:
 class Bounded:
     """The width of a posterior beside the least that any unbiased estimate can have.
 
-    Parameters
-    ----------
-    name, unit : str
-        The parameter, and its unit.
-    width, error, bound : float
-        Posterior standard deviation, its Monte Carlo standard error, and the bound, in that unit.
+    - `name`, `unit`: the parameter, and its unit.
+    - `width`, `error`, `bound`: posterior standard deviation, its Monte Carlo standard error, and
+      the bound, in that unit.
     """
 
     name: str
@@ -267,26 +244,17 @@ def bounded(posterior: Sampled, bounds: FloatArray) -> list[Bounded]:
 class Published:
     """What a paper prints of an experiment, and how a repeat of it is simulated.
 
-    Parameters
-    ----------
-    names, units : tuple of str
-        Of the m printed numbers.
-    texts : tuple of str
-        Their digits.
-    printed, half_units : ndarray, shape (m,)
-        The numbers and half their last digits, in SI units or px.
-    shown : ndarray, shape (m,)
-        How many units of print one SI unit is.
-    repeat : callable
-        Gives the numbers of a repeat before rounding, shape (n, m), of parameter vectors of shape
-        (n, d) and a generator.
-    parameters : tuple of str
-        The parameter that each number estimates, or an empty word.
-    whole : callable, optional
-        Log probability that a repeat prints all the same digits at once, shape (n,), of parameter
-        vectors, where the likelihood knows it; else it is counted.
-    note : str
-        What the comparison cannot show, where the printed numbers made the data or are the data.
+    - `names`, `units`: of the m printed numbers.
+    - `texts`: their digits.
+    - `printed`, `half_units`, (m,): the numbers and half their last digits, in SI units or px.
+    - `shown`, (m,): how many units of print one SI unit is.
+    - `repeat`: gives the numbers of a repeat before rounding, shape (n, m), of parameter vectors of
+      shape (n, d) and a generator.
+    - `parameters`: the parameter that each number estimates, or an empty word.
+    - `whole`, optional: log probability that a repeat prints all the same digits at once, shape
+      (n,), of parameter vectors, where the likelihood knows it; else it is counted.
+    - `note`: what the comparison cannot show, where the printed numbers made the data or are the
+      data.
     """
 
     names: tuple[str, ...]
@@ -305,20 +273,13 @@ class Published:
 class Repeat:
     """One printed number among those of repeats.
 
-    Parameters
-    ----------
-    name, unit : str
-        Which, and the unit of print.
-    printed : str
-        The printed digits.
-    range : Range
-        The central 95 % of repeats.
-    tail : Share
-        Two-sided tail probability of the printed number among the rounded ones of repeats.
-    same : Share
-        Probability that a repeat prints the same digits.
-    estimated : Share, optional
-        Two-sided tail probability in the posterior of the parameter that the number estimates.
+    - `name`, `unit`: which, and the unit of print.
+    - `printed`: the printed digits.
+    - `range`: the central 95 % of repeats.
+    - `tail`: two-sided tail probability of the printed number among the rounded ones of repeats.
+    - `same`: probability that a repeat prints the same digits.
+    - `estimated`, optional: two-sided tail probability in the posterior of the parameter that the
+      number estimates.
     """
 
     name: str

@@ -159,16 +159,10 @@ MARGIN, MIXING = 2.0, 2.0
 class Gates:
     """What a set of ensembles must reach.
 
-    Parameters
-    ----------
-    rhat : float
-        Largest rank-normalised split R-hat over ensembles (Vehtari et al., 2021).
-    times : float
-        Smallest number of autocorrelation times in the steps kept (emcee's own gate).
-    size : float
-        Smallest bulk and tail effective sample size: 100 per chain of four.
-    acceptance : float
-        Smallest share of accepted moves: below it an ensemble may be stuck.
+    - `rhat`: largest rank-normalised split R-hat over ensembles (Vehtari et al., 2021).
+    - `times`: smallest number of autocorrelation times in the steps kept (emcee's own gate).
+    - `size`: smallest bulk and tail effective sample size: 100 per chain of four.
+    - `acceptance`: smallest share of accepted moves: below it an ensemble may be stuck.
     """
 
     rhat: float = 1.01
@@ -181,16 +175,10 @@ class Gates:
 class Diagnosis:
     """The numbers of one parameter.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    rhat, time, times : float
-        Split R-hat; autocorrelation time in steps; steps over that time.
-    bulk, tail : float
-        Effective sample sizes.
-    mcse : float
-        Monte Carlo standard error of the mean, in SI units or px.
+    - `name`: the parameter.
+    - `rhat`, `time`, `times`: split R-hat; autocorrelation time in steps; steps over that time.
+    - `bulk`, `tail`: effective sample sizes.
+    - `mcse`: Monte Carlo standard error of the mean, in SI units or px.
     """
 
     name: str
@@ -205,17 +193,11 @@ class Diagnosis:
 class UnconvergedError(ArithmeticError):
     """Chains that miss the gates; the message is short, the attributes carry all numbers.
 
-    Parameters
-    ----------
-    missed : list of str
-        Every gate that was missed, the worst first.
-    diagnoses : tuple of Diagnosis
-        Of each parameter.
-    acceptance : tuple of float
-        Of each ensemble.
-    steps : int, optional
-        How many kept steps would do, by the autocorrelation found; none where more steps do not
-        help.
+    - `missed`: every gate that was missed, the worst first.
+    - `diagnoses`: of each parameter.
+    - `acceptance`: of each ensemble.
+    - `steps`, optional: how many kept steps would do, by the autocorrelation found; none where more
+      steps do not help.
     """
 
     def __init__(

@@ -31,14 +31,9 @@ RELIABLE = 0.7
 class Evidence:
     """A log evidence.
 
-    Parameters
-    ----------
-    name : str
-        The model.
-    value, error : float
-        Natural logarithm, and its Monte Carlo standard error.
-    shape : float
-        Pareto k of the importance weights.
+    - `name`: the model.
+    - `value`, `error`: natural logarithm, and its Monte Carlo standard error.
+    - `shape`: Pareto k of the importance weights.
     """
 
     name: str
@@ -56,16 +51,11 @@ class Evidence:
 class Compared:
     """The evidence of one of several models of the same data.
 
-    Parameters
-    ----------
-    name : str
-        The model.
-    sampled : Evidence, optional
-        By importance sampling; none for a rival that has an exact one.
-    exact : float, optional
-        Natural logarithm, in closed form or by quadrature, where there is one.
-    less, error : float
-        Its best value less that of the first model, and the Monte Carlo standard error of that.
+    - `name`: the model.
+    - `sampled`, optional: by importance sampling; none for a rival that has an exact one.
+    - `exact`, optional: natural logarithm, in closed form or by quadrature, where there is one.
+    - `less`, `error`: its best value less that of the first model, and the Monte Carlo standard
+      error of that.
     """
 
     name: str

@@ -25,10 +25,7 @@ WIDER = 1.2
 class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
     """A red-blue move whose acceptance is decided for a whole half at once.
 
-    Parameters
-    ----------
-    coordinates : Coordinates, optional
-        In which proposals are made; the parameters themselves by default.
+    - `coordinates`, optional: in which proposals are made; the parameters themselves by default.
     """
 
     def __init__(self, coordinates: Coordinates | None = None) -> None:

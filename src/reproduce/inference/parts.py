@@ -35,12 +35,8 @@ class ResumeError(ValueError):
 class Store:
     """A folder that keeps finished parts.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        It need not exist yet.
-    note : mapping
-        What the work is, in values that JSON has: a folder with another note is refused.
+    - `folder`: it need not exist yet.
+    - `note`: what the work is, in values that JSON has: a folder with another note is refused.
     """
 
     folder: Path

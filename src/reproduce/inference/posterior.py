@@ -27,16 +27,13 @@ LEVEL = 0.95
 class Summary:
     """The summary of one parameter or consequence, in the unit shown.
 
-    Parameters
-    ----------
-    name, unit : str
-        Which, and its unit.
-    mean, deviation, low, median, high : float
-        Mean, standard deviation, and the median between the ends of the central 95 %.
-    mcse, mcse_end : float
-        Monte Carlo standard error of the mean, and the larger one of the two ends.
-    rhat, bulk, tail, time : float
-        Split R-hat, effective sample sizes, autocorrelation time in steps.
+    - `name`, `unit`: which, and its unit.
+    - `mean`, `deviation`, `low`, `median`, `high`: mean, standard deviation, and the median between
+      the ends of the central 95 %.
+    - `mcse`, `mcse_end`: Monte Carlo standard error of the mean, and the larger one of the two
+      ends.
+    - `rhat`, `bulk`, `tail`, `time`: split R-hat, effective sample sizes, autocorrelation time in
+      steps.
     """
 
     name: str
@@ -58,23 +55,14 @@ class Summary:
 class Sampled:
     """Draws that passed the gates.
 
-    Parameters
-    ----------
-    model : Model
-        What was sampled.
-    seed : int
-        Root of its random numbers.
-    chain : ndarray, shape (ensembles, steps, walkers, d)
-        All draws after warm-up.
-    log_posterior : ndarray, shape (ensembles, steps, walkers)
-        Unnormalised.
-    acceptance : tuple of float
-        Of each ensemble.
-    diagnoses : tuple of Diagnosis
-        Of each parameter.
-    gates : Gates, optional
-        What consequences must reach too, but for the number of autocorrelation times, which is
-        that of the parameters.
+    - `model`: what was sampled.
+    - `seed`: root of its random numbers.
+    - `chain`, (ensembles, steps, walkers, d): all draws after warm-up.
+    - `log_posterior`, (ensembles, steps, walkers): unnormalised.
+    - `acceptance`: of each ensemble.
+    - `diagnoses`: of each parameter.
+    - `gates`, optional: what consequences must reach too, but for the number of autocorrelation
+      times, which is that of the parameters.
     """
 
     model: Model

@@ -33,14 +33,10 @@ CHUNK = 1000
 class Summed:
     """A posterior on its nodes.
 
-    Parameters
-    ----------
-    model : Model
-        Which.
-    points : ndarray, shape (n, d)
-        The nodes, all combinations of those of each parameter; SI units or px.
-    log_weights, log_likelihood : ndarray, shape (n,)
-        Logarithms of what a node stands for, in the parameters' own measure, and of the likelihood.
+    - `model`: which.
+    - `points`, (n, d): the nodes, all combinations of those of each parameter; SI units or px.
+    - `log_weights`, `log_likelihood`, (n,): logarithms of what a node stands for, in the
+      parameters' own measure, and of the likelihood.
     """
 
     model: Model

@@ -31,17 +31,12 @@ __all__ = ["Job", "Plan", "fingerprint", "run_ensemble", "sample"]
 class Plan:
     """How a model is sampled.
 
-    Parameters
-    ----------
-    seed : int
-        Root of all random numbers.
-    ensembles, walkers : int
-        Independent ensembles (at least four for a posterior that is shown; calibration uses one
-        per replicate) and walkers in each; zero walkers stands for the usual number.
-    steps, warmup : int
-        Steps kept and steps dropped before them.
-    gates : Gates
-        What the chains must reach.
+    - `seed`: root of all random numbers.
+    - `ensembles`, `walkers`: independent ensembles (at least four for a posterior that is shown;
+      calibration uses one per replicate) and walkers in each; zero walkers stands for the usual
+      number.
+    - `steps`, `warmup`: steps kept and steps dropped before them.
+    - `gates`: what the chains must reach.
     """
 
     seed: int

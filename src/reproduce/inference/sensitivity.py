@@ -22,8 +22,6 @@ from reproduce.inference.priors import (
     Normal,
     Prior,
     Uniform,
-    flat_place,
-    in_unit,
 )
 from reproduce.physics.validate import FloatArray
 
@@ -44,22 +42,15 @@ CONTRADICTED = 3.0
 class Sensitivity:
     """The answers of one parameter.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    prior, likelihood : float
-        Change of the distribution per doubling of the power: the root of the cumulative
-        Jensen-Shannon divergence between the posterior and that at another power, the mean of one
-        power below and one above.
-    shift : float
-        Change of the mean per doubling of the prior's power, in posterior standard deviations.
-    errors : tuple of float
-        Monte Carlo standard errors of these three.
-    shape : float
-        Largest Pareto k of the weights; above 0.7 the numbers are not to be trusted.
-    near_end : float
-        Share of draws within `NEAR` of an end of a flat prior, in widths of the prior.
+    - `name`: the parameter.
+    - `prior`, `likelihood`: change of the distribution per doubling of the power: the root of the
+      cumulative Jensen-Shannon divergence between the posterior and that at another power, the mean
+      of one power below and one above.
+    - `shift`: change of the mean per doubling of the prior's power, in posterior standard
+      deviations.
+    - `errors`: Monte Carlo standard errors of these three.
+    - `shape`: largest Pareto k of the weights; above 0.7 the numbers are not to be trusted.
+    - `near_end`: share of draws within `NEAR` of an end of a flat prior, in widths of the prior.
     """
 
     name: str
@@ -114,7 +105,7 @@ def sensitivities(posterior: Sampled) -> list[Sensitivity]:
 
 
 def _near_end(prior: Prior, draws: FloatArray) -> float:
-    place = flat_place(prior, draws)
+    place = prior.place(draws)
     return 0.0 if place is None else float((np.minimum(place, 1 - place) < NEAR).mean())
 
 
@@ -122,18 +113,12 @@ def _near_end(prior: Prior, draws: FloatArray) -> float:
 class Leaning:
     """A parameter whose posterior leans on its prior.
 
-    Parameters
-    ----------
-    parameter : str
-        Which.
-    end : float or None
-        The end of the prior on which it leans, in the unit shown; none for a Gaussian prior, in
-        whose tail it lies.
-    unit, prior : str
-        The unit shown, and the prior in words.
-    share : float
-        Share of draws beside the end; for a Gaussian prior how many of its standard deviations the
-        posterior's mean lies out.
+    - `parameter`: which.
+    - `end`: the end of the prior on which it leans, in the unit shown; none for a Gaussian prior,
+      in whose tail it lies.
+    - `unit`, `prior`: the unit shown, and the prior in words.
+    - `share`: share of draws beside the end; for a Gaussian prior how many of its standard
+      deviations the posterior's mean lies out.
     """
 
     parameter: str
@@ -162,7 +147,7 @@ def leanings(posterior: Sampled) -> list[Leaning]:
     for parameter, column in zip(
         posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
     ):
-        shown = in_unit(parameter.prior, parameter.shown)
+        shown = parameter.prior.in_unit(parameter.shown)
         for end, share in _leaning(parameter.prior, column.ravel()):
             place = None if end is None else end * parameter.shown
             found.append(Leaning(parameter.name, place, parameter.unit, str(shown), share))

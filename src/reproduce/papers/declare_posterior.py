@@ -31,18 +31,11 @@ STEPS = 700
 class File:
     """The format of a user's own data.
 
-    Parameters
-    ----------
-    columns : tuple of str
-        Of the CSV file, in any order.
-    meaning : str
-        What a line is, and what the columns hold.
-    read : callable
-        Makes the model of a table and of the pivot that the user gives.
-    pivots : callable, optional
-        For stars: the pivot of each channel. Without it the model takes none.
-    remarks : callable, optional
-        What a user should hear of the data.
+    - `columns`: of the CSV file, in any order.
+    - `meaning`: what a line is, and what the columns hold.
+    - `read`: makes the model of a table and of the pivot that the user gives.
+    - `pivots`, optional: for stars: the pivot of each channel. Without it the model takes none.
+    - `remarks`, optional: what a user should hear of the data.
     """
 
     columns: tuple[str, ...]
@@ -56,16 +49,10 @@ class File:
 class Supplied:
     """A user's file as a model, and what to say of it.
 
-    Parameters
-    ----------
-    model : Model
-        With priors on the scale of the data.
-    rows : int
-        Lines of data.
-    pivots : list of list of float
-        Of each channel, in px; none where the model takes none.
-    remarks : tuple of str
-        What a user should hear of the data.
+    - `model`: with priors on the scale of the data.
+    - `rows`: lines of data.
+    - `pivots`: of each channel, in px; none where the model takes none.
+    - `remarks`: what a user should hear of the data.
     """
 
     model: Model
@@ -78,14 +65,9 @@ class Supplied:
 class Aside:
     """A number that a simple sum over the data of a model gives beside its posterior.
 
-    Parameters
-    ----------
-    value : float
-        In the unit shown.
-    error : float
-        Its standard error; zero where the number is a standard error itself.
-    unit : str
-        That unit.
+    - `value`: in the unit shown.
+    - `error`: its standard error; zero where the number is a standard error itself.
+    - `unit`: that unit.
     """
 
     value: float
@@ -97,38 +79,25 @@ class Aside:
 class Declaration:
     """A posterior of the book.
 
-    Parameters
-    ----------
-    key : str
-        Its only name: on the command line, in the book, of its stored calibration.
-    title : str
-        What it is about, in one line.
-    paper : str
-        Whose numbers it takes.
-    given : tuple of str
-        Every printed cell (or group) that reaches the model, as data, setting or prior.
-    build : callable
-        Makes the model from the door.
-    file : File or str
-        The format of a user's own data, or why there is none.
-    truth : callable, optional
-        The parameters with which the data were simulated, by name, of the door; SI units or px.
-        None where the data are as printed.
-    published : callable, optional
-        What the paper prints of the experiment, of the door and the model; none where the paper
-        prints no estimate.
-    compared : tuple of str
-        The printed cells that are compared with the posterior only: they do not reach the model.
-    rivals : tuple of callables
-        Rivals for model choice: each makes a model of the same data.
-    evidence : callable, optional
-        The log evidence of a model or rival without sampling.
-    bound : callable, optional
-        The least standard deviations that the data allow, one for each parameter; SI units or px.
-    asides : callable, optional
-        What simple sums over the data of the model give beside it, by name.
-    steps, walkers : int
-        How it is sampled: kept steps and walkers of an ensemble, zero for the usual number.
+    - `key`: its only name: on the command line, in the book, of its stored calibration.
+    - `title`: what it is about, in one line.
+    - `paper`: whose numbers it takes.
+    - `given`: every printed cell (or group) that reaches the model, as data, setting or prior.
+    - `build`: makes the model from the door.
+    - `file`: the format of a user's own data, or why there is none.
+    - `truth`, optional: the parameters with which the data were simulated, by name, of the door; SI
+      units or px. None where the data are as printed.
+    - `published`, optional: what the paper prints of the experiment, of the door and the model;
+      none where the paper prints no estimate.
+    - `compared`: the printed cells that are compared with the posterior only: they do not reach the
+      model.
+    - `rivals`: rivals for model choice: each makes a model of the same data.
+    - `evidence`, optional: the log evidence of a model or rival without sampling.
+    - `bound`, optional: the least standard deviations that the data allow, one for each parameter;
+      SI units or px.
+    - `asides`, optional: what simple sums over the data of the model give beside it, by name.
+    - `steps`, `walkers`: how it is sampled: kept steps and walkers of an ensemble, zero for the
+      usual number.
     """
 
     key: str

@@ -13,7 +13,6 @@ from reproduce.inference.calibration import banded, least_of_all
 from reproduce.inference.checks import placed, predictive_checks
 from reproduce.inference.evidence import Compared
 from reproduce.inference.models.radial import WIDTHS
-from reproduce.inference.priors import in_unit
 from reproduce.inference.sensitivity import CROWDED, NEAR, NOTABLE, sensitivities
 from reproduce.papers import calibrations
 from reproduce.papers.chen2023.posteriors import (
@@ -64,7 +63,7 @@ def model(name: str) -> Html:
     built = book_posterior(name).model
     rows = []
     for one in built.parameters:
-        prior = in_unit(one.prior, one.shown)
+        prior = one.prior.in_unit(one.shown)
         rows.append((one.name, one.unit, str(prior), one.prior.reason))
     kind = "simulated from the printed settings" if declared.simulated else "as printed"
     caption = f"{declared.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."

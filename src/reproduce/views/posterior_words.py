@@ -93,6 +93,7 @@ def probability(share: Share) -> str:
 
     Examples
     --------
+    >>> from reproduce.inference.checks import Share
     >>> probability(Share(0.03775, 0.003, 4000)), probability(Share(0.0, 0.00025, 4000))
     ('0.04 ± 0.003', '< 0.0008')
     >>> probability(Share(0.0, 0.00025, 4000, sides=2))
@@ -138,6 +139,7 @@ def ranged(found: Range) -> str:
 
     Examples
     --------
+    >>> from reproduce.inference.checks import Range
     >>> ranged(Range(0.123456, 2.5, (0.002, 0.04))), ranged(Range(-2.4e-11, 0.71, (0.0, 0.01)))
     ('0.12 to 2.5', '−2e-11 to 0.7')
     >>> ranged(Range(-4.052, -4.05, (0.0, 0.0)))

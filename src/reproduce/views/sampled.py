@@ -205,12 +205,10 @@ class Posterior(Shown):
         """Every parameter with its unit, its prior and the reason for it."""
         import pandas as pd
 
-        from reproduce.inference.priors import in_unit
-
         rows = {
             one.name: {
                 "unit": one.unit,
-                "prior": str(in_unit(one.prior, one.shown)),
+                "prior": str(one.prior.in_unit(one.shown)),
                 "why": one.prior.reason,
             }
             for one in self.model.parameters

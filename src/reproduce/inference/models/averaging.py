@@ -54,16 +54,10 @@ def moments(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
 class AveragingLikelihood:
     """Printed scatter of running averages; parameters: white noise of one frame, floor.
 
-    Parameters
-    ----------
-    counts : tuple of int
-        Frames in each average.
-    printed : ndarray, shape (m,)
-        Printed standard deviations, one sigma, in radians.
-    half_unit : float
-        Half the last printed digit, in radians.
-    frames : int
-        Length of the series.
+    - `counts`: frames in each average.
+    - `printed`, (m,): printed standard deviations, one sigma, in radians.
+    - `half_unit`: half the last printed digit, in radians.
+    - `frames`: length of the series.
     """
 
     counts: tuple[int, ...]

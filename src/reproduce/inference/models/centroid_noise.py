@@ -24,14 +24,10 @@ from reproduce.physics.validate import FloatArray
 class CentroidNoiseLikelihood:
     """One parameter: standard deviation of a centroid coordinate, in px.
 
-    Parameters
-    ----------
-    expected : ndarray, shape (m,)
-        What noise-free centroids give.
-    cofactor : ndarray, shape (m, m)
-        Covariance of the results per squared noise.
-    printed, half_units : ndarray, shape (m,)
-        The printed results and half their last digits, in the units of `expected`.
+    - `expected`, (m,): what noise-free centroids give.
+    - `cofactor`, (m, m): covariance of the results per squared noise.
+    - `printed`, `half_units`, (m,): the printed results and half their last digits, in the units of
+      `expected`.
     """
 
     expected: FloatArray

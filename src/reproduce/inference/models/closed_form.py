@@ -29,18 +29,11 @@ Flat = Literal["affine", "polar"]
 class RegistrationPosterior:
     """The exact posterior of one channel's registration.
 
-    Parameters
-    ----------
-    mean : ndarray, shape (4,)
-        Of (k cos theta, k sin theta, shift x, shift y): the least-squares solution.
-    scale : ndarray, shape (4, 4)
-        Scale matrix of the Student-t, or covariance of the Gaussian.
-    freedom : float
-        Degrees of freedom; infinite where the noise is known.
-    squares : float
-        Sum of squared residuals of the least-squares solution, in px^2.
-    count : int
-        Number of points.
+    - `mean`, (4,): of (k cos theta, k sin theta, shift x, shift y): the least-squares solution.
+    - `scale`, (4, 4): scale matrix of the Student-t, or covariance of the Gaussian.
+    - `freedom`: degrees of freedom; infinite where the noise is known.
+    - `squares`: sum of squared residuals of the least-squares solution, in px^2.
+    - `count`: number of points.
     """
 
     mean: FloatArray

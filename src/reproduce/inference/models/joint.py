@@ -37,14 +37,9 @@ ComplexArray = NDArray[np.complex128]
 class JointRegistration:
     """Parameters: (k, theta, shift x, shift y) of red, the same of blue, noise.
 
-    Parameters
-    ----------
-    sources : tuple of ndarray, shape (n, 2)
-        Red and blue points, in px.
-    target : ndarray, shape (n, 2)
-        Green points, in px.
-    pivots : tuple of ndarray, shape (2,)
-        Principal points of red and blue, in px.
+    - `sources`, (n, 2): red and blue points, in px.
+    - `target`, (n, 2): green points, in px.
+    - `pivots`, (2,): principal points of red and blue, in px.
     """
 
     sources: tuple[FloatArray, FloatArray]

@@ -24,16 +24,11 @@ from reproduce.physics.validate import FloatArray, finite_array
 class Platform:
     """The instrument, as designed; lengths in metres.
 
-    Parameters
-    ----------
-    lasers : ndarray, shape (lasers, 2)
-        Positions on the camera's focal plane.
-    camera_focal_length, tracker_focal_length, pixel_pitch : float
-        As designed.
-    principal_point : ndarray, shape (2,)
-        Of the tracker, in px.
-    spots : ndarray, shape (lasers, 2)
-        Rough positions of the spots, in px: they fix the attitude about which angles are small.
+    - `lasers`, (lasers, 2): positions on the camera's focal plane.
+    - `camera_focal_length`, `tracker_focal_length`, `pixel_pitch`: as designed.
+    - `principal_point`, (2,): of the tracker, in px.
+    - `spots`, (lasers, 2): rough positions of the spots, in px: they fix the attitude about which
+      angles are small.
     """
 
     lasers: FloatArray
@@ -86,16 +81,11 @@ class Platform:
 class SpotStatistics:
     """Sufficient statistics of groups of images.
 
-    Parameters
-    ----------
-    means, slopes : ndarray, shape (groups, lasers, 2)
-        Mean of each coordinate over the images, and its slope against u; in px.
-    counts : ndarray, shape (groups,)
-        Images in each group.
-    levers : ndarray, shape (groups,)
-        Sum of the squared u of each group; zero where no slope was taken.
-    squares : float
-        Sum of all squared deviations from means (and slopes), in px^2.
+    - `means`, `slopes`, (groups, lasers, 2): mean of each coordinate over the images, and its slope
+      against u; in px.
+    - `counts`, (groups,): images in each group.
+    - `levers`, (groups,): sum of the squared u of each group; zero where no slope was taken.
+    - `squares`: sum of all squared deviations from means (and slopes), in px^2.
     """
 
     means: FloatArray

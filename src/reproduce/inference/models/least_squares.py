@@ -85,16 +85,10 @@ def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> t
 class RobustFit:
     """The least-squares similarity of the stars that fit.
 
-    Parameters
-    ----------
-    fit : RegistrationFit
-        Of those alone.
-    noise : float
-        Standard deviation of a residual coordinate of those, in px.
-    off : ndarray, shape (n,)
-        Length of every star's residual in such standard deviations.
-    suspects : ndarray of int
-        The stars that do not fit, the furthest first.
+    - `fit`: of those alone.
+    - `noise`: standard deviation of a residual coordinate of those, in px.
+    - `off`, (n,): length of every star's residual in such standard deviations.
+    - `suspects`: the stars that do not fit, the furthest first.
     """
 
     fit: RegistrationFit

@@ -35,12 +35,8 @@ STEP = 1e-3
 class SpotLikelihood(ABC):
     """Spots of one or more groups; a subclass says how the camera turns in each group.
 
-    Parameters
-    ----------
-    platform : Platform
-        The instrument.
-    statistics : SpotStatistics
-        The data.
+    - `platform`: the instrument.
+    - `statistics`: the data.
 
     Notes
     -----

@@ -64,18 +64,11 @@ def rmse_at(
 class NewStars:
     """Consequences of a registration at new stars.
 
-    Parameters
-    ----------
-    stars : StarModel
-        The model at the new stars.
-    registered : ndarray, shape (points, 2)
-        Where the least-squares transform puts them, in px.
-    arcsec_per_px : float
-        Of the reference channel.
-    columns : tuple of int
-        Which parameters the model of the stars takes; empty for all, as they stand.
-    prefix : str
-        Stands before the names, where there is more than one channel.
+    - `stars`: the model at the new stars.
+    - `registered`, (points, 2): where the least-squares transform puts them, in px.
+    - `arcsec_per_px`: of the reference channel.
+    - `columns`: which parameters the model of the stars takes; empty for all, as they stand.
+    - `prefix`: stands before the names, where there is more than one channel.
     """
 
     stars: StarModel
@@ -113,10 +106,7 @@ class NewStars:
 class Together:
     """Consequences of several channels.
 
-    Parameters
-    ----------
-    parts : tuple of NewStars
-        One for each channel.
+    - `parts`: one for each channel.
     """
 
     parts: tuple[NewStars, ...]

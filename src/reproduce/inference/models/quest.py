@@ -38,12 +38,8 @@ def none(count: int) -> FloatArray:
 class Quest:
     """Angles of every group against the first one, and their errors.
 
-    Parameters
-    ----------
-    platform : Platform
-        The instrument, as designed.
-    statistics : SpotStatistics
-        The data; the first group is the zero point.
+    - `platform`: the instrument, as designed.
+    - `statistics`: the data; the first group is the zero point.
     """
 
     platform: Platform

@@ -46,14 +46,9 @@ class LinearRegistration:
     the similarity's dilation, turn and two shifts; beside them one radial term of third order, or
     stretch (x outward, y inward) and shear, which make the affine transform.
 
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        In px.
-    pivot : ndarray, shape (2,)
-        The source channel's principal point, in px.
-    shape : {"similarity", "radial", "affine"}
-        Which columns the design has.
+    - `source`, `target`, (n, 2): in px.
+    - `pivot`, (2,): the source channel's principal point, in px.
+    - `shape`: which columns the design has.
     """
 
     source: FloatArray

@@ -72,14 +72,9 @@ def _ordered(angles: FloatArray, which: Indices) -> FloatArray:
 class Printed:
     """Printed angles and how they scatter about the true ones; all angles in radians.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (states, blocks)
-        As printed.
-    bias : ndarray, shape (n, blocks)
-        Added to the true angles of a block.
-    noise : ndarray, shape (n,)
-        Standard deviation.
+    - `angles`, (states, blocks): as printed.
+    - `bias`, (n, blocks): added to the true angles of a block.
+    - `noise`, (n,): standard deviation.
     """
 
     angles: FloatArray
@@ -95,16 +90,10 @@ class Printed:
 class ReferenceAngles:
     """The printed reference angles.
 
-    Parameters
-    ----------
-    positions : ndarray, shape (states + 1, blocks)
-        Printed stage positions, the zero state first, in metres.
-    angles : ndarray, shape (states, blocks)
-        Printed reference angles, in radians.
-    half_position, half_angle : float
-        Half the last printed digits.
-    scatter : tuple of float
-        Ends of the prior of log10 of the scatter in arcsec.
+    - `positions`, (states + 1, blocks): printed stage positions, the zero state first, in metres.
+    - `angles`, (states, blocks): printed reference angles, in radians.
+    - `half_position`, `half_angle`: half the last printed digits.
+    - `scatter`: ends of the prior of log10 of the scatter in arcsec.
     """
 
     positions: FloatArray

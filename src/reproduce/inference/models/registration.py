@@ -46,16 +46,11 @@ def squared_residuals(root: NDArray[np.complex128], weights: NDArray[np.complex1
 class GaussianRegistration:
     """Gaussian noise of one size; parameters (k, theta, shift x, shift y, noise).
 
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        The same stars in the channel and in the reference channel, in px.
-    pivot : ndarray, shape (2,)
-        The channel's principal point, in px.
-    source_noise : bool
-        False: `noise` is that of a residual coordinate, the source noise neglected or included in
-        it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2 times
-        its variance.
+    - `source`, `target`, (n, 2): the same stars in the channel and in the reference channel, in px.
+    - `pivot`, (2,): the channel's principal point, in px.
+    - `source_noise`: false: `noise` is that of a residual coordinate, the source noise neglected or
+      included in it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2
+      times its variance.
     """
 
     source: FloatArray

@@ -132,16 +132,13 @@ class BoxRule:
 
     A rule belongs to data, not to parameters, so that a likelihood is smooth in its parameters.
 
-    Parameters
-    ----------
-    order : ndarray of int, shape (m,)
-        Each number is conditioned on those before it.
-    nodes : tuple of int, length m - 1
-        Gauss-Legendre nodes in this order; the last number is integrated exactly.
-    wide : tuple of bool, length m - 1
-        Where nodes share the probability between the ends evenly rather than the interval.
-    points : ndarray, shape (count, m), optional
-        Quasi-random points to use instead, where the nodes would be too many.
+    - `order`, (m,): each number is conditioned on those before it.
+    - `nodes`, length m - 1: Gauss-Legendre nodes in this order; the last number is integrated
+      exactly.
+    - `wide`, length m - 1: where nodes share the probability between the ends evenly rather than
+      the interval.
+    - `points`, (count, m), optional: quasi-random points to use instead, where the nodes would be
+      too many.
     """
 
     order: NDArray[np.intp]

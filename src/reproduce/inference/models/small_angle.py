@@ -27,16 +27,11 @@ POINTS, REACH = 401, 9.0
 class SmallAnglePosterior:
     """The posterior, as a mixture of Gaussians over the noise.
 
-    Parameters
-    ----------
-    noise, weight : ndarray, shape (m,)
-        Values of the noise, in px, and their probabilities.
-    means : ndarray, shape (m, d - 1)
-        Means of all other parameters, given the noise; SI.
-    roots : ndarray, shape (m, d - 1, d - 1)
-        Roots of their covariances: any matrix whose product with its transpose is the covariance.
-    log_evidence : float
-        Natural logarithm of the evidence of the model.
+    - `noise`, `weight`, (m,): values of the noise, in px, and their probabilities.
+    - `means`, (m, d - 1): means of all other parameters, given the noise; SI.
+    - `roots`, (m, d - 1, d - 1): roots of their covariances: any matrix whose product with its
+      transpose is the covariance.
+    - `log_evidence`: natural logarithm of the evidence of the model.
     """
 
     noise: FloatArray

@@ -40,16 +40,10 @@ BIAS_SPREAD = 0.2 / ARCSEC_PER_RADIAN
 class StageTableLikelihood:
     """Parameters: focal length, noise, bias about X and Y, log10 of the reference scatter (arcsec).
 
-    Parameters
-    ----------
-    reference : ReferenceAngles
-        Positions and reference angles.
-    monitored : ndarray, shape (states, blocks)
-        Printed monitored angles, in radians.
-    hypothesis : int, optional
-        0: as printed, 1: interchanged, None: both, summed with equal weights.
-    log_noise : tuple of float
-        Ends of the prior of the noise, as logarithms of radians.
+    - `reference`: positions and reference angles.
+    - `monitored`, (states, blocks): printed monitored angles, in radians.
+    - `hypothesis`, optional: 0: as printed, 1: interchanged, None: both, summed with equal weights.
+    - `log_noise`: ends of the prior of the noise, as logarithms of radians.
     """
 
     reference: ReferenceAngles
@@ -165,10 +159,7 @@ class StageTableCoordinates:
     biases given all of these, standardised; normal score of the scatter. Where the scatter hides
     which block the columns belong to, the biases have a second mode: interchanged.
 
-    Parameters
-    ----------
-    likelihood : StageTableLikelihood
-        With its data.
+    - `likelihood`: with its data.
     """
 
     likelihood: StageTableLikelihood

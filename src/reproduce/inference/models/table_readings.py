@@ -34,14 +34,9 @@ BIAS_REACH = 6.5
 class TableReading:
     """One way to read the table.
 
-    Parameters
-    ----------
-    name : str
-        In a few words.
-    reference, monitored : tuple of int
-        The printed columns that belong to motions along X and along Y.
-    positions : ndarray, shape (states + 1, 2), optional
-        Positions in place of the printed ones, in metres.
+    - `name`: in a few words.
+    - `reference`, `monitored`: the printed columns that belong to motions along X and along Y.
+    - `positions`, (states + 1, 2), optional: positions in place of the printed ones, in metres.
     """
 
     name: str
@@ -54,14 +49,10 @@ class TableReading:
 class TableResult:
     """What a reading comes to.
 
-    Parameters
-    ----------
-    name : str
-        The reading.
-    log_evidence : float
-        Natural logarithm.
-    means, deviations : tuple of float
-        Of focal length (m), noise, bias of the angles about X and about Y as printed (rad).
+    - `name`: the reading.
+    - `log_evidence`: natural logarithm.
+    - `means`, `deviations`: of focal length (m), noise, bias of the angles about X and about Y as
+      printed (rad).
     """
 
     name: str
@@ -140,18 +131,12 @@ class Parts(NamedTuple):
 class StageTable:
     """The table as one reading has it.
 
-    Parameters
-    ----------
-    positions : ndarray, shape (states + 1, 2)
-        In metres.
-    reference, monitored : ndarray, shape (states, 2)
-        Angles in the blocks of the motions, in radians.
-    half_position, half_angle : float
-        Half the last printed digits.
-    bias : float
-        Standard deviation of the prior of the biases, about zero.
-    scatter_ends, noise_ends : tuple of float
-        Ends of the priors: log10 of the scatter in arcsec, natural logarithm of the noise in rad.
+    - `positions`, (states + 1, 2): in metres.
+    - `reference`, `monitored`, (states, 2): angles in the blocks of the motions, in radians.
+    - `half_position`, `half_angle`: half the last printed digits.
+    - `bias`: standard deviation of the prior of the biases, about zero.
+    - `scatter_ends`, `noise_ends`: ends of the priors: log10 of the scatter in arcsec, natural
+      logarithm of the noise in rad.
     """
 
     positions: FloatArray

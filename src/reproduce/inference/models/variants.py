@@ -29,16 +29,10 @@ NEWTON_STEPS = 4
 class PointwiseRegistration:
     """A registration evaluated point by point; a subclass adds one idea and its parameters.
 
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        In px.
-    pivot : ndarray, shape (2,)
-        The source channel's principal point, in px.
-    edge : float, optional
-        Radius of the field, in px; by default that of the outermost star.
-    robust : bool
-        Whether the start is that of the stars that fit, for data with wrong matches.
+    - `source`, `target`, (n, 2): in px.
+    - `pivot`, (2,): the source channel's principal point, in px.
+    - `edge`, optional: radius of the field, in px; by default that of the outermost star.
+    - `robust`: whether the start is that of the stars that fit, for data with wrong matches.
     """
 
     source: FloatArray

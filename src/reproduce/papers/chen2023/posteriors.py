@@ -124,18 +124,11 @@ def frame_averaging(given: Given, column: str = COLUMNS[0], floor: bool = True) 
 class SummedColumn:
     """One column of Table IV, summed without sampling; one sigma, in arcsec.
 
-    Parameters
-    ----------
-    column : str
-        Which.
-    white, white_error : float
-        White noise of one frame: mean and standard deviation.
-    floor : float
-        The floor is below it with a probability of 97.5 %.
-    prior : float
-        Scale of the floor's prior.
-    gains : tuple of float
-        Log evidence of a floor less that of none, for every scale of `FLOORS`.
+    - `column`: which.
+    - `white`, `white_error`: white noise of one frame: mean and standard deviation.
+    - `floor`: the floor is below it with a probability of 97.5 %.
+    - `prior`: scale of the floor's prior.
+    - `gains`: log evidence of a floor less that of none, for every scale of `FLOORS`.
     """
 
     column: str
