@@ -75,9 +75,9 @@ class JointRegistration:
             found.append(weights)
         return found[0], found[1]
 
-    def _density(
-        self, parameters: FloatArray, left: ComplexArray, right: ComplexArray
-    ) -> FloatArray:
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        left, right = (weights @ self.root.T for weights in self.weights(parameters))
         red, blue = (1 + parameters[:, i] ** 2 for i in (0, 4))
         determinant = red * blue - 1
         squares = blue * _product(left, left) + red * _product(right, right)
@@ -87,16 +87,6 @@ class JointRegistration:
         constant = -np.log(determinant) - 4 * np.log(noise) - 2 * np.log(2 * np.pi)
         constant += 2 * np.log(parameters[:, 4])
         return np.asarray(count * constant - squares / (2 * noise**2 * determinant))
-
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood, shape (n,)."""
-        left, right = (weights @ self.root.T for weights in self.weights(parameters))
-        return self._density(parameters, left, right)
-
-    def full(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood from all points: what the sufficient statistics must reproduce."""
-        left, right = (weights @ self.columns.T for weights in self.weights(parameters))
-        return self._density(parameters, left, right)
 
     def simulate(
         self, parameters: FloatArray, generator: Generator

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.models.lasers import Platform, SpotStatistics
-from reproduce.inference.models.quest import Quest, none
+from reproduce.inference.models.lasers import Platform, Quest, SpotStatistics, none
 from reproduce.inference.models.registration import with_priors
 from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.physics.validate import FloatArray
@@ -76,20 +75,6 @@ class SpotLikelihood(ABC):
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
         return self.statistics.log_likelihood(*self.paths(parameters), parameters[:, -1])
-
-    def full(self, parameters: FloatArray, images: list[FloatArray]) -> FloatArray:
-        """Log likelihood image by image, the camera turning evenly: for comparison."""
-        total = np.zeros(len(parameters))
-        first, last = self.turns(parameters)
-        for group, spots in enumerate(images):
-            for u, frame in zip(np.linspace(0, 1, len(spots)), spots, strict=True):
-                turn = (1 - u) * first[:, group] + u * last[:, group]
-                predicted = self.landed(parameters, turn[:, None])[:, 0]
-                scaled = np.square((frame - predicted) / parameters[:, -1, None, None])
-                total -= 0.5 * scaled.sum(axis=(-2, -1))
-        size = self.statistics.size
-        constant = size * np.log(parameters[:, -1]) + 0.5 * size * np.log(2 * np.pi)
-        return np.asarray(total - constant)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
         """Statistics of as many images for one parameter vector."""
