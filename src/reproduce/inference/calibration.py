@@ -26,6 +26,11 @@ from reproduce.inference.parts import Progress, Store, run_parts
 from reproduce.inference.sampling import Job, Plan, fingerprint, run_ensemble
 from reproduce.physics.validate import FloatArray, whole_number
 
+__all__ = [
+    "DRAWS", "LEVELS", "Ranks", "band", "banded", "calibrate", "intervals", "least_of_all",
+    "replicate", "simulated",
+]  # fmt: skip
+
 Counts = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Covered = NDArray[np.int8]

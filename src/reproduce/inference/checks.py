@@ -17,6 +17,11 @@ from reproduce.inference.diagnostics import mcse_deviation, mcse_mean
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "Bounded", "Published", "Range", "Repeat", "Share", "bounded", "placed",
+    "predictive_checks", "repeats", "tail_share", "two_sided",
+]  # fmt: skip
+
 # Simulated data sets of a predictive check, and repeats of an experiment.
 REPLICATES, REPEATS = 400, 4000
 ENDS = (0.025, 0.975)

@@ -16,6 +16,12 @@ from scipy.stats import beta, rankdata
 
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "Diagnosis", "Gates", "UnconvergedError", "autocorrelation", "autocorrelation_time",
+    "diagnose", "diagnosed", "effective_size", "integrated_time", "mcse_deviation",
+    "mcse_mean", "mcse_quantile", "require", "split_rhat", "thinned",
+]  # fmt: skip
+
 # Sokal's window: the sum stops at this many times the autocorrelation time found so far.
 WINDOW = 5.0
 TAILS = (0.05, 0.95)

@@ -18,8 +18,7 @@ from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["RELIABLE", "Compared", "Evidence", "compared", "exact_evidence", "log_evidence",
-           "smoothed"]  # fmt: skip
+__all__ = ["Compared", "compared", "exact_evidence", "log_evidence", "smoothed"]
 
 DEGREES = 5
 WIDER = 1.3

@@ -19,6 +19,11 @@ from reproduce.inference.coordinates import Coordinates, Declared, Straightened
 from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "Consequence", "Derived", "Estimated", "Model", "Parameter", "StartError",
+    "UnsuitableModelError",
+]  # fmt: skip
+
 # A start is this many times wider than the posterior is expected to be.
 OVERDISPERSION = 3.0
 TRIES = 1000

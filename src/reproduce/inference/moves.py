@@ -16,6 +16,8 @@ from emcee.state import State
 from reproduce.inference.coordinates import Coordinates, Declared, Mirrored
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["mixture"]
+
 # Student-t with few degrees of freedom: heavier than any posterior tail that is met here.
 DEGREES = 5.0
 # Slightly wider than the ensemble, since half an ensemble underestimates the spread.

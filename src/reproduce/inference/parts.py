@@ -19,7 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Progress", "Result", "ResumeError", "Store", "processes", "run_parts"]
+__all__ = ["ResumeError", "Store", "processes", "run_parts"]
 
 Part = TypeVar("Part")
 Result = tuple[NDArray[Any], ...]

@@ -20,6 +20,8 @@ from reproduce.inference.diagnostics import (
 from reproduce.inference.model import Consequence, Model
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["Sampled", "Summary"]
+
 LEVEL = 0.95
 
 

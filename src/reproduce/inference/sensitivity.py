@@ -25,6 +25,8 @@ from reproduce.inference.priors import (
 )
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["CROWDED", "NEAR", "NOTABLE", "leanings", "sensitivities"]
+
 POWERS = (0.8, 1.25)
 # From here on a change is worth a word: the threshold of the method's authors.
 NOTABLE = 0.05

@@ -24,6 +24,8 @@ from reproduce.physics.attitude.averaging import averaged_error, scatter_of_aver
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = ["AveragingLikelihood", "averaging_model", "moments", "predicted_error"]
+
 
 @lru_cache(maxsize=8)
 def moments(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:

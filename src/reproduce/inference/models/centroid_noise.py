@@ -19,6 +19,8 @@ from reproduce.inference.models.rounded import log_box, quasi_random
 from reproduce.inference.priors import LogUniform
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["CentroidNoiseLikelihood", "centroid_noise_model"]
+
 
 @dataclass(frozen=True, eq=False)
 class CentroidNoiseLikelihood:

@@ -22,6 +22,8 @@ from reproduce.inference.priors import LogUniform, Uniform
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["cramer_rao_bound", "polar", "registration_log_evidence", "registration_posterior"]
+
 Flat = Literal["affine", "polar"]
 
 

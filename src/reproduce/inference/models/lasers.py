@@ -37,6 +37,8 @@ from reproduce.physics.attitude.rotations import (
 )
 from reproduce.physics.validate import FloatArray, finite_array
 
+__all__ = ["Platform", "Quest", "SpotStatistics", "none"]
+
 
 @dataclass(frozen=True, eq=False)
 class Platform:

@@ -14,6 +14,8 @@ from scipy.optimize import minimize_scalar
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
+__all__ = ["fit_checks", "least_squares", "noise_growth", "robust_similarity"]
+
 # The robust fit takes all pairs of so many stars; its residuals are then those of all stars.
 PAIRED = 300
 # A star further off than so many standard deviations of a coordinate is taken for wrongly matched:

@@ -23,6 +23,11 @@ from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = [
+    "AXES", "MOUNT", "ConstantLikelihood", "SpotLikelihood", "drift_model",
+    "misalignment_model",
+]  # fmt: skip
+
 AXES = "xyz"
 # Width of the prior of the zero attitude, in radians.
 MOUNT = 5e-3

@@ -18,6 +18,8 @@ from reproduce.inference.model import Consequence
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["NewStars", "StarModel", "Together", "rmse_at", "true_places"]
+
 # Parameter vectors that are worked on at once: bounds the memory.
 CHUNK = 10_000
 SEED = 52

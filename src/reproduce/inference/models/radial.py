@@ -22,6 +22,11 @@ from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.priors import LogUniform, Normal, Uniform
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "TERMS", "WIDTH", "WIDTHS", "affine_model", "linear_log_evidence", "linear_model",
+    "radial_model", "similarity_model",
+]  # fmt: skip
+
 Shape = Literal["similarity", "radial", "affine"]
 # The coefficients: those of the similarity, which all have, then those of the shape.
 SIMILARITY = ("dilation", "turn", "shift-x", "shift-y")

@@ -22,6 +22,12 @@ from reproduce.inference.priors import LogNormal, Uniform
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = [
+    "FOCAL_SPREAD", "HYPOTHESES", "NODES", "WEIGHTS", "Printed", "ReferenceAngles",
+    "focal_parameter", "in_radians", "log_rounded", "log_same_hypothesis",
+    "scatter_parameter",
+]  # fmt: skip
+
 Indices = NDArray[np.int64]
 
 HYPOTHESES = ("as printed", "interchanged")

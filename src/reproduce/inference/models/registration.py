@@ -29,6 +29,11 @@ from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
 
+__all__ = [
+    "GaussianRegistration", "free_priors", "registration_model", "registration_parameters",
+    "triangular", "with_priors",
+]  # fmt: skip
+
 
 def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Triangular factor of complex columns, shape (m, m) for columns of shape (n, m)."""

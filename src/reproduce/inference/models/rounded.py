@@ -20,6 +20,8 @@ from scipy.stats import qmc
 
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["AT_ONCE", "BoxRule", "log_box", "log_box_by_rule", "log_interval", "quasi_random"]
+
 # Below this a probability is not told from zero: the walker stands far outside.
 SMALLEST = 1e-300
 # A difference smaller than this share has lost too many digits.

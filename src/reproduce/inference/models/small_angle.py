@@ -19,6 +19,11 @@ from reproduce.inference.models.misalignment import ConstantLikelihood, SpotLike
 from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "errors_with_free_lasers", "small_angle_log_evidence", "small_angle_posterior",
+    "spot_bound",
+]  # fmt: skip
+
 # Points over the noise, and how many of its own errors they reach.
 POINTS, REACH = 401, 9.0
 

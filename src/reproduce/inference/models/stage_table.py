@@ -30,6 +30,8 @@ from reproduce.inference.priors import LogUniform, Normal
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = ["StageTableLikelihood", "table_model"]
+
 # Ends of the prior of the noise, and the width of that of the biases, in radians.
 NOISE = (1e-3 / ARCSEC_PER_RADIAN, 1 / ARCSEC_PER_RADIAN)
 LOG_NOISE = (float(np.log(NOISE[0])), float(np.log(NOISE[1])))

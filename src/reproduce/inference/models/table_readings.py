@@ -22,6 +22,8 @@ from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.inference.priors import LogUniform, Normal, Uniform
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["CROSSED", "PRINTED", "TableReading", "TableResult", "hypotheses", "read"]
+
 PRINTED, CROSSED = (0, 1), (1, 0)
 # Reach of the focal length: its relative error times sinh of this, and the points up to there.
 REACH, POINTS, EVERY, SPLINE = 7.0, 240, 4, 5

@@ -21,6 +21,8 @@ from reproduce.inference.priors import Normal, Uniform
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["PointwiseRegistration", "distortion_model", "student_model"]
+
 # Steps of Newton's method for the inverse distortion; each doubles the digits.
 NEWTON_STEPS = 4
 
