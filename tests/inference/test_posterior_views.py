@@ -133,7 +133,8 @@ def test_every_model_has_every_step_on_the_page_that_links_them(name, step):
 def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one():
     """Only a model that has no closed form shows "none"; any other error is told."""
     declared = posteriors()["registration"]
-    plain, rival = declared.model(), *declared.rival_models()
+    plain = declared.model()
+    (rival,) = (make(plain) for make in declared.rivals)
     assert isinstance(exact_evidence(plain, declared.evidence), float)
     assert exact_evidence(rival, declared.evidence) is None
     assert exact_evidence(plain, None) is None
@@ -159,13 +160,14 @@ def test_a_rival_with_an_exact_evidence_is_not_sampled():
     def sampled(model):
         raise AssertionError("not needed")
 
-    first, rival = compared(found, declared.rival_models(), declared.evidence, sampled)
+    rivals = [make(found.model) for make in declared.rivals]
+    first, rival = compared(found, rivals, declared.evidence, sampled)
     assert first.less == first.error == rival.error == 0
     assert rival.sampled is None
     assert rival.less == rival.exact - first.exact
     assert abs(first.sampled.value - first.exact) < 4 * first.sampled.error
     with pytest.raises(AssertionError, match="not needed"):
-        compared(found, declared.rival_models(), None, sampled)
+        compared(found, rivals, None, sampled)
 
 
 def test_facts_are_the_numbers_of_the_object():
@@ -218,8 +220,9 @@ def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():
 def test_evidence_of_a_floor_stands_in_the_table_of_the_rival():
     """The page of the model and the table of the columns say the same of the first column."""
     declared = posteriors()["frame-averaging"]
-    (rival,) = declared.rival_models()
-    found = declared.evidence(declared.model()) - declared.evidence(rival)
+    model = declared.model()
+    (rival,) = (make(model) for make in declared.rivals)
+    found = declared.evidence(model) - declared.evidence(rival)
     assert abs(found - summed_columns()[0].gains[FLOORS.index(1)]) < 1e-6
     shown = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_pages.columns_of_table_4().text)
     assert len(shown) == len(COLUMNS) * len(FLOORS)

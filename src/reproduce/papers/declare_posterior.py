@@ -91,7 +91,7 @@ class Declaration:
       none where the paper prints no estimate.
     - `compared`: the printed cells that are compared with the posterior only: they do not reach the
       model.
-    - `rivals`: rivals for model choice: each makes a model of the same data.
+    - `rivals`: rivals for model choice: each makes another model of the data of this one.
     - `evidence`, optional: the log evidence of a model or rival without sampling.
     - `bound`, optional: the least standard deviations that the data allow, one for each parameter;
       SI units or px.
@@ -109,7 +109,7 @@ class Declaration:
     truth: Callable[[Given], dict[str, float]] | None = None
     published: Callable[[Given, Model], Published] | None = None
     compared: tuple[str, ...] = ()
-    rivals: tuple[Callable[[Given], Model], ...] = ()
+    rivals: tuple[Callable[[Model], Model], ...] = ()
     evidence: Callable[[Model], float] | None = None
     bound: Callable[[Model], FloatArray] | None = None
     asides: Callable[[Model], dict[str, Aside]] | None = None
@@ -128,10 +128,6 @@ class Declaration:
     def true_values(self) -> dict[str, float]:
         """Return the parameters with which the data were simulated; none where they were not."""
         return {} if self.truth is None else self.truth(given(self.given))
-
-    def rival_models(self) -> list[Model]:
-        """Return the models that model choice compares this one with."""
-        return [rival(given(self.given)) for rival in self.rivals]
 
     def plan(
         self,
@@ -191,10 +187,8 @@ class Declaration:
 
     def choice(self, found: Sampled) -> list[Compared]:
         """Return the evidence of the model and its rivals."""
-        plan = self.plan()
-        return compared(
-            found, self.rival_models(), self.evidence, lambda rival: sample(rival, plan)
-        )
+        plan, rivals = self.plan(), [rival(found.model) for rival in self.rivals]
+        return compared(found, rivals, self.evidence, lambda rival: sample(rival, plan))
 
 
 # What a comparison of a model with its own data can show.

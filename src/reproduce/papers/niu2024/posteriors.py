@@ -221,7 +221,7 @@ _red = partial(
 POSTERIORS = (
     _red(
         "registration", "Registration of one channel: similarity and Gaussian noise",
-        build=registration, file=users_stars.PLAIN, rivals=(student,),
+        build=registration, file=users_stars.PLAIN, rivals=(student_model,),
         evidence=registration_log_evidence, bound=cramer_rao_bound,
         asides=beside_the_registration, steps=400, walkers=160,
     ),
