@@ -4,26 +4,25 @@
 follow; the roles of the book only look them up. A
 printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
 paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
-(``niu2024/readings#best-joint``).
+(``niu2024/readings#best-joint``), and so does a posterior (``posterior/registration#noise-mean``).
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
-from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import numbers, words
+from reproduce.views.build import fingerprint
 
 # Study, or the audit -> the module of `views` that says its results.
 STUDIES = {
@@ -49,6 +48,25 @@ def whole_ledger() -> Ledger:
 
 def facts(*papers: str) -> dict[str, str]:
     """Compute every fact, or those of the cells and items of some papers alone."""
+    from reproduce.papers.posteriors import posteriors
+
+    return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
+
+
+def of_posteriors(names: Iterable[str]) -> dict[str, str]:
+    """Compute the facts of posteriors, which are sampled for it."""
+    from reproduce.views.posterior_words import sayings
+    from reproduce.views.sampled import book_posterior
+
+    return {
+        f"posterior/{name}#{label}": numbers.powers(text)
+        for name in names
+        for label, text in sayings(name, book_posterior(name)).items()
+    }
+
+
+def unsampled(*papers: str) -> dict[str, str]:
+    """Compute the facts of the ledger, the studies and the audit, or of some papers alone."""
     if papers:
         keys = [key for key in catalogue() if key.partition("/")[0] in papers and key in library()]
         records = tuple(record for key in keys for record in item_ledger(key).records)
@@ -58,8 +76,8 @@ def facts(*papers: str) -> dict[str, str]:
     names = [*(record.cell for record in records), *keys, *(() if papers else (*PAPERS, "all"))]
     found = {f"{name} {what}": text for name in names for what, text in facts_of(name).items()}
     for study, module in () if papers else STUDIES.items():
-        sayings = import_module(f"reproduce.views.{module}").sayings()
-        found |= {f"{study}#{label}": text for label, text in sayings.items()}
+        said = import_module(f"reproduce.views.{module}").sayings()
+        found |= {f"{study}#{label}": text for label, text in said.items()}
     return {name: numbers.powers(text) for name, text in found.items()}
 
 
@@ -78,18 +96,6 @@ def facts_of(name: str) -> dict[str, str]:
     if name not in {*PAPERS, "all"}:
         raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
     return _of_paper(name)
-
-
-def fingerprint() -> str:
-    """Return a hash of what the facts depend on: the package's own files, the data, the lock."""
-    data = data_folder()
-    package = Path(__file__).resolve().parent.parent
-    files = [*package.rglob("*.py"), *(path for path in data.rglob("*") if path.is_file())]
-    digest = hashlib.sha256()
-    for path in [*sorted(files), data.parent / "environment.txt"]:
-        if path.is_file():
-            digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()
 
 
 def write(path: Path, *papers: str) -> bool:
