@@ -14,22 +14,15 @@ import json
 import re
 import sys
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
+from reproduce.judge.studies import studies
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
 from reproduce.views import numbers, words
 
-# Study, or the audit -> the module of `views` that says its results.
-STUDIES = {
-    "niu2024/readings": "study_pages",
-    "niu2024/approximations": "cost_pages",
-    "niu2024/fusion": "fusion_pages",
-    "audit": "audit_pages",
-}
 _BLANK = re.compile(r"\{([^{}]+)\}")
 
 
@@ -47,6 +40,8 @@ def whole_ledger() -> Ledger:
 
 def facts() -> dict[str, str]:
     """Compute every fact."""
+    from reproduce.views import audit_pages
+
     records = whole_ledger().records
     keys = dict.fromkeys(record.key for record in records)
     found = {
@@ -54,9 +49,9 @@ def facts() -> dict[str, str]:
         for name in (*(record.cell for record in records), *keys, *PAPERS, "all")
         for what, text in facts_of(name).items()
     }
-    for study, module in STUDIES.items():
-        sayings = import_module(f"reproduce.views.{module}").sayings()
-        found |= {f"{study}#{label}": text for label, text in sayings.items()}
+    for key, study in studies().items():
+        found |= {f"{key}#{name}": numbers.fact(quoted) for name, quoted in study.facts().items()}
+    found |= {f"audit#{label}": text for label, text in audit_pages.sayings().items()}
     return {name: numbers.powers(text) for name, text in found.items()}
 
 

@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
 from rich.console import RenderableType
 
-from reproduce.papers.catalogue import studies
+from reproduce.judge.studies import studies
 from reproduce.papers.study import Column
 from reproduce.printed.given import given
-from reproduce.views.grid import Grid
-from reproduce.views.numbers import number
+from reproduce.views import numbers
+from reproduce.views.grid import Entry, Grid
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
@@ -60,21 +61,22 @@ class StudyTable(Shown):
         return self._frame
 
     @property
-    def grid(self) -> Grid:
-        """The table as a reader sees it."""
-        frame = self._frame
-        behind = {column.error for column in self._study.columns} - {""}
+    def grids(self) -> dict[str, Grid]:
+        """The table as a reader sees it: whole, or in the parts that it is folded into, by name."""
+        frame, folded = self._frame, self._study.folded
+        behind = {column.error for column in self._study.columns} | {folded}
         shown = [column for column in self._study.columns if column.name not in behind]
-        rows = [
-            [_entry(row, column) for column in shown] for row in frame.to_dict(orient="records")
-        ]
-        return Grid(
-            frame.attrs["caption"],
-            [column.name for column in shown],
-            rows,
-            f"study-{self.key.replace('/', '-')}",
-            "rp-study",
-        )
+        parts = [("", frame)] if not folded else frame.groupby(folded, sort=False)
+        return {
+            str(name): Grid(
+                frame.attrs["caption"],
+                [column.name for column in shown],
+                [[_entry(row, c) for c in shown] for row in part.to_dict(orient="records")],
+                "-".join(["study", *self.key.split("/"), *([str(number)] if number else [])]),
+                "rp-study",
+            )
+            for number, (name, part) in enumerate(parts)
+        }
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
@@ -83,19 +85,27 @@ class StudyTable(Shown):
         return exporting.export_frame(self.frame(), form)
 
     def _repr_html_(self) -> str:
-        return self.grid._repr_html_()
+        if not self._study.folded:
+            return str(self.grids[""].html)
+        fold = Markup('<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>')
+        parts = enumerate(self.grids.items())
+        return "\n".join(
+            fold.format(Markup("" if number else " open"), name, grid.html)
+            for number, (name, grid) in parts
+        )
 
     def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the title, the table and its caption."""
+        """Yield the title, and the table with its caption, part by part."""
         yield f"{self.key}: {self.title}"
-        yield from self.grid.parts(width)
+        for name, grid in self.grids.items():
+            if name:
+                yield f"\n{name}"
+            yield from grid.parts(width)
 
 
-def _entry(row: Mapping[Any, Any], column: Column) -> str:
+def _entry(row: Mapping[Any, Any], column: Column) -> Entry:
     value = row[column.name]
-    if not column.form or isinstance(value, str):
-        return str(value)
-    text = number(float(value), column.form, zero=column.zero, infinite=column.infinite)
-    if column.error:
-        text += f" ± {number(float(row[column.error]), '.1g')}"
+    text = numbers.entry(value, column, row[column.error] if column.error else None)
+    if column.bold and value < column.bold:
+        return Markup("<strong>{}</strong>").format(text)
     return text

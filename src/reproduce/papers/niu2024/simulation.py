@@ -3,7 +3,7 @@
 The text leaves several readings open. The literal one, written down some minutes before the first
 verdicts were:
 
-* the angles are those of `reproduce.papers.niu2024.angles.literal`;
+* the angles are those of `reproduce.papers.niu2024.simulation_angles.literal`;
 * centroids follow (21) to (23) with the imaging parameters of Table 1, principal points included,
   and the rotation angles of Table 2;
 * every coordinate of every channel gets its own Gaussian noise of the printed standard deviation,
@@ -13,10 +13,10 @@ verdicts were:
 * test points are directions at random, uniform over the printed range, imaged with the same noise;
 * the RMSE is (26): one number for both axes.
 
-Scales and rotations get one verdict under every reading that `reproduce.papers.niu2024.study` has,
-so the literal one judges them. The verdict on translations and residuals depends on the reading.
-These cells are blocked, with the readings that decide side by side; they were chosen after all of
-them had been computed.
+Scales and rotations get one verdict under every reading of `reproduce.papers.niu2024.readings`, so
+the literal one judges them. The verdict on translations and residuals depends on the reading. These
+cells are blocked, with the readings that decide side by side; they were chosen after all of them
+had been computed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from reproduce.papers.declare import (
     reproduces,
     split_seed,
 )
-from reproduce.papers.niu2024 import angles
+from reproduce.papers.niu2024 import simulation_angles
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import (
     channel_centroids,
@@ -70,7 +70,7 @@ NOISY = {
 }
 # What the text leaves open, as options of a rerun; the literal reading first.
 CALIBRATION = {
-    "angles": angles.ARRANGEMENTS,
+    "angles": simulation_angles.ARRANGEMENTS,
     "noise": {
         "every-channel": "the printed noise in every channel",
         "red-and-blue": "green, the reference, without noise",
@@ -97,7 +97,7 @@ TESTING = {
     },
 }
 READS = (
-    *angles.READS,
+    *simulation_angles.READS,
     IMAGING,
     f"{TRUTH}#rotation.*",
     f"{OPTICS}#pixel-pitch-x",
@@ -142,7 +142,7 @@ def calibrations(
     seed: SeedSequence,
     replicates: int,
     *,
-    arrangement: str = angles.LITERAL,
+    arrangement: str = simulation_angles.LITERAL,
     shifts: str = SHIFTS[0],
     noise: str = "every-channel",
     repeats: int = 1,
@@ -155,7 +155,7 @@ def calibrations(
 
     Channel to its calibrated transforms, shape (replicates,).
     """
-    table = angles.arrangement(given, arrangement).angles
+    table = simulation_angles.arrangement(given, arrangement).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
     at_zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0))
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
@@ -195,7 +195,7 @@ def calibrated_parameters(
     seed: SeedSequence,
     replicates: int,
     *,
-    angles: str = angles.LITERAL,
+    angles: str = simulation_angles.LITERAL,
     noise: str = "every-channel",
     repeats: str = "one",
 ) -> Results:
@@ -223,7 +223,7 @@ def calibrated_translations(
     seed: SeedSequence,
     replicates: int,
     *,
-    angles: str = angles.LITERAL,
+    angles: str = simulation_angles.LITERAL,
     noise: str = "every-channel",
     repeats: str = "one",
 ) -> Results:
@@ -265,7 +265,7 @@ def residuals(
     seed: SeedSequence,
     replicates: int,
     *,
-    arrangement: str = angles.LITERAL,
+    arrangement: str = simulation_angles.LITERAL,
     shifts: str = SHIFTS[0],
     noise: str = "every-channel",
     repeats: int = 1,
@@ -287,9 +287,9 @@ def residuals(
     )
     count = given.count(f"{SETTINGS}#test-points")
     if tests == TESTS[0]:
-        points = spawned_angles(for_angles, replicates, count, angles.half_ranges(given))
+        points = spawned_angles(for_angles, replicates, count, simulation_angles.half_ranges(given))
     else:
-        table = angles.arrangement(given, arrangement).angles
+        table = simulation_angles.arrangement(given, arrangement).angles
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),)).argsort(axis=-1)
         points = table[order[:, :count]]

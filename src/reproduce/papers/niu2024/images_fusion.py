@@ -9,12 +9,17 @@ registration. In each the centre is estimated by the centre of gravity and by ma
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from reproduce.papers.niu2024 import images, laboratory
+from reproduce.inference.parts import Store, run_parts
+from reproduce.papers.niu2024 import experiment, images
+from reproduce.papers.study import Column, Fact, studied
 from reproduce.physics.images.centroids import centre_of_gravity, cut_windows
 from reproduce.physics.images.spectra import channel_ratio
 from reproduce.physics.images.spot_fit import fitted_centre
@@ -23,12 +28,43 @@ from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.resample import registered_image
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
+from reproduce.store import studies
 
+__all__ = [
+    "BLACKBODIES",
+    "LIKELY",
+    "MADE",
+    "MAGNITUDES",
+    "MARGIN",
+    "METHODS",
+    "PHASES",
+    "PLACES",
+    "SEED",
+    "STARS",
+    "STUDY",
+    "TEMPERATURE",
+    "TRIALS",
+    "Outcome",
+    "cell",
+    "centroids",
+    "combinations",
+    "exposures",
+    "frame_colours",
+    "light_of",
+    "named",
+    "signal_to_noise",
+    "simulate",
+    "star_colours",
+    "stored",
+]
+
+STUDY = "niu2024-fusion"
 SEED = 2024_0103
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 # Places in the field, as shares of the half range to the corner.
 PLACES = (0.0, 0.5, 0.95)
+PLACE_NAMES = ("centre", "half way", "corner")
 PHASES, TRIALS = 8, 60
 TEMPERATURE = 5800.0
 # Blackbodies by their temperature in kelvin, tabulated spectra by their name.
@@ -39,8 +75,10 @@ STARS: dict[str, float | str] = {
     "Sun": "sun",
     "Vega": "vega",
 }
+BLACKBODIES = tuple(star for star, spectrum in STARS.items() if not isinstance(spectrum, str))
 MADE = ("green alone", "fused as they are", "fused after registration")
 METHODS = ("centre of gravity", "maximum likelihood")
+LIKELY = METHODS.index("maximum likelihood")
 MARGIN = 12  # px around the star, so that resampling has something to read
 GRAVITY = 5  # px, the window of the centre of gravity
 # px, in which the signal is summed: the width that suits a faint Gaussian spot best, about three
@@ -70,21 +108,25 @@ class Outcome:
     colour: FloatArray
 
 
-def simulate(door: Given, trials: int = TRIALS, seed: int = SEED) -> Outcome:
-    """Run the comparison."""
-    cells = [
-        cell(door, place, light_of(door, star, magnitude), trials, SeedSequence(seed, spawn_key=at))
-        for at, star, place, magnitude in (
-            ((i, j, k), star, place, magnitude)
-            for i, star in enumerate(STARS)
-            for j, place in enumerate(PLACES)
-            for k, magnitude in enumerate(MAGNITUDES)
-        )
-    ]
+def simulate(
+    trials: int = TRIALS,
+    seed: int = SEED,
+    executor: Executor | None = None,
+    store: Store | None = None,
+) -> Outcome:
+    """Run the comparison, on any executor, with the same result."""
+    cells = list(np.ndindex(len(STARS), len(PLACES), len(MAGNITUDES)))
+    found = run_parts(partial(_part, trials, seed), cells, executor, store)
     shape = (len(STARS), len(PLACES), len(MAGNITUDES))
-    names = ("error", "bias", "signal_to_noise", "colour")
-    stacked = [np.array([getattr(one, name) for one in cells]) for name in names]
-    return Outcome(*(part.reshape(*shape, *part.shape[1:]) for part in stacked))
+    stacked = (np.stack(arrays) for arrays in zip(*found, strict=True))
+    return Outcome(*(array.reshape(*shape, *array.shape[1:]) for array in stacked))
+
+
+def _part(trials: int, seed: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    door, (star, place, magnitude) = given(images.READS), at
+    light = light_of(door, list(STARS)[star], MAGNITUDES[magnitude])
+    found = cell(door, PLACES[place], light, trials, SeedSequence(seed, spawn_key=at))
+    return found.error, found.bias, found.signal_to_noise, found.colour
 
 
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
@@ -107,8 +149,8 @@ def cell(
     pitch = float(used[0].pixel_pitch / used[0].focal_length)
     errors, ratios, colours = [], [], []
     for _ in range(PHASES):
-        angles = place * np.array(laboratory.half_field(door)) + pitch * generator.uniform(-1, 1, 2)
-        spots = channel_centroids(used, laboratory.rotations(door), angles[None])[:, 0]
+        angles = place * np.array(experiment.half_field(door)) + pitch * generator.uniform(-1, 1, 2)
+        spots = channel_centroids(used, experiment.rotations(door), angles[None])[:, 0]
         windows, corner = exposures(spots, photons, trials, generator)
         made = combinations(windows, corner, images.similarities(door))
         errors.append(_centres(made, corner) - spots[0])
@@ -205,3 +247,105 @@ def _colour_outcome(measured: FloatArray, photons: FloatArray) -> FloatArray:
     scatter = np.sqrt(np.square(measured[:, 0] - truth[:, None]).mean(axis=-1))
     predicted = np.sqrt(np.square(measured[:, 1]).mean(axis=-1))
     return np.stack([truth, scatter, predicted], axis=-1)
+
+
+def stored() -> studies.Study:
+    """Return the stored comparison: arrays as in `Outcome`."""
+    return studies.read(STUDY)
+
+
+@cache
+def frame_colours() -> images.Colours:
+    """Return the colours of a random frame; it takes seconds, so it is kept."""
+    return images.colours_of_a_frame(given(images.READS))
+
+
+def named(star: str) -> str:
+    """Return what to call a star of the study, with its temperature where it is a blackbody."""
+    spectrum = STARS[star]
+    if isinstance(spectrum, str):
+        return f"{star}, tabulated spectrum"
+    return f"{star}, blackbody of {spectrum:,.0f}\u202fK"
+
+
+def facts() -> dict[str, Fact]:
+    """Return what registration is worth: errors in the corner at V = 4, signals of all images."""
+    arrays, replicates = stored().arrays, int(stored().note["replicates"])
+    at_corner = arrays["error"][:, -1, MAGNITUDES.index(4.0), :, LIKELY]
+    green, plain, registered = at_corner[list(STARS).index("solar")]
+    gain = arrays["signal_to_noise"][..., 2] / arrays["signal_to_noise"][..., 0]
+    kept = arrays["signal_to_noise"][..., 1] / arrays["signal_to_noise"][..., 2]
+    by_star = np.median(gain, axis=(1, 2))
+    frame = frame_colours()
+    pulls = np.abs(frame.pulls)
+    return {
+        "green": Fact(green, ".3f", "px"),
+        "plain": Fact(plain, ".2f", "px"),
+        "registered": Fact(registered, ".3f", "px"),
+        "plain-least": Fact(at_corner[:, 1].min(), ".2f", "px"),
+        "plain-most": Fact(at_corner[:, 1].max(), ".2f", "px"),
+        "plain-least-star": Fact(list(STARS)[int(at_corner[:, 1].argmin())]),
+        "plain-most-star": Fact(list(STARS)[int(at_corner[:, 1].argmax())]),
+        "registered-bias": Fact(arrays["bias"][..., 2, LIKELY].max(), ".3f", "px"),
+        "gain": Fact(float(np.median(gain)), ".2f"),
+        "gain-least": Fact(by_star.min(), ".2f"),
+        "gain-most": Fact(by_star.max(), ".2f"),
+        "loss": Fact(100 * (1 - float(np.median(kept))), ".0f", "%"),
+        "trials": Fact(replicates, ","),
+        "frame-sent": Fact(frame.sent, "d"),
+        "frame-measured": Fact(frame.measured.shape[1], "d"),
+        "frame-within-one": Fact(100 * float((pulls < 1).mean()), ".0f", "%"),
+        "frame-within-two": Fact(100 * float((pulls < 2).mean()), ".0f", "%"),
+    }
+
+
+@studied(
+    "niu2024/fusion",
+    columns=(
+        Column("Star"),
+        Column("Place"),
+        Column("V (mag)", "g"),
+        Column("Image"),
+        *(Column(f"Error, {method} (px)", ".3f") for method in METHODS),
+        Column("Bias, maximum likelihood (px)", ".3f"),
+        Column("Signal over noise", ".0f"),
+    ),
+    caption="Centroids against green's true position, with and without registration.",
+    folded="Star",
+    named=facts,
+)
+def centroids() -> Iterator[tuple[object, ...]]:
+    """Centroid error and signal-to-noise ratio by star, place, magnitude and image."""
+    arrays = stored().arrays
+    for at in np.ndindex(arrays["signal_to_noise"].shape):
+        star, place, magnitude, image = at
+        yield (
+            named(list(STARS)[star]),
+            PLACE_NAMES[place],
+            MAGNITUDES[magnitude],
+            MADE[image],
+            *arrays["error"][at],
+            arrays["bias"][at][LIKELY],
+            arrays["signal_to_noise"][at],
+        )
+
+
+@studied(
+    "niu2024/star-colours",
+    columns=(
+        Column("Star"),
+        Column("V (mag)", "g"),
+        *(
+            Column(f"{ratio}{what}", ".3f")
+            for ratio in ("Red / green", "Blue / green")
+            for what in ("", ", error", ", error predicted")
+        ),
+    ),
+    caption="Colour of a star from the ratio of two channels.",
+)
+def star_colours() -> Iterator[tuple[object, ...]]:
+    """The channel ratios of every star in the middle of the field, and their errors."""
+    colour = stored().arrays["colour"]
+    for i, star in enumerate(STARS):
+        for j, magnitude in enumerate(MAGNITUDES):
+            yield named(star), magnitude, *colour[i, 0, j].ravel()
