@@ -10,7 +10,6 @@ follow is used, see `reproduce.judge.laws`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +22,7 @@ from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import Given
 from reproduce.printed.units import si_factor
 
-__all__ = [
-    "ADDRESSES",
-    "GROUPS",
-    "SCALE",
-    "Comparison",
-    "closest",
-    "compare",
-    "corrected",
-    "printed_values",
-    "probabilities",
-    "resolved",
-    "stacked",
-]
+__all__ = ["compare", "printed_values", "stacked"]
 
 Array = NDArray[np.float64]
 ADDRESSES = tuple(
@@ -59,41 +46,20 @@ LEAST = 1e-12
 LEAST_CORRECTED = 1e3 * LEAST  # a correction multiplies by nearly a thousand readings
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """How the print fares under every reading.
-
-    Attributes
-    ----------
-    tails : ndarray, shape (readings, 4, 12)
-        Two-sided mid-p of each cell by counting draws; the second axis is how (26) counts the axes.
-    law_tails : ndarray, shape (readings, 4, 12)
-        Decimal logarithm of the same by the law of the draws.
-    joint : ndarray, shape (readings, 4, 4)
-        Joint probability of each group, by counting draws.
-    law_joint : ndarray, shape (readings, 4, 4)
-        Decimal logarithm of the same by the law of the draws.
-    distance : ndarray, shape (readings, 4, 4)
-        Mahalanobis distance of each group of printed numbers, in standard deviations.
-    """
-
-    tails: Array
-    law_tails: Array
-    joint: Array
-    law_joint: Array
-    distance: Array
+# What a comparison holds: the two-sided mid-p of each cell by counting draws, its decimal logarithm
+# by the law of the draws; the same of each group; the Mahalanobis distance of each group. The first
+# axes are the readings, and how (26) counts the axes.
+COMPARED = ("tails", "law_tails", "joint", "law_joint", "distance")
 
 
-def stacked(rows: Iterable[tuple[Array, ...]]) -> Comparison:
-    """Put the comparisons of all readings together."""
-    return Comparison(*(np.stack(arrays) for arrays in zip(*rows, strict=True)))
+def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
+    """Put the comparisons of all readings together, by the names of `COMPARED`."""
+    arrays = (np.stack(parts) for parts in zip(*rows, strict=True))
+    return dict(zip(COMPARED, arrays, strict=True))
 
 
 def compare(draws: Array) -> tuple[Array, ...]:
-    """Compare the print with the prediction of one reading, for every way of counting the axes.
-
-    A row of each array of `Comparison`, in order.
-    """
+    """Compare the print with the prediction of one reading: a row of each array of `COMPARED`."""
     cells = _cells()
     intervals = np.array([cell.number.interval() for cell in cells])
     rows: list[tuple[Array, ...]] = []

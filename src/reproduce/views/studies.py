@@ -10,7 +10,7 @@ import platform
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -33,12 +33,12 @@ def niu2024_readings(
 ) -> Arrays:
     """Simulate niu2024 under every reading and compare each with the print.
 
-    Arrays as in `readings.summary` and in `judge.readings.Comparison`.
+    Arrays as in `readings.summary` and in `judge.readings.COMPARED`.
     """
     note = {"sources": fingerprint(), "replicates": replicates}
     draws = readings.all_draws(replicates, executor, Store(folder / "draws", note))
     compared = run_parts(judged.compare, list(draws), executor, Store(folder / "compared", note))
-    return {**readings.summary(draws), **vars(judged.stacked(compared))}
+    return {**readings.summary(draws), **judged.stacked(compared)}
 
 
 def niu2024_fusion(executor: Executor, folder: Path, trials: int = images_fusion.TRIALS) -> Arrays:
@@ -88,11 +88,6 @@ def run(name: str, where: Path | None = None, executor: Executor | None = None) 
     shutil.rmtree(folder)
 
 
-def main(names: Sequence[str]) -> None:
-    """Run studies by name."""
-    for name in names:
-        run(name)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    for wanted in sys.argv[1:]:
+        run(wanted)

@@ -196,12 +196,12 @@ def test_the_stored_tails_are_those_of_a_small_run(stored, drawn):
     found = judged.stacked(map(judged.compare, drawn[wanted]))
     tails = stored.arrays["tails"][wanted]
     error = 2 * np.sqrt(tails / 2 * (1 - tails / 2) / drawn.shape[1]) + 3 / drawn.shape[1]
-    assert (np.abs(found.tails - tails) < 5 * error).all()
+    assert (np.abs(found["tails"] - tails) < 5 * error).all()
     # A standard deviation from 400 draws is good to 3.5 %. (The powers of the residuals are not,
     # far out; the stored ones come from 25 times as many draws.)
     parameters = list(judged.GROUPS).index("Table 3")
     distance = stored.arrays["distance"][wanted][..., parameters]
-    np.testing.assert_allclose(found.distance[..., parameters], distance, rtol=5 * 0.035)
+    np.testing.assert_allclose(found["distance"][..., parameters], distance, rtol=5 * 0.035)
 
 
 def test_the_law_of_the_draws_agrees_with_their_count(stored):

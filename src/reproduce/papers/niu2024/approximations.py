@@ -32,17 +32,7 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = [
-    "READS",
-    "TITLES",
-    "Cost",
-    "biases",
-    "channels",
-    "costs",
-    "errors",
-    "half_size",
-    "isolated_error",
-]
+__all__ = ["READS", "TITLES", "channels", "half_size", "isolated_error"]
 
 APPROXIMATIONS = "niu2024/text-approximations"
 SHARE = f"{APPROXIMATIONS}#first-term-share"
@@ -92,28 +82,16 @@ def parameter_count(given: Given) -> Results:
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """What one approximation costs in one registration.
-
-    Attributes
-    ----------
-    table, channel, effect : str
-        Where the parameters stand, what is registered, what is left out.
-    peak, rms : float
-        Length of the error over the detector, largest and root mean square, in px.
-    left : float
-        Root mean square that a fit of the four parameters leaves of it, in px.
-    analytic, simulated : ndarray, shape (4,)
-        What it adds to k, theta, shift x, shift y, in rad and px.
-    """
+    """What one approximation costs in one registration: lengths in px, biases in rad and px."""
 
     table: str
     channel: str
     effect: str
-    peak: float
-    rms: float
-    left: float
-    analytic: FloatArray
-    simulated: FloatArray
+    peak: float  # largest length of the error over the detector
+    rms: float  # its root mean square
+    left: float  # what a fit of the four parameters leaves of it
+    analytic: FloatArray  # what it adds to k, theta, shift x, shift y
+    simulated: FloatArray  # the same, by a fit
 
     @property
     def labels(self) -> tuple[str, str, str]:

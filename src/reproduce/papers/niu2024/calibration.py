@@ -17,21 +17,11 @@ __all__ = ["Precision", "precision"]
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """Theory of one channel's four parameters, in the order k, theta, shift x, shift y.
+    """Theory of one channel's four parameters, in the order k, theta, shift x, shift y."""
 
-    Attributes
-    ----------
-    truth : ndarray, shape (4,)
-        What the imaging parameters imply, distortion left aside.
-    bias : ndarray, shape (4,)
-        What the unequal distortions add to the fit without noise.
-    bound : ndarray, shape (4,)
-        Standard deviations of the Cramér-Rao bound.
-    """
-
-    truth: FloatArray
-    bias: FloatArray
-    bound: FloatArray
+    truth: FloatArray  # what the imaging parameters imply, distortion left aside
+    bias: FloatArray  # what the unequal distortions add to the fit without noise
+    bound: FloatArray  # standard deviations of the Cramér-Rao bound
 
 
 def precision(door: Given, channel: str) -> Precision:

@@ -50,24 +50,7 @@ from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = [
-    "CHANNELS",
-    "INSTRUMENT",
-    "OPTICS",
-    "OUTCOME",
-    "REGISTERED",
-    "before_by_focal_lengths",
-    "calibrated_cameras",
-    "cameras",
-    "centroid_errors",
-    "distortion_range",
-    "half_field",
-    "registered_points",
-    "registrations",
-    "rmse_after",
-    "rmse_before",
-    "rotations",
-]
+__all__ = ["CHANNELS", "INSTRUMENT", "OPTICS", "OUTCOME", "cameras", "half_field", "rotations"]
 
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"

@@ -39,28 +39,21 @@ from reproduce.printed.given import Given
 from reproduce.store.stars import spectra
 
 __all__ = [
-    "APERTURE",
     "RADIUS",
     "READS",
     "SENSOR",
     "TEMPERATURES",
-    "TRANSMISSION",
     "WINDOW",
     "Colours",
-    "Frames",
     "cameras",
     "colours_of_a_frame",
     "exposed",
     "extract",
     "frames",
     "fused",
-    "isolated",
     "matched_errors",
-    "measured_colours",
     "register",
-    "shape",
     "similarities",
-    "stand_ins",
     "star_photons",
     "tabulated_photons",
 ]
@@ -99,10 +92,7 @@ def shape(door: Given) -> tuple[int, int]:
 
 
 def cameras(door: Given) -> list[Camera]:
-    """Return the cameras of Table 4 with green's principal point in the middle of the detector.
-
-    Green, red, blue.
-    """
+    """Return the cameras of Table 4 with green's principal point in the detector's middle."""
     middle = detector_centre(shape(door))
     return [
         Camera(c.focal_length, c.principal_point + middle, c.radial_distortion, c.pixel_pitch)
@@ -117,19 +107,13 @@ def similarities(door: Given) -> list[Registration]:
 
 
 def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> FloatArray:
-    """Return the photons that stars send to each detector in one exposure.
-
-    Shape (3, n). Green, red, blue.
-    """
+    """Return the photons that stars send to each detector in one exposure, shape (3, n)."""
     bands = [blackbody_band(magnitude, temperature, *edges) for edges in _bands(door)]
     return _collected(door) * np.stack(bands)
 
 
 def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArray:
-    """Return the photons that stars with a tabulated spectrum send to each detector.
-
-    Shape (3, n). Green, red, blue, in one exposure.
-    """
+    """Return the same of stars with a tabulated spectrum."""
     table = spectra()[name]
     bands = [tabulated_star(magnitude, *table, *edges) for edges in _bands(door)]
     return _collected(door) * np.stack(bands)
@@ -148,21 +132,11 @@ def _collected(door: Given) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Three exposures of the same stars, with the truth.
-
-    Attributes
-    ----------
-    images : list of ndarray, each of shape (height, width)
-        Green, red, blue, in electrons.
-    positions : ndarray, shape (3, n, 2)
-        True positions of the spots, in px.
-    photons : ndarray, shape (3, n)
-        Their light.
-    """
+    """Three exposures of the same stars, with the truth."""
 
     images: list[FloatArray]
-    positions: FloatArray
-    photons: FloatArray
+    positions: FloatArray  # of the spots, shape (3, n, 2)
+    photons: FloatArray  # shape (3, n)
 
 
 def exposed(image: FloatArray, generator: Generator) -> FloatArray:
@@ -190,20 +164,16 @@ def frames(
 
 
 def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
-    """Return green as it is, and the other images on the pixels of green.
-
-    Green, red, blue.
-    """
+    """Return green as it is, and the other images on the pixels of green."""
     with ThreadPoolExecutor(2) as pool:
         moved = list(pool.map(registered_image, images[1:], transforms))
     return [images[0], *moved]
 
 
 def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatArray:
-    """Find the spots of an image and their centres.
+    """Return maximum-likelihood centres of the spots of an image, shape (n, 2), brightest first.
 
-    Shape (n, 2). Maximum-likelihood centres, the brightest spot first, in px; spots whose window
-    would reach over the edge are left out, and those whose fit does not converge.
+    Spots at the edge are left out, and those whose fit does not converge.
     """
     noise = SENSOR.noise_electrons() * np.sqrt(layers)
     found = detect_spots(image, significance * noise)
@@ -220,10 +190,7 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
 
 
 def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) -> FloatArray:
-    """Return found minus true position for every star that was found.
-
-    Shape (n, 2). Not a number for stars that were not found.
-    """
+    """Return found minus true position of every star, shape (n, 2), nan where it is not found."""
     if not len(found):
         return np.full(truth.shape, np.nan)
     difference = found[None] - truth[:, None]
@@ -242,25 +209,13 @@ def fused(images: Sequence[FloatArray]) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Colours:
-    """Colours of stars as measured, and as they are.
-
-    Attributes
-    ----------
-    measured, sigma : ndarray, shape (2, n)
-        Ratios red / green and blue / green, and their predicted standard deviations.
-    truth : ndarray, shape (2, n)
-        Ratios of the light that was sent.
-    magnitude : ndarray, shape (n,)
-        V of the stars.
-    sent : int
-        How many stars there were.
-    """
+    """Colours of stars as measured, and as they are, shape (2, n)."""
 
     measured: FloatArray
-    sigma: FloatArray
-    truth: FloatArray
-    magnitude: FloatArray
-    sent: int
+    sigma: FloatArray  # predicted standard deviations
+    truth: FloatArray  # ratios of the light that was sent
+    magnitude: FloatArray  # V of the stars, shape (n,)
+    sent: int  # how many stars there were
 
     @property
     def pulls(self) -> FloatArray:
@@ -296,10 +251,7 @@ def isolated(positions: FloatArray) -> FloatArray:
 def measured_colours(
     door: Given, exposures: list[FloatArray], centres: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the colours of stars from the three images of a frame.
-
-    Shape (2, n). Ratios red / green and blue / green, and their predicted standard deviations.
-    """
+    """Return the colours of stars and their predicted standard deviations, shape (2, n)."""
     back = [transform.inverse() for transform in similarities(door)]
     places = [centres, *(transform.apply(centres) for transform in back)]
     light = [
@@ -307,7 +259,7 @@ def measured_colours(
         for image, at in zip(exposures, places, strict=True)
     ]
     dark = (WINDOW * SENSOR.noise_electrons()) ** 2
-    variance = [np.maximum(one, 0) + dark for one in light]
+    variance = [np.maximum(total, 0) + dark for total in light]
     green = np.maximum(light[0], 1.0)
     found = [channel_ratio(light[i], green, variance[i], variance[0]) for i in (1, 2)]
     ratio, sigma = (np.stack(part) for part in zip(*found, strict=True))

@@ -37,25 +37,17 @@ __all__ = [
     "MADE",
     "MAGNITUDES",
     "MARGIN",
-    "METHODS",
     "PHASES",
-    "PLACES",
     "SEED",
     "STARS",
     "STUDY",
     "TEMPERATURE",
     "TRIALS",
-    "Outcome",
-    "cell",
-    "centroids",
     "combinations",
     "exposures",
     "frame_colours",
     "light_of",
-    "named",
-    "signal_to_noise",
     "simulate",
-    "star_colours",
     "stored",
 ]
 
@@ -88,24 +80,13 @@ APERTURE = 3
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Results by star, place, magnitude and kind of image.
+    """Results by star, place and magnitude, which are the first axes."""
 
-    Attributes
-    ----------
-    error : ndarray, shape (stars, places, magnitudes, 3, 2)
-        Root mean square distance of the centre from green's true one, in px, by image and method.
-    bias : ndarray, shape (stars, places, magnitudes, 3, 2)
-        Length of the mean error, in px.
-    signal_to_noise : ndarray, shape (stars, places, magnitudes, 3)
-        Mean over scatter of the light in an aperture about the brightest pixel.
-    colour : ndarray, shape (stars, places, magnitudes, 2, 3)
-        Ratios red / green and blue / green: true value, scatter about it, predicted scatter.
-    """
-
+    # Root mean square distance of the centre from green's true one, in px, by image and method.
     error: FloatArray
-    bias: FloatArray
-    signal_to_noise: FloatArray
-    colour: FloatArray
+    bias: FloatArray  # length of the mean error, in px, by image and method
+    signal_to_noise: FloatArray  # of the light about the brightest pixel, by image
+    colour: FloatArray  # red and blue over green: true value, scatter about it, predicted scatter
 
 
 def simulate(
@@ -130,10 +111,7 @@ def _part(trials: int, seed: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]
 
 
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
-    """Return the photons that a star sends to each detector in one exposure.
-
-    Shape (3,). Green, red, blue.
-    """
+    """Return the photons that a star sends to each detector in one exposure, shape (3,)."""
     spectrum = STARS[star]
     if isinstance(spectrum, str):
         return images.tabulated_photons(door, [magnitude], spectrum)[:, 0]
@@ -168,10 +146,9 @@ def cell(
 def exposures(
     spots: FloatArray, photons: FloatArray, trials: int, generator: Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Expose the same window of all three detectors many times.
+    """Expose the same window about green's spot in all detectors many times.
 
-    Shape (3, trials, size, size). In electrons. Shape (2,). First pixel of the windows, about
-    green's spot.
+    In electrons, shape (3, trials, size, size); and the first pixel of the windows.
     """
     size = images.WINDOW + 2 * MARGIN
     corner = window_corners(spots[0], size).astype(np.float64)
@@ -183,14 +160,11 @@ def exposures(
 def combinations(
     windows: FloatArray, corner: FloatArray, transforms: list[Registration]
 ) -> list[FloatArray]:
-    """Return green alone, the plain sum, and the sum after registration.
-
-    Shape (trials, window, window). The middle of the windows, in the order of `MADE`.
-    """
+    """Return the images of `MADE` in the middle of the windows, shape (trials, window, window)."""
     at = (int(corner[0]), int(corner[1]))
     moved = np.zeros_like(windows[0])
     for layer, transform in zip(windows[1:], transforms, strict=True):
-        moved += np.stack([registered_image(one, transform, corner=at) for one in layer])
+        moved += np.stack([registered_image(window, transform, corner=at) for window in layer])
     middle = (..., slice(MARGIN, -MARGIN), slice(MARGIN, -MARGIN))
     return [image[middle] for image in (windows[0], windows.sum(axis=0), windows[0] + moved)]
 
@@ -224,7 +198,7 @@ def _gravity(image: FloatArray, first: FloatArray) -> FloatArray:
     y, x = np.divmod(inner.argmax(axis=1), width - 2 * half)
     corners = np.stack([x, y], axis=-1)
     cut = np.stack(
-        [cut_windows(one, at, GRAVITY)[0] for one, at in zip(image, corners, strict=True)]
+        [cut_windows(trial, at, GRAVITY)[0] for trial, at in zip(image, corners, strict=True)]
     )
     return centre_of_gravity(np.maximum(cut, 0), corners + first)
 

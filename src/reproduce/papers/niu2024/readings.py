@@ -29,6 +29,7 @@ from itertools import product
 
 import numpy as np
 from numpy.random import SeedSequence
+from numpy.typing import NDArray
 
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import simulation, simulation_angles
@@ -42,6 +43,28 @@ from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray, whole_number
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
+
+__all__ = [
+    "ARRANGEMENT",
+    "CELLS",
+    "CHOICES",
+    "COUNTED",
+    "READS",
+    "REPEATS",
+    "REPLICATES",
+    "SEED",
+    "STUDY",
+    "all_draws",
+    "choices",
+    "counted",
+    "literal",
+    "numbers",
+    "readings",
+    "simulate",
+    "stored",
+    "summarised",
+    "summary",
+]
 
 STUDY = "niu2024-readings"
 SEED = 2024_0259
@@ -71,23 +94,13 @@ READS = (
 
 @dataclass(frozen=True)
 class Choices:
-    """One choice for everything the text leaves open but how the RMSE counts the axes.
+    """One choice for everything the text leaves open but how the RMSE counts the axes."""
 
-    Attributes
-    ----------
-    arrangement : int
-        Place in `simulation_angles.candidates`.
-    shifts, noisy, tests : str
-        As listed in `SHIFTS`, `NOISY`, `TESTS`.
-    repeats : int
-        Draws averaged.
-    """
-
-    arrangement: int
-    shifts: str
-    repeats: int
-    noisy: str
-    tests: str
+    arrangement: int  # its place in `simulation_angles.candidates`
+    shifts: str  # one of `SHIFTS`
+    repeats: int  # draws averaged
+    noisy: str  # one of `NOISY`
+    tests: str  # one of `TESTS`
 
 
 def readings(door: Given) -> list[Choices]:
@@ -105,27 +118,13 @@ def literal(door: Given) -> Choices:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """The random numbers of a run of replicates, shared by all readings.
+    """The random numbers of a run of replicates, shared by all readings."""
 
-    Attributes
-    ----------
-    calibration : ndarray, shape (replicates, 3, n, 2)
-        Standard normal, channels green, red, blue.
-    zero : ndarray, shape (replicates, 3, 1, 2)
-        The same for a zero position measured once more.
-    test : ndarray, shape (replicates, 3, m, 2)
-        The same for the test points.
-    positions : ndarray, shape (replicates, m, 2)
-        Random table angles, in radians.
-    chosen : ndarray of int, shape (replicates, m)
-        Random places among the calibration angles, none twice.
-    """
-
-    calibration: FloatArray
-    zero: FloatArray
-    test: FloatArray
-    positions: FloatArray
-    chosen: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+    calibration: FloatArray  # standard normal, shape (replicates, 3, n, 2), green, red and blue
+    zero: FloatArray  # the same for a zero position measured once more
+    test: FloatArray  # the same for the test points
+    positions: FloatArray  # random table angles in radians, shape (replicates, m, 2)
+    chosen: NDArray[np.int64]  # random places among the calibration angles, none twice
 
 
 def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> Numbers:
@@ -252,7 +251,7 @@ def summary(draws: FloatArray) -> dict[str, FloatArray]:
     names; ``first``, the first replicates (readings, 20, 2, 8).
     """
     # One reading at a time: a second copy of the draws would not fit the promised memory.
-    levels = [np.quantile(summarised(one), QUANTILES, axis=0) for one in draws]
+    levels = [np.quantile(summarised(reading), QUANTILES, axis=0) for reading in draws]
     return {
         "mean": draws.mean(axis=1),
         "sd": draws.std(axis=1, ddof=1),
@@ -262,7 +261,7 @@ def summary(draws: FloatArray) -> dict[str, FloatArray]:
 
 
 def stored() -> studies.Study:
-    """Return the stored run: arrays as in `summary`, and as in `judge.readings.Comparison`."""
+    """Return the stored run: arrays as in `summary`, and as in `judge.readings.COMPARED`."""
     return studies.read(STUDY)
 
 

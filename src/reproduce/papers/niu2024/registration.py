@@ -6,7 +6,7 @@ from reproduce.papers.declare import Results, reproduces
 from reproduce.physics.optics import chromatic
 from reproduce.printed.given import Given
 
-__all__ = ["IMAGING", "scale_factors", "true_scale", "true_translation"]
+__all__ = ["IMAGING", "scale_factors"]
 
 IMAGING = "niu2024/table-1"
 CHANNELS = ("red", "blue")

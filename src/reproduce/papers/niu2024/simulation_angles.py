@@ -63,7 +63,7 @@ def candidates(door: Given) -> list[Arrangement]:
 
 def arrangement(door: Given, name: str) -> Arrangement:
     """Return one arrangement."""
-    found = {one.name: one for one in candidates(door)}
+    found = {candidate.name: candidate for candidate in candidates(door)}
     if ARRANGEMENTS[name] not in found:
         raise ValueError(
             f"angles={name}: this arrangement does not have "
