@@ -22,7 +22,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 from skimage.transform import SimilarityTransform
 
-from reproduce.papers.niu2024 import images, laboratory, study
+from reproduce.papers.niu2024 import experiment, images, readings
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
@@ -56,9 +56,9 @@ def seconds(call: Callable[[], object], rounds: int) -> float:
 
 def part(first: int) -> tuple[int, ...]:
     """Simulate one chunk of replicates of the red channel under every reading."""
-    door = given(study.READS)
-    drawn = study.numbers(door, study.CHUNK, first)
-    return np.stack(list(study.simulate_channel(door, drawn, "red"))).shape
+    door = given(readings.READS)
+    drawn = readings.numbers(door, readings.CHUNK, first)
+    return np.stack(list(readings.simulate_channel(door, drawn, "red"))).shape
 
 
 @pytest.mark.benchmark(group="registration with covariance")
@@ -76,7 +76,7 @@ def bench_all_readings_of_one_channel(benchmark: BenchmarkFixture) -> None:
 
     def run() -> list[tuple[int, ...]]:
         with ProcessPoolExecutor(2) as pool:
-            return list(pool.map(part, range(0, REPLICATES, study.CHUNK)))
+            return list(pool.map(part, range(0, REPLICATES, readings.CHUNK)))
 
     begin = time.perf_counter()
     shapes = benchmark.pedantic(run, rounds=1)
@@ -91,7 +91,7 @@ def bench_all_readings_of_one_channel(benchmark: BenchmarkFixture) -> None:
 def whole_frame() -> int:
     """Render three channels, register and fuse them, and extract the stars."""
     door, generator = given(images.READS), np.random.default_rng(1)
-    half = np.array(laboratory.half_field(door))
+    half = np.array(experiment.half_field(door))
     angles = generator.uniform(-0.98 * half, 0.98 * half, (STARS, 2))
     magnitude = generator.uniform(2, 6, STARS)
     sky = images.frames(door, angles, magnitude, np.full(STARS, 5800.0), seed=3)

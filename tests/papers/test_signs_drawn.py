@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from reproduce.papers import space
 from reproduce.papers.chen2023.figures import attitude, platform, satellite
-from reproduce.papers.niu2024 import figures_method, figures_signs
+from reproduce.papers.niu2024.figures import calibration, registration
 from reproduce.physics.attitude.lasers import emitted_directions
 from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
 from reproduce.physics.light.raytrace import mirror_train
@@ -160,14 +160,14 @@ def test_the_bench_folds_the_laser_into_the_tracker():
 
 
 def test_a_registered_spot_is_turned_stretched_and_shifted_as_drawn():
-    before, turned, stretched, after = figures_signs.registration_steps()
-    k, theta, pivot = figures_signs.SCALE, figures_signs.ANGLE, figures_signs.PIVOT
+    before, turned, stretched, after = registration.registration_steps()
+    k, theta, pivot = registration.SCALE, registration.ANGLE, registration.PIVOT
     cosine, sine = np.cos(theta), np.sin(theta)
     x, y = before - pivot
     assert turned - pivot == pytest.approx([cosine * x - sine * y, sine * x + cosine * y])
     assert stretched - pivot == pytest.approx(k * (turned - pivot))
-    assert after == pytest.approx(stretched - figures_signs.SHIFT)
-    axes = painted(figures_signs.draw_registration)
+    assert after == pytest.approx(stretched - registration.SHIFT)
+    axes = painted(registration.draw_registration)
     assert holds_arrow(axes, turned, stretched)
     assert holds_arrow(axes, stretched, after)
     (curve,) = curves(axes)
@@ -177,8 +177,8 @@ def test_a_registered_spot_is_turned_stretched_and_shifted_as_drawn():
 
 def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     """Points fixed to the drawn green axes, as the drawn blue detector sees them."""
-    origin, angle = figures_method.PRINCIPAL_POINTS, figures_method.ANGLE
-    axes = painted(figures_method.draw_planes, {})
+    origin, angle = registration.PRINCIPAL_POINTS, registration.PLANE_ANGLE
+    axes = painted(registration.draw_planes, {})
     arrows = ends(axes)
     across = arrows[2, 1] - arrows[2, 0]
     assert np.arctan2(across[1], across[0]) == pytest.approx(angle)
@@ -191,7 +191,7 @@ def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
 
 
 def test_the_table_moves_the_star_as_drawn():
-    axes = painted(figures_signs.draw_table)
+    axes = painted(calibration.draw_table)
     said = words(axes)
     assert "$φ_1 > 0$: towards $+y$" in said
     assert "$φ_2 > 0$: towards $−x$" in said

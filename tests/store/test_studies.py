@@ -1,11 +1,14 @@
 """Stored studies: what is written is read, and what was changed is refused."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from reproduce.inference.parts import Store, run_parts
 from reproduce.store import studies
-from reproduce.views.studies import STUDIES
+from reproduce.views import studies as slow
 
 NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
 ARRAYS = {"one": np.arange(6.0).reshape(2, 3), "two": np.array([1, 2])}
@@ -69,8 +72,38 @@ def test_a_table_changed_by_hand_is_refused(tmp_path):
 
 
 def test_every_study_of_the_project_is_whole():
-    assert STUDIES
-    for name in STUDIES:
+    assert slow.STUDIES
+    for name in slow.STUDIES:
         found = studies.read(name)
         assert found.arrays
         assert found.note["command"] == f"python -m reproduce.views.studies {name}"
+
+
+def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatch):
+    """The second of three parts fails at first; the one before it is not computed again."""
+    computed = []
+
+    def part(number):
+        if number == 1 and computed == [0]:
+            raise KeyboardInterrupt
+        computed.append(number)
+        return (np.full(2, number),)
+
+    def function(executor, folder):
+        parts = run_parts(part, range(3), None, Store(folder, {}))
+        return {"numbers": np.stack([array for (array,) in parts])}
+
+    monkeypatch.setattr(slow, "STUDIES", {"small": (function, 7, 3)})
+    monkeypatch.setattr(slow.tempfile, "gettempdir", lambda: str(tmp_path))
+    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
+        slow.run("small", tmp_path, pool)
+    computed.append(-1)
+    with ThreadPoolExecutor(1) as pool:
+        slow.run("small", tmp_path, pool)
+    assert computed == [0, -1, 1, 2]
+    found = studies.read("small", tmp_path)
+    np.testing.assert_array_equal(found.arrays["numbers"], [[0, 0], [1, 1], [2, 2]])
+    assert (found.note["seed"], found.note["replicates"]) == (7, 3)
+    assert not [path for path in tmp_path.iterdir() if path.is_dir()], "finished parts are gone"
+    with pytest.raises(KeyError, match="small"):
+        slow.run("nothing")

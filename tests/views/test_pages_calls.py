@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 import pytest
 
 from reproduce.papers.catalogue import catalogue
+from reproduce.papers.study import Column, Fact
 from reproduce.printed.cells import library
 from reproduce.views import numbers, pages
 from reproduce.views.downloads import shipped, write
@@ -134,6 +135,47 @@ def test_nothing_can_be_said_of_what_does_not_exist(name):
 )
 def test_probabilities_show_no_more_digits_than_their_error_allows(value, mcse, shown):
     assert numbers.chance(value, mcse) == shown
+
+
+@pytest.mark.parametrize(
+    ("probability", "text"),
+    [
+        (0.4312, "0.43"),
+        (10**-7.6, "10⁻⁸"),
+        (0.0, "<\u202f10⁻¹²"),
+        (0.0021, "0.002"),
+        (10**-2.6, "0.003"),
+        (0.0012, "0.001"),
+    ],
+)
+def test_small_probabilities_are_powers_of_ten(probability, text):
+    """From 10,000 draws: twenty of them are two in a thousand."""
+    column = Column("p", "chance", 1e-12, draws=10_000)
+    assert numbers.entry(probability, column) == text
+
+
+@pytest.mark.parametrize(
+    ("quoted", "text"),
+    [
+        (Fact(0.0432, ".3f", "px"), "0.043\u202fpx"),
+        (Fact(-4e-10, ".2g", "px", 1e-9), "0\u202fpx"),
+        (Fact(10_000, ","), "10,000"),
+        (Fact("Table 2"), "Table 2"),
+        (Fact(3e-13, "chance", zero=1e-9), "<\u202f10⁻⁹"),
+    ],
+)
+def test_facts_are_written_like_numbers_of_tables(quoted, text):
+    assert numbers.fact(quoted) == text
+
+
+def test_a_long_table_is_folded_and_what_is_outside_is_bold():
+    table = pages.study("niu2024/readings")
+    html = table._repr_html_()
+    assert html.count("<details") == html.count("<table") == len(table.grids) == 9
+    assert html.count('<details class="rp-details" open>') == 1
+    tails = table.frame().filter(regex="^(k|θ|Δx|Δy|before|after), ")
+    assert html.count("<strong>") == int((tails < 0.01).to_numpy().sum()) > 0
+    assert len(set(re.findall(r' id="([^"]+)"', html))) == 9
 
 
 def test_shipped_files_are_written(tmp_path):

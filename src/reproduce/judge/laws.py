@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import lsq_linear
 
+__all__ = ["fitted", "joint", "log_tails"]
+
 Array = NDArray[np.float64]
 # Logarithms stop here: beyond, the numbers underflow, and mean nothing anyway.
 FLOOR = -300.0
@@ -25,25 +27,13 @@ POINT = 1e-9  # standard deviations: the width of an interval that has none, suc
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A Gaussian law of several numbers, estimated from draws.
-
-    Attributes
-    ----------
-    mean, sd : ndarray, shape (cells,)
-        Of the numbers after `curved`.
-    correlation : ndarray, shape (cells, cells)
-        Their correlations.
-    draws : int
-        How many draws it was estimated from.
-    power : ndarray, shape (cells,)
-        What each number is raised to; one leaves it as it is.
-    """
+    """A Gaussian law of several numbers after `curved`, estimated from draws."""
 
     mean: Array
     sd: Array
     correlation: Array
-    draws: int
-    power: Array
+    draws: int  # how many it was estimated from
+    power: Array  # what each number is raised to; one leaves it as it is
 
     def curved(self, values: Array) -> Array:
         """Return numbers, shape (cells, any), on the scale on which the law is Gaussian."""

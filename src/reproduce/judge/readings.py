@@ -1,7 +1,7 @@
 """The printed simulation of niu2024 held against every reading of its text.
 
-Rows are the readings of `reproduce.papers.niu2024.study`, each with every way of counting the axes
-of (26), the ledger's first; columns are the printed cells of `ADDRESSES`.
+Rows are the readings of `reproduce.papers.niu2024.readings`, each with every way of counting the
+axes of (26), the ledger's first; columns are the printed cells of `ADDRESSES`.
 
 Draws can tell a probability down to about one over their number. Below that, the law that they
 follow is used, see `reproduce.judge.laws`.
@@ -9,16 +9,20 @@ follow is used, see `reproduce.judge.laws`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.judge import laws
-from reproduce.judge.verdicts import judge_prediction
-from reproduce.papers.niu2024 import counting, simulation
+from reproduce.judge.verdicts import CENTRAL, judge_prediction
+from reproduce.papers.niu2024 import readings, simulation
+from reproduce.papers.study import LEAST_DRAWS, Column, Fact, studied
 from reproduce.printed.cells import Cell, find
+from reproduce.printed.given import Given
 from reproduce.printed.units import si_factor
+
+__all__ = ["compare", "printed_values", "stacked"]
 
 Array = NDArray[np.float64]
 ADDRESSES = tuple(
@@ -26,7 +30,7 @@ ADDRESSES = tuple(
     if cell.startswith("rmse")
     else f"niu2024/table-3#{cell}.{channel}"
     for channel in simulation.REGISTERED
-    for cell in counting.CELLS
+    for cell in readings.CELLS
 )
 RESIDUAL = np.array(["rmse" in address for address in ADDRESSES])
 SCALE = np.array(["#scale" in address for address in ADDRESSES])
@@ -37,66 +41,51 @@ GROUPS = {
     "all but the scales": ~SCALE,
     "all": np.ones(len(ADDRESSES), dtype=bool),
 }
-# Draws that must lie beyond the print before their count says how likely it is.
-LEAST = 20
+# Smaller probabilities are not told apart: the law is an extrapolation so far out.
+LEAST = 1e-12
+LEAST_CORRECTED = 1e3 * LEAST  # a correction multiplies by nearly a thousand readings
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """How the print fares under every reading.
-
-    Attributes
-    ----------
-    tails : ndarray, shape (readings, 4, 12)
-        Two-sided mid-p of each cell by counting draws; the second axis is how (26) counts the axes.
-    law_tails : ndarray, shape (readings, 4, 12)
-        Decimal logarithm of the same by the law of the draws.
-    joint : ndarray, shape (readings, 4, 4)
-        Joint probability of each group, by counting draws.
-    law_joint : ndarray, shape (readings, 4, 4)
-        Decimal logarithm of the same by the law of the draws.
-    distance : ndarray, shape (readings, 4, 4)
-        Mahalanobis distance of each group of printed numbers, in standard deviations.
-    """
-
-    tails: Array
-    law_tails: Array
-    joint: Array
-    law_joint: Array
-    distance: Array
+# What a comparison holds: the two-sided mid-p of each cell by counting draws, its decimal logarithm
+# by the law of the draws; the same of each group; the Mahalanobis distance of each group. The first
+# axes are the readings, and how (26) counts the axes.
+COMPARED = ("tails", "law_tails", "joint", "law_joint", "distance")
 
 
-def compare(draws: Array) -> Comparison:
-    """Compare the print with the predictions of every reading."""
-    found = [compare_one(one) for one in draws]
-    return Comparison(*(np.stack(part) for part in zip(*found, strict=True)))
+def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
+    """Put the comparisons of all readings together, by the names of `COMPARED`."""
+    arrays = (np.stack(parts) for parts in zip(*rows, strict=True))
+    return dict(zip(COMPARED, arrays, strict=True))
 
 
-def compare_one(one: Array) -> tuple[Array, ...]:
-    """Compare the print with the prediction of one reading, for every way of counting the axes.
-
-    A row of each array of `Comparison`, in order.
-    """
-    cells = [find(address)[0] for address in ADDRESSES]
+def compare(draws: Array) -> tuple[Array, ...]:
+    """Compare the print with the prediction of one reading: a row of each array of `COMPARED`."""
+    cells = _cells()
     intervals = np.array([cell.number.interval() for cell in cells])
     rows: list[tuple[Array, ...]] = []
-    for way in counting.COUNTED:
-        columns = columns_in_print(one, cells, way)
+    for axes in readings.COUNTED:
+        columns = _columns_in_print(draws, cells, axes)
         law = laws.fitted(columns, RESIDUAL)
         judged = [judge_prediction(c.number, d) for c, d in zip(cells, columns, strict=True)]
         joint = [laws.joint(law, columns, intervals, wanted) for wanted in GROUPS.values()]
         tails = np.array([judgement.probability for judgement in judged])
         rows.append((tails, laws.log_tails(law, intervals), *np.array(joint).T))
-    return tuple(np.stack(part) for part in zip(*rows, strict=True))
+    return tuple(np.stack(arrays) for arrays in zip(*rows, strict=True))
 
 
-def columns_in_print(one: Array, cells: list[Cell], way: str) -> list[Array]:
-    """Return the draws of one reading cell by cell, in the unit of print.
+def _cells() -> list[Cell]:
+    return [find(address)[0] for address in ADDRESSES]
 
-    Shape (replicates,). In the order of `cells`.
-    """
-    flat = counting.counted(one, way).reshape(len(one), -1)
+
+def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]:
+    """Return the draws of one reading cell by cell, shape (replicates,), in the unit of print."""
+    flat = readings.counted(readings.summarised(draws), axes).reshape(len(draws), -1)
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
+
+
+def printed_values() -> list[float]:
+    """Return the print, in the order of `ADDRESSES`, in rad and px."""
+    return [cell.number.value * si_factor(cell.unit) for cell in _cells()]
 
 
 def corrected(joint: Array, readings: int) -> Array:
@@ -110,7 +99,7 @@ def corrected(joint: Array, readings: int) -> Array:
     return np.minimum(1.0, joint * readings)
 
 
-def resolved(counted: Array, law: Array, replicates: int) -> Array:
+def resolved(counted: Array, law: Array, replicates: int = readings.REPLICATES) -> Array:
     """Return probabilities by count where the draws can tell, else by their law.
 
     Examples
@@ -118,4 +107,146 @@ def resolved(counted: Array, law: Array, replicates: int) -> Array:
     >>> resolved(np.array([0.3, 0.0]), np.array([-0.5, -9.0]), 10_000)
     array([3.e-01, 1.e-09])
     """
-    return np.asarray(np.where(counted * replicates >= LEAST, counted, 10.0**law))
+    return np.asarray(np.where(counted * replicates >= LEAST_DRAWS, counted, 10.0**law))
+
+
+def stored() -> tuple[Array, Array, Array]:
+    """Return tails (readings, 4, 12), joint probabilities and distances (readings, 4, 4)."""
+    arrays = readings.stored().arrays
+    tails, joint = (resolved(arrays[name], arrays[f"law_{name}"]) for name in ("tails", "joint"))
+    return tails, joint, arrays["distance"]
+
+
+def outside() -> NDArray[np.int64]:
+    """Return how many cells lie outside the central part of their prediction, (readings, 4)."""
+    return np.asarray((stored()[0] < 1 - CENTRAL).sum(axis=-1))
+
+
+def fewest() -> list[tuple[int, int]]:
+    """Return the readings that leave the fewest cells outside, the likeliest as a whole first."""
+    counts = outside()
+    places = [(int(r), int(c)) for r, c in np.argwhere(counts == counts.min())]
+    law = readings.stored().arrays["law_joint"][..., -1]
+    return sorted(places, key=lambda place: -float(law[place]))
+
+
+def facts(door: Given) -> dict[str, Fact]:
+    """Return how the print fares under the readings that come closest, and under the best ones."""
+    note = readings.stored().note
+    (tails, joint, distance), every, counts = stored(), readings.readings(door), outside()
+    least, groups = fewest(), {name: place for place, name in enumerate(GROUPS)}
+    green = [place for place, reading in enumerate(every) if reading.noisy == "green"]
+    whole, but_scales = joint[..., groups["all"]], joint[..., groups["all but the scales"]]
+    residuals = groups["residuals"]
+
+    def count(number: int) -> Fact:
+        return Fact(int(number), ",")
+
+    def largest(values: Array) -> Fact:
+        return Fact(float(values.max()), "chance", zero=LEAST)
+
+    def largest_corrected(values: Array) -> Fact:
+        return Fact(float(corrected(values, counts.size).max()), "chance", zero=LEAST_CORRECTED)
+
+    def common(values: Iterable[str]) -> Fact:
+        return Fact(" or ".join(sorted(set(values))))
+
+    return {
+        "readings": count(counts.size),
+        "cells": count(tails.shape[-1]),
+        "replicates": count(int(note["replicates"])),
+        "seconds": Fact(float(note["processor_seconds"]), ".0f", "s"),
+        "fewest-outside": count(counts.min()),
+        "ledger-outside": count(counts[every.index(readings.literal(door)), 0]),
+        "closest": count(len(least)),
+        "closest-shifts": common(every[r].shifts for r, _ in least),
+        "closest-noise": common(every[r].noisy for r, _ in least),
+        "closest-draws": common(str(every[r].repeats) for r, _ in least),
+        "closest-tests": common(every[r].tests for r, _ in least),
+        "closest-axes": common(readings.COUNTED[c] for _, c in least),
+        "closest-before-far": Fact(min(distance[r, c, residuals] for r, c in least), ".0f"),
+        "closest-before": largest(np.array([joint[r, c, residuals] for r, c in least])),
+        "best-joint": largest(whole),
+        "best-corrected": largest_corrected(whole),
+        "best-but-scales": largest(but_scales),
+        "best-but-scales-corrected": largest_corrected(but_scales),
+        "best-green": largest(but_scales[green]),
+        "best-scale": largest(tails[..., SCALE]),
+        "least-counted": count(LEAST_DRAWS),
+    }
+
+
+_AXES = Column("RMSE of")
+_OUTSIDE = Column("Cells outside", "d")
+_CORRECTED = Column("p, all, corrected", "chance", LEAST_CORRECTED)
+
+
+@studied(
+    "niu2024/readings",
+    columns=(
+        *readings.CHOICES,
+        _AXES,
+        *(
+            Column(
+                f"{name}, {channel}", "chance", LEAST, draws=readings.REPLICATES, bold=1 - CENTRAL
+            )
+            for channel in simulation.REGISTERED
+            for name in ("k", "θ", "Δx", "Δy", "before", "after")
+        ),
+        *(Column(f"p, {name}", "chance", LEAST, draws=readings.REPLICATES) for name in GROUPS),
+        _CORRECTED,
+        _OUTSIDE,
+    ),
+    caption="Probability of the print under every reading: of each number, and of several at once.",
+    given=readings.READS,
+    folded=readings.ARRANGEMENT,
+    named=facts,
+)
+def probabilities(door: Given) -> Iterator[tuple[object, ...]]:
+    """How likely the printed numbers of the simulation are under every reading."""
+    (tails, joint, _), counts = stored(), outside()
+    for row, labels in enumerate(readings.choices(door)):
+        for column, axes in enumerate(readings.COUNTED):
+            whole = corrected(joint[row, column, -1:], counts.size)
+            yield (
+                *(*labels, axes),
+                *(*tails[row, column], *joint[row, column], *whole, counts[row, column]),
+            )
+
+
+@studied(
+    "niu2024/closest-readings",
+    columns=(
+        Column("Reading"),
+        *readings.CHOICES,
+        _AXES,
+        _OUTSIDE,
+        *(
+            column
+            for name in GROUPS
+            for column in (
+                Column(f"p, {name}", "chance", LEAST, draws=readings.REPLICATES),
+                Column(f"Distance, {name} (σ)", ".0f"),
+            )
+        ),
+        _CORRECTED,
+    ),
+    caption="Readings that come closest to the print; distances are Mahalanobis distances.",
+    given=readings.READS,
+)
+def closest(door: Given) -> Iterator[tuple[object, ...]]:
+    """The literal reading beside those that come closest to the print."""
+    (_, joint, distance), counts = stored(), outside()
+    every, labels = readings.readings(door), list(readings.choices(door))
+    law = readings.stored().arrays["law_joint"]
+    picked = {
+        "the literal one": (every.index(readings.literal(door)), 0),
+        "fewest cells outside": fewest()[0],
+    }
+    for place, group in enumerate(GROUPS):
+        picked[f"best for: {group}"] = divmod(int(law[..., place].argmax()), law.shape[1])
+    for name, (row, column) in picked.items():
+        pairs = np.stack([joint[row, column], distance[row, column]], axis=-1).ravel()
+        whole = corrected(joint[row, column, -1:], counts.size)
+        axes = readings.COUNTED[column]
+        yield name, *labels[row], axes, counts[row, column], *pairs, *whole

@@ -56,11 +56,11 @@ class Studies(Mapping[str, Study]):
     """Every table of our own by its key; its module is imported when it is used."""
 
     def __init__(self, modules: Mapping[str, str]) -> None:
-        self._modules = modules
+        self.modules = modules
 
     def __getitem__(self, key: str) -> Study:
         """Return a study: what its module declares under this key."""
-        module = _module(key.partition("/")[0], self._modules[key])
+        module = importlib.import_module(self.modules[key])
         declared = [one for one in vars(module).values() if isinstance(one, Study)]
         found = next((one for one in declared if one.key == key), None)
         if found is None:
@@ -69,15 +69,15 @@ class Studies(Mapping[str, Study]):
 
     def __contains__(self, key: object) -> bool:
         """Tell whether there is such a study, without importing it."""
-        return key in self._modules
+        return key in self.modules
 
     def __iter__(self) -> Iterator[str]:
         """Go through the keys, paper by paper."""
-        return iter(self._modules)
+        return iter(self.modules)
 
     def __len__(self) -> int:
         """Return how many there are."""
-        return len(self._modules)
+        return len(self.modules)
 
 
 @cache
@@ -90,7 +90,11 @@ def studies() -> Studies:
     True
     """
     return Studies(
-        {key: name for paper in papers() for key, name in _module(paper).STUDIES.items()}
+        {
+            key: f"{__package__}.{paper}.{name}"
+            for paper in papers()
+            for key, name in _module(paper).STUDIES.items()
+        }
     )
 
 

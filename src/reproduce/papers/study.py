@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,11 @@ from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     import pandas as pd
+
+__all__ = ["LEAST_DRAWS", "Column", "Fact", "Study", "studied"]
+
+# Draws that must lie beyond a value before their count says how likely it is.
+LEAST_DRAWS = 20
 
 
 @dataclass(frozen=True)
@@ -21,9 +26,11 @@ class Column:
     name : str
         Its head, with the unit in brackets.
     form : str
-        A format specification for numbers, such as ``.2f``; empty for words.
+        A format specification for numbers, such as ``.2f``; empty for words; ``±`` for two digits
+        of the error; ``chance`` for a probability, with the digits that its draws can tell.
     zero : float
-        Numbers smaller than this are what rounding leaves of zero, and are shown as 0.
+        Numbers smaller than this are what rounding leaves of zero, and are shown as 0;
+        probabilities smaller than this are shown as a bound.
     infinite : str
         The word for a number without limit.
     error : str
@@ -31,6 +38,10 @@ class Column:
         or with one digit; that column is not shown on its own.
     missing : str
         What stands where there is no number.
+    draws : int
+        How many draws a probability is counted from; without them it is a power of ten.
+    bold : float
+        Numbers below this are bold.
     """
 
     name: str
@@ -39,6 +50,18 @@ class Column:
     infinite: str = "any"
     error: str = ""
     missing: str = ""
+    draws: int = 0
+    bold: float = 0.0
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A number or a word of a study that sentences quote; `form` and `zero` as in `Column`."""
+
+    value: float | str
+    form: str = ""
+    unit: str = ""
+    zero: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -58,6 +81,10 @@ class Study:
         What it shows, in one or two sentences.
     given : tuple of str
         Addresses of all printed cells that it reads.
+    folded : str
+        The name of a column by whose values a long table is shown in parts.
+    named : callable, optional
+        Takes what `function` takes and returns the facts that sentences quote, by name.
     """
 
     key: str
@@ -65,6 +92,8 @@ class Study:
     columns: tuple[Column, ...]
     caption: str
     given: tuple[str, ...] = ()
+    folded: str = ""
+    named: Callable[..., Mapping[str, Fact]] | None = None
 
     @property
     def title(self) -> str:
@@ -75,8 +104,7 @@ class Study:
         """Compute the table, from the print or from what another door holds."""
         import pandas as pd
 
-        doors = [given(self.given) if door is None else door] if self.given else []
-        found = self.function(*doors)
+        found = self.function(*self._doors(door))
         frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
         if list(frame.columns) != [column.name for column in self.columns]:
             raise ValueError(
@@ -101,13 +129,26 @@ class Study:
         frame.attrs.update(blanks)
         return frame
 
+    def facts(self) -> Mapping[str, Fact]:
+        """Compute what sentences quote of it, by name."""
+        return self.named(*self._doors()) if self.named else {}
+
+    def _doors(self, door: Given | None = None) -> list[Given]:
+        return [given(self.given) if door is None else door] if self.given else []
+
 
 def studied(
-    key: str, *, columns: Sequence[Column], caption: str, given: Sequence[str] = ()
+    key: str,
+    *,
+    columns: Sequence[Column],
+    caption: str,
+    given: Sequence[str] = (),
+    folded: str = "",
+    named: Callable[..., Mapping[str, Fact]] | None = None,
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the study `key`; the arguments are those of `Study`."""
 
     def declare(function: Callable[..., Any]) -> Study:
-        return Study(key, function, tuple(columns), caption, tuple(given))
+        return Study(key, function, tuple(columns), caption, tuple(given), folded, named)
 
     return declare

@@ -31,7 +31,7 @@ class _Address(_Key):
     name = "address"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from reproduce.papers.catalogue import studies
+        from reproduce.judge.studies import studies
         from reproduce.printed.cells import library
 
         if value in studies():

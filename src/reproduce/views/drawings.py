@@ -3,74 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
+from reproduce.judge.readings import printed_values
 from reproduce.papers.chen2023.figures import attitude
-from reproduce.papers.niu2024 import (
-    figures_costs,
-    figures_distributions,
-    figures_images,
-    figures_signs,
-    figures_study,
+from reproduce.papers.niu2024.figures import (
+    approximations,
+    calibration,
+    images,
+    readings,
+    registration,
 )
-from reproduce.store import studies
-from reproduce.views.distribution_pages import printed_values
+from reproduce.papers.study import Fact
 from reproduce.views.facts import filled
 from reproduce.views.figures import STYLE
 from reproduce.views.inline_svg import inline
-from reproduce.views.numbers import powers
+from reproduce.views.numbers import fact, powers
 from reproduce.views.pages import Html
-from reproduce.views.studies import FUSION, READINGS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def _fusion_errors(figure: Figure) -> None:
-    figures_images.draw_errors(figure, studies.read(FUSION).arrays)
-
-
-def _fusion_stars(figure: Figure) -> None:
-    figures_images.draw_stars(figure, studies.read(FUSION).arrays)
-
-
-def _fusion_facts() -> dict[str, str]:
-    return figures_images.error_facts(studies.read(FUSION).arrays)
-
-
-def _star_kind_facts() -> dict[str, str]:
-    return figures_images.star_kind_facts(studies.read(FUSION).arrays)
-
-
 def _distributions(figure: Figure) -> None:
-    figures_distributions.draw(figure, studies.read(READINGS).arrays, printed_values())
+    readings.draw_distributions(figure, printed_values())
 
 
 DRAWINGS: dict[str, Callable[[Figure], None]] = {
     "chen2023-instruments": attitude.draw_instruments,
     "chen2023-misalignment": attitude.draw_misalignment,
     "chen2023-stage": attitude.draw_stage,
-    "niu2024-approximations-table-1": figures_costs.draw_table_1,
-    "niu2024-approximations-table-4": figures_costs.draw_table_4,
-    "niu2024-colours": figures_images.draw_colours,
-    "niu2024-convergence": figures_study.draw_convergence,
+    "niu2024-approximations-table-1": approximations.draw_table_1,
+    "niu2024-approximations-table-4": approximations.draw_table_4,
+    "niu2024-colours": images.draw_colours,
+    "niu2024-convergence": readings.draw_convergence,
     "niu2024-distributions": _distributions,
-    "niu2024-fusion-errors": _fusion_errors,
-    "niu2024-fusion-stars": _fusion_stars,
-    "niu2024-fusion-star": figures_images.draw_star,
-    "niu2024-registration": figures_signs.draw_registration,
-    "niu2024-rotary-table": figures_signs.draw_table,
+    "niu2024-fusion-errors": images.draw_errors,
+    "niu2024-fusion-stars": images.draw_stars,
+    "niu2024-fusion-star": images.draw_star,
+    "niu2024-registration": registration.draw_registration,
+    "niu2024-rotary-table": calibration.draw_table,
 }
 
 # What the drawings' alternative texts may say in numbers.
-FACTS: dict[str, Callable[[], dict[str, str]]] = {
-    "niu2024-convergence": figures_study.facts,
-    "niu2024-approximations-table-1": figures_costs.facts_table_1,
-    "niu2024-approximations-table-4": figures_costs.facts_table_4,
-    "niu2024-colours": figures_images.colour_facts,
-    "niu2024-fusion-errors": _fusion_facts,
-    "niu2024-fusion-stars": _star_kind_facts,
-    "niu2024-fusion-star": figures_images.star_facts,
+FACTS: dict[str, Callable[[], dict[str, Fact]]] = {
+    "niu2024-convergence": readings.convergence_facts,
+    "niu2024-approximations-table-1": partial(approximations.facts, "Table 1"),
+    "niu2024-approximations-table-4": partial(approximations.facts, "Table 4"),
+    "niu2024-colours": images.colour_facts,
+    "niu2024-fusion-errors": images.error_facts,
+    "niu2024-fusion-stars": images.star_kind_facts,
+    "niu2024-fusion-star": images.star_facts,
 }
 
 
@@ -89,5 +73,5 @@ def paint(name: str) -> Figure:
 
 def drawing(name: str, alternative: str) -> Html:
     """Show a drawing that follows the page's light or dark theme."""
-    facts = FACTS[name]() if name in FACTS else {}
+    facts = {label: fact(quoted) for label, quoted in FACTS.get(name, dict)().items()}
     return Html(inline(paint(name), f"drawing-{name}", powers(filled(alternative, facts))))

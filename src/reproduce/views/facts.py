@@ -14,23 +14,16 @@ import json
 import re
 import sys
 from collections.abc import Iterable, Mapping
-from importlib import import_module
 from pathlib import Path
 
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
+from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import numbers, words
 from reproduce.views.build import fingerprint
 
-# Study, or the audit -> the module of `views` that says its results.
-STUDIES = {
-    "niu2024/readings": "study_pages",
-    "niu2024/approximations": "cost_pages",
-    "niu2024/fusion": "fusion_pages",
-    "audit": "audit_pages",
-}
 _BLANK = re.compile(r"\{([^{}]+)\}")
 
 
@@ -47,7 +40,7 @@ def whole_ledger() -> Ledger:
 
 
 def facts(*papers: str) -> dict[str, str]:
-    """Compute every fact, or those of the cells and items of some papers alone."""
+    """Compute every fact, or those of the cells, items and studies of some papers alone."""
     from reproduce.papers.posteriors import posteriors
 
     return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
@@ -75,9 +68,14 @@ def unsampled(*papers: str) -> dict[str, str]:
         keys = list(dict.fromkeys(record.key for record in records))
     names = [*(record.cell for record in records), *keys, *(() if papers else (*PAPERS, "all"))]
     found = {f"{name} {what}": text for name in names for what, text in facts_of(name).items()}
-    for study, module in () if papers else STUDIES.items():
-        said = import_module(f"reproduce.views.{module}").sayings()
-        found |= {f"{study}#{label}": text for label, text in said.items()}
+    for key, study in studies().items():
+        if not papers or key.partition("/")[0] in papers:
+            quoted = study.facts().items()
+            found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
+    if not papers:
+        from reproduce.views import audit_pages
+
+        found |= {f"audit#{label}": text for label, text in audit_pages.sayings().items()}
     return {name: numbers.powers(text) for name, text in found.items()}
 
 

@@ -15,7 +15,8 @@ from rich.console import RenderableType
 
 from reproduce.judge.expected import surprises
 from reproduce.judge.ledger import build
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.judge.studies import studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import keys, terminal, words
 from reproduce.views.items import Cell, Figure, Panels, Table

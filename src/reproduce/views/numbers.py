@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 
+from reproduce.papers.study import LEAST_DRAWS, Column, Fact
+
 _EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
 _SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _TAGS = re.compile(r"(<[^>]*>)")
-# A law is an extrapolation so far out, so that smaller probabilities are not told apart.
-LEAST_ORDER = -12
 
 
 def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any") -> str:
@@ -27,6 +27,39 @@ def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any")
     if abs(value) < zero:
         return "0"
     return f"{value:{form}}".replace("-", "−")
+
+
+def entry(value: float | str, column: Column, error: float | None = None, form: str = "") -> str:
+    """Write an entry of a column, with its error if it has one, that in a form of its own.
+
+    Examples
+    --------
+    >>> entry(1.0, Column("RMSE (px)", "±"), 0.0423), entry(2e-9, Column("p", "chance"))
+    ('1.000 ± 0.042', '10⁻⁹')
+    """
+    if not column.form or isinstance(value, str):
+        return column.missing if value != value else str(value)
+    if math.isnan(value):
+        return column.missing
+    if column.form == "chance":
+        return _counted(value, column.draws, column.zero)
+    if column.form == "±":
+        decimals = max(0, 1 - math.floor(math.log10(error or 1.0)))
+        return f"{number(value, f'.{decimals}f')} ± {number(error or 0.0, f'.{decimals}f')}"
+    text = number(value, column.form, zero=column.zero, infinite=column.infinite)
+    return text if error is None else f"{text} ± {number(error, form or '.1g')}"
+
+
+def fact(quoted: Fact) -> str:
+    """Write a fact with its unit.
+
+    Examples
+    --------
+    >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
+    ('0.04\u202fpx', 'Table 2')
+    """
+    text = entry(quoted.value, Column("", quoted.form, quoted.zero))
+    return f"{text}\u202f{quoted.unit}" if quoted.unit else text
 
 
 def powers(text: str) -> str:
@@ -79,16 +112,13 @@ def chance(value: float, mcse: float) -> str:
     return f"{value:.{decimals}f}"
 
 
-def order(probability: float, least: int = LEAST_ORDER) -> str:
-    """Write a probability as a power of ten where it is small.
-
-    Examples
-    --------
-    >>> order(0.3), order(2e-9), order(1e-99)
-    ('0.3', '10⁻⁹', '<\u202f10⁻¹²')
-    """
+def _counted(probability: float, draws: int, least: float) -> str:
+    """Write a probability by its count where the draws can tell, else as a power of ten."""
+    if probability * draws >= LEAST_DRAWS:
+        return chance(probability, math.sqrt(probability * max(2 - probability, 0) / draws))
     if probability >= 1e-3:
         return f"{probability:.1g}"
+    bound = round(math.log10(least or 1e-300))
     power = round(math.log10(max(probability, 1e-300)))
-    text = f"10{str(max(power, least)).translate(_SUPERSCRIPTS)}"
-    return text if power >= least else f"<\u202f{text}"
+    text = f"10{str(max(power, bound)).translate(_SUPERSCRIPTS)}"
+    return text if power >= bound else f"<\u202f{text}"

@@ -17,7 +17,7 @@ from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import papers
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.niu2024 import angles
+from reproduce.papers.niu2024 import simulation_angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
 from reproduce.version import __version__
@@ -260,8 +260,8 @@ def versions() -> Html:
 
 def angle_arrangements() -> Html:
     """Show every arrangement of rotation angles that has the count niu2024 prints."""
-    door = given(angles.READS)
-    used = angles.literal(door).name
+    door = given(simulation_angles.READS)
+    used = simulation_angles.literal(door).name
     rows = [
         {
             "picture": np.degrees(found.angles).round(3).tolist(),
@@ -269,7 +269,7 @@ def angle_arrangements() -> Html:
             "zero": "yes" if np.isclose(found.angles, 0).all(axis=-1).any() else "no",
             "used": found.name == used,
         }
-        for found in angles.candidates(door)
+        for found in simulation_angles.candidates(door)
     ]
-    half = np.degrees(angles.half_ranges(door)).round(3).tolist()
+    half = np.degrees(simulation_angles.half_ranges(door)).round(3).tolist()
     return Html(_templates().get_template("arrangements.html").render(rows=rows, half=half))

@@ -1,97 +1,59 @@
-"""Running the slow studies again: `python -m reproduce.views.studies NAME`."""
+"""Running the slow studies again: `python -m reproduce.views.studies NAME`.
+
+A run that was killed goes on where it was: finished parts are kept until the study is stored.
+"""
 
 from __future__ import annotations
 
 import os
 import platform
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.judge import readings
-from reproduce.papers.niu2024 import counting, fusion, images, study
-from reproduce.printed.given import given
+from reproduce.inference.parts import Store, processes, run_parts
+from reproduce.judge import readings as judged
+from reproduce.papers.niu2024 import images_fusion, readings
 from reproduce.store import studies
 from reproduce.version import __version__
+from reproduce.views.build import fingerprint
 
 Arrays = dict[str, NDArray[Any]]
-READINGS = "niu2024-readings"
-FUSION = "niu2024-fusion"
-QUANTILES = (0.005, 0.025, 0.5, 0.975, 0.995)
-# Replicates stored whole, so that a small part can be recomputed and compared.
-KEPT = 20
-PARTS = 20
 
 
-def _part(span: tuple[int, int]) -> NDArray[np.float64]:
-    first, count = span
-    return study.simulate(given(study.READS), count, first)
-
-
-def all_draws(replicates: int, processes: int) -> NDArray[np.float64]:
-    """Simulate every reading, in parallel; the result does not depend on how.
-
-    Shape (readings, replicates, 2, 8). As `study.simulate` returns it.
-    """
-    size = -(-replicates // PARTS)
-    spans = [(begin, min(size, replicates - begin)) for begin in range(0, replicates, size)]
-    shape = (len(study.readings(given(study.READS))), replicates, 2, len(counting.MEASURED))
-    draws = np.empty(shape)  # filled part by part: two copies would not fit the promised memory
-    with ProcessPoolExecutor(processes) as pool:
-        for (begin, count), part in zip(spans, pool.map(_part, spans), strict=True):
-            draws[:, begin : begin + count] = part
-    return draws
-
-
-def _compared(draws: NDArray[np.float64], processes: int) -> readings.Comparison:
-    with ProcessPoolExecutor(processes) as pool:
-        found = list(pool.map(readings.compare_one, draws))
-    return readings.Comparison(*(np.stack(part) for part in zip(*found, strict=True)))
-
-
-def niu2024_readings(replicates: int = study.REPLICATES, processes: int = 2) -> Arrays:
+def niu2024_readings(
+    executor: Executor, folder: Path, replicates: int = readings.REPLICATES
+) -> Arrays:
     """Simulate niu2024 under every reading and compare each with the print.
 
-    ``mean``, ``sd`` (readings, 2, 8); ``quantiles`` (readings, 5, 2, 10), of what
-    `counting.SUMMARISED` names; ``first``, the first replicates (readings, 20, 2, 8); the rest as
-    in `judge.readings.Comparison`.
+    Arrays as in `readings.summary` and in `judge.readings.COMPARED`.
     """
-    draws = all_draws(replicates, processes)
-    found = _compared(draws, processes)
-    # One reading at a time: a second copy of the draws would not fit the promised memory.
-    levels = [np.quantile(counting.summarised(one), QUANTILES, axis=0) for one in draws]
-    return {
-        "mean": draws.mean(axis=1),
-        "sd": draws.std(axis=1, ddof=1),
-        "quantiles": np.stack(levels),
-        "first": draws[:, :KEPT],
-        "tails": found.tails,
-        "law_tails": found.law_tails,
-        "joint": found.joint,
-        "law_joint": found.law_joint,
-        "distance": found.distance,
-    }
+    note = {"sources": fingerprint(), "replicates": replicates}
+    draws = readings.all_draws(replicates, executor, Store(folder / "draws", note))
+    compared = run_parts(judged.compare, list(draws), executor, Store(folder / "compared", note))
+    return {**readings.summary(draws), **judged.stacked(compared)}
 
 
-def niu2024_fusion(trials: int = fusion.TRIALS) -> Arrays:
-    """Compare centroids and signals with and without registration, on simulated images."""
-    found = fusion.simulate(given(images.READS), trials)
-    return {
-        "error": found.error,
-        "bias": found.bias,
-        "signal_to_noise": found.signal_to_noise,
-        "colour": found.colour,
-    }
+def niu2024_fusion(executor: Executor, folder: Path, trials: int = images_fusion.TRIALS) -> Arrays:
+    """Compare centroids and signals with and without registration: arrays as in `Outcome`."""
+    note = {"sources": fingerprint(), "trials": trials}
+    return vars(images_fusion.simulate(trials, executor=executor, store=Store(folder, note)))
 
 
-STUDIES: dict[str, tuple[Callable[[], Arrays], int, int]] = {
-    READINGS: (niu2024_readings, study.SEED, study.REPLICATES),
-    FUSION: (niu2024_fusion, fusion.SEED, fusion.PHASES * fusion.TRIALS),
+STUDIES: dict[str, tuple[Callable[[Executor, Path], Arrays], int, int]] = {
+    readings.STUDY: (niu2024_readings, readings.SEED, readings.REPLICATES),
+    images_fusion.STUDY: (
+        niu2024_fusion,
+        images_fusion.SEED,
+        images_fusion.PHASES * images_fusion.TRIALS,
+    ),
 }
 
 
@@ -106,13 +68,15 @@ def processor_seconds() -> float:
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
-def run(name: str, where: Path | None = None) -> None:
-    """Run a study again and store it."""
+def run(name: str, where: Path | None = None, executor: Executor | None = None) -> None:
+    """Run a study again and store it; the seconds are those of this run alone."""
     if name not in STUDIES:
         raise KeyError(f"unknown study {name!r}; expected one of {', '.join(STUDIES)}")
     function, seed, replicates = STUDIES[name]
+    folder = Path(tempfile.gettempdir()) / f"reproduce-{name}-{fingerprint()[:12]}"
     begin = processor_seconds()
-    arrays = function()
+    with executor or processes() as pool:
+        arrays = function(pool, folder)
     note: dict[str, str | int | float] = {
         "command": f"python -m reproduce.views.studies {name}",
         "seed": seed,
@@ -121,6 +85,7 @@ def run(name: str, where: Path | None = None) -> None:
         "processor_seconds": round(processor_seconds() - begin, 1),
     }
     studies.write(name, arrays, note, where)
+    shutil.rmtree(folder)
 
 
 if __name__ == "__main__":

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import inspect
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
 from rich.console import RenderableType
 
 from reproduce.judge import rerun as rerunning
-from reproduce.papers.catalogue import studies
+from reproduce.judge.studies import studies
 from reproduce.papers.study import Column
-from reproduce.views.grid import Grid
-from reproduce.views.numbers import number
+from reproduce.views import numbers
+from reproduce.views.grid import Entry, Grid
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
@@ -95,6 +95,16 @@ class StudyTable(Shown):
         """
         return StudyTable(self.key, {**self._changes, **changes})
 
+    def _row(self, entries: Mapping[Any, Any], shown: Sequence[Column]) -> list[Entry]:
+        forms = {column.name: column.form for column in self._study.columns}
+        row: list[Entry] = []
+        for column in shown:
+            value, error = entries[column.name], entries.get(column.error)
+            text = numbers.entry(value, column, error, forms.get(column.error, ""))
+            bold = column.bold and value < column.bold
+            row.append(Markup("<strong>{}</strong>").format(text) if bold else text)
+        return row
+
     def _caption(self) -> str:
         caption = str(self.frame().attrs["caption"])
         if self._changes:
@@ -105,23 +115,23 @@ class StudyTable(Shown):
         return caption
 
     @property
-    def grid(self) -> Grid:
-        """The table as a reader sees it."""
-        frame = self.frame()
-        forms = {column.name: column.form for column in self._study.columns}
-        behind = {column.error for column in self._study.columns} - {""}
-        shown = [column for column in self._study.columns if column.name not in behind]
-        rows = [
-            [_entry(row, column, forms) for column in shown]
-            for row in frame.to_dict(orient="records")
-        ]
-        return Grid(
-            self._caption(),
-            [column.name for column in shown],
-            rows,
-            f"study-{self.key.replace('/', '-')}" + ("-changed" if self._changes else ""),
-            "rp-study",
-        )
+    def grids(self) -> dict[str, Grid]:
+        """The table as a reader sees it: whole, or in the parts that it is folded into, by name."""
+        frame, study = self.frame(), self._study
+        behind = {column.error for column in study.columns} | {study.folded}
+        shown = [column for column in study.columns if column.name not in behind]
+        parts = [("", frame)] if not study.folded else frame.groupby(study.folded, sort=False)
+        anchor = "-".join(["study", *self.key.split("/"), *(["changed"] if self._changes else [])])
+        return {
+            str(name): Grid(
+                self._caption(),
+                [column.name for column in shown],
+                [self._row(entries, shown) for entries in part.to_dict(orient="records")],
+                f"{anchor}-{number}" if number else anchor,
+                "rp-study",
+            )
+            for number, (name, part) in enumerate(parts)
+        }
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
@@ -130,21 +140,19 @@ class StudyTable(Shown):
         return exporting.export_frame(self.frame(), form)
 
     def _repr_html_(self) -> str:
-        return self.grid._repr_html_()
+        if not self._study.folded:
+            return str(self.grids[""].html)
+        fold = Markup('<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>')
+        parts = enumerate(self.grids.items())
+        return "\n".join(
+            fold.format(Markup("" if number else " open"), name, grid.html)
+            for number, (name, grid) in parts
+        )
 
     def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the title, the table and its caption."""
+        """Yield the title, and the table with its caption, part by part."""
         yield f"{self.key}: {self.title}"
-        yield from self.grid.parts(width)
-
-
-def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> str:
-    value = row[column.name]
-    if isinstance(value, float) and math.isnan(value):
-        return column.missing
-    if not column.form or isinstance(value, str):
-        return str(value)
-    text = number(float(value), column.form, zero=column.zero, infinite=column.infinite)
-    if column.error:
-        text += f" ± {number(float(row[column.error]), forms[column.error] or '.1g')}"
-    return text
+        for name, grid in self.grids.items():
+            if name:
+                yield f"\n{name}"
+            yield from grid.parts(width)

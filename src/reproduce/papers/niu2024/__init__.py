@@ -3,20 +3,28 @@
 # The modules that make and draw each item, in order of print; none for one that is only quoted.
 ITEMS = {
     "niu2024/text-context": "",
-    "niu2024/fig-1": "figures_method",
-    "niu2024/text-approximations": "model",
-    "niu2024/fig-2": "figures_method",
-    "niu2024/fig-3": "figures_setup",
-    "niu2024/text-optics": "camera",
+    "niu2024/fig-1": "figures.index",
+    "niu2024/text-approximations": "approximations",
+    "niu2024/fig-2": "figures.registration",
+    "niu2024/fig-3": "figures.calibration",
+    "niu2024/text-optics": "optics",
     "niu2024/table-1": "",
-    "niu2024/table-2": "model",
+    "niu2024/table-2": "registration",
     "niu2024/text-simulation": "simulation",
-    "niu2024/fig-4": "angles",
+    "niu2024/fig-4": "figures.simulation",
     "niu2024/table-3": "simulation",
-    "niu2024/text-experiment": "experiment laboratory",
-    "niu2024/fig-5": "figures_setup",
+    "niu2024/text-experiment": "experiment",
+    "niu2024/fig-5": "figures.experiment",
     "niu2024/table-4": "experiment",
 }
 
-# The modules of our own tables beside the paper's.
-STUDIES: dict[str, str] = {}
+# The modules of our own tables beside the paper's; judge.studies has those that see the print.
+STUDIES = {
+    "niu2024/approximations": "approximations",
+    "niu2024/approximation-biases": "approximations",
+    "niu2024/distributions": "readings",
+    "niu2024/precision": "readings",
+    "niu2024/image-stand-ins": "images",
+    "niu2024/fusion": "images_fusion",
+    "niu2024/star-colours": "images_fusion",
+}

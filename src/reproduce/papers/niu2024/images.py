@@ -1,4 +1,4 @@
-"""From starlight to a fused image on real pixels, with the camera of niu2024.
+"""From starlight to a fused image and to colours, with the camera of niu2024 (section 2).
 
 Bands, detector size, pixel pitch, exposure and the calibrated camera of Table 4 are the paper's.
 What it does not print is ours, in the constants below, and typical of a small camera with a
@@ -7,11 +7,15 @@ size. The results on these images are therefore examples and carry no verdict.
 
 Images are arrays [y, x] in electrons, dark signal and offset taken away; channels are always in the
 order green, red, blue; positions are in px, x before y, the centre of the first pixel at (0, 0).
+
+A frame of stars at random is rendered, registered and fused; the stars are found in the fused
+image, and the light of each is summed in every channel about its own spot, where the registration
+says that it stands. Colours are red / green and blue / green.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -19,10 +23,11 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
 
-from reproduce.papers.niu2024 import laboratory
+from reproduce.papers.niu2024 import experiment
+from reproduce.papers.study import Column, studied
 from reproduce.physics.images.centroids import cut_windows, detect_spots
 from reproduce.physics.images.detector import Detector, electrons, expose
-from reproduce.physics.images.spectra import blackbody_band, tabulated_star
+from reproduce.physics.images.spectra import blackbody_band, channel_ratio, tabulated_star
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import render_frame, window_corners
 from reproduce.physics.optics.camera import Camera, detector_centre
@@ -33,9 +38,29 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.stars import spectra
 
-OPTICS, OUTCOME = laboratory.OPTICS, laboratory.OUTCOME
+__all__ = [
+    "RADIUS",
+    "READS",
+    "SENSOR",
+    "TEMPERATURES",
+    "WINDOW",
+    "Colours",
+    "cameras",
+    "colours_of_a_frame",
+    "exposed",
+    "extract",
+    "frames",
+    "fused",
+    "matched_errors",
+    "register",
+    "similarities",
+    "star_photons",
+    "tabulated_photons",
+]
+
+OPTICS, OUTCOME = experiment.OPTICS, experiment.OUTCOME
 READS = (
-    *laboratory.INSTRUMENT,
+    *experiment.INSTRUMENT,
     f"{OPTICS}#pixels-*",
     f"{OPTICS}#band-*",
     f"{OUTCOME}#exposure",
@@ -44,8 +69,11 @@ APERTURE = 12.5e-3  # diameter in metres: half the focal length, f/2
 TRANSMISSION = 0.8
 RADIUS = 0.8  # of a spot, in px
 WINDOW = 9
-
-
+# The stars of a random frame: ranges of V, and of the temperature in kelvin, whose logarithm is
+# uniform.
+STARS, SEED = 200, 1
+MAGNITUDES, TEMPERATURES = (2.0, 6.0), (3000.0, 20000.0)
+MARGIN = 1.5  # windows: nearer stars share their light
 # The detector of every channel: a 12-bit sensor of small pixels.
 SENSOR = Detector(
     quantum_efficiency=0.6,
@@ -64,37 +92,28 @@ def shape(door: Given) -> tuple[int, int]:
 
 
 def cameras(door: Given) -> list[Camera]:
-    """Return the cameras of Table 4 with green's principal point in the middle of the detector.
-
-    Green, red, blue.
-    """
+    """Return the cameras of Table 4 with green's principal point in the detector's middle."""
     middle = detector_centre(shape(door))
     return [
         Camera(c.focal_length, c.principal_point + middle, c.radial_distortion, c.pixel_pitch)
-        for c in laboratory.cameras(door)
+        for c in experiment.cameras(door)
     ]
 
 
 def similarities(door: Given) -> list[Registration]:
     """Return the transforms of red and blue onto green that a perfect calibration would find."""
-    used, turns = cameras(door), laboratory.rotations(door)
+    used, turns = cameras(door), experiment.rotations(door)
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 
 
 def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> FloatArray:
-    """Return the photons that stars send to each detector in one exposure.
-
-    Shape (3, n). Green, red, blue.
-    """
+    """Return the photons that stars send to each detector in one exposure, shape (3, n)."""
     bands = [blackbody_band(magnitude, temperature, *edges) for edges in _bands(door)]
     return _collected(door) * np.stack(bands)
 
 
 def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArray:
-    """Return the photons that stars with a tabulated spectrum send to each detector.
-
-    Shape (3, n). Green, red, blue, in one exposure.
-    """
+    """Return the same of stars with a tabulated spectrum."""
     table = spectra()[name]
     bands = [tabulated_star(magnitude, *table, *edges) for edges in _bands(door)]
     return _collected(door) * np.stack(bands)
@@ -102,7 +121,7 @@ def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArra
 
 def _bands(door: Given) -> list[tuple[float, float]]:
     """Return the edges of the bands of green, red and blue, in metres."""
-    edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in laboratory.CHANNELS]
+    edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in experiment.CHANNELS]
     return [(door[low], door[high]) for low, high in edges]
 
 
@@ -113,21 +132,11 @@ def _collected(door: Given) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Three exposures of the same stars, with the truth.
-
-    Attributes
-    ----------
-    images : list of ndarray, each of shape (height, width)
-        Green, red, blue, in electrons.
-    positions : ndarray, shape (3, n, 2)
-        True positions of the spots, in px.
-    photons : ndarray, shape (3, n)
-        Their light.
-    """
+    """Three exposures of the same stars, with the truth."""
 
     images: list[FloatArray]
-    positions: FloatArray
-    photons: FloatArray
+    positions: FloatArray  # of the spots, shape (3, n, 2)
+    photons: FloatArray  # shape (3, n)
 
 
 def exposed(image: FloatArray, generator: Generator) -> FloatArray:
@@ -140,7 +149,7 @@ def frames(
     door: Given, angles: ArrayLike, magnitude: ArrayLike, temperature: ArrayLike, seed: int
 ) -> Frames:
     """Render and expose a full frame in all three channels."""
-    positions = channel_centroids(cameras(door), laboratory.rotations(door), angles)
+    positions = channel_centroids(cameras(door), experiment.rotations(door), angles)
     photons = star_photons(door, magnitude, temperature)
     streams = [np.random.default_rng(s) for s in SeedSequence(seed).spawn(len(photons))]
 
@@ -155,20 +164,16 @@ def frames(
 
 
 def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
-    """Return green as it is, and the other images on the pixels of green.
-
-    Green, red, blue.
-    """
+    """Return green as it is, and the other images on the pixels of green."""
     with ThreadPoolExecutor(2) as pool:
         moved = list(pool.map(registered_image, images[1:], transforms))
     return [images[0], *moved]
 
 
 def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatArray:
-    """Find the spots of an image and their centres.
+    """Return maximum-likelihood centres of the spots of an image, shape (n, 2), brightest first.
 
-    Shape (n, 2). Maximum-likelihood centres, the brightest spot first, in px; spots whose window
-    would reach over the edge are left out, and those whose fit does not converge.
+    Spots at the edge are left out, and those whose fit does not converge.
     """
     noise = SENSOR.noise_electrons() * np.sqrt(layers)
     found = detect_spots(image, significance * noise)
@@ -185,10 +190,7 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
 
 
 def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) -> FloatArray:
-    """Return found minus true position for every star that was found.
-
-    Shape (n, 2). Not a number for stars that were not found.
-    """
+    """Return found minus true position of every star, shape (n, 2), nan where it is not found."""
     if not len(found):
         return np.full(truth.shape, np.nan)
     difference = found[None] - truth[:, None]
@@ -203,3 +205,79 @@ def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) ->
 def fused(images: Sequence[FloatArray]) -> FloatArray:
     """Return the sum of three images on one grid."""
     return fused_image(images)
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """Colours of stars as measured, and as they are, shape (2, n)."""
+
+    measured: FloatArray
+    sigma: FloatArray  # predicted standard deviations
+    truth: FloatArray  # ratios of the light that was sent
+    magnitude: FloatArray  # V of the stars, shape (n,)
+    sent: int  # how many stars there were
+
+    @property
+    def pulls(self) -> FloatArray:
+        """Measured minus true colours, in predicted standard deviations, shape (2, n)."""
+        return (self.measured - self.truth) / self.sigma
+
+
+def colours_of_a_frame(door: Given, stars: int = STARS, seed: int = SEED) -> Colours:
+    """Measure the colours of all stars of a frame that were found and stand alone."""
+    generator = np.random.default_rng(seed)
+    half = np.array(experiment.half_field(door))
+    angles = generator.uniform(-0.98 * half, 0.98 * half, (stars, 2))
+    magnitude = generator.uniform(*MAGNITUDES, stars)
+    low, high = np.log(TEMPERATURES)
+    temperature = np.exp(generator.uniform(low, high, stars))
+    sky = frames(door, angles, magnitude, temperature, seed)
+    layers = register(sky.images, similarities(door))
+    centres = extract(fused(layers), len(layers))
+    errors = matched_errors(centres, sky.positions[0])
+    kept = np.isfinite(errors[:, 0]) & isolated(sky.positions[0])
+    ratio, sigma = measured_colours(door, sky.images, (sky.positions[0] + errors)[kept])
+    truth = (sky.photons[1:] / sky.photons[0])[:, kept]
+    return Colours(ratio, sigma, truth, magnitude[kept], stars)
+
+
+def isolated(positions: FloatArray) -> FloatArray:
+    """Return which spots, shape (n, 2) in px, have no neighbour within reach of their window."""
+    apart = np.hypot(*np.moveaxis(positions[:, None] - positions[None], -1, 0))
+    np.fill_diagonal(apart, np.inf)
+    return np.asarray(apart.min(axis=1) > MARGIN * WINDOW)
+
+
+def measured_colours(
+    door: Given, exposures: list[FloatArray], centres: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the colours of stars and their predicted standard deviations, shape (2, n)."""
+    back = [transform.inverse() for transform in similarities(door)]
+    places = [centres, *(transform.apply(centres) for transform in back)]
+    light = [
+        cut_windows(image, window_corners(at, WINDOW), WINDOW).sum(axis=(-2, -1))
+        for image, at in zip(exposures, places, strict=True)
+    ]
+    dark = (WINDOW * SENSOR.noise_electrons()) ** 2
+    variance = [np.maximum(total, 0) + dark for total in light]
+    green = np.maximum(light[0], 1.0)
+    found = [channel_ratio(light[i], green, variance[i], variance[0]) for i in (1, 2)]
+    ratio, sigma = (np.stack(part) for part in zip(*found, strict=True))
+    return ratio, sigma
+
+
+@studied(
+    "niu2024/image-stand-ins",
+    columns=(Column("What"), Column("Ours", ",g"), Column("Unit")),
+    caption="Stand-ins for what the paper does not print.",
+)
+def stand_ins() -> Iterator[tuple[object, ...]]:
+    """What the paper does not print of the images and we had to choose."""
+    yield "aperture", APERTURE * 1e3, "mm"
+    yield "transmission of the optics", TRANSMISSION, ""
+    yield "radius of a spot (one standard deviation)", RADIUS, "px"
+    yield "quantum efficiency", SENSOR.quantum_efficiency, ""
+    yield "read noise", SENSOR.read_noise, "electrons"
+    yield "dark signal in one exposure", SENSOR.dark_signal, "electrons"
+    yield "full well", SENSOR.full_well, "electrons"
+    yield "digital output", SENSOR.bits, "bits"

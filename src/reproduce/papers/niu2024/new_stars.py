@@ -18,7 +18,7 @@ from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.models.variants import PointwiseRegistration
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import published_cells, simulated
-from reproduce.papers.niu2024 import angles, simulation
+from reproduce.papers.niu2024 import simulation, simulation_angles
 from reproduce.physics.optics.camera import angle_from_pixels
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids, spawned_angles
 from reproduce.physics.registration.fit import fit_registration
@@ -47,7 +47,7 @@ Registration = GaussianRegistration | PointwiseRegistration
 
 def test_points(given: Given) -> FloatArray:
     """Measured test points in green, red and blue, shape (3, points, 2), in px."""
-    count, half_ranges = given.count(TEST_POINTS), angles.half_ranges(given)
+    count, half_ranges = given.count(TEST_POINTS), simulation_angles.half_ranges(given)
     directions = spawned_angles(ANGLES, 1, count, half_ranges)[0]
     true = channel_centroids(simulation.cameras(given), simulation.rotations(given), directions)
     return np.asarray(noisy_centroids(true, given[f"{simulation.SETTINGS}#noise"], NOISE, 1)[0])

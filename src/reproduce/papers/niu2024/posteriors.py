@@ -41,7 +41,7 @@ from reproduce.papers.declare_posterior import (
     published_cells,
     simulated,
 )
-from reproduce.papers.niu2024 import angles, simulation, users_stars
+from reproduce.papers.niu2024 import simulation, simulation_angles, users_stars
 from reproduce.papers.niu2024.new_stars import (
     COMPARED,
     ESTIMATES,
@@ -77,7 +77,7 @@ def centroids(given: Given) -> FloatArray:
 
 def true_centroids(given: Given) -> FloatArray:
     """Noise-free centroids of green, red and blue, shape (3, n, 2), in px."""
-    table = angles.literal(given).angles
+    table = simulation_angles.literal(given).angles
     return channel_centroids(simulation.cameras(given), simulation.rotations(given), table)
 
 

@@ -3,7 +3,7 @@
 The text leaves several readings open. The literal one, written down some minutes before the first
 verdicts were:
 
-* the angles are those of `reproduce.papers.niu2024.angles.literal`;
+* the angles are those of `reproduce.papers.niu2024.simulation_angles.literal`;
 * centroids follow (21) to (23) with the imaging parameters of Table 1, principal points included,
   and the rotation angles of Table 2;
 * every coordinate of every channel gets its own Gaussian noise of the printed standard deviation,
@@ -13,10 +13,10 @@ verdicts were:
 * test points are directions at random, uniform over the printed range, imaged with the same noise;
 * the RMSE is (26): one number for both axes.
 
-Scales and rotations get one verdict under every reading that `reproduce.papers.niu2024.study` has,
-so the literal one judges them. The verdict on translations and residuals depends on the reading.
-These cells are blocked, with the readings that decide side by side; they were chosen after all of
-them had been computed.
+Scales and rotations get one verdict under every reading of `reproduce.papers.niu2024.readings`, so
+the literal one judges them. The verdict on translations and residuals depends on the reading. These
+cells are blocked, with the readings that decide side by side; they were chosen after all of them
+had been computed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from reproduce.papers.declare import (
     reproduces,
     split_seed,
 )
-from reproduce.papers.niu2024 import angles
+from reproduce.papers.niu2024 import simulation_angles
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import (
     channel_centroids,
@@ -49,6 +49,21 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+
+__all__ = [
+    "CHANNELS",
+    "IMAGING",
+    "OPTICS",
+    "READS",
+    "REGISTERED",
+    "SETTINGS",
+    "SHIFTS",
+    "TESTS",
+    "TRUTH",
+    "calibrations",
+    "cameras",
+    "rotations",
+]
 
 IMAGING = "niu2024/table-1"
 TRUTH = "niu2024/table-2"
@@ -70,7 +85,7 @@ NOISY = {
 }
 # What the text leaves open, as options of a rerun; the literal reading first.
 CALIBRATION = {
-    "angles": angles.ARRANGEMENTS,
+    "angles": simulation_angles.ARRANGEMENTS,
     "noise": {
         "every-channel": "the printed noise in every channel",
         "red-and-blue": "green, the reference, without noise",
@@ -97,7 +112,7 @@ TESTING = {
     },
 }
 READS = (
-    *angles.READS,
+    *simulation_angles.READS,
     IMAGING,
     f"{TRUTH}#rotation.*",
     f"{OPTICS}#pixel-pitch-x",
@@ -106,10 +121,7 @@ READS = (
 
 
 def cameras(given: Given, shifts: str = SHIFTS[0]) -> list[Camera]:
-    """Return the cameras of Table 1, under one reading of the principal points.
-
-    Green, red, blue.
-    """
+    """Return the cameras of Table 1, green, red and blue, under one reading of their shifts."""
     if shifts not in SHIFTS:
         raise ValueError(f"shifts: expected one of {SHIFTS}, got {shifts!r}")
 
@@ -130,10 +142,7 @@ def cameras(given: Given, shifts: str = SHIFTS[0]) -> list[Camera]:
 
 
 def rotations(given: Given) -> list[float]:
-    """Return the detectors' rotation angles against green.
-
-    Green, red, blue, in radians.
-    """
+    """Return the detectors' rotation angles against green: green, red, blue, in radians."""
     return [0.0, *(given[f"{TRUTH}#rotation.{channel}"] for channel in REGISTERED)]
 
 
@@ -142,7 +151,7 @@ def calibrations(
     seed: SeedSequence,
     replicates: int,
     *,
-    arrangement: str = angles.LITERAL,
+    arrangement: str = simulation_angles.LITERAL,
     shifts: str = SHIFTS[0],
     noise: str = "every-channel",
     repeats: int = 1,
@@ -155,7 +164,7 @@ def calibrations(
 
     Channel to its calibrated transforms, shape (replicates,).
     """
-    table = angles.arrangement(given, arrangement).angles
+    table = simulation_angles.arrangement(given, arrangement).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
     at_zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0))
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
@@ -195,7 +204,7 @@ def calibrated_parameters(
     seed: SeedSequence,
     replicates: int,
     *,
-    angles: str = angles.LITERAL,
+    angles: str = simulation_angles.LITERAL,
     noise: str = "every-channel",
     repeats: str = "one",
 ) -> Results:
@@ -223,7 +232,7 @@ def calibrated_translations(
     seed: SeedSequence,
     replicates: int,
     *,
-    angles: str = angles.LITERAL,
+    angles: str = simulation_angles.LITERAL,
     noise: str = "every-channel",
     repeats: str = "one",
 ) -> Results:
@@ -265,7 +274,7 @@ def residuals(
     seed: SeedSequence,
     replicates: int,
     *,
-    arrangement: str = angles.LITERAL,
+    arrangement: str = simulation_angles.LITERAL,
     shifts: str = SHIFTS[0],
     noise: str = "every-channel",
     repeats: int = 1,
@@ -287,9 +296,9 @@ def residuals(
     )
     count = given.count(f"{SETTINGS}#test-points")
     if tests == TESTS[0]:
-        points = spawned_angles(for_angles, replicates, count, angles.half_ranges(given))
+        points = spawned_angles(for_angles, replicates, count, simulation_angles.half_ranges(given))
     else:
-        table = angles.arrangement(given, arrangement).angles
+        table = simulation_angles.arrangement(given, arrangement).angles
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),)).argsort(axis=-1)
         points = table[order[:, :count]]
@@ -305,78 +314,46 @@ def residuals(
     }
 
 
-def both_axes(per_axis: FloatArray) -> FloatArray:
-    """Return the RMSE of (26) from that of each axis."""
-    return np.asarray(np.hypot(*np.moveaxis(per_axis, -1, 0)))
-
-
-def one_axis(per_axis: FloatArray) -> FloatArray:
-    """Return the RMSE of one axis on average from that of each."""
-    return np.asarray(both_axes(per_axis) / np.sqrt(2))
-
-
 DRAWS = {"one": 1, "ten": 10}
 SHIFTED = dict(zip(TRANSLATIONS["translations"], SHIFTS, strict=True))
 TESTED = dict(zip(TESTING["tests"], TESTS, strict=True))
 COUNTED: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "both": both_axes,
-    "one": one_axis,
+    "both": lambda per_axis: np.hypot(per_axis[..., 0], per_axis[..., 1]),
+    "one": lambda per_axis: np.hypot(per_axis[..., 0], per_axis[..., 1]) / np.sqrt(2),
     "x": lambda per_axis: per_axis[..., 0],
     "y": lambda per_axis: per_axis[..., 1],
 }
 RMSE_OPTIONS = CALIBRATION | TRANSLATIONS | TESTING
+
+
+def _deciding(
+    options: str, *readings: tuple[str, str, str]
+) -> list[tuple[str, str, dict[str, str]]]:
+    names = options.split()
+    return [
+        (name, at, dict(zip(names, choices.split(), strict=True))) for name, at, choices in readings
+    ]
+
+
 _SAME = "section 4.2, the same method as the calibration"
+_AXIS = "section 4.3, an RMSE per axis"
 # The readings that decide, before registration and after it: name, place, and what each one
 # chooses of the options; the others stay literal.
-DECIDING: dict[str, tuple[tuple[str, str, dict[str, str]], ...]] = {
-    "before": (
-        (
-            "shifts of Table 1, (26)",
-            "sections 4.1 and 4.2",
-            {"translations": "table-1", "rmse": "both", "tests": "range"},
-        ),
-        (
-            "shifts of Table 2, (26)",
-            "sections 4.1 and 4.2",
-            {"translations": "table-2", "rmse": "both", "tests": "range"},
-        ),
-        (
-            "shifts of Table 2, (26), tests among the angles",
-            _SAME,
-            {"translations": "table-2", "rmse": "both", "tests": "angles"},
-        ),
-        (
-            "shifts of Table 2, one axis",
-            "section 4.3, an RMSE per axis",
-            {"translations": "table-2", "rmse": "one", "tests": "range"},
-        ),
-        (
-            "shifts of Table 2, one axis, tests among the angles",
-            _SAME,
-            {"translations": "table-2", "rmse": "one", "tests": "angles"},
-        ),
+DECIDING = {
+    "before": _deciding(
+        "translations rmse tests",
+        ("shifts of Table 1, (26)", "sections 4.1 and 4.2", "table-1 both range"),
+        ("shifts of Table 2, (26)", "sections 4.1 and 4.2", "table-2 both range"),
+        ("shifts of Table 2, (26), tests among the angles", _SAME, "table-2 both angles"),
+        ("shifts of Table 2, one axis", _AXIS, "table-2 one range"),
+        ("shifts of Table 2, one axis, tests among the angles", _SAME, "table-2 one angles"),
     ),
-    "after": (
-        (
-            "noise in all channels, (26)",
-            "sections 4.1 and 4.2",
-            {"noise": "every-channel", "repeats": "one", "rmse": "both"},
-        ),
-        (
-            "green without noise, (26)",
-            "section 4.2, green as reference",
-            {"noise": "red-and-blue", "repeats": "one", "rmse": "both"},
-        ),
-        (
-            "ten draws averaged, (26)",
-            "section 3.1, ten repeats",
-            {"noise": "every-channel", "repeats": "ten", "rmse": "both"},
-        ),
-        (
-            "noise in all channels, one axis",
-            "section 4.3, an RMSE per axis",
-            {"noise": "every-channel", "repeats": "one", "rmse": "one"},
-        ),
+    "after": _deciding(
+        "noise repeats rmse",
+        ("noise in all channels, (26)", "sections 4.1 and 4.2", "every-channel one both"),
+        ("green without noise, (26)", "section 4.2, green as reference", "red-and-blue one both"),
+        ("ten draws averaged, (26)", "section 3.1, ten repeats", "every-channel ten both"),
+        ("noise in all channels, one axis", _AXIS, "every-channel one one"),
     ),
 }
 MISSING = {
@@ -395,7 +372,7 @@ MISSING = {
 )
 def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chosen: str) -> Results:
     """RMSE at test points before and after registration, under each reading that decides."""
-    literal = {name: next(iter(ways)) for name, ways in RMSE_OPTIONS.items()}
+    literal = {name: next(iter(choices)) for name, choices in RMSE_OPTIONS.items()}
     made: dict[tuple[str, ...], dict[str, tuple[FloatArray, FloatArray]]] = {}
 
     def found(setting: dict[str, str], channel: str, which: int) -> Prediction:
@@ -416,15 +393,17 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
     results: dict[str, Result] = {}
     for which, (when, deciding) in enumerate(DECIDING.items()):
         left = [
-            one for one in deciding if all(chosen.get(n, way) == way for n, way in one[2].items())
+            reading
+            for reading in deciding
+            if all(chosen.get(name, choice) == choice for name, choice in reading[2].items())
         ]
         for channel in REGISTERED:
             results[f"rmse-{when}-{channel}"] = (
                 Blocked(
                     MISSING[when],
                     readings=tuple(
-                        Reading(name, place, found(literal | ways | chosen, channel, which))
-                        for name, place, ways in left
+                        Reading(name, place, found(literal | choices | chosen, channel, which))
+                        for name, place, choices in left
                     ),
                 )
                 if left

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from reproduce.papers.declare import Blocked
-from reproduce.papers.niu2024 import alone, angles, laboratory
+from reproduce.papers.niu2024 import experiment, simulation_angles
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import registration_bound
 from reproduce.physics.registration.transforms import Registration, similarity_between
 from reproduce.printed.given import given
 
-DOOR = given([*laboratory.rmse_before.given, *laboratory.INSTRUMENT])
+DOOR = given([*experiment.rmse_before.given, *experiment.INSTRUMENT])
 PRINTED = {"red": (1.4027, 1.3986), "blue": (1.3584, 1.3416)}
 RESIDUAL = {"red": (0.2135, 0.2089), "blue": (0.2146, 0.2097)}
 
 
 @pytest.fixture(scope="module")
 def before():
-    return laboratory.rmse_before(DOOR, 3000)
+    return experiment.rmse_before(DOOR, 3000)
 
 
 def by_hand(scale, rotation, shift, half=(8.0, 6.0)):
@@ -46,14 +46,14 @@ def test_the_prediction_is_that_of_pencil_and_paper(before, channel, scale, rota
 
 
 def test_the_errors_add_up_to_the_printed_residuals():
-    errors = np.square(laboratory.centroid_errors(DOOR)[:, 0])
+    errors = np.square(experiment.centroid_errors(DOOR)[:, 0])
     for position, channel in enumerate(("red", "blue"), start=1):
         total = np.sqrt(errors[0] + errors[position])
         np.testing.assert_allclose(total, RESIDUAL[channel], rtol=1e-12)
 
 
 def test_green_has_half_of_the_mean_squared_residual():
-    errors = laboratory.centroid_errors(DOOR)[0, 0]
+    errors = experiment.centroid_errors(DOOR)[0, 0]
     expected = [(0.2135**2 + 0.2146**2) / 4, (0.2089**2 + 0.2097**2) / 4]
     np.testing.assert_allclose(errors**2, expected, rtol=1e-12)
 
@@ -61,7 +61,7 @@ def test_green_has_half_of_the_mean_squared_residual():
 def test_red_is_laid_over_green_by_the_printed_similarity():
     """Scale about the red principal point, which lies at the shift, and subtract the shift."""
     angles = np.radians([[3.0, 1.0], [-2.0, 0.5]])
-    green, red, _ = laboratory.registered_points(DOOR, angles)
+    green, red, _ = experiment.registered_points(DOOR, angles)
     shift, turn = -0.9178 + 0.9364j, np.exp(1j * np.radians(0.0219))
     laid = 0.9996 * turn * (red @ [1, 1j] - shift) + shift - shift
     np.testing.assert_allclose(laid, green @ [1, 1j], atol=1e-9)
@@ -69,7 +69,7 @@ def test_red_is_laid_over_green_by_the_printed_similarity():
 
 def field(across):
     """Table angles evenly over the field."""
-    x, y = np.meshgrid(*(np.linspace(-h, h, across) for h in laboratory.half_field(DOOR)))
+    x, y = np.meshgrid(*(np.linspace(-h, h, across) for h in experiment.half_field(DOOR)))
     return np.stack([x, y], axis=-1).reshape(-1, 2)
 
 
@@ -77,9 +77,9 @@ def field(across):
 def test_no_test_positions_bring_red_to_the_printed_value(by):
     """What the reason of the verdict says: even where the channels lie farthest apart."""
     if by == "registration":
-        true = laboratory.registered_points(DOOR, field(41))
+        true = experiment.registered_points(DOOR, field(41))
     else:
-        used, turns = laboratory.cameras(DOOR), laboratory.rotations(DOOR)
+        used, turns = experiment.cameras(DOOR), experiment.rotations(DOOR)
         true = channel_centroids(used, turns, field(41))
     farthest = np.square(true[1] - true[0]).sum(axis=-1).max()
     needed = np.square(PRINTED["red"]).sum() - np.square(RESIDUAL["red"]).sum()
@@ -88,7 +88,7 @@ def test_no_test_positions_bring_red_to_the_printed_value(by):
 
 def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
     """Registered with the printed scale, spots by the focal lengths leave over too much."""
-    true = channel_centroids(laboratory.cameras(DOOR), laboratory.rotations(DOOR), field(41))
+    true = channel_centroids(experiment.cameras(DOOR), experiment.rotations(DOOR), field(41))
     shift = (-0.9256, 1.0961)
     registered = Registration.similarity(1.0012, np.radians(-0.0351), shift, shift).apply(true[2])
     left = np.sqrt(np.square(registered - true[0]).mean(axis=0))
@@ -98,7 +98,7 @@ def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
 @pytest.mark.parametrize("by", ["registration", "focal lengths"])
 def test_red_differs_either_way_and_blue_by_the_focal_lengths_alone(before, by):
     """What the page says of the twin that the ledger does not use."""
-    other = laboratory.before_by_focal_lengths(DOOR, np.random.SeedSequence(5), 3000)
+    other = experiment.before_by_focal_lengths(DOOR, np.random.SeedSequence(5), 3000)
     found = before if by == "registration" else other
     for channel, printed in PRINTED.items():
         inside = []
@@ -109,7 +109,7 @@ def test_red_differs_either_way_and_blue_by_the_focal_lengths_alone(before, by):
 
 
 def test_the_stand_in_is_the_noise_of_two_channels():
-    found = laboratory.rmse_after(given(laboratory.rmse_after.given))
+    found = experiment.rmse_after(given(experiment.rmse_after.given))
     for result in found.values():
         assert isinstance(result, Blocked)
         # Equal distortions leave less than a thousandth of a pixel beside the noise.
@@ -118,24 +118,24 @@ def test_the_stand_in_is_the_noise_of_two_channels():
 
 def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     """Even with ten repeats averaged of the noise that the simulation has."""
-    door = given([*laboratory.INSTRUMENT, *angles.READS])
+    door = given([*experiment.INSTRUMENT, *simulation_angles.READS])
     seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
-    fits = alone.calibrated_alone(door, seed, 2000, error)
+    fits = experiment.calibrated_cameras(door, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
         draws = fits[channel].camera.radial_distortion
         assert draws.mean() == pytest.approx(coefficient, abs=4 * draws.std() / np.sqrt(2000))
-    apart = alone.distortion_range(door, seed, 2000, error)
+    apart = experiment.distortion_range(door, seed, 2000, error)
     assert (apart < 34.166 - 34.147).mean() < 0.01
 
 
 def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     """As precisely as the bound says; so the printed scales contradict the focal lengths."""
-    door = given([*laboratory.INSTRUMENT, *angles.READS, "niu2024/table-4#scale.*"])
+    door = given([*experiment.INSTRUMENT, *simulation_angles.READS, "niu2024/table-4#scale.*"])
     error, replicates = 0.05 / np.sqrt(10), 400
-    fits = alone.registered(door, np.random.SeedSequence(3), replicates, error)
-    used, turns = laboratory.cameras(door), laboratory.rotations(door)
-    true = channel_centroids(used, turns, angles.literal(door).angles)
-    for place, channel in enumerate(laboratory.REGISTERED, start=1):
+    fits = experiment.registrations(door, np.random.SeedSequence(3), replicates, error)
+    used, turns = experiment.cameras(door), experiment.rotations(door)
+    true = channel_centroids(used, turns, simulation_angles.literal(door).angles)
+    for place, channel in enumerate(experiment.REGISTERED, start=1):
         implied = similarity_between(used[place], turns[place], used[0])
         found = fits[channel].parameters
         bound = np.sqrt(registration_bound(true[place], implied, error, error).diagonal())
@@ -156,9 +156,9 @@ def test_both_axes_together_are_as_large_as_the_printed_values_of_red_and_not_of
 
 def test_the_printed_residuals_leave_the_scale_close_to_the_focal_lengths():
     """What the page says of the fit: with centroid errors so large, blue would still be close."""
-    door = given([*laboratory.INSTRUMENT, *angles.READS, "niu2024/table-4#scale.*"])
-    error = float(laboratory.centroid_errors(DOOR).max())
-    fits = alone.registered(door, np.random.SeedSequence(4), 400, error)
+    door = given([*experiment.INSTRUMENT, *simulation_angles.READS, "niu2024/table-4#scale.*"])
+    error = float(experiment.centroid_errors(DOOR).max())
+    fits = experiment.registrations(door, np.random.SeedSequence(4), 400, error)
     for channel, times in (("red", 2), ("blue", 10)):
         scatter = fits[channel].parameters[:, 0]
         apart = abs(door[f"niu2024/table-4#scale.{channel}"] - scatter.mean())

@@ -1,18 +1,27 @@
-"""Figures 3 and 5 of niu2024: the calibration set-up and the data acquisition.
+"""Figure 3 of niu2024, the calibration set-up, and the signs of the rotary table.
 
-Drawn from the captions and the text; the papers' own pictures were not at hand.
+Figure 3 is drawn from the caption and the text; the paper's own picture was not at hand. The turn
+and the field are drawn far too large, or nothing would be seen.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from reproduce.papers.declare import draws
-from reproduce.papers.niu2024.sketch import LOOKS
-from reproduce.papers.sketch import INK, arc, arrow, box, diagram, label, line
+from reproduce.papers.niu2024.figures.looks import image_axes
+from reproduce.papers.sketch import INK, arc, arrow, beside, box, canvas, diagram, label, line
+from reproduce.physics.optics.camera import ideal_positions
+from reproduce.physics.optics.rotary import starlight
+from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TURN, FOCAL = float(np.radians(20.0)), 7.0
 
 
 @draws("niu2024/fig-3")
@@ -57,25 +66,27 @@ def _table(axes: Axes) -> None:
     arc(axes, (16.4, 5.6), 0.4, (-140.0, 140.0), head=True)
 
 
-@draws("niu2024/fig-5")
-@diagram(17.2, 10.0)
-def draw_acquisition(axes: Axes) -> None:
-    """Data acquisition: simulated starlight of a chosen band and magnitude, three images."""
-    box(axes, (8.6, 6.45), (16.8, 6.5), width=0.8)
-    label(axes, (0.6, 9.2), "dark room", ha="left", style="italic")
-    box(axes, (2.9, 6.3), (4.9, 2.2), "single-star simulator:\nband and magnitude\ncan be chosen")
-    arrow(axes, (5.35, 6.3), (7.4, 6.3))
-    label(axes, (6.4, 6.75), "starlight")
-    box(axes, (10.0, 6.3), (5.0, 4.4), width=1.5)
-    label(axes, (10.0, 8.95), "two-axis rotary table")
-    box(axes, (10.0, 6.3), (4.4, 2.0), "3CMOS camera on\nthe middle frame")
-    box(axes, (14.9, 6.3), (3.6, 4.8), style=":", width=0.8)
-    for look, y in zip(LOOKS.values(), (7.9, 6.3, 4.7), strict=True):
-        box(axes, (14.9, y), (3.0, 1.0), f"{look.name} image", look)
-        axes.plot([16.2], [y], look.marker, color=look.colour, markersize=4)
-        arrow(axes, (12.5, 6.3), (13.4, y), look)
-    box(axes, (10.0, 1.5), (3.6, 1.5), "trajectory\nof the table")
-    arrow(axes, (10.0, 2.25), (10.0, 4.1))
-    box(axes, (14.8, 1.5), (4.0, 1.5), "spots and angles\nare recorded")
-    arrow(axes, (11.8, 1.5), (12.8, 1.5))
-    arrow(axes, (14.8, 3.9), (14.8, 2.25))
+def table_spots() -> dict[str, FloatArray]:
+    """Return where the star's spot stands after a positive turn of either frame of the table.
+
+    Name of the angle to the spot, shape (2,), from the principal point.
+    """
+    turns = {"φ_1": (TURN, 0.0), "φ_2": (0.0, TURN)}
+    return {name: ideal_positions([starlight(*turn)], FOCAL)[0] for name, turn in turns.items()}
+
+
+def draw_table(figure: Figure) -> None:
+    """Where the spot of the one star goes when a frame of the rotary table turns."""
+    axes = canvas(figure, 12.0, 7.6, 5.6)
+    centre = np.array([6.0, 3.0])
+    box(axes, centre, (9.6, 5.2))
+    label(axes, (10.6, 0.75), "detector", ha="right")
+    image_axes(axes, (1.7, 0.9), 1.0)
+    axes.plot(*centre, "*", color="#000000", markersize=12)
+    label(axes, beside(centre, 0.4, -0.35), "both angles zero", ha="left")
+    for name, spot in table_spots().items():
+        arrow(axes, centre, centre + spot, width=2.0)
+        axis = int(np.abs(spot).argmax())
+        towards = f"{'+' if spot[axis] > 0 else '−'}{'xy'[axis]}"
+        text = f"${name} > 0$: towards ${towards}$"
+        label(axes, centre + spot + ([0.0, 0.4] if axis else [0.6, 0.45]), text)

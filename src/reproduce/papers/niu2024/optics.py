@@ -1,4 +1,4 @@
-"""The camera of niu2024: what its data sheet numbers imply."""
+"""The optics of niu2024: what the data sheet numbers of its camera imply."""
 
 from __future__ import annotations
 

@@ -1,31 +1,32 @@
 """Simulated images: spots where the geometry puts them, errors that theory predicts."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
-from reproduce.papers.niu2024 import colours, fusion, images, laboratory
+from reproduce.papers.niu2024 import experiment, images, images_fusion
 from reproduce.physics.images.centroid_theory import cramer_rao_variance
 from reproduce.physics.images.spots import window_corners
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.printed.given import given
-from reproduce.store import studies
 from reproduce.store.stars import spectra
 
 DOOR = given(images.READS)
-LIKELY = fusion.METHODS.index("maximum likelihood")
+LIKELY = images_fusion.LIKELY
 DARK = images.SENSOR.noise_electrons()
 ETA = images.SENSOR.quantum_efficiency
 
 
 @pytest.fixture(scope="module")
 def stored():
-    return studies.read("niu2024-fusion").arrays
+    return images_fusion.stored().arrays
 
 
 @pytest.fixture(scope="module")
 def sky():
     generator = np.random.default_rng(4)
-    half = 0.95 * np.array(laboratory.half_field(DOOR))
+    half = 0.95 * np.array(experiment.half_field(DOOR))
     # On a grid, so that no two spots meet.
     x, y = np.meshgrid(np.linspace(-1, 1, 8), np.linspace(-1, 1, 5))
     angles = np.stack([x.ravel(), y.ravel()], axis=-1) * half
@@ -34,17 +35,17 @@ def sky():
 
 
 def spots(place):
-    angles = place * np.array(laboratory.half_field(DOOR))
-    return channel_centroids(images.cameras(DOOR), laboratory.rotations(DOOR), angles[None])[:, 0]
+    angles = place * np.array(experiment.half_field(DOOR))
+    return channel_centroids(images.cameras(DOOR), experiment.rotations(DOOR), angles[None])[:, 0]
 
 
 def photons(magnitude, star="solar"):
-    return fusion.light_of(DOOR, star, magnitude)
+    return images_fusion.light_of(DOOR, star, magnitude)
 
 
 @pytest.fixture(scope="module")
 def frame():
-    return colours.of_a_frame(DOOR)
+    return images.colours_of_a_frame(DOOR)
 
 
 def test_a_magnitude_4_star_by_hand():
@@ -92,11 +93,11 @@ def test_bright_stars_saturate():
 
 
 def test_stars_are_blackbodies_cool_solar_and_hot_and_tables():
-    heats = [value for value in fusion.STARS.values() if not isinstance(value, str)]
+    heats = [value for value in images_fusion.STARS.values() if not isinstance(value, str)]
     assert min(heats) < 4000 < 5500 < 6000 < 10000 < max(heats)
-    assert sum(isinstance(value, str) for value in fusion.STARS.values()) == 2
+    assert sum(isinstance(value, str) for value in images_fusion.STARS.values()) == 2
     np.testing.assert_array_equal(
-        photons(2.5), images.star_photons(DOOR, [2.5], [fusion.TEMPERATURE])[:, 0]
+        photons(2.5), images.star_photons(DOOR, [2.5], [images_fusion.TEMPERATURE])[:, 0]
     )
 
 
@@ -122,8 +123,8 @@ def test_vega_has_the_colours_of_a_blackbody_hotter_than_itself():
 
 def test_green_alone_reaches_the_cramer_rao_bound(stored):
     """Root mean square over both axes, at the middle of the field, within the trials' luck."""
-    for i, star in enumerate(fusion.STARS):
-        for j, magnitude in enumerate(fusion.MAGNITUDES):
+    for i, star in enumerate(images_fusion.STARS):
+        for j, magnitude in enumerate(images_fusion.MAGNITUDES):
             offsets = np.random.default_rng(1).uniform(0, 1, (64, 2))
             at = 20 + offsets
             corners = window_corners(at, images.WINDOW)
@@ -137,19 +138,22 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
 
 def test_without_registration_the_centre_lies_between_the_spots(stored):
     """By hand: the mean of the three positions, weighted with their light; it knows the colour."""
-    for i, star in enumerate(fusion.STARS):
-        for j, place in enumerate(fusion.PLACES):
+    for i, star in enumerate(images_fusion.STARS):
+        for j, place in enumerate(images_fusion.PLACES):
             where, light = spots(place), photons(4.0, star)
             expected = np.hypot(*((light[:, None] * where).sum(axis=0) / light.sum() - where[0]))
             found = stored["bias"][i, j, :, 1, LIKELY]
             np.testing.assert_allclose(found, expected, rtol=0.12, err_msg=f"{star}, {place}")
     corner = stored["bias"][:, -1, :, 1, LIKELY].mean(axis=-1)
-    assert corner[list(fusion.STARS).index("cool")] > 1.25 * corner[list(fusion.STARS).index("hot")]
+    assert (
+        corner[list(images_fusion.STARS).index("cool")]
+        > 1.25 * corner[list(images_fusion.STARS).index("hot")]
+    )
 
 
 def test_with_registration_the_gain_is_the_root_of_the_light(stored):
     """Photon noise by hand, for every star; dark pixels take a little of it away."""
-    for i, star in enumerate(fusion.STARS):
+    for i, star in enumerate(images_fusion.STARS):
         light = photons(4.0, star)
         expected = np.sqrt(light.sum() / light[0])
         gain = stored["signal_to_noise"][i, ..., 2] / stored["signal_to_noise"][i, ..., 0]
@@ -182,25 +186,43 @@ def test_every_star_of_a_frame_has_its_colour_and_an_honest_error(frame):
 
 def test_stars_close_together_are_left_out():
     positions = np.array([[100.0, 100.0], [108.0, 100.0], [300.0, 100.0]])
-    np.testing.assert_array_equal(colours.alone(positions), [False, False, True])
+    np.testing.assert_array_equal(images.isolated(positions), [False, False, True])
 
 
 @pytest.mark.parametrize("star", ["solar", "Vega"])
 def test_one_cell_is_recomputed_whole(stored, star):
-    row = list(fusion.STARS).index(star)
-    seed = np.random.SeedSequence(fusion.SEED, spawn_key=(row, 2, 3))
-    light = photons(fusion.MAGNITUDES[3], star)
-    found = fusion.cell(DOOR, fusion.PLACES[2], light, fusion.TRIALS, seed)
+    row = list(images_fusion.STARS).index(star)
+    seed = np.random.SeedSequence(images_fusion.SEED, spawn_key=(row, 2, 3))
+    light = photons(images_fusion.MAGNITUDES[3], star)
+    found = images_fusion.cell(DOOR, images_fusion.PLACES[2], light, images_fusion.TRIALS, seed)
     for name in ("error", "bias", "signal_to_noise", "colour"):
         np.testing.assert_allclose(getattr(found, name), stored[name][row, 2, 3], atol=1e-9)
 
 
 def test_a_smaller_run_says_the_same(stored):
-    """With a tenth of the trials: the same to within its own luck."""
-    found = fusion.simulate(DOOR, 6)
+    """With a tenth of the trials, on threads: the same to within its own luck."""
+    with ThreadPoolExecutor(2) as pool:
+        found = images_fusion.simulate(6, executor=pool)
+    seed = np.random.SeedSequence(images_fusion.SEED, spawn_key=(1, 2, 3))
+    place, light = images_fusion.PLACES[2], photons(images_fusion.MAGNITUDES[3])
+    for name, array in vars(images_fusion.cell(DOOR, place, light, 6, seed)).items():
+        np.testing.assert_array_equal(getattr(found, name)[1, 2, 3], array)
     large = stored["error"][..., 1, LIKELY]
     np.testing.assert_allclose(found.error[..., 1, LIKELY], large, rtol=0.1)
     ratio = found.error[..., 2, LIKELY] / stored["error"][..., 2, LIKELY]
     assert ratio.min() > 0.6
     assert ratio.max() < 1.6
     assert np.median(ratio) == pytest.approx(1, abs=0.1)
+
+
+def test_the_tables_have_a_row_for_every_star():
+    stars, magnitudes = len(images_fusion.STARS), len(images_fusion.MAGNITUDES)
+    centroids, colours = images_fusion.centroids(), images_fusion.star_colours()
+    assert len(centroids) == stars * len(images_fusion.PLACES) * magnitudes * 3
+    assert len(colours) == stars * magnitudes
+    names = [images_fusion.named(star) for star in images_fusion.STARS]
+    assert list(centroids["Star"].unique()) == list(colours["Star"].unique()) == names
+    row = centroids.query("Star.str.startswith('Vega') and Place == 'corner'").iloc[-1]
+    stored = images_fusion.stored().arrays
+    assert row["Bias, maximum likelihood (px)"] == stored["bias"][-1, -1, -1, -1, LIKELY]
+    assert row["Signal over noise"] == stored["signal_to_noise"][-1, -1, -1, -1]

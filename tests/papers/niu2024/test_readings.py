@@ -1,13 +1,19 @@
 """The simulation under every reading: against the ledger's own, theory, and what is stored."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
+from reproduce.inference.parts import Store
 from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
 from reproduce.papers.declare import Reading
-from reproduce.papers.niu2024 import angles, counting, simulation, study
+from reproduce.papers.niu2024 import readings, simulation, simulation_angles
+from reproduce.papers.niu2024.figures import readings as drawings
+from reproduce.papers.study import LEAST_DRAWS
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import (
     calibrate,
@@ -17,26 +23,25 @@ from reproduce.physics.registration.calibration import (
 from reproduce.physics.registration.transforms import similarity_between
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
-from reproduce.store import studies
 
-DOOR = given(study.READS)
-READINGS = study.readings(DOOR)
-LITERAL = READINGS.index(study.literal(DOOR))
+DOOR = given(readings.READS)
+READINGS = readings.readings(DOOR)
+LITERAL = READINGS.index(readings.literal(DOOR))
 
 
 @pytest.fixture(scope="module")
 def stored():
-    return studies.read("niu2024-readings")
+    return readings.stored()
 
 
 @pytest.fixture(scope="module")
 def drawn():
-    return study.simulate(DOOR, 400)
+    return readings.simulate(DOOR, 400)
 
 
 def place(**choices):
     """Return the place of the literal reading with some choices changed."""
-    return READINGS.index(study.Reading(**{**vars(READINGS[LITERAL]), **choices}))
+    return READINGS.index(readings.Choices(**{**vars(READINGS[LITERAL]), **choices}))
 
 
 def test_there_is_a_reading_for_every_combination_of_choices():
@@ -65,13 +70,13 @@ def test_the_ledgers_readings_are_those_of_the_study(drawn):
     choices["shifts of Table 2, (26), tests among the angles"] = (among, "both axes")
     choices["shifts of Table 2, one axis, tests among the angles"] = (among, "one axis on average")
     for channel_place, channel in enumerate(simulation.REGISTERED):
-        for cell_place, cell in enumerate(counting.CELLS):
+        for cell_place, cell in enumerate(readings.CELLS):
             name = f"{cell}-{channel}" if cell.startswith("rmse") else f"{cell}.{channel}"
             result = results[name]
             literal = [Reading("principal points of Table 1", "", result)]
             for reading in getattr(result, "readings", literal):
-                changed, way = choices[reading.name]
-                ours = counting.counted(drawn[place(**changed)], way)
+                changed, axes = choices[reading.name]
+                ours = readings.counted(readings.summarised(drawn[place(**changed)]), axes)
                 found = ks_2samp(ours[:, channel_place, cell_place], reading.result.draws)
                 assert found.pvalue > 1e-3, (name, reading.name)
 
@@ -88,11 +93,11 @@ def test_a_verdict_of_the_simulation_holds_under_every_reading_or_the_cell_is_bl
 
 def test_the_closed_form_is_the_end_of_the_papers_iteration():
     """Also where the zero position is not among the angles."""
-    few = study.numbers(DOOR, 2)
-    every = study.simulate(DOOR, 2)
-    names = [found.offset for found in angles.candidates(DOOR)]
+    few = readings.numbers(DOOR, 2)
+    every = readings.simulate(DOOR, 2)
+    names = [found.offset for found in simulation_angles.candidates(DOOR)]
     for arrangement in (names.index("centred"), names.index("half a spacing along both")):
-        table = angles.candidates(DOOR)[arrangement].angles
+        table = simulation_angles.candidates(DOOR)[arrangement].angles
         used = simulation.cameras(DOOR, "Table 1")
         true = channel_centroids(used, simulation.rotations(DOOR), table)
         measured = true + 0.05 * few.calibration
@@ -108,7 +113,7 @@ def test_the_closed_form_is_the_end_of_the_papers_iteration():
 
 
 def test_replicates_depend_neither_on_how_many_nor_on_where_they_begin(drawn):
-    np.testing.assert_array_equal(study.simulate(DOOR, 2, first=7), drawn[:, 7:9])
+    np.testing.assert_array_equal(readings.simulate(DOOR, 2, first=7), drawn[:, 7:9])
 
 
 def test_averages_of_ten_scatter_by_the_root_of_ten_less(drawn):
@@ -134,7 +139,7 @@ def test_noise_in_green_alone_moves_both_channels_alike_and_noise_in_the_others_
 
 def test_what_green_alone_leaves_of_the_table_by_hand():
     """It is the noise of green, averaged: red and blue get the same shift, printed ones differ."""
-    red, blue = study.simulate(DOOR, 5)[place(noisy="green", shifts="Table 2")].swapaxes(0, 1)
+    red, blue = readings.simulate(DOOR, 5)[place(noisy="green", shifts="Table 2")].swapaxes(0, 1)
     moved = [c[:, 2:4] - t for c, t in ((red, (0.3, 0.5)), (blue, (-0.4, -0.6)))]
     np.testing.assert_allclose(moved[0], moved[1], atol=5e-5)
     printed = np.array([[0.3012, 0.5024], [-0.4032, -0.5986]]) - [[0.3, 0.5], [-0.4, -0.6]]
@@ -149,17 +154,12 @@ def test_every_way_of_counting_the_axes():
         "x alone": (0.3, 0.05),
         "y alone": (0.4, 0.12),
     }
-    assert set(expected) == set(counting.COUNTED)
-    for way, residuals in expected.items():
-        np.testing.assert_allclose(counting.counted(measured, way)[0], [1, 2, 3, 4, *residuals])
-        # Of a single draw every quantile is the draw itself.
-        levels = counting.summarised(measured)
-        found = counting.quantiles_counted(levels, way)
-        np.testing.assert_allclose(found, counting.counted(measured, way))
+    assert set(expected) == set(readings.COUNTED)
+    for axes, residuals in expected.items():
+        found = readings.counted(readings.summarised(measured), axes)
+        np.testing.assert_allclose(found[0], [1, 2, 3, 4, *residuals])
     with pytest.raises(ValueError, match="y alone"):
-        counting.counted(measured, "radial")
-    with pytest.raises(ValueError, match="y alone"):
-        counting.quantiles_counted(counting.summarised(measured), "radial")
+        readings.counted(readings.summarised(measured), "radial")
 
 
 def test_the_translations_of_table_2_come_out_where_they_go_in(drawn):
@@ -169,7 +169,7 @@ def test_the_translations_of_table_2_come_out_where_they_go_in(drawn):
 
 
 def test_test_points_among_the_angles_are_never_drawn_twice():
-    chosen = study.numbers(DOOR, 30).chosen
+    chosen = readings.numbers(DOOR, 30).chosen
     assert chosen.shape == (30, 52)
     assert all(len(set(row)) == 52 for row in chosen.tolist())
     assert chosen.min() >= 0
@@ -178,7 +178,7 @@ def test_test_points_among_the_angles_are_never_drawn_twice():
 
 
 def test_the_stored_replicates_are_recomputed(stored):
-    np.testing.assert_allclose(study.simulate(DOOR, 3), stored.arrays["first"][:, :3], atol=1e-9)
+    np.testing.assert_allclose(readings.simulate(DOOR, 3), stored.arrays["first"][:, :3], atol=1e-9)
 
 
 def test_the_stored_moments_are_those_of_a_small_run(stored, drawn):
@@ -187,21 +187,21 @@ def test_the_stored_moments_are_those_of_a_small_run(stored, drawn):
     assert (np.abs(drawn.mean(axis=1) - mean) < 5.5 * sd / np.sqrt(count)).all()
     np.testing.assert_allclose(drawn.std(axis=1), sd, rtol=5.5 / np.sqrt(2 * count))
     middle = stored.arrays["quantiles"][:, 2]
-    below = (counting.summarised(drawn) < middle[:, None]).mean(axis=1)
+    below = (readings.summarised(drawn) < middle[:, None]).mean(axis=1)
     assert (np.abs(below - 0.5) < 5.5 * 0.5 / np.sqrt(count)).all()
 
 
 def test_the_stored_tails_are_those_of_a_small_run(stored, drawn):
     wanted = [LITERAL, place(shifts="Table 2"), place(shifts="Table 2", tests="among the angles")]
-    found = judged.compare(drawn[wanted])
+    found = judged.stacked(map(judged.compare, drawn[wanted]))
     tails = stored.arrays["tails"][wanted]
     error = 2 * np.sqrt(tails / 2 * (1 - tails / 2) / drawn.shape[1]) + 3 / drawn.shape[1]
-    assert (np.abs(found.tails - tails) < 5 * error).all()
+    assert (np.abs(found["tails"] - tails) < 5 * error).all()
     # A standard deviation from 400 draws is good to 3.5 %. (The powers of the residuals are not,
     # far out; the stored ones come from 25 times as many draws.)
     parameters = list(judged.GROUPS).index("Table 3")
     distance = stored.arrays["distance"][wanted][..., parameters]
-    np.testing.assert_allclose(found.distance[..., parameters], distance, rtol=5 * 0.035)
+    np.testing.assert_allclose(found["distance"][..., parameters], distance, rtol=5 * 0.035)
 
 
 def test_the_law_of_the_draws_agrees_with_their_count(stored):
@@ -212,7 +212,7 @@ def test_the_law_of_the_draws_agrees_with_their_count(stored):
     # The count has its luck; the law, of a shape that is nearly but not quite Gaussian, its error.
     luck = np.sqrt(2 * tails / 10_000)
     assert (np.abs(law - tails) < 5 * luck + 0.1 * tails)[many].all()
-    few = ~many & (tails * 10_000 > judged.LEAST)
+    few = ~many & (tails * 10_000 > LEAST_DRAWS)
     assert few.sum() > 50
     assert (np.abs(np.log10(law / np.maximum(tails, 1e-9))) < 0.5)[few].all()
 
@@ -222,7 +222,7 @@ def test_where_counting_ends_the_law_takes_over(stored):
     for counted, law in (("tails", "law_tails"), ("joint", "law_joint")):
         arrays = stored.arrays[counted], stored.arrays[law]
         found = judged.resolved(*arrays, 10_000)
-        beyond = arrays[0] * 10_000 < judged.LEAST
+        beyond = arrays[0] * 10_000 < LEAST_DRAWS
         np.testing.assert_array_equal(found[beyond], 10.0 ** arrays[1][beyond])
         np.testing.assert_array_equal(found[~beyond], arrays[0][~beyond])
     assert stored.arrays["law_joint"][..., -1].max() < -30, "no reading explains all cells"
@@ -232,7 +232,7 @@ def test_the_scheme_reaches_the_cramer_rao_bound(stored):
     """Within what 10,000 replicates can tell, for both channels and all parameters."""
     used = simulation.cameras(DOOR, "Table 1")
     turns = simulation.rotations(DOOR)
-    true = channel_centroids(used, turns, angles.literal(DOOR).angles)
+    true = channel_centroids(used, turns, simulation_angles.literal(DOOR).angles)
     for position in (1, 2):
         truth = similarity_between(used[position], turns[position], used[0])
         bound = registration_bound(true[position], truth, 0.05, 0.05).diagonal()
@@ -244,7 +244,7 @@ def test_no_reading_makes_the_printed_scales_likely(stored):
     """By hand: the scale's error is noise over the root of the spots' squared distances."""
     tails = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000)
     assert tails[..., judged.SCALE].max() < 1e-12
-    reach = np.square(angles.literal(DOOR).angles * 25e-3 / 3.45e-6).sum()
+    reach = np.square(simulation_angles.literal(DOOR).angles * 25e-3 / 3.45e-6).sum()
     sd = 0.05 * np.sqrt(2) / np.sqrt(reach)
     assert 15 * sd < 0.9976 - 0.9973 - 0.00005
 
@@ -275,3 +275,105 @@ def test_correction_for_many_readings():
 def test_unknown_shifts_are_refused():
     with pytest.raises(ValueError, match="Table 2"):
         simulation.cameras(DOOR, "Table 3")
+
+
+def test_all_starts_end_at_one_point():
+    own, restarted = drawings.convergence()
+    ends = np.broadcast_to(own.parameters, restarted.parameters.shape)
+    np.testing.assert_allclose(restarted.parameters, ends, atol=1e-9)
+    distance = drawings.distance_to_end(restarted)
+    assert (distance[0] > 10).all()
+    assert (distance[-2] < 1e-6).all()
+
+
+def test_the_drawing_of_the_distributions_shows_the_stored_quantiles_and_the_print():
+    figure = Figure()
+    drawings.draw_distributions(figure, judged.printed_values())
+    levels = readings.stored().arrays["quantiles"]
+    chosen = list(drawings.chosen().values())
+    assert len(set(chosen)) == len(chosen) == 10
+    for place, axes in enumerate(figure.axes):
+        cell, channel = divmod(place, 2)
+        bars, dashed = axes.lines[:-1:2], axes.lines[-1]
+        for bar, (number, axes_counted) in zip(bars, chosen, strict=True):
+            expected = readings.counted(levels[number], axes_counted)[[0, -1], channel, cell]
+            np.testing.assert_allclose(bar.get_xdata(), expected * (1e3 if cell == 1 else 1))
+        printed = judged.printed_values()[channel * 6 + cell]
+        np.testing.assert_allclose(dashed.get_xdata(), printed * (1e3 if cell == 1 else 1))
+    assert judged.printed_values()[:2] == pytest.approx([0.9973, np.radians(0.0698)])
+
+
+def test_what_the_book_says_of_the_distributions():
+    """Which bars hold the print, by the quantiles: scales none, rotations nearly all, and so on."""
+    levels = readings.stored().arrays["quantiles"]
+    chosen = drawings.chosen()
+    print_, inside = np.reshape(judged.printed_values(), (2, 6)), {}
+    for name, (number, way) in chosen.items():
+        bars = readings.counted(levels[number], way)
+        inside[name] = (bars[0] <= print_) & (print_ <= bars[-1])
+    held = np.array(list(inside.values()))
+    shifted = ["Table 2" in name for name in chosen]
+    assert not held[..., 0].any(), "scales"
+    assert held[..., 1].mean() > 0.8, "rotations"
+    np.testing.assert_array_equal(held[..., 2:4].all(axis=(1, 2)), shifted)
+    one_axis = [n for n, (_, way) in chosen.items() if way != "both axes"]
+    assert [n for n in chosen if inside[n][:, 5].all()] == one_axis
+
+
+def test_every_reading_has_its_row_and_every_cell_its_probability(stored):
+    table = judged.probabilities()
+    assert len(table) == len(READINGS) * len(readings.COUNTED)
+    assert table["Angles"].nunique() == 9
+    first = table.iloc[0]
+    assert (first["Angles"], first["RMSE of"]) == (
+        simulation_angles.literal(DOOR).name,
+        readings.COUNTED[0],
+    )
+    labels = [f"{n}, {c}" for c in ("red", "blue") for n in ("k", "θ", "Δx", "Δy")]
+    tails = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"])
+    places = [0, 1, 2, 3, 6, 7, 8, 9]
+    np.testing.assert_array_equal(table[labels], tails.reshape(-1, 12)[:, places])
+    assert (table["Cells outside"] == (tails < 0.01).sum(axis=-1).ravel()).all()
+    assert (table["p, all, corrected"] <= 864 * table["p, all"]).all()
+
+
+def test_the_bound_of_corrected_probabilities_is_that_of_the_law_times_the_readings():
+    tried = len(READINGS) * len(readings.COUNTED)
+    assert np.ceil(np.log10(tried)) == np.log10(judged.LEAST_CORRECTED / judged.LEAST)
+
+
+def test_the_closest_readings_stand_with_their_distance():
+    table = judged.closest()
+    assert list(table["Reading"])[:2] == ["the literal one", "fewest cells outside"]
+    assert len(table) == 2 + len(judged.GROUPS)
+    distances = table[[f"Distance, {group} (σ)" for group in judged.GROUPS]].to_numpy()
+    assert (distances[:, -1] >= distances.max(axis=1)).all(), "farther out than any part"
+    assert table["Cells outside"].min() == table["Cells outside"][1]
+
+
+def test_the_distribution_of_every_number_stands_for_every_reading(stored):
+    table = readings.distributions()
+    assert len(table) == len(READINGS)
+    quantiles = stored.arrays["quantiles"][LITERAL]
+    assert table["blue: Δy (px)"][LITERAL] == quantiles[2, 1, 3]
+    half = (quantiles[-1, 1, -1] - quantiles[0, 1, -1]) / 2
+    assert table["blue: after (px), half width"][LITERAL] == half
+
+
+def test_the_scheme_is_as_efficient_as_replicates_can_tell():
+    table = readings.scheme_precision()
+    assert list(table["Channel"]) == ["red"] * 4 + ["blue"] * 4
+    off = (table["Efficiency"] - 1) / table["Efficiency, error"]
+    assert (off.abs() < 5).all()
+    bias = (table["Bias"] - table["Bias by theory"]) / table["Bias, error"]
+    assert (bias.abs() < 5).all()
+
+
+def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path):
+    store = Store(tmp_path, {"replicates": 4})
+    with ThreadPoolExecutor(2) as pool:
+        drawn = readings.all_draws(4, pool, store)
+    np.testing.assert_array_equal(drawn, readings.simulate(DOOR, 4))
+    assert len(list(tmp_path.glob("part-*.npz"))) == 4
+    (tmp_path / "part-2.npz").unlink()
+    np.testing.assert_array_equal(readings.all_draws(4, None, store), drawn)

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.niu2024 import costs
+from reproduce.papers.niu2024 import approximations
 from reproduce.papers.niu2024.simulation import REGISTERED
+from reproduce.papers.study import Fact
 from reproduce.physics.registration.approximations import EFFECTS, even_positions
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
@@ -16,13 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TITLES = {
-    "coefficients": "unequal coefficients",
-    "cube": "k³ for k",
-    "pivot": "green's pivot",
-    "tilt": "tilt",
-    "second term": "second radial term",
-}
 ACROSS = 60
 
 
@@ -36,22 +30,12 @@ def draw_table_4(figure: Figure) -> None:
     _maps(figure, "Table 4")
 
 
-def facts_table_1() -> dict[str, str]:
-    """Return the largest error of every map for Table 1; see `facts_table_4`."""
-    return _facts("Table 1")
-
-
-def facts_table_4() -> dict[str, str]:
-    """Return the largest error of every map for Table 4.
-
-    ``EFFECT-CHANNEL`` to a length in px.
-    """
-    return _facts("Table 4")
-
-
-def _facts(table: str) -> dict[str, str]:
+def facts(table: str) -> dict[str, Fact]:
+    """Return the largest error of every map of a table, ``EFFECT-CHANNEL``."""
     return {
-        f"{effect}-{channel}".replace(" ", "-"): f"{_length(table, channel, effect).max():.1g} px"
+        f"{effect}-{channel}".replace(" ", "-"): Fact(
+            _length(table, channel, effect).max(), ".1g", "px"
+        )
         for effect in EFFECTS
         for channel in REGISTERED
     }
@@ -59,9 +43,11 @@ def _facts(table: str) -> dict[str, str]:
 
 def _length(table: str, channel: str, effect: str) -> FloatArray:
     """Return the length of an error over the field, shape (ACROSS, ACROSS), in px."""
-    door = given(costs.READS)
-    positions = even_positions(costs.half_size(door), ACROSS)
-    error = costs.isolated_error(costs.channels(door, table, channel), effect, positions)
+    door = given(approximations.READS)
+    positions = even_positions(approximations.half_size(door), ACROSS)
+    error = approximations.isolated_error(
+        approximations.channels(door, table, channel), effect, positions
+    )
     return np.asarray(np.hypot(error[:, 0], error[:, 1]).reshape(ACROSS, ACROSS))
 
 
@@ -78,11 +64,13 @@ def _maps(figure: Figure, table: str) -> None:
 
 
 def _map(axes: Axes, table: str, channel: str, effect: str) -> None:
-    positions = even_positions(costs.half_size(given(costs.READS)), ACROSS) * 1e3
+    positions = even_positions(approximations.half_size(given(approximations.READS)), ACROSS) * 1e3
     x, y = positions.reshape(ACROSS, ACROSS, 2).transpose(2, 0, 1)
     length = _length(table, channel, effect)
     axes.set(aspect="equal")
-    axes.set_title(f"{TITLES[effect]}, {channel}: up to {length.max():.1g} px", fontsize=8.5)
+    axes.set_title(
+        f"{approximations.TITLES[effect]}, {channel}: up to {length.max():.1g} px", fontsize=8.5
+    )
     if np.ptp(length) < 1e-6 * length.max():  # nothing to draw lines through
         axes.text(0, 0, "the same everywhere", ha="center", va="center")
         return

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from reproduce.papers.niu2024 import angles, camera, simulation
+from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.niu2024.figures import simulation as drawings
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.printed.cells import find
@@ -26,12 +27,12 @@ def prediction():
 
 
 def noiseless():
-    table = angles.literal(DOOR).angles
+    table = simulation_angles.literal(DOOR).angles
     return channel_centroids(simulation.cameras(DOOR), simulation.rotations(DOOR), table)
 
 
 def test_the_arrangement_has_the_printed_count_and_the_zero_position():
-    found = angles.literal(DOOR).angles
+    found = simulation_angles.literal(DOOR).angles
     assert len(found) == 137
     assert np.isclose(found, 0).all(axis=1).sum() == 1
     steps = np.degrees(np.diff(np.unique(found[:, 0].round(12))))
@@ -49,7 +50,7 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
     monkeypatch.setattr(simulation, "channel_centroids", seen)
     simulation.calibrations(DOOR, SEED, 1)
     figure = Figure()
-    angles.draw(figure, {})
+    drawings.draw(figure, {})
     points = figure.axes[0].lines[0]
     drawn = np.column_stack([points.get_xdata(), points.get_ydata()])
     np.testing.assert_array_equal(drawn, np.degrees(used[0]))
@@ -72,7 +73,9 @@ def test_the_translations_of_table_2_carry_the_whole_calibration_along():
 
 def test_the_arrangements_with_137_angles():
     """Pencil and paper: lattice points in a circle of radius 6/0.9, and 11 x 7 + 10 x 6."""
-    names = [(c.lattice.split(",")[0], c.offset, c.window) for c in angles.candidates(DOOR)]
+    names = [
+        (c.lattice.split(",")[0], c.offset, c.window) for c in simulation_angles.candidates(DOOR)
+    ]
     assert len(names) == 9
     assert names[0] == ("square", "centred", "circle of the smaller half range")
     lattice = [
@@ -86,12 +89,13 @@ def test_the_arrangements_with_137_angles():
 def test_no_full_rectangle_has_137_angles():
     assert all(137 % n for n in range(2, 12)), "137 is prime"
     assert all(
-        "rectangle" not in c.window or "quincunx" in c.lattice for c in angles.candidates(DOOR)
+        "rectangle" not in c.window or "quincunx" in c.lattice
+        for c in simulation_angles.candidates(DOOR)
     )
 
 
 def test_the_iteration_ends_at_the_closed_form():
-    table = angles.literal(DOOR).angles
+    table = simulation_angles.literal(DOOR).angles
     zero = np.flatnonzero(np.isclose(table, 0).all(axis=1)).item()
     noisy = noisy_centroids(noiseless(), 0.05, SEED, 20)
     found = simulation.calibrations(DOOR, SEED, 20)
@@ -106,7 +110,7 @@ def test_the_predictions_centre_is_the_fit_without_noise(prediction, channel):
     """The distortion biases the scale; noise of this size adds no bias of its own."""
     true = noiseless()
     position = ("green", "red", "blue").index(channel)
-    zero = np.flatnonzero(np.isclose(angles.literal(DOOR).angles, 0).all(axis=1)).item()
+    zero = np.flatnonzero(np.isclose(simulation_angles.literal(DOOR).angles, 0).all(axis=1)).item()
     clean = fit_registration(true[position], true[0], true[position, zero]).parameters
     for row, value in zip(ROWS, clean, strict=True):
         draws = prediction[f"{row}.{channel}"].draws
@@ -174,7 +178,7 @@ def test_the_residual_before_registration_is_that_of_pencil_and_paper(
     """Shift, and scale and rotation over the mean squared radius; noise and distortion add less."""
     wide, high = np.radians([8, 6])
     over = (np.tan(wide) / wide - 1) + (np.tan(high) / high - 1)
-    among = np.square(np.tan(angles.literal(DOOR).angles)).sum(axis=1).mean()
+    among = np.square(np.tan(simulation_angles.literal(DOOR).angles)).sum(axis=1).mean()
     per_radius = (slope[0] ** 2 + np.radians(slope[1]) ** 2) * (25e-3 / 3.45e-6) ** 2
     expected = {
         "shifts of Table 1, (26)": np.hypot(np.hypot(*table_1), np.sqrt(per_radius * over)),
@@ -203,11 +207,3 @@ def test_no_green_point_reconciles_tables_1_and_2():
             )
         }
         assert abs(np.subtract(*apart.values())) > 4 * 0.05
-
-
-def test_centre_wavelengths_under_both_readings():
-    """By hand: bands of 400-500, 490-590 and 580-680 nm; starlight of 400-700 nm in thirds."""
-    door = given([*camera.centre_wavelengths.given])
-    by_hand = {"blue": (450, 450), "green": (540, 550), "red": (630, 650)}
-    for band, expected in by_hand.items():
-        np.testing.assert_allclose(np.array(camera.middles(door, band)) * 1e9, expected)

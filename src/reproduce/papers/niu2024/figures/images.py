@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.papers.niu2024 import colours, fusion, images, laboratory
-from reproduce.papers.niu2024.sketch import LOOKS, RED
+from reproduce.papers.niu2024 import experiment, images, images_fusion
+from reproduce.papers.niu2024.figures.looks import LOOKS, RED
+from reproduce.papers.study import Fact
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
@@ -20,30 +19,26 @@ if TYPE_CHECKING:
 
 MAGNITUDE, SEED = 3.0, 9
 MIDDLE = 4.0  # the magnitude at which kinds of stars are compared
-BLACKBODIES = tuple(
-    star for star, spectrum in fusion.STARS.items() if not isinstance(spectrum, str)
-)
-METHOD = fusion.METHODS.index("maximum likelihood")
 KINDS = (("#777777", ":", "^"), ("#D55E00", "--", "s"), ("#0072B2", "-", "o"))
 
 
 def _spots() -> FloatArray:
     """Return where the star stands in green, red and blue, in px, near the corner of the field."""
     door = given(images.READS)
-    used, turns = images.cameras(door), laboratory.rotations(door)
-    angles = 0.95 * np.array(laboratory.half_field(door))
+    used, turns = images.cameras(door), experiment.rotations(door)
+    angles = 0.95 * np.array(experiment.half_field(door))
     return channel_centroids(used, turns, angles[None])[:, 0]
 
 
 def draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
     door, spots = given(images.READS), _spots()
-    photons = images.star_photons(door, [MAGNITUDE], [fusion.TEMPERATURE])[:, 0]
+    photons = images.star_photons(door, [MAGNITUDE], [images_fusion.TEMPERATURE])[:, 0]
     generator = np.random.default_rng(SEED)
-    windows, corner = fusion.exposures(spots, photons, 1, generator)
-    made = fusion.combinations(windows, corner, images.similarities(door))
-    first = corner + fusion.MARGIN
-    middle = slice(fusion.MARGIN, -fusion.MARGIN)
+    windows, corner = images_fusion.exposures(spots, photons, 1, generator)
+    made = images_fusion.combinations(windows, corner, images.similarities(door))
+    first = corner + images_fusion.MARGIN
+    middle = slice(images_fusion.MARGIN, -images_fusion.MARGIN)
     panels = {
         "red": windows[1, 0, middle, middle],
         "green": made[0][0],
@@ -84,19 +79,20 @@ def draw_star(figure: Figure) -> None:
     grid[1, 2].set_axis_off()
 
 
-def star_facts() -> dict[str, str]:
+def star_facts() -> dict[str, Fact]:
     """Return what the drawing of one star shows, in numbers."""
     spots = _spots()
     apart = max(np.hypot(*(one - other)) for one in spots for other in spots)
-    return {"apart": f"{apart:.1f}\u202fpx"}
+    return {"apart": Fact(float(apart), ".1f", "px")}
 
 
-def error_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+def error_facts() -> dict[str, Fact]:
     """Return what the drawing of the errors shows, in numbers: the middle star, in the corner."""
-    likely = METHOD
-    row = list(fusion.STARS).index(BLACKBODIES[len(BLACKBODIES) // 2])
-    error = arrays["error"][row, -1, :, :, likely]
-    green, raw, fused = (error[:, fusion.MADE.index(name)] for name in fusion.MADE)
+    row = list(images_fusion.STARS).index(
+        images_fusion.BLACKBODIES[len(images_fusion.BLACKBODIES) // 2]
+    )
+    error = images_fusion.stored().arrays["error"][row, -1, :, :, images_fusion.LIKELY]
+    green, raw, fused = (error[:, images_fusion.MADE.index(name)] for name in images_fusion.MADE)
     values = {
         "green-bright": green[0],
         "green-faint": green[-1],
@@ -105,16 +101,17 @@ def error_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
         "raw-least": raw.min(),
         "raw-most": raw.max(),
     }
-    return {name: f"{value:.2g}\u202fpx" for name, value in values.items()}
+    return {name: Fact(value, ".2g", "px") for name, value in values.items()}
 
 
-def draw_errors(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
+def draw_errors(figure: Figure) -> None:
     """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
     figure.set_size_inches(6.4, 5.6)
-    grid = figure.subplots(2, len(BLACKBODIES), sharex=True, sharey="row")
-    for column, star in zip(grid.T, BLACKBODIES, strict=True):
+    arrays = images_fusion.stored().arrays
+    grid = figure.subplots(2, len(images_fusion.BLACKBODIES), sharex=True, sharey="row")
+    for column, star in zip(grid.T, images_fusion.BLACKBODIES, strict=True):
         _over_magnitude(column, star, arrays)
-        column[0].set_title(f"{star}: {fusion.STARS[star]:,.0f} K")
+        column[0].set_title(f"{star}: {images_fusion.STARS[star]:,.0f} K")
         column[1].set_xlabel("V (mag)")
     grid[0, 0].set_ylabel("centroid error, RMS (px)")
     grid[1, 0].set_ylabel("signal over noise (1)")
@@ -122,32 +119,35 @@ def draw_errors(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
 
 
-def _over_magnitude(column: Any, star: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-    row, likely = list(fusion.STARS).index(star), METHOD
-    for kind, (name, (colour, line, marker)) in enumerate(zip(fusion.MADE, KINDS, strict=True)):
+def _over_magnitude(column: Any, star: str, arrays: dict[str, NDArray[Any]]) -> None:
+    row = list(images_fusion.STARS).index(star)
+    for kind, (name, (colour, line, marker)) in enumerate(
+        zip(images_fusion.MADE, KINDS, strict=True)
+    ):
         look: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
         for place, where, fill in ((0, "centre", "none"), (-1, "corner", colour)):
             look["markerfacecolor"] = fill
-            error = arrays["error"][row, place, :, kind, likely]
-            column[0].plot(fusion.MAGNITUDES, error, label=f"{name}, {where}", **look)
+            error = arrays["error"][row, place, :, kind, images_fusion.LIKELY]
+            column[0].plot(images_fusion.MAGNITUDES, error, label=f"{name}, {where}", **look)
             ratio = arrays["signal_to_noise"][row, place, :, kind]
-            column[1].plot(fusion.MAGNITUDES, ratio, **look)
+            column[1].plot(images_fusion.MAGNITUDES, ratio, **look)
     for axes in column:
         axes.set_yscale("log")
 
 
-def draw_stars(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
+def draw_stars(figure: Figure) -> None:
     """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner."""
     figure.set_size_inches(6.4, 3.8)
     left, right = figure.subplots(1, 2, sharey=True)
-    at, likely = fusion.MAGNITUDES.index(MIDDLE), METHOD
-    rows = np.arange(len(fusion.STARS))
+    at = images_fusion.MAGNITUDES.index(MIDDLE)
+    rows = np.arange(len(images_fusion.STARS))
+    arrays = images_fusion.stored().arrays
     signal = arrays["signal_to_noise"][:, -1, at]
-    luck = 1 / np.sqrt(2 * fusion.PHASES * fusion.TRIALS)
-    for kind, (name, (colour, _, marker)) in enumerate(zip(fusion.MADE, KINDS, strict=True)):
+    luck = 1 / np.sqrt(2 * images_fusion.PHASES * images_fusion.TRIALS)
+    for kind, (name, (colour, _, marker)) in enumerate(zip(images_fusion.MADE, KINDS, strict=True)):
         look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": "none"}
         beside = rows + (kind - 1) * 0.18
-        error = arrays["error"][:, -1, at, kind, likely]
+        error = arrays["error"][:, -1, at, kind, images_fusion.LIKELY]
         left.errorbar(error, beside, xerr=2 * luck * error, label=name, **look)
         if kind:
             gain = signal[:, kind] / signal[:, 0]
@@ -156,60 +156,58 @@ def draw_stars(figure: Figure, arrays: Mapping[str, NDArray[Any]]) -> None:
     right.plot(expected, rows, "|", color="#000000", markersize=14, label="root of the light")
     left.set(xscale="log", xlabel="centroid error, RMS (px)")
     right.set(xlabel="signal over noise, to that of green (1)")
-    left.set_yticks(rows, [_named(star) for star in fusion.STARS])
+    left.set_yticks(rows, [_named(star) for star in images_fusion.STARS])
     left.set_ylim(len(rows) - 0.5, -0.5)
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
 
 
-def star_kind_facts(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+def star_kind_facts() -> dict[str, Fact]:
     """Return what the drawing of the kinds of stars shows, in numbers.
 
     Least and largest centroid errors of each kind of image, least and largest gain.
     """
-    at = fusion.MAGNITUDES.index(MIDDLE)
-    error, signal = arrays["error"][:, -1, at, :, METHOD], arrays["signal_to_noise"][:, -1, at]
-    said = {}
+    at = images_fusion.MAGNITUDES.index(MIDDLE)
+    arrays, facts = images_fusion.stored().arrays, {}
+    error, signal = (
+        arrays["error"][:, -1, at, :, images_fusion.LIKELY],
+        arrays["signal_to_noise"][:, -1, at],
+    )
     for kind, name in enumerate(("green", "raw", "fused")):
-        said[f"{name}-least"] = f"{error[:, kind].min():.2g}\u202fpx"
-        said[f"{name}-most"] = f"{error[:, kind].max():.2g}\u202fpx"
+        facts[f"{name}-least"] = Fact(error[:, kind].min(), ".2g", "px")
+        facts[f"{name}-most"] = Fact(error[:, kind].max(), ".2g", "px")
     gain = signal[:, 2] / signal[:, 0]
-    return said | {"gain-least": f"{gain.min():.2f}", "gain-most": f"{gain.max():.2f}"}
+    return facts | {"gain-least": Fact(gain.min(), ".2f"), "gain-most": Fact(gain.max(), ".2f")}
 
 
 def _lights() -> list[NDArray[np.float64]]:
     door = given(images.READS)
-    return [fusion.light_of(door, star, MIDDLE) for star in fusion.STARS]
+    return [images_fusion.light_of(door, star, MIDDLE) for star in images_fusion.STARS]
 
 
 def _named(star: str) -> str:
-    spectrum = fusion.STARS[star]
+    spectrum = images_fusion.STARS[star]
     return f"{star}, table" if isinstance(spectrum, str) else f"{star}, {spectrum:,.0f} K"
 
 
-@functools.cache
-def _frame() -> colours.Colours:
-    return colours.of_a_frame(given(images.READS))
-
-
-def colour_facts() -> dict[str, str]:
+def colour_facts() -> dict[str, Fact]:
     """Return what the drawing of the colours shows, in numbers."""
     door = given(images.READS)
-    light = images.star_photons(door, np.zeros(2), np.array(colours.TEMPERATURES))
+    light = images.star_photons(door, np.zeros(2), np.array(images.TEMPERATURES))
     cool, hot = (light[1:] / light[0]).T
     return {
-        "stars": str(_frame().measured.shape[1]),
-        "cool-red": f"{cool[0]:.1f}",
-        "cool-blue": f"{cool[1]:.1f}",
-        "hot-red": f"{hot[0]:.1f}",
-        "hot-blue": f"{hot[1]:.1f}",
+        "stars": Fact(images_fusion.frame_colours().measured.shape[1], "d"),
+        "cool-red": Fact(cool[0], ".1f"),
+        "cool-blue": Fact(cool[1], ".1f"),
+        "hot-red": Fact(hot[0], ".1f"),
+        "hot-blue": Fact(hot[1], ".1f"),
     }
 
 
 def draw_colours(figure: Figure) -> None:
     """Colours of the stars of a frame with their errors, and those of known spectra."""
     door = given(images.READS)
-    found = _frame()
-    heat = np.geomspace(*colours.TEMPERATURES, 60)
+    found = images_fusion.frame_colours()
+    heat = np.geomspace(*images.TEMPERATURES, 60)
     light = images.star_photons(door, np.zeros(60), heat)
     figure.set_size_inches(6.4, 4.6)
     axes = figure.add_subplot()
@@ -227,7 +225,7 @@ def draw_colours(figure: Figure) -> None:
     curve = light[1:] / light[0]
     axes.plot(curve[0], curve[1], color="#000000", label="blackbodies")
     for star, marker in (("Sun", "*"), ("Vega", "D")):
-        own = fusion.light_of(door, star, MIDDLE)
+        own = images_fusion.light_of(door, star, MIDDLE)
         look: dict[str, Any] = {
             "marker": marker,
             "color": RED.colour,

@@ -1,0 +1,1 @@
+"""The drawings of niu2024, chapter by chapter."""

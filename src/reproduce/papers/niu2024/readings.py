@@ -1,0 +1,341 @@
+"""The simulation under every reading that the text leaves open (niu2024, sections 4.1 and 4.2).
+
+`reproduce.papers.niu2024.simulation` has the literal reading and those that decide a verdict. Here
+are all of them, on common random numbers, so that two readings differ by their choices and not by
+their luck. Each choice, the literal one first:
+
+* repeats: the noise of one draw, or the average of ten, at calibration and test points alike;
+* noise: in every channel, in red and blue alone, or in green alone;
+* shifts: the principal points of Table 1, or green's and the translations of Table 2;
+* arrangement: each of those with the printed count (`simulation_angles.candidates`);
+* tests: directions at random over the printed range, or rotation angles drawn among those of the
+  calibration, none twice;
+* rmse: (26), which counts both axes, one axis on average, x alone, or y alone.
+
+Where an arrangement has no zero position, the starting values of section 3.2 need one all the same:
+it is then measured once more, beside the calibration points. The fit is the closed form, which is
+where the paper's iteration ends (a test holds the two together).
+
+Arrays of draws end with an axis of numbers, `MEASURED` or what is made of them; parameters are in
+radians and px, residuals in px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.random import SeedSequence
+from numpy.typing import NDArray
+
+from reproduce.inference.parts import Store, run_parts
+from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.niu2024.calibration import precision
+from reproduce.papers.niu2024.simulation import SHIFTS, TESTS
+from reproduce.papers.study import Column, studied
+from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
+from reproduce.physics.registration.closed_form import rmse_per_axis
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.validate import FloatArray, whole_number
+from reproduce.printed.given import Given, given
+from reproduce.store import studies
+
+__all__ = [
+    "ARRANGEMENT",
+    "CELLS",
+    "CHOICES",
+    "COUNTED",
+    "READS",
+    "REPEATS",
+    "REPLICATES",
+    "SEED",
+    "STUDY",
+    "all_draws",
+    "choices",
+    "counted",
+    "literal",
+    "numbers",
+    "readings",
+    "simulate",
+    "stored",
+    "summarised",
+    "summary",
+]
+
+STUDY = "niu2024-readings"
+SEED = 2024_0259
+REPLICATES = 10_000
+CHUNK = 500
+PARTS = 20
+# Replicates stored whole, so that a small part can be recomputed and compared.
+KEPT = 20
+QUANTILES = (0.005, 0.025, 0.5, 0.975, 0.995)
+REPEATS = (1, 10)
+# Where there is noise, and how much of it in green and in the channel that is registered.
+NOISY = {"every channel": (1.0, 1.0), "red and blue": (0.0, 1.0), "green": (1.0, 0.0)}
+# Ways to count the axes: (26) as it stands first.
+COUNTED = ("both axes", "one axis on average", "x alone", "y alone")
+PARAMETERS = ("scale", "rotation", "translation-x", "translation-y")
+# What one replicate of one channel yields, in this order, and what is printed of it.
+MEASURED = (*PARAMETERS, "rmse-before-x", "rmse-before-y", "rmse-after-x", "rmse-after-y")
+CELLS = (*PARAMETERS, "rmse-before", "rmse-after")
+# All that the ways of counting need, but for the root of two between both axes and their average.
+SUMMARISED = (*MEASURED, "rmse-before", "rmse-after")
+READS = (
+    *simulation.READS,
+    f"{simulation.TRUTH}#translation-*",
+    f"{simulation.SETTINGS}#test-points",
+)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """One choice for everything the text leaves open but how the RMSE counts the axes."""
+
+    arrangement: int  # its place in `simulation_angles.candidates`
+    shifts: str  # one of `SHIFTS`
+    repeats: int  # draws averaged
+    noisy: str  # one of `NOISY`
+    tests: str  # one of `TESTS`
+
+
+def readings(door: Given) -> list[Choices]:
+    """Return every reading, in the order in which `simulate` has them."""
+    arrangements = range(len(simulation_angles.candidates(door)))
+    return [Choices(*c) for c in product(arrangements, SHIFTS, REPEATS, NOISY, TESTS)]
+
+
+def literal(door: Given) -> Choices:
+    """Return the literal reading, the one that the ledger uses where all give one verdict."""
+    names = [found.name for found in simulation_angles.candidates(door)]
+    place = names.index(simulation_angles.literal(door).name)
+    return Choices(place, SHIFTS[0], REPEATS[0], next(iter(NOISY)), TESTS[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The random numbers of a run of replicates, shared by all readings."""
+
+    calibration: FloatArray  # standard normal, shape (replicates, 3, n, 2), green, red and blue
+    zero: FloatArray  # the same for a zero position measured once more
+    test: FloatArray  # the same for the test points
+    positions: FloatArray  # random table angles in radians, shape (replicates, m, 2)
+    chosen: NDArray[np.int64]  # random places among the calibration angles, none twice
+
+
+def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> Numbers:
+    """Draw the random numbers of some replicates."""
+    n = door.count(f"{simulation.SETTINGS}#angle-count")
+    m = door.count(f"{simulation.SETTINGS}#test-points")
+    streams = [SeedSequence(seed, spawn_key=(kind,)) for kind in range(5)]
+    calibration, zero, test = (
+        spawned_normals(stream, replicates, (3, count, 2), first=first)
+        for stream, count in zip(streams[:3], (n, 1, m), strict=True)
+    )
+    half = simulation_angles.half_ranges(door)
+    positions = spawned_angles(streams[3], replicates, m, half, first=first)
+    # The order of independent numbers is a random order.
+    order = spawned_normals(streams[4], replicates, (n,), first=first).argsort(axis=-1)
+    return Numbers(calibration, zero, test, positions, order[:, :m])
+
+
+def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> FloatArray:
+    """Simulate, calibrate and test both channels under every reading.
+
+    Shape (readings, replicates, 2, 8). Readings as in `readings`, channels red and blue, numbers as
+    in `MEASURED`; `counted` makes of them what is printed.
+    """
+    replicates = whole_number("replicates", replicates)
+    every = readings(door)
+    results = np.empty((len(every), replicates, 2, len(MEASURED)))
+    for begin in range(0, replicates, CHUNK):
+        count = min(CHUNK, replicates - begin)
+        drawn = numbers(door, count, first + begin, seed)
+        for place, channel in enumerate(simulation.REGISTERED):
+            found = simulate_channel(door, drawn, channel)
+            results[:, begin : begin + count, place] = np.stack(list(found))
+    return results
+
+
+def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[FloatArray]:
+    """Yield what one channel gives under every reading, in the order of `readings`."""
+    place = simulation.CHANNELS.index(channel)
+    pair = [0, place]
+    turns = simulation.rotations(door)
+    sigma = door[f"{simulation.SETTINGS}#noise"]
+    for found, shifts in product(simulation_angles.candidates(door), SHIFTS):
+        used, turned = [simulation.cameras(door, shifts)[i] for i in pair], [turns[i] for i in pair]
+        true = channel_centroids(used, turned, found.angles)
+        zero = channel_centroids(used, turned, np.zeros((1, 2)))
+        at_random = np.moveaxis(channel_centroids(used, turned, drawn.positions), -3, 1)
+        tests = {TESTS[0]: at_random, TESTS[1]: np.moveaxis(true[:, drawn.chosen], 0, 1)}
+        for repeats, noisy in product(REPEATS, NOISY):
+            level = (sigma / np.sqrt(repeats) * np.array(NOISY[noisy]))[:, None, None]
+            measured = true + level * drawn.calibration[:, pair]
+            again = zero + level * drawn.zero[:, pair]
+            similarity = _calibrated(measured, again, found.angles)
+            for kind in TESTS:
+                points = tests[kind] + level * drawn.test[:, pair]
+                yield _outcome(similarity, points)
+
+
+def _calibrated(measured: FloatArray, zero: FloatArray, table: FloatArray) -> Registration:
+    green, source = measured[:, 0], measured[:, 1]
+    at_zero = np.flatnonzero(np.isclose(table, 0.0).all(axis=-1))
+    pivot = source[:, at_zero[0]] if len(at_zero) else zero[:, 1, 0]
+    return fit_registration(source, green, pivot).transform
+
+
+def _outcome(similarity: Registration, points: FloatArray) -> FloatArray:
+    green, source = points[:, 0], points[:, 1]
+    before = rmse_per_axis(source, green)
+    after = rmse_per_axis(similarity.apply(source), green)
+    return np.concatenate([similarity.parameters, before, after], axis=-1)
+
+
+def summarised(measured: FloatArray) -> FloatArray:
+    """Return draws with the RMSE of both axes together beside those of each, as in `SUMMARISED`.
+
+    Examples
+    --------
+    >>> summarised(np.array([1.0, 0, 0, 0, 3, 4, 6, 8]))[-2:]
+    array([ 5., 10.])
+    """
+    both = np.hypot(measured[..., 4::2], measured[..., 5::2])
+    return np.concatenate([measured, both], axis=-1)
+
+
+def counted(summaries: FloatArray, axes: str) -> FloatArray:
+    """Return the numbers of `CELLS`, or quantiles of them, from those of `SUMMARISED`.
+
+    Examples
+    --------
+    >>> counted(np.arange(10.0), "y alone")
+    array([0., 1., 2., 3., 5., 7.])
+    """
+    if axes not in COUNTED:
+        raise ValueError(f"axes: expected one of {COUNTED}, got {axes!r}")
+    before, after = [(8, 9), (8, 9), (4, 6), (5, 7)][COUNTED.index(axes)]
+    residuals = summaries[..., [before, after]]
+    if axes == COUNTED[1]:
+        residuals = residuals * np.sqrt(0.5)
+    return np.concatenate([summaries[..., :4], residuals], axis=-1)
+
+
+def _part(span: tuple[int, int]) -> tuple[FloatArray]:
+    first, count = span
+    return (simulate(given(READS), count, first),)
+
+
+def all_draws(
+    replicates: int = REPLICATES, executor: Executor | None = None, store: Store | None = None
+) -> FloatArray:
+    """Simulate every reading on any executor, with the same result: as `simulate` returns it."""
+    size = -(-replicates // PARTS)
+    spans = [(begin, min(size, replicates - begin)) for begin in range(0, replicates, size)]
+    parts = run_parts(_part, spans, executor, store)
+    draws = np.empty((len(parts[0][0]), replicates, *parts[0][0].shape[2:]))
+    for begin, count in spans:  # part by part: two copies would not fit the promised memory
+        draws[:, begin : begin + count] = parts.pop(0)[0]
+    return draws
+
+
+def summary(draws: FloatArray) -> dict[str, FloatArray]:
+    """Return what is stored of all draws.
+
+    ``mean``, ``sd`` (readings, 2, 8); ``quantiles`` (readings, 5, 2, 10), of what `SUMMARISED`
+    names; ``first``, the first replicates (readings, 20, 2, 8).
+    """
+    # One reading at a time: a second copy of the draws would not fit the promised memory.
+    levels = [np.quantile(summarised(reading), QUANTILES, axis=0) for reading in draws]
+    return {
+        "mean": draws.mean(axis=1),
+        "sd": draws.std(axis=1, ddof=1),
+        "quantiles": np.stack(levels),
+        "first": draws[:, :KEPT],
+    }
+
+
+def stored() -> studies.Study:
+    """Return the stored run: arrays as in `summary`, and as in `judge.readings.COMPARED`."""
+    return studies.read(STUDY)
+
+
+_SHOWN = (
+    *("k", "θ (rad)", "Δx (px)", "Δy (px)", "before, x (px)", "before, y (px)"),
+    *("after, x (px)", "after, y (px)", "before (px)", "after (px)"),
+)
+# The columns that tell readings apart, and the one by whose values they are folded.
+ARRANGEMENT = "Angles"
+CHOICES = tuple(
+    Column(name) for name in (ARRANGEMENT, "Shifts", "Draws", "Noise in", "Test points")
+)
+
+
+def choices(door: Given) -> Iterator[tuple[str, ...]]:
+    """Yield every reading in the words of `CHOICES`."""
+    names = [found.name for found in simulation_angles.candidates(door)]
+    for reading in readings(door):
+        repeats = str(reading.repeats)
+        yield names[reading.arrangement], reading.shifts, repeats, reading.noisy, reading.tests
+
+
+@studied(
+    "niu2024/distributions",
+    columns=(
+        *CHOICES,
+        *(
+            column
+            for channel in simulation.REGISTERED
+            for name in _SHOWN
+            for column in (
+                Column(f"{channel}: {name}", "±", error=f"{channel}: {name}, half width"),
+                Column(f"{channel}: {name}, half width"),
+            )
+        ),
+    ),
+    caption="Median and half of the central 99 % of every number.",
+    given=READS,
+    folded=ARRANGEMENT,
+)
+def distributions(door: Given) -> Iterator[tuple[object, ...]]:
+    """What every reading predicts of every number of the simulation."""
+    levels = np.moveaxis(stored().arrays["quantiles"], 1, -1)  # reading, channel, number, level
+    middles, halves = levels[..., 2], (levels[..., -1] - levels[..., 0]) / 2
+    numbers = np.stack([middles, halves], axis=-1).reshape(len(levels), -1)
+    for labels, row in zip(choices(door), numbers, strict=True):
+        yield (*labels, *row)
+
+
+@studied(
+    "niu2024/precision",
+    columns=(
+        Column("Parameter (px, rad)"),
+        Column("Channel"),
+        Column("Bias", ".2e", error="Bias, error"),
+        Column("Bias, error"),
+        Column("Bias by theory", ".2e", zero=1e-9),  # parameters that distortion cannot move
+        Column("Scatter", ".3g"),
+        Column("Bound", ".3g"),
+        Column("Efficiency", "±", error="Efficiency, error"),
+        Column("Efficiency, error"),
+    ),
+    caption=f"The calibration scheme over {REPLICATES:,} replicates of the literal reading.",
+    given=READS,
+)
+def scheme_precision(door: Given) -> Iterator[tuple[object, ...]]:
+    """Bias, scatter, Cramér-Rao bound and efficiency of the paper's calibration scheme."""
+    row, arrays = readings(door).index(literal(door)), stored().arrays
+    for place, channel in enumerate(simulation.REGISTERED):
+        theory = precision(door, channel)
+        for cell, name in enumerate(PARAMETERS):
+            mean, sd = arrays["mean"][row, place, cell], arrays["sd"][row, place, cell]
+            bound = theory.bound[cell]
+            efficiency = (bound / sd) ** 2
+            bias = (mean - theory.truth[cell], sd / np.sqrt(REPLICATES), theory.bias[cell])
+            error = efficiency * np.sqrt(2 / REPLICATES)
+            yield name, channel, *bias, sd, bound, efficiency, error

@@ -1,0 +1,48 @@
+"""The registration parameters that follow from the imaging parameters (niu2024, section 2)."""
+
+from __future__ import annotations
+
+from reproduce.papers.declare import Results, reproduces
+from reproduce.physics.optics import chromatic
+from reproduce.printed.given import Given
+
+__all__ = ["IMAGING", "scale_factors"]
+
+IMAGING = "niu2024/table-1"
+CHANNELS = ("red", "blue")
+
+
+def scale_factors(given: Given) -> dict[str, float]:
+    """Return the ratio of green's focal length in Table 1 to that of each channel."""
+    green = given[f"{IMAGING}#focal-length.green"]
+    return {
+        channel: float(chromatic.scale_factor(green, given[f"{IMAGING}#focal-length.{channel}"]))
+        for channel in CHANNELS
+    }
+
+
+@reproduces(
+    "niu2024/table-2",
+    cells=["scale.*"],
+    given=[f"{IMAGING}#focal-length.*"],
+    equations=["6"],
+)
+def true_scale(given: Given) -> Results:
+    """Scale factors as ratios of the focal lengths of Table 1."""
+    return {f"scale.{channel}": scale for channel, scale in scale_factors(given).items()}
+
+
+@reproduces(
+    "niu2024/table-2",
+    cells=["translation-*"],
+    given=[f"{IMAGING}#principal-point-*"],
+    equations=["14"],
+)
+def true_translation(given: Given) -> Results:
+    """Translations as differences of the principal points of Table 1."""
+    return {
+        f"translation-{axis}.{channel}": given[f"{IMAGING}#principal-point-{axis}.{channel}"]
+        - given[f"{IMAGING}#principal-point-{axis}.green"]
+        for axis in "xy"
+        for channel in CHANNELS
+    }
