@@ -18,7 +18,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from reproduce.judge.ledger import Record, TableRecord, reread
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.judge.studies import studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
