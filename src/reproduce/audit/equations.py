@@ -84,49 +84,36 @@ def _rotary(cells: Sheet) -> Demonstration:
     printed, right = (
         float(np.linalg.det(form(0.0, turn))) for form in (rotary_matrix_printed, rotary_matrix)
     )
-    asked = "a rotation matrix must have determinant one"
-    return Demonstration(
-        "rotary-matrix", "(20)", asked, printed, right, 1.0, "determinant at the largest angle"
+    asked, meaning = (
+        "a rotation matrix must have determinant one",
+        "determinant at the largest angle",
     )
+    return Demonstration("rotary-matrix", "(20)", asked, printed, right, 1.0, meaning)
 
 
 def _constraint(cells: Sheet) -> Demonstration:
     turn = cells["niu2024/table-2#rotation.red"].si
     printed, right = float(constraint_printed(turn)), float(constraint(turn))
-    asked = "cosine and sine must lie on the unit circle"
-    return Demonstration(
-        "unit-circle", "section 3.2", asked, printed, right, 0.0, "excess at a printed angle"
-    )
+    asked, meaning = "cosine and sine must lie on the unit circle", "excess at a printed angle"
+    return Demonstration("unit-circle", "section 3.2", asked, printed, right, 0.0, meaning)
 
 
 def _iteration(cells: Sheet) -> Demonstration:
-    t = "niu2024/table-2#"
-    truth = np.array(
-        [
-            cells[f"{t}{row}.red"].si
-            for row in ("scale", "rotation", "translation-x", "translation-y")
-        ]
-    )
+    rows = ("scale", "rotation", "translation-x", "translation-y")
+    truth = np.array([cells[f"niu2024/table-2#{row}.red"].si for row in rows])
     size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
     middle = detector_centre(size)
     source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
     target = calibration.model_points(truth, source, middle)
-    left = {}
+    errors = []
     for step in (calibration.gauss_newton_step_printed, calibration.gauss_newton_step):
         found = np.array([1.0, 0.0, 0.0, 0.0])
         for _ in range(STEPS):
             found = step(found, source, target, middle)
-        left[step.__name__] = float(np.linalg.norm((found - truth)[2:]))
+        errors.append(float(np.linalg.norm((found - truth)[2:])))
     asked = f"an iteration must approach the solution; after {STEPS} steps the error must be gone"
-    return Demonstration(
-        "iteration",
-        "(24), (25)",
-        asked,
-        left["gauss_newton_step_printed"],
-        left["gauss_newton_step"],
-        0.0,
-        "error of the translation in pixels",
-    )
+    meaning = "error of the translation in pixels"
+    return Demonstration("iteration", "(24), (25)", asked, errors[0], errors[1], 0.0, meaning)
 
 
 def _stacked(cells: Sheet) -> Demonstration:
@@ -148,15 +135,8 @@ def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
 
 def _unit_vectors(cells: Sheet) -> Demonstration:
     length = float(np.linalg.norm(lasers.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
-    return Demonstration(
-        "unit-vectors",
-        "(2), (3)",
-        "a direction must have length one",
-        length,
-        length,
-        1.0,
-        "length",
-    )
+    asked = "a direction must have length one"
+    return Demonstration("unit-vectors", "(2), (3)", asked, length, length, 1.0, "length")
 
 
 def _chain(cells: Sheet) -> Demonstration:
@@ -171,19 +151,13 @@ def _chain(cells: Sheet) -> Demonstration:
     return Demonstration("chain", "(4), (6), (7)", asked, left, left, 0.0, "largest residual")
 
 
-def _between(one: FloatArray, two: FloatArray) -> float:
-    return float(np.linalg.norm(one - two)) / si_factor("arcsec")
-
-
 def _retroreflector(cells: Sheet) -> Demonstration:
     """Turn the reflector of the satellite, read as a corner cube, about three axes."""
     beam, turn = np.array([0.0, 0.0, -1.0]), si_factor("arcsec")
     straight = raytrace.mirror_train(raytrace.CORNER) @ beam
     turns = [rotation_from_vector(turn * axis) for axis in np.eye(3)]
-    moved = max(
-        _between(raytrace.mirror_train(raytrace.CORNER @ turned.T) @ beam, straight)
-        for turned in turns
-    )
+    returned = [raytrace.mirror_train(raytrace.CORNER @ turned.T) @ beam for turned in turns]
+    moved = max(float(np.linalg.norm(one - straight)) / turn for one in returned)
     asked = "the returning beam must not turn with the retroreflector, about whatever axis"
     meaning = "arcseconds by which the beam turns for each of the reflector, about the worst axis"
     return Demonstration("retroreflector", "II-B", asked, moved, moved, 0.0, meaning)
@@ -223,15 +197,8 @@ def _stage_angle(cells: Sheet) -> Demonstration:
     )
     asked = "a length moved behind a focal length must turn the beam by their ratio"
     wanted = -float(np.arctan(travel / focal)) / arcsec
-    return Demonstration(
-        "stage-angle",
-        "(10)",
-        asked,
-        printed,
-        right,
-        wanted,
-        "angle in arcseconds, the printed form with metres",
-    )
+    meaning = "angle in arcseconds, the printed form with metres"
+    return Demonstration("stage-angle", "(10)", asked, printed, right, wanted, meaning)
 
 
 def _stage_signs(cells: Sheet) -> Demonstration:
@@ -242,20 +209,17 @@ def _stage_signs(cells: Sheet) -> Demonstration:
         lasers.emitted_directions(places + np.array([0.0, moved]), focal) for moved in (0.0, shift)
     )
     found = misalignment.misalignment(before, after, np.eye(3))
-    measured = float(misalignment.misalignment_angles(found)[0])
-    printed = float(misalignment.stage_angle(shift, focal))
-    right = float(misalignment.stage_angles([0.0, shift], focal)[0])
-    signs = [float(np.sign(angle)) for angle in (printed, right, measured)]
+    angles = (
+        misalignment.stage_angle(shift, focal),
+        misalignment.stage_angles([0.0, shift], focal)[0],
+        misalignment.misalignment_angles(found)[0],
+    )
+    printed, right, wanted = (float(np.sign(float(angle))) for angle in angles)
     asked = "with right-handed axes (10) must have the sign that (7) measures about X"
+    supposed = "the angles about X and Y are both right-handed"
+    meaning = "sign of the angle about X"
     return Demonstration(
-        "stage-signs",
-        "(10)",
-        asked,
-        printed=signs[0],
-        right=signs[1],
-        wanted=signs[2],
-        meaning="sign of the angle about X",
-        supposition="the angles about X and Y are both right-handed",
+        "stage-signs", "(10)", asked, printed, right, wanted, meaning, supposition=supposed
     )
 
 

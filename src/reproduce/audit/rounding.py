@@ -8,6 +8,7 @@ interval of half a unit of the last digit to either side; truncation (towards ze
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -75,8 +76,12 @@ def last_digit(cell: Cell) -> float:
 
 def allowed(cell: Cell, rule: RoundingRule = "nearest") -> Interval:
     """Return the closed interval of the values that print so, in SI units."""
-    number, factor = cell.number, si_factor(cell.unit)
-    value, step = number.value, 2 * number.half_unit
+    return _allowed(cell.number, cell.unit, rule)
+
+
+@functools.lru_cache(maxsize=200_000)
+def _allowed(number: PrintedNumber, unit: str, rule: RoundingRule) -> Interval:
+    value, step, factor = number.value, 2 * number.half_unit, si_factor(unit)
     if number.qualifier or not step or rule == "nearest":
         low, high = number.low, number.high
     elif rule == "ceiling":

@@ -245,20 +245,13 @@ def as_json(audit: Audit) -> dict[str, Any]:
 
 
 def _relation(finding: Finding, audit: Audit) -> dict[str, Any]:
-    relation = finding.relation
-    tolerance = relation.tolerance
+    relation, tolerance = finding.relation, finding.relation.tolerance
+    plain = ("name", "declared", "source", "kind", "claim", "reading", "supposition", "restates")
     return {
-        "name": relation.name,
-        "declared": relation.declared,
+        **{name: getattr(relation, name) for name in plain},
         "formula": relation.formula.text,
         "cells": {n: list(b) if isinstance(b, tuple) else b for n, b in relation.binding.items()},
-        "source": relation.source,
-        "kind": relation.kind,
         "tolerance": tolerance and f"{tolerance.text}: {tolerance.reason}",
-        "claim": relation.claim,
-        "reading": relation.reading,
-        "supposition": relation.supposition,
-        "restates": relation.restates,
         "outcome": finding.outcome,
         "sides": sides(finding, audit),
         "rounding_rules": sorted(finding.rules),
