@@ -157,11 +157,6 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     -------
     ndarray, shape (..., 2), in px
 
-    Raises
-    ------
-    ValueError
-        If the counts differ.
-
     Examples
     --------
     >>> rmse_per_axis([[3, 4], [3, -4]], [[0, 0], [0, 0]])

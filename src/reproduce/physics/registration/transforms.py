@@ -344,13 +344,6 @@ class Inverse:
 @dataclass(frozen=True, eq=False)
 class Chain:
     """Transforms one after the other, the first one first.
-
-    Examples
-    --------
-    >>> step = Registration("shift", np.array([-1.0, 0.0]), np.zeros(2))
-    >>> two = step.after(step)
-    >>> two.apply([[0, 0]]), two.inverse().apply([[2, 0]])
-    (array([[2., 0.]]), array([[0., 0.]]))
     """
 
     steps: tuple[Transform, ...]
