@@ -343,8 +343,7 @@ class Inverse:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Transforms one after the other, the first one first.
-    """
+    """Transforms one after the other, the first one first."""
 
     steps: tuple[Transform, ...]
 
