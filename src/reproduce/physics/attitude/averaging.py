@@ -31,18 +31,13 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     series : array_like
         Values frame by frame, along `axis`.
     count : int
-        How many frames make one average.
+        How many frames make one average; at most all.
     axis : int
 
     Returns
     -------
     ndarray
         As the series, with frames - count + 1 averages along `axis`; neighbours share frames.
-
-    Raises
-    ------
-    ValueError
-        If `count` is more than the number of frames, or the axis does not exist.
 
     Examples
     --------

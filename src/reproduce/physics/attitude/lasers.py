@@ -33,8 +33,7 @@ def emitted_directions(
     ----------
     points : array_like, shape (..., n, 2)
         Laser positions (X_i, Y_i) on the focal plane, in metres.
-    focal_length : array_like, shape (...)
-        Of the camera, in metres.
+    focal_length : array_like, shape (...), of the camera, in metres
     principal_point : array_like, shape (..., 2)
         (X_0, Y_0), in metres.
 
@@ -76,8 +75,7 @@ def received_directions(
         (x_0, y_0), in px.
     pixel_pitch : array_like, shape (...)
         Distance between the centres of neighbouring pixels, in metres.
-    focal_length : array_like, shape (...)
-        Of the tracker, in metres.
+    focal_length : array_like, shape (...), of the tracker, in metres
 
     Returns
     -------
@@ -106,16 +104,12 @@ def received_spots(
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
-        Tracker directions, of any length, pointing to where the light comes from.
+        Tracker directions, of any length, pointing to where the light comes from: in front of the
+        tracker (z > 0).
 
     Returns
     -------
     ndarray, shape (..., n, 2), in px
-
-    Raises
-    ------
-    ValueError
-        If a direction does not point in front of the tracker.
 
     Examples
     --------

@@ -70,7 +70,7 @@ def laser_transform(
     Parameters
     ----------
     camera_directions : array_like, shape (..., n, 3)
-        Emitted directions v_i,cam in the camera frame.
+        Emitted directions v_i,cam in the camera frame, of any length but zero.
     tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
         Received directions w_i^k in the tracker frame, in the same order.
     weights : array_like, shape (..., n), pooled: (n,) or (..., frames, n), optional
@@ -89,8 +89,6 @@ def laser_transform(
     ------
     DegenerateGeometryError
         If there are not two lasers in different directions.
-    ValueError
-        If the counts differ, or a direction has length zero.
 
     Examples
     --------
@@ -113,9 +111,13 @@ def misalignment(
 
     Implements: chen2023 (7).
 
-    Arguments and errors are those of `laser_transform`, with the directions in the tracker those at
-    the present, w_i,t^k, and the laser transform at the zero point, T_cam,0^st, of shape (..., 3,
-    3).
+    Other arguments and errors are those of `laser_transform`; the directions in the tracker are
+    those at the present, w_i,t^k.
+
+    Parameters
+    ----------
+    tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        T_cam,0^st, the laser transform at the zero point.
 
     Returns
     -------

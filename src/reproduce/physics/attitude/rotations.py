@@ -32,16 +32,11 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     name : str
         What the caller calls the vectors; it opens the error message.
     vectors : array_like, shape (..., 3)
-        Directions, in any unit and frame.
+        Directions, in any unit and frame, of any length but zero.
 
     Returns
     -------
     ndarray, shape (..., 3)
-
-    Raises
-    ------
-    ValueError
-        If a vector is zero.
 
     Examples
     --------

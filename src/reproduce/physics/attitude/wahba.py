@@ -87,9 +87,9 @@ def attitude(
     ----------
     target_vectors, source_vectors : array_like, shape (..., n, 3)
         The same directions seen in two frames; they count as unit vectors, whatever their
-        length.
+        length, but it may not be zero.
     weights : array_like, shape (..., n), optional
-        Relative weights, such as inverse variances; all one where none are given.
+        Relative weights, such as inverse variances, not all zero; all one where none are given.
     method : {"direct", "svd", "q-method", "quest"}
         The solver. "direct" keeps to a few roundings over the root of the eigenvalue gap, also
         where the weights differ by 24 decades. The others lose a few roundings over the gap
@@ -106,8 +106,6 @@ def attitude(
     DegenerateGeometryError
         If a rotation is left free: fewer than two directions of weight above zero that are
         not parallel, or a set that mirrors its partner.
-    ValueError
-        If the counts differ, a direction has length zero, or all weights are zero.
 
     Examples
     --------
@@ -215,11 +213,6 @@ def taste(solution: WahbaSolution, sigma: ArrayLike) -> Taste:
     -------
     Taste
         Of each set of the batch.
-
-    Raises
-    ------
-    ValueError
-        If the weights are not in proportion to 1/sigma^2: the loss then follows another law.
 
     Examples
     --------

@@ -78,11 +78,6 @@ def earth_from_inertial(utc: ArrayLike, orientation: EarthOrientation) -> FloatA
     ndarray, shape (..., 3, 3)
         R_J2000^WGS84 of the imaging model (1), from the frame of star catalogues.
 
-    Raises
-    ------
-    ValueError
-        If a time cannot be read.
-
     Examples
     --------
     A day later the Earth has turned by a little more than once.
@@ -109,17 +104,13 @@ def earth_fixed(coordinates: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatAr
     Parameters
     ----------
     coordinates : array_like, shape (..., 3)
-        Longitude and geodetic latitude in radians, height above the ellipsoid in metres.
+        Longitude and geodetic latitude (within pi/2) in radians, height above the ellipsoid in
+        metres.
     ellipsoid : Ellipsoid
 
     Returns
     -------
     ndarray, shape (..., 3), in metres
-
-    Raises
-    ------
-    ValueError
-        If a latitude is beyond a pole.
 
     Examples
     --------

@@ -138,8 +138,7 @@ def ground_covariance(
         Ground positions, Earth-fixed, in metres.
     jacobian : array_like, shape (..., 3, k)
         Derivative of the positions by k parameters, from `imaging.ground_jacobian`.
-    covariance : array_like, shape (..., k, k)
-        Of the parameters.
+    covariance : array_like, shape (..., k, k), of the parameters
     ellipsoid : Ellipsoid
         Whose east and north are meant.
 
@@ -188,18 +187,13 @@ def circular_error(covariance: ArrayLike, share: float = 0.9) -> FloatArray:
     Parameters
     ----------
     covariance : array_like, shape (..., 2, 2)
-        Of east and north about the true place, in square metres.
+        Of east and north about the true place, in square metres; negative in no direction.
     share : float
         Above 0 and below 1.
 
     Returns
     -------
     ndarray, shape (...), in metres
-
-    Raises
-    ------
-    ValueError
-        If the matrix is not a covariance, or the share is out of range.
 
     Examples
     --------

@@ -55,11 +55,6 @@ class Ellipsoid:
     equatorial_radius : float, in metres
     flattening : float
         (equatorial - polar radius) / equatorial radius.
-
-    Examples
-    --------
-    >>> Ellipsoid(2.0, 0.5).polar_radius
-    1.0
     """
 
     equatorial_radius: float
@@ -221,8 +216,6 @@ def imaged_position(
     ------
     EarthMissedError
         If a line of sight passes the Earth, or looks away from it.
-    ValueError
-        If the satellite is not outside.
 
     Examples
     --------
@@ -262,8 +255,6 @@ def distance_to_ground(
     ------
     EarthMissedError
         If a line passes the ellipsoid, or meets it only backwards.
-    ValueError
-        If an origin is not outside.
 
     Examples
     --------

@@ -61,8 +61,7 @@ class Thermal:
 
     Attributes
     ----------
-    amplitude : float
-        Of the first harmonic of the orbit, in radians.
+    amplitude : float, of the first harmonic of the orbit, in radians
     harmonics : tuple of float
         Amplitudes of all harmonics of the orbit, relative to the first.
     season : float
@@ -98,8 +97,7 @@ def thermal_series(
     Parameters
     ----------
     thermal : Thermal
-    period : float
-        Of the orbit, in seconds.
+    period : float, of the orbit, in seconds
     per_orbit : int
         Samples in an orbit, evenly spaced.
     orbits : int
@@ -165,8 +163,7 @@ def trend_and_fourier(
         Misalignment as calibrated.
     known : int
         How many samples, the first ones, are fitted.
-    degree : int
-        Of the Fourier series.
+    degree : int, of the Fourier series
 
     Returns
     -------
@@ -208,8 +205,7 @@ def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatA
         Misalignment as calibrated throughout.
     per_orbit : int
         Samples in an orbit.
-    degree : int
-        Of the Fourier series.
+    degree : int, of the Fourier series
 
     Returns
     -------

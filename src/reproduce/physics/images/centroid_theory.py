@@ -97,8 +97,7 @@ def centre_of_gravity_error(
     ----------
     positions : array_like, shape (..., 2)
         True centres of the spots, in px.
-    light : array_like, shape (...)
-        Of a whole spot, in electrons.
+    light : array_like, shape (...), of a whole spot, in electrons
     radius : array_like, shape (...), in px
     corners : array_like, shape (..., 2)
         First pixel of each window.

@@ -49,11 +49,6 @@ def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> Int
     ndarray of int, shape (n, 2)
         x and y, the brightest first; no rows where nothing is bright enough.
 
-    Raises
-    ------
-    ValueError
-        If the frame is more than one image, or the threshold more than one number.
-
     Examples
     --------
     >>> frame = np.zeros((9, 9))

@@ -120,11 +120,6 @@ def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> Floa
     ndarray
         As `photons`, in DN. Without `bits` the numbers are not rounded and may fall below zero.
 
-    Raises
-    ------
-    TypeError
-        If the generator is not a numpy.random.Generator.
-
     Examples
     --------
     No light, no dark charge, no read noise: the offset.

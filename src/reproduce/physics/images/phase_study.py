@@ -85,8 +85,7 @@ def even_phases(count: int) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (count,)
-        From -1/2 to 1/2 px, symmetric.
+    ndarray, shape (count,), from -1/2 to 1/2 px, symmetric
 
     Examples
     --------

@@ -36,17 +36,12 @@ def blackbody_band(
     magnitude, temperature : array_like, shape (...)
         V magnitude; kelvin.
     low, high : float
-        Edges of the band, in metres.
+        Edges of the band, in metres, the lower one first.
 
     Returns
     -------
     ndarray, shape (...)
         Photons per second and square metre.
-
-    Raises
-    ------
-    ValueError
-        If the band is empty.
 
     Examples
     --------
@@ -80,17 +75,12 @@ def tabulated_star(
     photons : array_like, shape (n,)
         Per metre of wavelength, in any unit.
     low, high : float
-        Edges of the band, in metres.
+        Edges of the band, in metres, the lower one first.
 
     Returns
     -------
     ndarray, shape (...)
         Photons per second and square metre.
-
-    Raises
-    ------
-    ValueError
-        If the table does not rise or reach over the band and 550 nm, or the band is empty.
 
     Examples
     --------

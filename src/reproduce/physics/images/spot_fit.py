@@ -93,11 +93,6 @@ def fitted_centre(
     -------
     CentreFit
 
-    Raises
-    ------
-    ValueError
-        If the weighting is unknown.
-
     Examples
     --------
     A spot spread evenly about the pixel (4, 7), and a dark window.

@@ -42,11 +42,6 @@ def window_corners(positions: ArrayLike, size: int | tuple[int, int]) -> IntArra
     ndarray of int, shape (..., 2)
         x and y of the pixel with the smallest numbers.
 
-    Raises
-    ------
-    ValueError
-        If the size is not odd.
-
     Examples
     --------
     >>> window_corners([10.4, 7.6], 5)

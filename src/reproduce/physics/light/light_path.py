@@ -40,8 +40,7 @@ class Mirrors:
     ----------
     point : ndarray, shape (3,)
         Where they meet, in metres.
-    normals : ndarray, shape (n, 3)
-        Of the mirrors, of any length.
+    normals : ndarray, shape (n, 3), of the mirrors, of any length
     turn : array_like, shape (3,)
         Rotation vector by which all have turned about that point.
     """
@@ -212,11 +211,6 @@ def light_path(
     Returns
     -------
     LightPath
-
-    Raises
-    ------
-    ValueError
-        If the kind is unknown.
 
     Examples
     --------

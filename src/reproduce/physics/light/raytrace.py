@@ -40,18 +40,12 @@ def reflection(normal: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    normal : array_like, shape (..., 3)
-        Of any length and either sign.
+    normal : array_like, shape (..., 3), of any length but zero, and either sign
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         I - 2 n n^T; it turns directions, not places.
-
-    Raises
-    ------
-    ValueError
-        If a normal has length zero.
 
     Examples
     --------
@@ -117,10 +111,8 @@ def turn_response(train: ArrayLike, direction: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    train : array_like, shape (..., 3, 3)
-        From `mirror_train`.
-    direction : array_like, shape (..., 3)
-        Of the incoming light.
+    train : array_like, shape (..., 3, 3), from `mirror_train`
+    direction : array_like, shape (..., 3), of the incoming light
 
     Returns
     -------
@@ -153,8 +145,7 @@ def cone_path(
     ----------
     origins : array_like, shape (..., 3)
         Points on the rays, inside the cone or above it, in any length unit.
-    directions : array_like, shape (..., 3)
-        Of the rays, downwards.
+    directions : array_like, shape (..., 3), of the rays, downwards
     turn : array_like, shape (3,)
         Rotation vector by which the cone has turned about its tip, in radians.
 
@@ -234,11 +225,6 @@ def fold_mirror_tilt(boresight_angle: ArrayLike) -> FloatArray:
     ndarray
         Dihedral angle between the mirror and the plane across the second boresight:
         pi/2 - boresight_angle/2.
-
-    Raises
-    ------
-    ValueError
-        If the angle is not above 0 and at most pi.
 
     Examples
     --------

@@ -73,12 +73,6 @@ class Camera:
         First radial coefficient, in m^-2 (1e-5 per square millimetre is 10 per square metre).
     pixel_pitch : array_like, shape (...)
         Distance between the centres of neighbouring pixels, in metres.
-
-    Examples
-    --------
-    >>> camera = Camera(25e-3, (1032, 772), 0, 3.45e-6)
-    >>> camera.principal_point
-    array([1032.,  772.])
     """
 
     focal_length: FloatArray
@@ -181,8 +175,7 @@ def turned_onto_detector(positions: ArrayLike, rotation: ArrayLike) -> FloatArra
 
     Parameters
     ----------
-    positions : array_like, shape (..., n, 2)
-        From the principal point, in any unit of length.
+    positions : array_like, shape (..., n, 2), from the principal point, in any unit of length
     rotation : array_like, shape (...)
         Angle theta of the detector against the reference detector, in radians.
 

@@ -58,8 +58,7 @@ def reference_ideal_positions(ideal: ArrayLike, scale: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    ideal : array_like, shape (..., n, 2)
-        From the principal point, in any unit of length.
+    ideal : array_like, shape (..., n, 2), from the principal point, in any unit of length
     scale : array_like, shape (...)
         Scale factor k, above zero.
 
@@ -88,17 +87,13 @@ def distortion_ratio(
     scale : array_like
         Scale factor k, above zero.
     reference_distortion, distortion : array_like
-        First radial coefficients of the reference channel and of the other, in the same unit.
+        First radial coefficients of the reference channel and of the other, in the same unit; the
+        other one not zero.
 
     Returns
     -------
     ndarray
         k^3 * reference_distortion / distortion, the same in x and y.
-
-    Raises
-    ------
-    ValueError
-        If `distortion` is zero.
 
     Examples
     --------

@@ -235,11 +235,6 @@ def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Ite
     iterator of numpy.random.Generator
         The stream of a replicate is the same in whatever part of the run it is asked for.
 
-    Raises
-    ------
-    TypeError
-        If `seeds` is not a SeedSequence, or a count is not a whole number.
-
     Examples
     --------
     >>> len(list(spawned_streams(SeedSequence(1), 3)))

@@ -43,25 +43,14 @@ DEPENDENT = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted to what, checked; all arrays carry the full batch shape.
+    """What is fitted to what, checked; all arrays carry the full batch shape."""
 
-    Attributes
-    ----------
-    source, target : ndarray, shape (..., n, 2), in px
-    pivot : ndarray, shape (..., 2), in px
-    model : str
-        A key of `MODELS`.
-    weights : ndarray, shape (..., n), or None
-        None where every point counts alike.
-    source_covariance, target_covariance : ndarray, shape (..., n, 2, 2), or None, in px^2
-    """
-
-    source: FloatArray
+    source: FloatArray  # (..., n, 2), in px
     target: FloatArray
-    pivot: FloatArray
-    model: str
-    weights: FloatArray | None = None
-    source_covariance: FloatArray | None = None
+    pivot: FloatArray  # (..., 2), in px
+    model: str  # a key of `MODELS`
+    weights: FloatArray | None = None  # (..., n); None where every point counts alike
+    source_covariance: FloatArray | None = None  # (..., n, 2, 2), in px^2
     target_covariance: FloatArray | None = None
 
     @property

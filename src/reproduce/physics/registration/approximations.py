@@ -81,10 +81,6 @@ class Channels:
         -------
         Channels
 
-        Raises
-        ------
-        ValueError
-            If the effect is unknown.
         """
         if effect not in EFFECTS:
             raise ValueError(f"effect: expected one of {EFFECTS}, got {effect!r}")
@@ -181,11 +177,6 @@ def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> Floa
     ndarray, shape (4,)
         On (k, theta, shift x, shift y), in rad and px.
 
-    Raises
-    ------
-    ValueError
-        If the effect is unknown.
-
     Examples
     --------
     The same as from `simulated_bias`.
@@ -259,11 +250,6 @@ def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> f
     Returns
     -------
     float, in m^-4
-
-    Raises
-    ------
-    ValueError
-        If the share is not above 0 and at most 1.
 
     Examples
     --------

@@ -119,11 +119,6 @@ def deviations(
     ndarray, shape (..., 2n)
         T: all deviations in x, then all in y, in px.
 
-    Raises
-    ------
-    ValueError
-        If the counts differ.
-
     Examples
     --------
     >>> deviations((1, 0, 0, 0), [[7, 5]], [[8, 3]], (5, 5))
@@ -146,8 +141,8 @@ def gauss_newton_step(
     T is observed minus modelled and J the derivative of the model, as (25) prints both; then the
     correction must be added. As extracted it is subtracted, see `gauss_newton_step_printed`.
 
-    Arguments are those of `deviations`, and the number of leading parameters that are `free` to
-    move: 2 for scale and rotation alone, 4 for all.
+    Arguments are those of `deviations`, and the number of leading parameters, 1 to 4, that are
+    `free` to move: 2 for scale and rotation alone, 4 for all.
 
     Returns
     -------
@@ -156,8 +151,6 @@ def gauss_newton_step(
 
     Raises
     ------
-    ValueError
-        If the counts differ, or `free` is not between 1 and 4.
     DegenerateGeometryError
         If the points, or a scale of zero, leave a parameter undetermined.
 
@@ -213,6 +206,9 @@ def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatAr
     -------
     ndarray, shape (...)
         Direction in the target minus direction in the source, in radians, within (-pi/2, pi/2].
+
+    Raises
+    ------
     DegenerateGeometryError
         If the spots of a channel fix no line.
 
@@ -389,8 +385,6 @@ def calibrate(
 
     Raises
     ------
-    ValueError
-        If the counts differ.
     DegenerateGeometryError
         If the points coincide or mirror each other, or cluster too far from the pivot.
     ConvergenceError
@@ -518,8 +512,6 @@ def registration_bound(
 
     Raises
     ------
-    ValueError
-        If both noises are zero.
     DegenerateGeometryError
         If the points coincide.
 

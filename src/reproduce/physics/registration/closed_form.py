@@ -39,27 +39,13 @@ _MIRRORED = (
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Where a fit ended.
+    """Where a fit ended; parameters in the order of `transforms.MODELS`."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (..., p)
-        In the order of `transforms.MODELS`.
-    residuals : ndarray, shape (..., n, 2)
-        Target minus transformed source, in px.
-    chi_square : ndarray, shape (...)
-        Weighted sum of squared deviations, of both images where covariances are known.
-    cofactor : ndarray, shape (..., p, p)
-        Inverse of the normal matrix, the sum of J^T W J.
-    points : ndarray, shape (..., n, 2)
-        Where the source points truly are, as far as their errors are known, in px.
-    """
-
-    parameters: FloatArray
-    residuals: FloatArray
-    chi_square: FloatArray
-    cofactor: FloatArray
-    points: FloatArray
+    parameters: FloatArray  # (..., p)
+    residuals: FloatArray  # (..., n, 2), target minus transformed source, in px
+    chi_square: FloatArray  # (...), of both images where covariances are known
+    cofactor: FloatArray  # (..., p, p), the inverse of the sum of J^T W J
+    points: FloatArray  # (..., n, 2), where the source points truly are, in px
 
 
 def _closed_similarity(
@@ -156,11 +142,6 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 2), in px
-
-    Raises
-    ------
-    ValueError
-        If the counts differ.
 
     Examples
     --------

@@ -53,8 +53,6 @@ def registered_image(
 
     Raises
     ------
-    ValueError
-        If the image or the transform is a batch, or the order another one.
     DegenerateGeometryError
         If the transform cannot be undone on some pixel.
 
@@ -123,11 +121,6 @@ def fused_image(images: Sequence[ArrayLike], weights: ArrayLike | None = None) -
     -------
     ndarray, shape (..., height, width)
         Their weighted sum.
-
-    Raises
-    ------
-    ValueError
-        If there is no image, or shapes or counts differ.
 
     Examples
     --------

@@ -343,15 +343,7 @@ class Inverse:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Transforms one after the other, the first one first.
-
-    Examples
-    --------
-    >>> step = Registration("shift", np.array([-1.0, 0.0]), np.zeros(2))
-    >>> two = step.after(step)
-    >>> two.apply([[0, 0]]), two.inverse().apply([[2, 0]])
-    (array([[2., 0.]]), array([[0., 0.]]))
-    """
+    """Transforms one after the other, the first one first."""
 
     steps: tuple[Transform, ...]
 
