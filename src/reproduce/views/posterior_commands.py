@@ -282,7 +282,7 @@ def _show_coverage(found: Ranks) -> None:
 
 
 @contextmanager
-def _bar(what: str) -> Iterator[Any]:
+def _bar(what: str) -> Iterator[Progress | None]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
     from rich.console import Console
 
@@ -290,15 +290,8 @@ def _bar(what: str) -> Iterator[Any]:
     if not console.is_terminal:
         yield None
         return
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich import progress
 
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
+    with progress.Progress(console=console, transient=True) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
