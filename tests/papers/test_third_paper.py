@@ -21,7 +21,7 @@ from reproduce.views import pages
 
 table = rp.table("lamp2025/table-2")
 changed = table.rerun({"lamp2025/table-1#focal-length.far": "150 mm"}).frame()
-figure = rp.figure("lamp2025/fig-1")
+figure, ratio = rp.figure("lamp2025/fig-1"), rp.table("lamp2025/ratio")
 wider = figure.rerun({"lamp2025/table-1#focal-length.far": "150 mm"})
 print(json.dumps({
     "papers": list(dict.fromkeys(key.partition("/")[0] for key in catalogue())),
@@ -35,7 +35,10 @@ print(json.dumps({
     "errata": list(rp.contradictions("lamp2025").frame().index),
     "audit": repr(rp.contradictions("lamp2025")),
     "cite": rp.cite("lamp2025/table-2#angle.far", "text"),
-    "study": rp.table("lamp2025/ratio").frame().to_numpy().tolist(),
+    "study": [
+        table.frame().to_dict("records")
+        for table in (ratio, ratio.rerun({"lamp2025/table-1#focal-length.far": "150 mm"}))
+    ],
     "reads": rp.posterior("lamp-registration").reads,
     "posteriors": [name for name in posteriors() if name.startswith("lamp")],
     "model": list(posteriors()["lamp-registration"].model().names),
@@ -81,7 +84,8 @@ def test_its_erratum_citation_and_study_are_found(found):
     assert found["errata"] == ["lamp2025-far-angle"]
     assert "lamp2025" in found["audit"]
     assert "Nora Nobody" in found["cite"]
-    assert found["study"] == [["far over near", pytest.approx(1.5)]]
+    compared = [[{"lens": "far over near", "ratio": value}] for value in (1.5, 3.0)]
+    assert found["study"] == [[pytest.approx(row) for row in rows] for rows in compared]
 
 
 def test_its_posterior_is_found(found):

@@ -32,10 +32,10 @@ def draw(figure, printed, door):
 @studied(
     "lamp2025/ratio",
     given=[f"{LENSES}#focal-length.*"],
-    columns=[Column("lens"), Column("ratio", "g")],
+    columns=(Column("lens"), Column("ratio", "g")),
     caption="The lenses compared.",
 )
-def ratio(door):
+def ratio(given):
     """How the focal lengths compare."""
-    near, far = door.array(f"{LENSES}#focal-length.*")
-    return [("far over near", far / near)]
+    near, far = given.array(f"{LENSES}#focal-length.*")
+    return [("far over near", float(far / near))]

@@ -35,6 +35,20 @@ MARKS_MONITORING = (f"{STUDY}#saturation",)
 Curves = dict[str, FloatArray]
 
 
+def monte_carlo(given: Given) -> FloatArray:
+    """Simulate the study as described: the error of all phases and trials at every resolution."""
+    phases = even_phases(given.count(f"{STUDY}#phases"))
+    trials, size = given.count(f"{STUDY}#trials"), resolution.window(given)
+    light = resolution.light_for_table(given)
+    radius = resolution.radii(given, resolution.resolutions(given))
+    streams = spawned_streams(seed_of("chen2023/fig-11a"), len(radius))
+    errors = (
+        simulated_errors(phases, light, float(sigma), size, trials, stream)
+        for sigma, stream in zip(radius, streams, strict=True)
+    )
+    return np.array([observed_scatter(drawn).total for drawn in errors])
+
+
 @cache
 def compute(door: Given) -> Curves:
     """Compute what both panels of Figure 11 show.
@@ -43,18 +57,13 @@ def compute(door: Given) -> Curves:
     without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
     """
     angles = resolution.resolutions(door)
-    phases, trials = even_phases(door.count(f"{STUDY}#phases")), door.count(f"{STUDY}#trials")
+    phases = even_phases(door.count(f"{STUDY}#phases"))
     radius, size = resolution.radii(door, angles), resolution.window(door)
     light = resolution.light_for_table(door)
     law = predicted_scatter(predicted_errors(phases, light, radius, size))
-    streams = spawned_streams(seed_of("chen2023/fig-11a"), len(radius))
-    errors = (
-        simulated_errors(phases, light, float(sigma), size, trials, stream)
-        for sigma, stream in zip(radius, streams, strict=True)
-    )
     return {
         "angles": angles,
-        "simulated": np.array([observed_scatter(drawn).total for drawn in errors]),
+        "simulated": monte_carlo(door),
         "predicted": law.total,
         "within": law.within,
         "bias": law.bias,
