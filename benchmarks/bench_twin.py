@@ -16,7 +16,8 @@ from numpy.random import default_rng
 from photutils.centroids import centroid_com
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from reproduce.papers.chen2023 import figures_resolution, resolution, twin
+from reproduce.papers.chen2023 import platform_twin, resolution
+from reproduce.papers.chen2023.figures.resolution import monte_carlo
 from reproduce.physics.ground.earth import earth_fixed, satellite_from_inertial
 from reproduce.physics.ground.imaging import image_vectors, imaged_position
 from reproduce.physics.images.centroids import centre_of_gravity
@@ -36,11 +37,11 @@ def best_of(function: Callable[[], object], repeats: int = 3) -> float:
 
 
 def test_800_frames_rendered_extracted_and_solved(benchmark: BenchmarkFixture) -> None:
-    platform = twin.bench(given(twin.READS))
+    platform = platform_twin.bench(given(platform_twin.READS))
 
     def run() -> np.ndarray:
         rng = default_rng(1)
-        spots = twin.centroids(platform, platform.spots, platform.light[0], 800, rng)
+        spots = platform_twin.centroids(platform, platform.spots, platform.light[0], 800, rng)
         return platform.transform(spots)
 
     assert best_of(run) < 1.0
@@ -50,10 +51,10 @@ def test_800_frames_rendered_extracted_and_solved(benchmark: BenchmarkFixture) -
 def test_the_whole_monte_carlo_of_figure_11(benchmark: BenchmarkFixture) -> None:
     """71 resolutions, 50 phases, 500 trials, in one process and one thread."""
     door = given(resolution.READS)
-    assert best_of(lambda: figures_resolution.monte_carlo(door)) < 5.0
+    assert best_of(lambda: monte_carlo(door)) < 5.0
     # The peak of the whole process, NumPy and matplotlib included, in KiB on Linux.
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 < 2 * GIBIBYTE
-    benchmark.pedantic(figures_resolution.monte_carlo, (door,), rounds=3)
+    benchmark.pedantic(monte_carlo, (door,), rounds=3)
 
 
 def spots_20000() -> np.ndarray:

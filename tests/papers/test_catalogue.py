@@ -5,6 +5,7 @@ import fnmatch
 import numpy as np
 import pytest
 
+from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Pending, Prediction, reproduces
 from reproduce.printed.cells import find, library
@@ -96,6 +97,31 @@ def test_every_declared_input_is_needed(computation):
         assert dropped, f"{pattern} is covered by another pattern"
         with pytest.raises(UndeclaredInputError):
             computation(given(others), 3 if computation.replicates else None)
+
+
+@pytest.mark.parametrize("key", studies())
+def test_a_study_computes_what_it_declares(key):
+    study = studies()[key]
+    frame = study()
+    assert study.key == key
+    assert list(frame.columns) == [column.name for column in study.columns]
+    assert len(set(frame.columns)) == len(study.columns)
+    assert study.title
+    assert "{" not in frame.attrs["caption"]
+    for column in study.columns:
+        numeric = frame[column.name].dtype.kind in "if"
+        assert numeric == bool(column.form), f"{column.name}: numbers are written by a form"
+        assert column.error in {"", *frame.columns}
+
+
+@pytest.mark.parametrize("key", studies())
+def test_every_declared_input_of_a_study_is_needed(key):
+    study = studies()[key]
+    assert len(set(study.given)) == len(study.given)
+    for pattern in study.given:
+        others = [p for p in study.given if p != pattern]
+        with pytest.raises(UndeclaredInputError):
+            study(given(others))
 
 
 def test_seeds_differ_between_computations():

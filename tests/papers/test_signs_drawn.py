@@ -8,7 +8,7 @@ from matplotlib.patches import FancyArrowPatch
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers import space
-from reproduce.papers.chen2023 import figures_frames, figures_platform, figures_scene
+from reproduce.papers.chen2023.figures import attitude, platform, satellite
 from reproduce.papers.niu2024.figures import calibration, registration
 from reproduce.physics.attitude.lasers import emitted_directions
 from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
@@ -54,27 +54,27 @@ def measured(camera, arrives):
 
 @pytest.mark.parametrize("index", range(3))
 def test_the_drawn_turn_is_the_misalignment_that_is_measured(index):
-    angles = figures_frames.TURN * np.eye(3)[index]
-    axes_now = figures_frames.turned_camera(angles)
+    angles = attitude.TURN * np.eye(3)[index]
+    axes_now = attitude.turned_camera(angles)
     camera = emitted_directions(LASERS, 1.0)
     assert measured(camera, camera @ axes_now) == pytest.approx(angles, abs=1e-9)
 
 
 @pytest.mark.parametrize("index", range(3))
 def test_the_curved_arrow_turns_right_handed(index):
-    axes = painted(figures_frames.draw_misalignment)
+    axes = painted(attitude.draw_misalignment)
     view = space.seen_from(-62.0, 26.0, ((2.0, 6.6, 11.2)[index], 2.7), 2.2)
     start = 0.75 * np.eye(3)[0 if index == 2 else 2]
     for share, point in zip(np.linspace(0, 1, 60), curves(axes)[index], strict=True):
-        turned = Rotation.from_rotvec(share * figures_frames.TURN * np.eye(3)[index]).apply(start)
+        turned = Rotation.from_rotvec(share * attitude.TURN * np.eye(3)[index]).apply(start)
         assert point == pytest.approx(view.point(turned))
     for axis in np.delete(np.eye(3), index, axis=0):
-        now = Rotation.from_rotvec(figures_frames.TURN * np.eye(3)[index]).apply(axis)
+        now = Rotation.from_rotvec(attitude.TURN * np.eye(3)[index]).apply(axis)
         assert holds_arrow(axes, view.point(np.zeros(3)), view.point(now))
 
 
 def test_the_words_under_the_turns_say_where_the_axes_go():
-    said = words(painted(figures_frames.draw_misalignment))
+    said = words(painted(attitude.draw_misalignment))
     assert r"$\theta_X > 0$: boresight towards −Y" in said
     assert r"$\theta_Y > 0$: boresight towards +X" in said
     assert r"$\theta_Z > 0$: X towards +Y" in said
@@ -89,13 +89,13 @@ def test_x_y_and_z_are_drawn_right_handed():
 
 
 def test_the_rays_of_both_instruments_are_those_of_the_equations():
-    axes = painted(figures_frames.draw_instruments)
-    x, y = figures_frames.POINT
-    focal = figures_frames.FOCAL
+    axes = painted(attitude.draw_instruments)
+    x, y = attitude.POINT
+    focal = attitude.FOCAL
     lens = np.array([0.0, 0.0, focal])
     out = np.array([-x, -y, focal])
     unit = out / np.linalg.norm(out)
-    first, second, third = (figures_frames._view(place) for place in (2.4, 7.6, 12.8))
+    first, second, third = (attitude._view(place) for place in (2.4, 7.6, 12.8))
     assert holds_arrow(axes, first.point(lens), first.point([x, y, 0.0]))  # the bracket, inwards
     assert holds_arrow(axes, second.point(lens), second.point(lens + 2.6 * unit))  # v, outwards
     aside = np.array([0.35, 0.12])
@@ -106,14 +106,14 @@ def test_the_rays_of_both_instruments_are_those_of_the_equations():
 
 @pytest.mark.parametrize(("index", "said"), [(0, r"$\theta_Y < 0$"), (1, r"$\theta_X > 0$")])
 def test_a_moved_laser_stands_for_the_turn_that_is_measured(index, said):
-    axes = painted(figures_frames.draw_stage)
+    axes = painted(attitude.draw_stage)
     assert said in words(axes)
     shift = np.zeros(2)
     shift[index] = 1e-4
     found = measured(emitted_directions(LASERS, 1.0), emitted_directions(LASERS + shift, 1.0))
     turn = int(np.abs(found).argmax())
     assert said == rf"$\theta_{'XYZ'[turn]} {'>' if found[turn] > 0 else '<'} 0$"
-    assert figures_platform.stage_sense(index) == f"{'+' if found[turn] > 0 else '−'}{'XYZ'[turn]}"
+    assert platform.stage_sense(index) == f"{'+' if found[turn] > 0 else '−'}{'XYZ'[turn]}"
     beam = ends(axes)[3 * index + 1]
     assert beam[1, 0] < beam[0, 0], "light of a laser at a positive place goes the other way"
     curve = curves(axes)[-2 + index]
@@ -121,36 +121,36 @@ def test_a_moved_laser_stands_for_the_turn_that_is_measured(index, said):
 
 
 def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
-    axes, view = painted(figures_scene.draw, {}), figures_scene.VIEW
+    axes, view = painted(satellite.draw_scene, {}), satellite.VIEW
     dates = erfa.dtf2d("UTC", 2023, 9, 22, 3, 30, 0.0)
     angle = erfa.era00(*dates)
     sweep = curves(axes)[-1]
     share = np.linspace(0, 1, 60)[:, np.newaxis]
     # From the X axis of the stars, which lies so far to the west, eastwards to that of the Earth.
     away = np.squeeze(share * angle - angle)
-    expected = 0.6 * figures_scene.RADIUS * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
+    expected = 0.6 * satellite.RADIUS * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
     # Precession since J2000 tilts the axis by a third of a degree at the most.
-    size = view.scale * figures_scene.RADIUS
+    size = view.scale * satellite.RADIUS
     assert np.abs(sweep - view.point(expected)).max() < np.radians(0.35) * size
     assert angle < np.pi
 
 
 def test_the_line_of_sight_ends_where_the_camera_looks():
-    scene, view = figures_scene.scene(given([figures_scene.INSTALLED])), figures_scene.VIEW
+    scene, view = satellite.scene(given([satellite.INSTALLED])), satellite.VIEW
     sight = scene.target - scene.satellite
     boresight = scene.earth_from_camera @ [0.0, 0.0, 1.0]
     assert sight / np.linalg.norm(sight) == pytest.approx(boresight, abs=1e-12)
     assert geodetic(scene.target)[2] == pytest.approx(0.0, abs=1e-3)
     both = scene.earth_from_tracker[:, 2] @ boresight
     assert np.degrees(np.arccos(both)) == pytest.approx(120.0)
-    axes = painted(figures_scene.draw, {})
+    axes = painted(satellite.draw_scene, {})
     assert holds_arrow(axes, view.point(scene.target), view.point(scene.satellite))
 
 
 def test_the_bench_folds_the_laser_into_the_tracker():
     """Three reflections carry the camera's boresight to the one of the tracker, backwards."""
-    angles = dict(zip(figures_platform.ANGLES, np.radians([120.0, 37.76, 30.0]), strict=True))
-    axes = painted(figures_platform.draw_bench, angles)
+    angles = dict(zip(platform.ANGLES, np.radians([120.0, 37.76, 30.0]), strict=True))
+    axes = painted(platform.draw_bench, angles)
     path = ends(axes)
     ways = (path[:, 1] - path[:, 0]) / np.linalg.norm(path[:, 1] - path[:, 0], axis=1)[:, None]
     out, folded = ways[0], ways[5]

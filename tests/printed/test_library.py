@@ -31,13 +31,12 @@ def test_the_expected_tables_and_groups_are_there():
         *(f"chen2023/table-{n}" for n in range(1, 6)),
         *(
             f"niu2024/text-{topic}"
-            for topic in ("optics", "simulation", "registration", "approximations", "context")
+            for topic in ("optics", "simulation", "experiment", "approximations", "context")
         ),
         *(
             f"chen2023/text-{topic}"
             for topic in (
-                "design extraction accuracy effectiveness angular-resolution positioning "
-                "hardware context"
+                "satellite positioning platform accuracy effectiveness resolution hardware context"
             ).split()
         ),
     }

@@ -18,6 +18,8 @@ from reproduce.printed.cells import find, library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 
+FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
+STRANGER = "niu2024/text-simulation#noise"
 ROOMS = [path.parent.name for path in Path(reproduce.__file__).parent.glob("*/__init__.py")]
 
 
@@ -91,6 +93,35 @@ def test_rerun_shows_print_value_and_difference_without_a_verdict():
     assert list(alone.frame().index) == ["scale.red"]
 
 
+def test_a_study_is_computed_again_under_a_change():
+    """A micrometre at half the focal length is twice the angle; the bench keeps its own."""
+    heat = rp.table("chen2023/heat")
+    changed = heat.rerun({FOCAL: "7 m"})
+    angle = "angle for 1 µm of all lasers (arcsec)"
+    before, after = (table.frame().set_index("Instrument")[angle] for table in (heat, changed))
+    flight, bench = "flight, as printed", "ground platform"
+    assert after[flight] == pytest.approx(1e-6 / 7.0 * ARCSEC_PER_RADIAN)
+    assert after[flight] == pytest.approx(2 * before[flight])
+    assert after[bench] == before[bench]
+    # The printed ratio of focal lengths follows its recomputed one.
+    assert changed.changes == {FOCAL: "7 m"}
+    assert changed.replaced == {"chen2023/text-satellite#focal-ratio": pytest.approx(7.0 / 0.06)}
+    assert (heat.changes, heat.replaced) == ({}, {})
+    for shown in (repr(changed), changed._repr_html_()):
+        assert "= 7 m" in shown
+        assert "focal-ratio" in shown
+    both = changed.rerun({"chen2023/table-4#100.misalignment-x": 3})
+    assert list(both.changes) == [FOCAL, "chen2023/table-4#100.misalignment-x"]
+
+
+def test_a_study_shows_its_numbers_as_its_columns_say():
+    rows = {row[0]: row[1:] for row in rp.table("chen2023/focal-lengths").grids[""].rows}
+    assert rows["reference about Y, state 2"] == ["2084.2 ± 1.5", "", "2055.5 ± 1.5", ""]
+    assert rows["all monitored about Y"] == ["2043.9 ± 5.9", "25.7", "2048.1 ± 5.9", "35.3"]
+    thermal = {row[0]: row[1:] for row in rp.table("chen2023/thermal").grids[""].rows}
+    assert thermal["the pattern grows evenly"] == ["µm", "0", "any", "any"]
+
+
 @pytest.mark.parametrize("key", ["niu2024/fig-4", "chen2023/fig-11a"])
 def test_a_figure_gives_its_data_and_saves_itself(key, tmp_path):
     figure = rp.figure(key)
@@ -117,6 +148,8 @@ def test_the_data_of_a_figure_are_what_is_drawn():
         (lambda: rp.table("niu2024/table-3#scale.green"), "has no cell 'scale.green'"),
         (lambda: rp.table("niu2024/fig-4"), r"try figure\('niu2024/fig-4'\)"),
         (lambda: rp.figure("niu2024/table-3"), "has no figure"),
+        (lambda: rp.table("chen2023/heat").rerun({STRANGER: "1 px"}), "does not read"),
+        (lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}), "expected m as in the print"),
         (lambda: rp.posterior("nothing"), "unknown posterior"),
         (lambda: rp.posterior("registration", thin=2), "unknown settings"),
         (lambda: rp.contradictions("nobody1999"), "expected one of niu2024, chen2023"),

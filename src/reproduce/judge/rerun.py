@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from reproduce.judge.ledger import Record, TableRecord, reread
+from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
@@ -135,7 +136,7 @@ def options(key: str) -> dict[str, dict[str, str]]:
 
 
 def changeable(key: str) -> tuple[str, ...]:
-    """Return every cell that an item reads, directly or through other items.
+    """Return every cell that an item or a study reads, directly or through other items.
 
     Addresses, nearest first.
 
@@ -144,9 +145,12 @@ def changeable(key: str) -> tuple[str, ...]:
     >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
     True
     """
-    item = catalogue()[key]
-    waiting = [cell for one in item.computations for cell in _read(one.given)]
-    waiting += _read(item.draw.given) if item.draw is not None else []
+    if key in studies():
+        waiting = _read(studies()[key].given)
+    else:
+        item = catalogue()[key]
+        waiting = [cell for one in item.computations for cell in _read(one.given)]
+        waiting += _read(item.draw.given) if item.draw is not None else []
     found: dict[str, None] = {}
     while waiting:
         cell = waiting.pop(0)

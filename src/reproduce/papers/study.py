@@ -34,8 +34,10 @@ class Column:
     infinite : str
         The word for a number without limit.
     error : str
-        The name of the column that holds its standard error, shown behind ±; that column is not
-        shown on its own.
+        The name of the column that holds its standard error, shown behind ± in that column's form
+        or with one digit; that column is not shown on its own.
+    missing : str
+        What stands where there is no number.
     draws : int
         How many draws a probability is counted from; without them it is a power of ten.
     bold : float
@@ -47,6 +49,7 @@ class Column:
     zero: float = 0.0
     infinite: str = "any"
     error: str = ""
+    missing: str = ""
     draws: int = 0
     bold: float = 0.0
 
@@ -102,17 +105,7 @@ class Study:
         import pandas as pd
 
         found = self.function(*self._doors(door))
-        if isinstance(found, pd.DataFrame):
-            frame = found
-        else:
-            rows = list(found)
-            wrong = [row for row in rows if len(row) != len(self.columns)]
-            if wrong or not rows:
-                raise ValueError(
-                    f"{self.key}: expected rows of {len(self.columns)} entries, got "
-                    f"{wrong or 'no rows'}"
-                )
-            frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
+        frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
         if list(frame.columns) != [column.name for column in self.columns]:
             raise ValueError(
                 f"{self.key}: expected the columns {[c.name for c in self.columns]}, got "
@@ -124,6 +117,21 @@ class Study:
     def facts(self) -> Mapping[str, Fact]:
         """Compute what sentences quote of it, by name."""
         return self.named(*self._doors()) if self.named else {}
+
+    def frame(self, rows: Iterable[Sequence[Any]], **blanks: Any) -> pd.DataFrame:
+        """Return rows under the declared heads, with what fills the blanks of the caption."""
+        import pandas as pd
+
+        rows = list(rows)
+        wrong = [row for row in rows if len(row) != len(self.columns)]
+        if wrong or not rows:
+            raise ValueError(
+                f"{self.key}: expected rows of {len(self.columns)} entries, got "
+                f"{wrong or 'no rows'}"
+            )
+        frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
+        frame.attrs.update(blanks)
+        return frame
 
     def _doors(self, door: Given | None = None) -> list[Given]:
         return [given(self.given) if door is None else door] if self.given else []

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from reproduce.judge.readings import printed_values
-from reproduce.papers.chen2023 import figures_frames
+from reproduce.papers.chen2023.figures import attitude
 from reproduce.papers.niu2024.figures import (
     approximations,
     calibration,
@@ -31,9 +31,9 @@ def _distributions(figure: Figure) -> None:
 
 
 DRAWINGS: dict[str, Callable[[Figure], None]] = {
-    "chen2023-instruments": figures_frames.draw_instruments,
-    "chen2023-misalignment": figures_frames.draw_misalignment,
-    "chen2023-stage": figures_frames.draw_stage,
+    "chen2023-instruments": attitude.draw_instruments,
+    "chen2023-misalignment": attitude.draw_misalignment,
+    "chen2023-stage": attitude.draw_stage,
     "niu2024-approximations-table-1": approximations.draw_table_1,
     "niu2024-approximations-table-4": approximations.draw_table_4,
     "niu2024-colours": images.draw_colours,

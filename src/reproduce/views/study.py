@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 from rich.console import RenderableType
 
+from reproduce.judge import rerun as rerunning
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Column
-from reproduce.printed.given import given
 from reproduce.views import numbers
 from reproduce.views.grid import Entry, Grid
 from reproduce.views.shown import Shown
@@ -35,7 +35,8 @@ class StudyTable(Shown):
     def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
         self.key = key
         self._study = studies()[key]
-        self.changes = {address: str(value) for address, value in (changes or {}).items()}
+        self._changes = dict(changes or {})
+        self._values = rerunning.checked_values(key, self._changes)
 
     @property
     def title(self) -> str:
@@ -44,8 +45,18 @@ class StudyTable(Shown):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """Addresses of all printed cells that it reads."""
-        return tuple(given(self._study.given).cells)
+        """Addresses of all printed cells that it reads, directly or through other items."""
+        return rerunning.changeable(self.key)
+
+    @property
+    def changes(self) -> dict[str, str]:
+        """What was changed: address to the value as given."""
+        return {address: str(value) for address, value in self._changes.items()}
+
+    @property
+    def replaced(self) -> dict[str, float]:
+        """Printed inputs whose place a recomputed value took, in the unit of print."""
+        return self._made[1]
 
     @property
     def source(self) -> str:
@@ -53,29 +64,64 @@ class StudyTable(Shown):
         return inspect.getsource(self._study.function).rstrip()
 
     @cached_property
-    def _frame(self) -> pd.DataFrame:
-        return self._study()
+    def _made(self) -> tuple[pd.DataFrame, dict[str, float]]:
+        if not self._changes:
+            return self._study(), {}
+        with rerunning.told_why(self.key, self.changes):
+            door, replaced = rerunning.door_under(self._study.given, self._values)
+            return self._study(door), replaced
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""
-        return self._frame
+        return self._made[0]
+
+    def rerun(self, changes: Mapping[str, str | float]) -> StudyTable:
+        """Return the table computed again with other values for cells that it reads.
+
+        Parameters
+        ----------
+        changes : mapping
+            Address of any cell in `reads` to a value as in the print.
+
+        Returns
+        -------
+        StudyTable
+            With `changes` and what they `replaced`.
+
+        Raises
+        ------
+        ValueError
+            If the study does not read the cell, or the value does not fit it.
+        """
+        return StudyTable(self.key, {**self._changes, **changes})
+
+    def _caption(self) -> str:
+        caption = str(self.frame().attrs["caption"])
+        if self._changes:
+            setting = ", ".join(f"{name} = {text}" for name, text in self.changes.items())
+            caption += f" With {setting}: a reader's own setting."
+        if self.replaced:
+            caption += f" Recomputed values took the place of: {', '.join(self.replaced)}."
+        return caption
 
     @property
     def grids(self) -> dict[str, Grid]:
         """The table as a reader sees it: whole, or in the parts that it is folded into, by name."""
-        frame, folded = self._frame, self._study.folded
+        frame, folded = self.frame(), self._study.folded
+        forms = {column.name: column.form for column in self._study.columns}
         behind = {column.error for column in self._study.columns} | {folded}
         shown = [column for column in self._study.columns if column.name not in behind]
+        anchor = f"study-{self.key.replace('/', '-')}" + ("-changed" if self._changes else "")
         parts = [("", frame)] if not folded else frame.groupby(folded, sort=False)
         return {
             str(name): Grid(
-                frame.attrs["caption"],
+                self._caption(),
                 [column.name for column in shown],
-                [[_entry(row, c) for c in shown] for row in part.to_dict(orient="records")],
-                "-".join(["study", *self.key.split("/"), *([str(number)] if number else [])]),
+                [[_entry(row, c, forms) for c in shown] for row in part.to_dict(orient="records")],
+                f"{anchor}-{place}" if place else anchor,
                 "rp-study",
             )
-            for number, (name, part) in enumerate(parts)
+            for place, (name, part) in enumerate(parts)
         }
 
     def export(self, form: str) -> str:
@@ -103,9 +149,9 @@ class StudyTable(Shown):
             yield from grid.parts(width)
 
 
-def _entry(row: Mapping[Any, Any], column: Column) -> Entry:
-    value = row[column.name]
-    text = numbers.entry(value, column, row[column.error] if column.error else None)
-    if column.bold and value < column.bold:
+def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:
+    error = (row[column.error], forms[column.error]) if column.error else None
+    text = numbers.entry(row[column.name], column, error)
+    if column.bold and row[column.name] < column.bold:
         return Markup("<strong>{}</strong>").format(text)
     return text

@@ -8,7 +8,7 @@ import numpy as np
 
 from reproduce.inference.model import Quantity
 from reproduce.inference.models.averaging import predicted_error
-from reproduce.papers.chen2023.lasers import SIGMAS
+from reproduce.papers.chen2023.platform import SIGMAS
 from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.physics.ground.errors import ground_error
 from reproduce.physics.validate import FloatArray

@@ -30,8 +30,9 @@ from reproduce.inference.models.stage_table import StageTableLikelihood, table_m
 from reproduce.inference.models.table_readings import Read, Reading, hypotheses, read
 from reproduce.inference.priors import HalfNormal
 from reproduce.inference.quadrature import small_log_evidence, summed
-from reproduce.papers.chen2023 import lasers, published, simulated_spots, users_spots, users_tables
+from reproduce.papers.chen2023 import published, simulated_spots, users_spots, users_tables
 from reproduce.papers.chen2023.consequences import Averaged, OnTheGround, StageTest
+from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
 from reproduce.papers.chen2023.simulated_spots import images, platform
 from reproduce.papers.declare_posterior import Aside, Declaration
 from reproduce.physics.ground.errors import altitude_for_resolution
@@ -50,7 +51,7 @@ GROUND = tuple(
 READS = (*simulated_spots.READS, FRAMES, *GROUND)
 STAGE_READS = (
     *(f"{STAGE}#*.{what}" for what in ("position-?", "reference-?", "monitoring-?")),
-    lasers.READS[2],
+    TELESCOPE,
     *GROUND,
 )
 # Columns of Table IV: the first is sampled, all are summed.
@@ -113,8 +114,8 @@ def frame_averaging(given: Given, column: str = COLUMNS[0], floor: bool = True) 
     """White noise and floor of one column of Table IV."""
     counts = tuple(int(n) for n in given.array(f"{AVERAGES}#*.frames"))
     addresses = [f"{AVERAGES}#{count}.{column}" for count in counts]
-    printed = np.array([given[a] for a in addresses]) / lasers.SIGMAS
-    half = given.half_unit(addresses[0]) / lasers.SIGMAS
+    printed = np.array([given[a] for a in addresses]) / SIGMAS
+    half = given.half_unit(addresses[0]) / SIGMAS
     likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), floor)
     derived = Averaged(SHOWN_COUNTS, _ground(given).altitude) if floor else None
     return averaging_model(likelihood, derived=derived)
@@ -198,7 +199,7 @@ def table_5(given: Given, hypothesis: int | None = None) -> Model:
     """Focal length, bias and noise from Table V."""
     monitored = np.stack([given.array(f"{STAGE}#*.monitoring-{a}") for a in "yx"], axis=-1)
     likelihood = StageTableLikelihood(reference_angles(given), monitored, hypothesis)
-    nominal = given[lasers.READS[2]]
+    nominal = given[TELESCOPE]
     model = table_model(likelihood, nominal)
     if hypothesis is None:
         consequences = StageTest(_ground(given).altitude, _last_motion(given), nominal)

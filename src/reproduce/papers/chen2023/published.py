@@ -10,7 +10,7 @@ from numpy.random import Generator
 from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
 from reproduce.inference.models.stage_table import StageTableLikelihood
-from reproduce.papers.chen2023 import lasers
+from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare_posterior import OWN_DATA, published_cells, simulated
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -25,7 +25,9 @@ PRINTED_SIGNS = np.array([1.0, -1.0])
 MONITORED = tuple(f"{STAGE}#{state}.monitoring-{axis}" for state in MOVED for axis in "yx")
 REFERENCE = tuple(f"{STAGE}#{state}.reference-{axis}" for state in MOVED for axis in "yx")
 SPOT_CELLS = tuple(f"chen2023/text-platform#spot-{i}-{a}" for i in range(1, 5) for a in "xy")
-SCATTER = tuple(f"{lasers.SCATTER}#{g}-{i}.{a}" for g in (1, 2) for i in range(1, 5) for a in "xy")
+SCATTER = tuple(
+    f"{platform.SCATTER}#{g}-{i}.{a}" for g in (1, 2) for i in range(1, 5) for a in "xy"
+)
 
 
 def scatter(given: Given, model: Model) -> Published:
@@ -39,7 +41,7 @@ def scatter(given: Given, model: Model) -> Published:
 
     def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
         squares = generator.chisquare(freedom, (len(parameters), len(SCATTER))) / freedom
-        return np.asarray(lasers.SIGMAS * parameters[:, noise, None] * np.sqrt(squares))
+        return np.asarray(platform.SIGMAS * parameters[:, noise, None] * np.sqrt(squares))
 
     return published_cells(given, SCATTER, repeat, note=note)
 
@@ -49,7 +51,7 @@ def averaged(given: Given, model: Model, column: str) -> Published:
     addresses = [f"{AVERAGES}#{int(n)}.{column}" for n in given.array(f"{AVERAGES}#*.frames")]
 
     def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
-        return lasers.SIGMAS * simulated(model, parameters, generator)
+        return platform.SIGMAS * simulated(model, parameters, generator)
 
     return published_cells(given, addresses, repeat, whole=model.log_likelihood, note=OWN_DATA)
 

@@ -23,43 +23,84 @@ results were known. All of them are judged side by side.
 
 A study of the printed size is itself random. Its distribution follows from the closed-form bias
 and variance: the Monte Carlo beside it agrees within its error.
+
+Our own tables say what the optimum depends on, and what better estimators would reach.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import SeedSequence
+from numpy.random import Generator, SeedSequence
 
-from reproduce.papers.chen2023 import lasers
-from reproduce.papers.declare import Blocked, Prediction, Reading, Results, reproduces
+from reproduce.papers.chen2023 import platform
+from reproduce.papers.declare import (
+    Blocked,
+    Prediction,
+    Reading,
+    Results,
+    reproduces,
+    seed_of,
+)
+from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import attitude_accuracy
 from reproduce.physics.images.centroid_theory import CentroidError, centre_of_gravity_error
+from reproduce.physics.images.centroids import centre_of_gravity, windowed_centre
+from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.phase_study import (
     Light,
+    biased_bound,
+    bound,
     even_phases,
     predicted_errors,
+    predicted_scatter,
 )
-from reproduce.physics.images.spots import window_corners
+from reproduce.physics.images.spot_fit import fitted_centre
+from reproduce.physics.images.spots import spot_windows, window_corners
 from reproduce.physics.optics.simulate import spawned_streams
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.units import RADIANS_PER_ARCSEC
+from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "READS",
+    "SPOT_RADIUS",
+    "SPOT_READS",
+    "STUDY",
+    "light_for_table",
+    "radii",
+    "resolutions",
+    "window",
+]
 
 STUDY = "chen2023/text-resolution"
-FOCAL_LENGTH = "chen2023/table-2#tracker-focal-length.value"
-PIXEL = "chen2023/table-2#tracker-pixel-size.value"
+SPOT_RADIUS = f"{STUDY}#spot-radius"
+# The spot on pixels of any size, with the light that Table III implies.
+SPOT_READS = (
+    SPOT_RADIUS,
+    f"{STUDY}#window-x",
+    *platform.TRACKER,
+    platform.SPOTS,
+    platform.SCATTER,
+)
+PHASES = f"{STUDY}#phases"
 READS = (
-    *(f"{STUDY}#{name}" for name in ("spot-radius", "window-x", "resolution-low")),
-    *(f"{STUDY}#{name}" for name in ("resolution-high", "phases", "trials", "lasers")),
-    FOCAL_LENGTH,
-    PIXEL,
-    lasers.SPOTS,
-    lasers.SCATTER,
+    *SPOT_READS,
+    PHASES,
+    *(f"{STUDY}#{name}" for name in ("trials", "lasers", "resolution-low", "resolution-high")),
 )
 STEP = RADIANS_PER_ARCSEC
 REPLICATES = 2000
+# Frames and iterations of the comparison of estimators.
+TRIALS, STEPS_OF_WEIGHT = 40, 12
+# Angles per pixel at which the estimators are compared, in arc seconds; and the errors of one.
+COMPARED = (20, 30, 43, 57, 80)
+TAKEN_APART = (10, *COMPARED)
 # What may count as significant, in standard errors of a difference; the first one chosen.
 THRESHOLDS, CHOSEN = (1.0, 2.0, 3.0, 5.0), 3.0
 
@@ -140,12 +181,12 @@ OPTIONS = {
 @reproduces(
     STUDY,
     cells=["spot-radius-pixels", "position-*", "optimum-radius"],
-    given=[f"{STUDY}#spot-radius", f"{STUDY}#pixel-size", f"{STUDY}#optimum", FOCAL_LENGTH],
+    given=[SPOT_RADIUS, f"{STUDY}#pixel-size", f"{STUDY}#optimum", platform.FOCAL_LENGTH],
 )
 def spot(given: Given) -> Results:
     """Spot radius in pixels, here and at the optimum, and the ends of one pixel."""
-    radius, pixel = given[f"{STUDY}#spot-radius"], given[f"{STUDY}#pixel-size"]
-    pixel_at_optimum = given[f"{STUDY}#optimum"] * given[FOCAL_LENGTH]
+    radius, pixel = given[SPOT_RADIUS], given[f"{STUDY}#pixel-size"]
+    pixel_at_optimum = given[f"{STUDY}#optimum"] * given[platform.FOCAL_LENGTH]
     return {
         "spot-radius-pixels": radius / pixel,
         "position-low": -pixel / 2,
@@ -223,16 +264,16 @@ def resolutions(given: Given) -> FloatArray:
 
 def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
     """Return the standard deviation of the spot in pixels that see the given angles."""
-    sigma = given[f"{STUDY}#spot-radius"] / case.width
-    return np.asarray(sigma / (angles * given[FOCAL_LENGTH]))
+    sigma = given[SPOT_RADIUS] / case.width
+    return np.asarray(sigma / (angles * given[platform.FOCAL_LENGTH]))
 
 
 def light_for_table(given: Given, case: Case = LITERAL) -> Light:
     """Return the light for the mean variance of Table III, or as much more as a case says."""
-    printed = (given.array(lasers.SCATTER) / lasers.SIGMAS) ** 2
-    spots = given.array(lasers.SPOTS).reshape(-1, 2)
+    printed = (given.array(platform.SCATTER) / platform.SIGMAS) ** 2
+    spots = given.array(platform.SPOTS).reshape(-1, 2)
     size = window(given)
-    radius = given[f"{STUDY}#spot-radius"] / case.width / given[PIXEL]
+    radius = given[SPOT_RADIUS] / case.width / given[platform.PIXEL]
     corners = window_corners(spots, size)
     # Photon variance goes as one over the light, read variance as one over its square.
     photon = centre_of_gravity_error(spots, 1.0, radius, corners, size).variance.mean()
@@ -245,7 +286,7 @@ def light_for_table(given: Given, case: Case = LITERAL) -> Light:
 
 def law(given: Given, case: Case = LITERAL) -> CentroidError:
     """Return bias and variance of every resolution and phase, shape (resolutions, phases)."""
-    phases = even_phases(given.count(f"{STUDY}#phases"))
+    phases = even_phases(given.count(PHASES))
     radius = radii(given, resolutions(given), case)
     return predicted_errors(phases, light_for_table(given, case), radius, window(given))
 
@@ -257,9 +298,7 @@ def window(given: Given) -> int:
 
 def relative_error(given: Given) -> float:
     """Return the relative standard error of a standard deviation from all phases and trials."""
-    return float(
-        1.0 / np.sqrt(2.0 * given.count(f"{STUDY}#phases") * given.count(f"{STUDY}#trials"))
-    )
+    return float(1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials")))
 
 
 def replicated_scatter(
@@ -276,9 +315,9 @@ def replicated_scatter(
     for place, stream in enumerate(spawned_streams(seed, replicates)):
         # Mean and variance of normal errors within a phase are independent.
         noise, spread = stream.standard_normal(shape), stream.chisquare(trials - 1, shape)
-        for row, one in zip(found[:, place], laws, strict=True):
-            means = one.bias + np.sqrt(one.variance / trials) * noise
-            inside = one.variance * spread / trials
+        for row, errors_of in zip(found[:, place], laws, strict=True):
+            means = errors_of.bias + np.sqrt(errors_of.variance / trials) * noise
+            inside = errors_of.variance * spread / trials
             row[...] = np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
     return found
 
@@ -292,3 +331,146 @@ def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) 
     error = errors * relative * np.hypot(monitoring, finer)
     unbeaten = monitoring - finer <= error
     return np.asarray(monitoring.shape[-1] - 1 - unbeaten[..., ::-1].argmax(axis=-1))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to read the study: spot and noise, the window, and where the spot may lie."""
+
+    name: str
+    case: Case
+    window: int
+    whole_pixel: bool = True
+    scatter_only: bool = False
+
+
+def _variants(given: Given) -> list[Variant]:
+    variants = [Variant(case.name, case, window(given)) for case in CASES]
+    literal = variants[0]
+    for share in (0.25, 0.5, 0.75, 0.95):
+        case = replace(LITERAL, read_share=share)
+        variants.append(replace(literal, name=f"read noise is {share:.0%} of variance", case=case))
+    for factor in (0.5, 2.0):
+        case = replace(LITERAL, brighter=factor)
+        variants.append(replace(literal, name=f"{factor:g} times the light", case=case))
+    for size in (3, 7):
+        variants.append(replace(literal, name=f"window of {size} × {size} px", window=size))
+    variants.append(replace(literal, name="spot within ±6.5 µm always", whole_pixel=False))
+    return [*variants, replace(literal, name="scatter without bias", scatter_only=True)]
+
+
+@studied(
+    "chen2023/readings",
+    given=READS,
+    columns=(
+        Column("Reading"),
+        Column("optimum (arcsec)", ".0f"),
+        Column("error there (px)", ".4f"),
+        Column("limit of gain (arcsec)", ".0f"),
+    ),
+    caption="The optimum of Figure 11 under every reading of the text that was tried; below the "
+    f"first {len(CASES)}, the first with one thing changed. The limit of gain is that of "
+    f"{CHOSEN:g} standard errors.",
+)
+def readings(given: Given) -> list[tuple[str, float, float, float]]:
+    """Where the optimum lies under other readings of the text, from the closed form."""
+    angles, relative = resolutions(given), relative_error(given)
+    rows = []
+    for variant in _variants(given):
+        error = _error(given, variant, angles)
+        monitoring = attitude_accuracy(error, given.count(f"{STUDY}#lasers"), angles)
+        limit = angles[saturation(monitoring, relative)] * ARCSEC_PER_RADIAN
+        best = int(error.argmin())
+        optimum = angles[best] * ARCSEC_PER_RADIAN
+        rows.append((variant.name, float(optimum), float(error[best]), float(limit)))
+    return rows
+
+
+def _error(given: Given, variant: Variant, angles: FloatArray) -> FloatArray:
+    """Return the error of the centroids at every resolution, in px."""
+    phases = even_phases(given.count(PHASES))
+    radius = radii(given, angles, variant.case)
+    light = light_for_table(given, variant.case)
+    if variant.whole_pixel:
+        law = predicted_scatter(predicted_errors(phases, light, radius, variant.window))
+        return law.within if variant.scatter_only else law.total
+    # The spot's travel is the tracker's pixel, whatever the size of a pixel.
+    pitch = given[SPOT_RADIUS] / variant.case.width / radius
+    found = []
+    for wide, size in zip(radius, pitch, strict=True):
+        travel = phases * given[platform.PIXEL] / size
+        nearest = travel - np.floor(travel + 0.5)
+        law = predicted_scatter(predicted_errors(nearest, light, float(wide), variant.window))
+        found.append(float(law.total))
+    return np.array(found)
+
+
+@studied(
+    "chen2023/errors",
+    given=(*SPOT_READS, PHASES),
+    columns=(Column("Quantity"), *(Column(f"{angle} arcsec", ".4f") for angle in TAKEN_APART)),
+    caption="The centre of gravity in the fixed window, in px, for pixels of the given angle, with "
+    "the light of the study and photon noise alone.",
+)
+def errors(given: Given) -> list[tuple[str | float, ...]]:
+    """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
+    light, size = light_for_table(given), window(given)
+    phases = even_phases(given.count(PHASES))
+    radius = radii(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
+    law = predicted_errors(phases, light, radius, size)
+    parts, least = predicted_scatter(law), bound(phases, light, radius, size)
+    lines = {
+        "standard deviation at one place": parts.within,
+        "bias, root mean square over the places": parts.bias,
+        "root-mean-square error": np.sqrt(law.mean_square.mean(axis=-1)),
+        "bound without bias": least,
+        "bound for the bias that it has": biased_bound(phases, light, radius, size),
+        "standard deviation over the bound without bias": parts.within / least,
+    }
+    return [(name, *map(float, values)) for name, values in lines.items()]
+
+
+@studied(
+    "chen2023/estimators",
+    given=(*SPOT_READS, PHASES),
+    columns=(Column("Estimator"), *(Column(f"{angle} arcsec", ".4f") for angle in COMPARED)),
+    caption="Root-mean-square error over all phases, in px, for pixels of the given angle. Light "
+    "{signal:.0f} electrons, read noise {read_noise:.1f} electrons: half of the "
+    "variance that Table III implies is read noise.",
+)
+def estimators(given: Given) -> pd.DataFrame:
+    """Errors of four estimators over all phases, against the bound, by simulation."""
+    # Half of the variance at the tracker's own pixel from the readout: a middle case.
+    light = light_for_table(given, replace(LITERAL, read_share=0.5))
+    size, phases = window(given), even_phases(given.count(PHASES))
+    radius = radii(given, np.array(COMPARED) * RADIANS_PER_ARCSEC)
+    streams = spawned_streams(seed_of("chen2023/estimators"), len(radius))
+    columns = [
+        _compared(phases, light, float(wide), size, stream)
+        for wide, stream in zip(radius, streams, strict=True)
+    ]
+    rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
+    rows.append(("unbiased bound", *map(float, bound(phases, light, radius, size))))
+    return estimators.frame(rows, signal=light.signal, read_noise=light.read_noise)
+
+
+def _compared(
+    phases: FloatArray, light: Light, radius: float, size: int, generator: Generator
+) -> dict[str, float]:
+    """Return the root-mean-square error of each estimator on the same frames, in px."""
+    points = np.stack([phases, np.zeros_like(phases)], axis=-1)
+    corner = np.full(2, -(size // 2))
+    mean = spot_windows(points, light.signal, radius, corner, size)
+    sensor = Detector(read_noise=light.read_noise)
+    seen = expose(np.broadcast_to(mean, (TRIALS, *mean.shape)), sensor, generator)
+    noise = light.read_noise
+    centres = {
+        "centre of gravity": centre_of_gravity(seen, corner),
+        "Gaussian weight that follows": windowed_centre(seen, corner, radius, STEPS_OF_WEIGHT),
+        "matched filter": fitted_centre(seen, corner, radius, noise, "uniform").centre,
+        "maximum likelihood": fitted_centre(seen, corner, radius, noise, "likelihood").centre,
+    }
+    return {
+        name: float(np.sqrt(np.mean((centre[..., 0] - phases) ** 2)))
+        for name, centre in centres.items()
+    }

@@ -9,25 +9,36 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference.models.lasers import Platform
-from reproduce.papers.chen2023 import lasers
+from reproduce.papers.chen2023.platform import (
+    DIAGONAL,
+    FOCAL_LENGTH,
+    INSTRUMENT,
+    PIXEL,
+    PIXELS,
+    SCATTER,
+    SIGMAS,
+    SPOTS,
+    TELESCOPE,
+    designed_positions,
+)
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 DATA_SEED = (ROOT_SEED, 2)
-READS = (*lasers.READS, lasers.SCATTER)
+READS = (*INSTRUMENT, SCATTER)
 
 
 def platform(given: Given) -> Platform:
     """The platform as designed, with the centre of the detector for the principal point."""
-    spots = given.array(lasers.SPOTS).reshape(-1, 2)
-    pixels = given.array(f"{lasers.PLATFORM}#tracker-pixels-*.value")
+    spots = given.array(SPOTS).reshape(-1, 2)
+    pixels = given.array(PIXELS)
     return Platform(
-        lasers.designed_positions(spots, given[lasers.DIAGONAL]),
-        given[f"{lasers.PLATFORM}#telescope-focal-length.value"],
-        given[f"{lasers.PLATFORM}#tracker-focal-length.value"],
-        given[f"{lasers.PLATFORM}#tracker-pixel-size.value"],
+        designed_positions(spots, given[DIAGONAL]),
+        given[TELESCOPE],
+        given[FOCAL_LENGTH],
+        given[PIXEL],
         detector_centre(pixels),
         spots,
     )
@@ -43,7 +54,7 @@ def images(
     seed = SeedSequence(DATA_SEED[0], spawn_key=(DATA_SEED[1], stream))
     generator = Generator(PCG64(seed))
     design = platform(given)
-    noise = np.sqrt(np.square(given.array(lasers.SCATTER) / lasers.SIGMAS).mean())
+    noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
     scale = np.full(frames, _pattern_scale(design))
     groups = []

@@ -11,7 +11,6 @@ from reproduce.papers.chen2023 import resolution
 from reproduce.papers.declare import draws, seed_of
 from reproduce.physics.attitude.averaging import attitude_accuracy
 from reproduce.physics.images.phase_study import (
-    Scatter,
     bound,
     even_phases,
     observed_scatter,
@@ -36,22 +35,18 @@ MARKS_MONITORING = (f"{STUDY}#saturation",)
 Curves = dict[str, FloatArray]
 
 
-def monte_carlo(given: Given) -> Scatter:
-    """Simulate the study as described: every phase and trial at every resolution."""
+def monte_carlo(given: Given) -> FloatArray:
+    """Simulate the study as described: the error of all phases and trials at every resolution."""
     phases = even_phases(given.count(f"{STUDY}#phases"))
     trials, size = given.count(f"{STUDY}#trials"), resolution.window(given)
     light = resolution.light_for_table(given)
     radius = resolution.radii(given, resolution.resolutions(given))
     streams = spawned_streams(seed_of("chen2023/fig-11a"), len(radius))
-    found = [
-        observed_scatter(simulated_errors(phases, light, float(one), size, trials, stream))
-        for one, stream in zip(radius, streams, strict=True)
-    ]
-    return Scatter(
-        np.array([each.total for each in found]),
-        np.array([each.within for each in found]),
-        np.array([each.bias for each in found]),
+    errors = (
+        simulated_errors(phases, light, float(sigma), size, trials, stream)
+        for sigma, stream in zip(radius, streams, strict=True)
     )
+    return np.array([observed_scatter(drawn).total for drawn in errors])
 
 
 @cache
@@ -68,7 +63,7 @@ def compute(door: Given) -> Curves:
     law = predicted_scatter(predicted_errors(phases, light, radius, size))
     return {
         "angles": angles,
-        "simulated": monte_carlo(door).total,
+        "simulated": monte_carlo(door),
         "predicted": law.total,
         "within": law.within,
         "bias": law.bias,

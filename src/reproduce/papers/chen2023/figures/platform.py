@@ -1,4 +1,8 @@
-"""Figures 1d and 7 to 10: what the twin of the ground platform sees and measures."""
+"""Figures 1c, 1d and 6 to 10: the ground platform, what its tracker sees, what its twin measures.
+
+The platform is drawn from the captions and the text; the paper's own pictures were not at hand, and
+nothing here claims their likeness. Frames and series come from the twin.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +13,47 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import default_rng
 
-from reproduce.papers.chen2023 import accuracy, stage, twin, twin_study
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
+from reproduce.papers.chen2023.figures.sketch import LASER, STAR, lens, mirror, reflected
+from reproduce.papers.chen2023.platform import (
+    DIAGONAL,
+    FOCAL_LENGTH,
+    INSTRUMENT,
+    PIXEL,
+    PIXELS,
+    SPOTS,
+    TELESCOPE,
+)
 from reproduce.papers.declare import draws, seed_of
-from reproduce.papers.sketch import INK
+from reproduce.papers.sketch import (
+    INK,
+    arc,
+    arrow,
+    beside,
+    box,
+    canvas,
+    key,
+    label,
+    line,
+    path,
+    turned,
+)
 from reproduce.physics.attitude.averaging import moving_average
-from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles, stage_angle
+from reproduce.physics.attitude.lasers import received_spots
+from reproduce.physics.attitude.misalignment import (
+    misalignment,
+    misalignment_angles,
+    stage_angle,
+    stage_angles,
+)
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
 from reproduce.physics.attitude.wahba import mean_rotation
 from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.spots import render_frame
+from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+from reproduce.store.stars import bright_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
@@ -27,17 +62,154 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-RATE = ("chen2023/text-accuracy#duration", accuracy.FRAMES)
-READS = (*twin.READS, twin_study.SMOOTHED, "chen2023/text-accuracy#duration")
-STAGE_READS = (*READS, f"{stage.TABLE}#*.position-?", stage.FRAMES, stage.TELESCOPE)
+DESIGN = "chen2023/text-satellite"
+ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
+# Towards Orion, for no better reason than that everybody knows it; turned about the boresight.
+POINTING = np.radians([84.6, -0.4, 20.0])
+FAINTEST = 6.0
+# With the side on which there is room for the name.
+NAMED = {1852: ("Mintaka", 1), 1903: ("Alnilam", -1), 1948: ("Alnitak", -1), 1899: ("Hatysa", -1)}
+READS = (*platform_twin.READS, accuracy.SMOOTHED, accuracy.DURATION)
+STAGE_READS = (
+    *READS,
+    f"{effectiveness.TABLE}#*.position-?",
+    effectiveness.FRAMES,
+)
 MARGIN = 12
 
 
+def starfield(door: Given) -> tuple[FloatArray, FloatArray, list[int]]:
+    """Return the stars that the tracker sees in the example: spots, magnitudes, numbers.
+
+    Shape (n, 2). In px. Shape (n,). Visual.
+    """
+    pixels = door.array(PIXELS)
+    tracker = (detector_centre(pixels), door[PIXEL], door[FOCAL_LENGTH])
+    stars = bright_stars()
+    rays = stars.directions @ transpose(_tracker_from_inertial())
+    ahead = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)
+    spots = received_spots(rays[ahead], *tracker)
+    inside = ((spots > 0) & (spots < pixels - 1)).all(axis=1)
+    numbers = [int(n) for n in stars.number[ahead][inside]]
+    return spots[inside], stars.magnitude[ahead][inside], numbers
+
+
+def _tracker_from_inertial() -> FloatArray:
+    alpha, delta, turn = POINTING
+    boresight = np.array(
+        [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)]
+    )
+    east = np.array([-np.sin(alpha), np.cos(alpha), 0.0])
+    north = np.cross(boresight, east)
+    axes = np.stack([east, north, boresight])
+    result: FloatArray = rotation_from_vector([0.0, 0.0, -turn]) @ axes
+    return result
+
+
+@draws("chen2023/fig-1c", given=INSTRUMENT, marks=[SPOTS])
+def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
+    spots, magnitude, numbers = starfield(door)
+    centres = np.array(list(printed.values())).reshape(-1, 2)
+    figure.set_size_inches(6.0, 6.0)
+    axes = figure.add_subplot()
+    axes.scatter(
+        spots[:, 0],
+        spots[:, 1],
+        s=5 * 1.7 ** (FAINTEST - magnitude),
+        color=STAR.colour,
+        marker=STAR.marker,
+        label="stars",
+    )
+    for number, (x, y) in zip(numbers, spots, strict=True):
+        if number in NAMED:
+            name, side = NAMED[number]
+            ends = "left" if side > 0 else "right"
+            axes.annotate(name, (x + 16 * side, y), ha=ends, va="center", fontsize=9)
+    axes.plot(
+        *centres.T, LASER.marker, markersize=5, color=LASER.colour, label="laser spots, printed"
+    )
+    axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
+    axes.set(xlabel="x (px)", ylabel="y (px)")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
+
+
+def stage_sense(index: int) -> str:
+    """Say about which axis a camera seems to turn when the stage moves along positive X or Y.
+
+    Examples
+    --------
+    >>> stage_sense(1)
+    '+X'
+    """
+    angles = stage_angles(np.eye(2)[index], 1.0)
+    axis = int(np.abs(angles).argmax())
+    return f"{'+' if angles[axis] > 0 else '−'}{'XYZ'[axis]}"
+
+
+@draws("chen2023/fig-6a", marks=[DIAGONAL])
+def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
+    """The stage that moves the lasers, and how the four lasers sit on it."""
+    diagonal = next(iter(printed.values())) * 1e3
+    axes = canvas(figure, 12.6, 7.6)
+    centre = np.array([3.8, 3.8])
+    box(axes, centre, (7.0, 7.0))
+    label(axes, (0.7, 0.7), "stage", ha="left")
+    corners = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre
+    line(axes, np.vstack([corners, corners[:1]]), 0.7, ":")
+    axes.plot(*corners.T, LASER.marker, markersize=11, color=LASER.colour)
+    arrow(axes, beside(corners[3], 0.3, 0), corners[1] - [0.3, 0], style="<|-|>")
+    label(axes, beside(centre, 0.0, 0.35), f"{diagonal:g} mm")
+    label(axes, beside(corners[0], 0.0, 0.55), "laser")
+    corner = np.array([8.3, 2.6])
+    arrow(axes, corner, beside(corner, 2.0, 0.0))
+    arrow(axes, corner, beside(corner, 0.0, 2.0))
+    label(axes, beside(corner, 2.3, 0.0), "X")
+    label(axes, beside(corner, 0.0, 2.35), "Y")
+    for index, y in enumerate((1.5, 0.9)):
+        text = f"towards {'XY'[index]}: as if the camera turned about {stage_sense(index)}"
+        label(axes, (7.5, y), text, ha="left", size=8)
+
+
+@draws("chen2023/fig-6b", marks=ANGLES)
+def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
+    """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
+    between, table, tilt = (float(np.degrees(printed[address])) for address in ANGLES)
+    axes = canvas(figure, 16.0, 9.0, 6.8)
+    box(axes, (0.8, 5.4), (0.7, 2.2))
+    label(axes, (0.2, 7.0), "stage and lasers", ha="left")
+    lens(axes, (4.6, 5.4), 2.6)
+    label(axes, (4.6, 7.2), "telescope")
+    label(axes, (10.6, 5.75), "camera's boresight")
+    out, hit, back = turned([1.0, 0.0], between), np.array([8.6, 3.4]), np.array([-1.0, 0.0])
+    path(axes, [(1.2, 5.4), (4.6, 5.4), (13.4, 5.4), (13.4, 3.4), hit], LASER)
+    mirror(axes, (13.4, 5.4), 1.6, -45)
+    mirror(axes, (13.4, 3.4), 1.6, 45)
+    label(axes, (14.1, 4.4), "two mirrors\nat a right\nangle", ha="left")
+    # The mirror stands at its tilt to the plane across the tracker's boresight.
+    stands = between - 90 + tilt
+    detector = hit + 3.0 * reflected(back, stands)
+    mirror(axes, hit, 1.9, stands)
+    path(axes, [hit, detector], LASER)
+    lens(axes, hit - 1.6 * out, 1.6, between)
+    box(axes, detector, (0.3, 1.4), turn=between)
+    label(axes, beside(detector, 0.9, 0.9), "tracker", ha="left")
+    path(axes, [hit + 4.4 * out, hit], STAR)
+    label(axes, beside(hit + 4.4 * out, 0.2, 0.5), "tracker's boresight")
+    arc(axes, hit, 1.2, (0, between), head=False)
+    label(axes, beside(hit, 0.9, 1.35), f"{between:g}°")
+    label(axes, (0.2, 1.0), f"tracker against the table: {table:g}°", ha="left")
+    label(axes, (0.2, 0.4), f"mirror against the plane across it: {tilt:g}°", ha="left")
+    key(axes, (LASER, STAR), (0.8, 1.0))
+
+
 @cache
-def groups(door: Given) -> twin.Series:
+def groups(door: Given) -> platform_twin.Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
-    return twin.two_groups(
-        twin.bench(door), door.count(accuracy.FRAMES), default_rng(seed_of("chen2023/fig-8"))
+    return platform_twin.two_groups(
+        platform_twin.bench(door),
+        door.count(accuracy.FRAMES),
+        default_rng(seed_of("chen2023/fig-8")),
     )
 
 
@@ -64,27 +236,27 @@ class Ride:
 @cache
 def ride(door: Given) -> Ride:
     """Run the test of Figure 10: the printed positions, one state after the other."""
-    platform, frames = twin.bench(door), door.count(stage.FRAMES)
-    places = door.array(f"{stage.TABLE}#*.position-?").reshape(-1, 2)
+    platform, frames = platform_twin.bench(door), door.count(effectiveness.FRAMES)
+    places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
     moved = places - places[0]
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
-    angles[:, :2] = stage_angle(moved[:, ::-1], door[stage.TELESCOPE])
+    angles[:, :2] = stage_angle(moved[:, ::-1], door[TELESCOPE])
     spots = platform.turned(angles)
-    found = twin.centroids(
+    found = platform_twin.centroids(
         platform, spots, platform.light[1], frames, default_rng(seed_of("chen2023/fig-10b"))
     )
     zero = mean_rotation(platform.transform(found[0]))
     single = misalignment_angles(
         misalignment(platform.camera_directions, platform.directions(found), zero)
     )
-    pace = door["chen2023/text-accuracy#duration"] / door.count(accuracy.FRAMES)
+    pace = door[accuracy.DURATION] / door.count(accuracy.FRAMES)
     series = single.reshape(-1, 3)[:, :2]
     return Ride(
         times=np.asarray(np.arange(len(series)) * pace, dtype=np.float64),
         positions=np.repeat(places, frames, axis=0),
         reference=np.repeat(angles[:, :2], frames, axis=0),
-        monitored=trailing_mean(series, door.count(twin_study.SMOOTHED)),
+        monitored=trailing_mean(series, door.count(accuracy.SMOOTHED)),
     )
 
 
@@ -100,7 +272,7 @@ def trailing_mean(series: FloatArray, count: int) -> FloatArray:
 @draws("chen2023/fig-7", given=READS, marks=["chen2023/text-platform#spot-*"])
 def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
-    platform = twin.bench(door)
+    platform = platform_twin.bench(door)
     corner = np.floor(platform.spots.min(axis=0)).astype(int) - MARGIN
     size = np.ceil(platform.spots.max(axis=0)).astype(int) + MARGIN - corner
     mean = render_frame(
@@ -151,7 +323,7 @@ def _series(
     figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], name: str
 ) -> None:
     accuracies = list(printed.values())
-    count = door.count(twin_study.SMOOTHED)
+    count = door.count(accuracy.SMOOTHED)
     frames = np.arange(1, len(angles) + 1)
     figure.set_size_inches(7.2, 3.4)
     panels: list[Axes] = list(figure.subplots(1, 2, sharey=True))
@@ -213,7 +385,7 @@ def _ridden(figure: Figure, door: Given, index: int, angles: list[float]) -> Non
         "--",
         label="reference, (10)",
     )
-    each = len(content.times) // len(stage.STATES)
+    each = len(content.times) // len(effectiveness.STATES)
     middles = content.times[each + each // 2 :: each]
     axes.plot(
         middles, np.array(angles) * ARCSEC_PER_RADIAN, "s", color=INK, label="monitored, printed"
@@ -226,7 +398,7 @@ def _ridden(figure: Figure, door: Given, index: int, angles: list[float]) -> Non
 def draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """One move of the stage, close up: the average follows the reference after its own length."""
     content = ride(door)
-    each = len(content.times) // len(stage.STATES)
+    each = len(content.times) // len(effectiveness.STATES)
     shown = slice(each // 2, 2 * each)
     figure.set_size_inches(6.4, 3.2)
     axes = figure.add_subplot()

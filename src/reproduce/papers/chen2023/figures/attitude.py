@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.papers.chen2023.sketch import LASER, SCENE, lens
+from reproduce.papers.chen2023.figures.sketch import LASER, SCENE, lens
 from reproduce.papers.sketch import INK, Look, arc, arrow, beside, canvas, key, label, line, path
 from reproduce.papers.space import View, seen_from, sense, triad
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
@@ -147,8 +147,8 @@ def draw_misalignment(figure: Figure) -> None:
         start = 0.75 * np.eye(3)[watched]
         sense(axes, view, np.zeros(3), angles, start, TURN)
         what = "boresight" if watched == 2 else "X"
-        way = towards(np.eye(3)[watched], after[watched])
-        label(axes, (x + 0.2, 0.95), rf"$\theta_{NAMES[index]} > 0$: {what} towards {way}")
+        axis = towards(np.eye(3)[watched], after[watched])
+        label(axes, (x + 0.2, 0.95), rf"$\theta_{NAMES[index]} > 0$: {what} towards {axis}")
     label(axes, (6.8, 0.2), "dashed: zero point; thick: now")
 
 
@@ -176,12 +176,12 @@ def _moved(axes: Axes, x: float, index: int) -> None:
     axes.plot(*source, LASER.marker, color=LASER.colour, markersize=7)
     arrow(axes, origin, source, width=2.2)
     line(axes, [origin, beside(centre, 0, 2.4)], 0.8, ":")
-    up, way = np.array([0.0, 1.0]), boresight[plane]
-    ends = np.degrees([np.pi / 2, np.arctan2(way[1], way[0])])
+    up, turned = np.array([0.0, 1.0]), boresight[plane]
+    ends = np.degrees([np.pi / 2, np.arctan2(turned[1], turned[0])])
     arc(axes, centre, 1.9, (float(ends[0]), float(ends[1])), head=True)
     turn = int(np.abs(angles).argmax())
     sign = ">" if angles[turn] > 0 else "<"
-    label(axes, centre + 2.95 * way, rf"$\theta_{NAMES[turn]} {sign} 0$")
+    label(axes, centre + 2.95 * turned, rf"$\theta_{NAMES[turn]} {sign} 0$")
     label(axes, centre + 2.75 * up, "$Z$")
     label(axes, beside(origin, 2.6, 0.0), f"${NAMES[index]}$")
     label(axes, beside(source, 0.0, -0.5), f"laser moves towards +{NAMES[index]}")

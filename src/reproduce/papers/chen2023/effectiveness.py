@@ -10,16 +10,20 @@ of the two axes interchanged one does. So an angle has several readings, and the
 side by side. Where one focal length stands for the whole table, the largest reference angle about Y
 gives it. The columns as printed with the nominal length came first, 14 minutes before the first
 verdicts in the history; all other readings were added when that result was known.
+
+The focal lengths that the rows imply are compared row by row, and fitted together to the monitored
+angles of an axis, which share the noise of the zero state.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
 
-from reproduce.papers.chen2023 import lasers
+from reproduce.papers.chen2023 import accuracy, platform
 from reproduce.papers.declare import (
     Blocked,
     Prediction,
@@ -29,19 +33,22 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
 )
+from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.misalignment import stage_angle
 from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.figure import Figure
 
+__all__ = ["FRAMES", "LAST", "STATES", "TABLE", "common_length"]
+
 TABLE = "chen2023/table-5"
 PLAN = "chen2023/text-effectiveness"
-TELESCOPE = f"{lasers.PLATFORM}#telescope-focal-length.value"
 QUOTED = f"{PLAN}#focal-length"
 FRAMES = f"{PLAN}#frames-per-state"
 STATES = (1, 2, 3, 4, 5)
@@ -51,7 +58,6 @@ TURNS = {"x": "y", "y": "x"}
 REPLICATES = 4000
 # The angle from which one focal length for the whole table is taken.
 LAST = f"{TABLE}#5.reference-y"
-SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 MISSING = "the focal length of the telescope, of which a nominal one is printed"
 COLUMNS = f"{MISSING}, and on which columns of Table V belong together"
 AS_QUOTED = ("columns as printed; 2000 mm", "IV-B writes it without 'nominal'")
@@ -101,7 +107,7 @@ def motion(given: Given) -> Results:
     }
 
 
-MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, TELESCOPE, QUOTED)
+MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, QUOTED)
 
 
 def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float:
@@ -125,7 +131,7 @@ def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str]
     exchanged = common_length(given, "y")
     sides = {
         AS_QUOTED: (printed, given[QUOTED]),
-        NOMINAL: (printed, given[TELESCOPE]),
+        NOMINAL: (printed, given[platform.TELESCOPE]),
         AS_PRINTED: (printed, common_length(given, "x")),
         MOTIONS: (other, exchanged),
         REFERENCES: (own, exchanged),
@@ -156,14 +162,14 @@ def reference_angle(given: Given) -> Results:
 @reproduces(
     TABLE,
     cells=["5.reference-y"],
-    given=[f"{TABLE}#5.motion-x", TELESCOPE, QUOTED],
+    given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, QUOTED],
     equations=["10"],
     options={"telescope": {name: LENGTHS[name] for name in ("quoted", "nominal")}},
 )
 def last_reference_angle(given: Given) -> Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
     motion = given[f"{TABLE}#5.motion-x"]
-    lengths = {AS_QUOTED: given[QUOTED], NOMINAL: given[TELESCOPE]}
+    lengths = {AS_QUOTED: given[QUOTED], NOMINAL: given[platform.TELESCOPE]}
     angles = {reading: float(stage_angle(motion, length)) for reading, length in lengths.items()}
     return {"5.reference-y": _blocked(MISSING, angles)}
 
@@ -185,7 +191,7 @@ def _blocked(
 @reproduces(
     TABLE,
     cells=["*.monitoring-?"],
-    given=[*MEASURED, *lasers.READS, f"{lasers.SCATTER}#2-*", FRAMES, SMOOTHED],
+    given=[*MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
     equations=["7", "10"],
     replicates=REPLICATES,
     options={
@@ -199,7 +205,7 @@ def _blocked(
 )
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
-    errors, count = monitoring_errors(given, seed, replicates), given.count(SMOOTHED)
+    errors, count = monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
     fewer = np.sqrt(given.count(FRAMES) / count)
     choices = {reading: {**chosen, "images": "state"} for reading, chosen in CHOICES.items()}
     results: dict[str, Result] = {}
@@ -209,10 +215,10 @@ def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Result
             angles = expected_angles(given, state, turn)
             del angles[NOMINAL]  # a length known to a few per cent is no law to draw from
             found = {reading: Prediction(angle + noise) for reading, angle in angles.items()}
-            for way, place in (MOTIONS, REFERENCES):
-                reading = (f"{way}; means of {count} images", f"{place}; V-C on the ramps")
-                found[reading] = Prediction(angles[way, place] + fewer * noise)
-                choices[reading] = {**CHOICES[way, place], "images": "ramp"}
+            for label, place in (MOTIONS, REFERENCES):
+                reading = (f"{label}; means of {count} images", f"{place}; V-C on the ramps")
+                found[reading] = Prediction(angles[label, place] + fewer * noise)
+                choices[reading] = {**CHOICES[label, place], "images": "ramp"}
             blocked = _blocked(COLUMNS, found, choices)
             results[name] = found[AS_QUOTED] if name in DECIDED else blocked
     return results
@@ -224,8 +230,8 @@ def monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> Floa
     Shape (replicates, states, 2). About X and Y, in radians, for all states but the zero state,
     whose error they share.
     """
-    response = lasers.angle_response(given)
-    spots = lasers.scatter(given, 2) / np.sqrt(given.count(FRAMES))
+    response = platform.angle_response(given)
+    spots = platform.scatter(given, 2) / np.sqrt(given.count(FRAMES))
     noise = spawned_normals(seed, replicates, (len(STATES), *spots.shape)) * spots
     angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
     return np.asarray(angles[:, 1:] - angles[:, :1])
@@ -254,16 +260,14 @@ def difference(given: Given) -> Results:
         f"{PLAN}#travel-end",
         f"{PLAN}#step",
         FRAMES,
-        "chen2023/text-accuracy#duration",
-        "chen2023/text-accuracy#frames",
+        accuracy.DURATION,
+        accuracy.FRAMES,
     ],
 )
 def plan(given: Given) -> Results:
     """Number of states, and the time that each one takes at the pace of the first groups."""
     travel = given[f"{PLAN}#travel-end"] - given[f"{PLAN}#travel-start"]
-    per_frame = given["chen2023/text-accuracy#duration"] / given.count(
-        "chen2023/text-accuracy#frames"
-    )
+    per_frame = given[accuracy.DURATION] / given.count(accuracy.FRAMES)
     return {
         "states": travel / given[f"{PLAN}#step"] + 1,
         "time-per-state": given.count(FRAMES) * per_frame,
@@ -315,7 +319,9 @@ def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
             color="#D55E00",
             label="monitoring",
         )
-        axes.axhline(door[TELESCOPE] * 1e3, color="#000000", ls="--", lw=1, label="nominal")
+        axes.axhline(
+            door[platform.TELESCOPE] * 1e3, color="#000000", ls="--", lw=1, label="nominal"
+        )
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=MOVED)
     panels[0].set_ylabel("focal length (mm)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
@@ -328,6 +334,80 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
 
 def state_noise(given: Given, turn: str) -> float:
     """Return the standard deviation of a mean over one state about one axis, in radians."""
-    response = lasers.angle_response(given)["xy".index(turn)]
-    spots = lasers.scatter(given, 2)
+    response = platform.angle_response(given)["xy".index(turn)]
+    spots = platform.scatter(given, 2)
     return float(np.sqrt((response**2 * spots**2).sum() / given.count(FRAMES)))
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLength:
+    """One focal length fitted to monitored angles that share their zero point.
+
+    Attributes
+    ----------
+    length : float
+        In metres.
+    error : float
+        Its standard deviation, in metres.
+    chi_square : float
+        Of the rows about it.
+    """
+
+    length: float
+    error: float
+    chi_square: float
+
+
+def fitted_length(motions: FloatArray, angles: FloatArray, sigma: float) -> FittedLength:
+    """Fit one focal length to angles that each carry the noise of the same zero state."""
+    covariance = sigma**2 * (np.eye(len(angles)) + 1.0)
+    inverse = np.linalg.inv(covariance)
+    information = float(motions @ inverse @ motions)
+    slope = -float(motions @ inverse @ angles) / information
+    away = angles + slope * motions
+    error = float(np.sqrt(1.0 / information))
+    return FittedLength(1.0 / slope, error / slope**2, float(away @ inverse @ away))
+
+
+@studied(
+    "chen2023/focal-lengths",
+    given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
+    columns=(
+        Column("Angle"),
+        Column("with the motion of its own axis (mm)", ".1f", error="error with its own"),
+        Column("error with its own", ".1f"),
+        Column("χ²", ".1f"),
+        Column("with that of the other (mm)", ".1f", error="error with the other"),
+        Column("error with the other", ".1f"),
+        Column("χ² with the other", ".1f"),
+    ),
+    caption="Focal length implied by Table V: by reference angles (± rounding of the print) and by "
+    "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
+    f"{len(MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
+    "digit.",
+)
+def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
+    """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
+    rows: list[tuple[str | float, ...]] = []
+    for axis, turn in TURNS.items():
+        motions = [
+            np.array([_moved(given, state, moving) for state in MOVED]) for moving in (axis, turn)
+        ]
+        for index, state in enumerate(MOVED):
+            angle = given[f"{TABLE}#{state}.reference-{turn}"]
+            own, other = (-float(motion[index] / np.tan(angle)) * 1e3 for motion in motions)
+            error = _rounding(own, motions[0][index], angle)
+            label = f"reference about {turn.upper()}, state {state}"
+            rows.append((label, own, error, np.nan, other, error, np.nan))
+        angles = np.array([given[f"{TABLE}#{state}.monitoring-{turn}"] for state in MOVED])
+        fits = [fitted_length(motion, angles, state_noise(given, turn)) for motion in motions]
+        numbers = [n for fit in fits for n in (fit.length * 1e3, fit.error * 1e3, fit.chi_square)]
+        rows.append((f"all monitored about {turn.upper()}", *numbers))
+    return rows
+
+
+def _rounding(length: float, motion: float, angle: float) -> float:
+    """Return half the width of focal lengths that the rounding of both numbers allows."""
+    # A motion is the difference of two positions, each printed to a hundredth of a micrometre.
+    half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
+    return abs(length) * (half_motion / abs(motion) + half_angle / abs(angle))

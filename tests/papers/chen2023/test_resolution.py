@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from reproduce.judge.ledger import build
-from reproduce.papers.chen2023 import figures_resolution, resolution, resolution_study
+from reproduce.papers.chen2023 import resolution
+from reproduce.papers.chen2023.figures import resolution as figures
 from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.phase_study import (
@@ -26,7 +27,7 @@ ARCSEC = np.pi / 180 / 3600
 
 @pytest.fixture(scope="module")
 def content():
-    return figures_resolution.compute(given(resolution.READS))
+    return figures.compute(given(resolution.READS))
 
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
@@ -105,17 +106,12 @@ def test_replicated_studies_scatter_as_their_size_says():
 
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
-    rows = {row[0]: row for row in resolution_study.readings().rows}
-    found = {case.width: rows[case.name][1:3] for case in resolution.CASES[:4]}
-    assert {width: int(best) for width, (best, _) in found.items()} == {
-        1.0: 57,
-        np.sqrt(2.0): 42,
-        np.sqrt(2 * np.log(2)): 49,
-        2.0: 31,
-    }
-    assert rows["scatter without bias"][1] == "80", "no optimum inside without bias"
-    best, error, _ = rows[resolution.CASES[6].name][1:]
-    assert (int(best), float(error)) == (43, pytest.approx(0.016, abs=0.0005)), "as printed"
+    rows = resolution.readings().set_index("Reading")
+    best = rows["optimum (arcsec)"]
+    assert [best[case.name] for case in resolution.CASES[:4]] == pytest.approx([57, 42, 49, 31])
+    assert best["scatter without bias"] == pytest.approx(80), "no optimum inside without bias"
+    optimum, error, _ = rows.loc[resolution.CASES[6].name]
+    assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), "as printed"
 
 
 @pytest.mark.parametrize(
@@ -171,22 +167,21 @@ def test_even_a_readout_that_makes_all_noise_stops_short():
 
 
 def test_maximum_likelihood_keeps_to_the_bound_and_the_centre_of_gravity_does_not():
-    rows = {row[0]: np.array(row[1:], float) for row in resolution_study.estimators().rows}
+    rows = resolution.estimators().set_index("Estimator").T
     ratio = rows["maximum likelihood"] / rows["unbiased bound"]
     assert (np.abs(ratio - 1) < 0.08).all()
     assert (rows["centre of gravity"] / rows["unbiased bound"] > 1.15).all()
 
 
 def test_the_errors_taken_apart_add_up_and_keep_to_the_bound_of_their_own_bias():
-    study = resolution_study.errors()
-    rows = {row[0]: np.array(row[1:], float) for row in study.rows}
-    scatter, bias, total, unbiased, biased, ratio = rows.values()
-    np.testing.assert_allclose(np.hypot(scatter, bias), total, atol=1e-4)
-    fine = np.array([int(angle) for angle in study.head[1:]]) <= 20
+    rows = resolution.errors().set_index("Quantity")
+    scatter, bias, total, unbiased, biased, ratio = rows.to_numpy()
+    np.testing.assert_allclose(np.hypot(scatter, bias), total, rtol=1e-9)
+    fine = np.array(resolution.TAKEN_APART) <= 20
     assert (scatter[fine] < 0.75 * unbiased[fine]).all(), "below the bound, and no achievement"
-    assert (scatter >= biased - 1e-4).all()
+    assert (scatter >= biased * (1 - 1e-9)).all()
     assert (bias[fine] > 2 * scatter[fine]).all()
-    np.testing.assert_allclose(ratio, scatter / unbiased, rtol=0.01)
+    np.testing.assert_allclose(ratio, scatter / unbiased, rtol=1e-9)
 
 
 @pytest.mark.parametrize("angle", [10, 20, 57])
@@ -194,9 +189,7 @@ def test_the_scatter_below_the_unbiased_bound_is_what_simulation_finds(angle):
     light = resolution.light_for_table(DOOR)
     radius = float(resolution.radii(DOOR, np.array([angle * ARCSEC]))[0])
     errors = simulated_errors(even_phases(50), light, radius, 5, 4000, np.random.default_rng(9))
-    study = resolution_study.errors()
-    column = study.head.index(f"{angle}")
-    scatter, bias, total = (float(row[column]) for row in study.rows[:3])
+    scatter, bias, total = resolution.errors()[f"{angle} arcsec"][:3]
     assert float(observed_scatter(errors).within) == pytest.approx(scatter, rel=0.01)
     assert np.sqrt((errors.mean(axis=0) ** 2).mean()) == pytest.approx(bias, abs=2e-4)
     assert np.sqrt((errors**2).mean()) == pytest.approx(total, rel=0.01)

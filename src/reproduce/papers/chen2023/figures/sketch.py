@@ -29,10 +29,10 @@ def mirror(axes: Axes, centre: ArrayLike, length: float, degrees: float, style: 
     axes.plot(*ends.T, color=INK, linewidth=3, linestyle=style, solid_capstyle="butt")
 
 
-def reflected(way: ArrayLike, degrees: float) -> FloatArray:
+def reflected(direction: ArrayLike, degrees: float) -> FloatArray:
     """Return where light in the plane of the paper goes after a mirror drawn at some degrees."""
     normal = turned([0.0, 1.0], degrees)
-    return np.asarray(reflection([*normal, 0.0])[:2, :2] @ np.asarray(way, dtype=np.float64))
+    return np.asarray(reflection([*normal, 0.0])[:2, :2] @ np.asarray(direction, dtype=np.float64))
 
 
 def lens(axes: Axes, centre: ArrayLike, height: float, degrees: float = 0.0) -> None:

@@ -1,0 +1,43 @@
+"""The axes in which an error of the laser transform is decomposed (chen2023, III)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reproduce.papers.chen2023 import platform
+from reproduce.papers.study import Column, studied
+from reproduce.printed.given import Given
+from reproduce.units import ARCSEC_PER_RADIAN
+
+PRINTED = "chen2023/table-4#1.transform-?"
+FRAMES_OF_ERROR = ("camera", "tracker")
+
+
+@studied(
+    "chen2023/orders",
+    given=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", PRINTED),
+    columns=(
+        Column("Principal point"),
+        Column("axes of the error"),
+        Column("about X (arcsec)", ".2f"),
+        Column("about Y (arcsec)", ".2f"),
+    ),
+    caption="Accuracy of the laser transform from one frame (3σ), by the scatter of Table III, for "
+    "two principal points of the tracker and both orders of the product.",
+)
+def orders(given: Given) -> list[tuple[str, str, float, float]]:
+    """Accuracy of a single frame in the axes of either instrument, for two principal points."""
+    points = {
+        "centre of the detector": platform.tracker_centre(given),
+        "middle of the spots": given.array(platform.SPOTS).reshape(-1, 2).mean(axis=0),
+    }
+    rows = []
+    for name, point in points.items():
+        responses = platform.responses(given, point)
+        for frame, response in zip(FRAMES_OF_ERROR, responses, strict=True):
+            variance = (response**2 * platform.scatter(given, 1) ** 2).sum(axis=(-2, -1))
+            about_x, about_y = platform.SIGMAS * np.sqrt(variance[:2]) * ARCSEC_PER_RADIAN
+            rows.append((name, frame, float(about_x), float(about_y)))
+    about_x, about_y = given.array(PRINTED) * ARCSEC_PER_RADIAN
+    rows.append(("printed", "", float(about_x), float(about_y)))
+    return rows

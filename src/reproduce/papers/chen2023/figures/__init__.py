@@ -1,0 +1,1 @@
+"""The drawings of chen2023, chapter by chapter."""

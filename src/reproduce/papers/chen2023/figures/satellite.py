@@ -1,0 +1,442 @@
+"""Figures 1a, 1b and 2 to 5: the imaging model in space, the satellite, its star and laser tracker.
+
+Figure 1a is computed as equation (1) computes it: the orbit is far too high and the date and the
+target are our choice; all directions, the turn of the Earth between the two frames and the place
+where the line of sight meets the ground come from the library. The others are drawn from the
+captions and the text; the paper's own pictures were not at hand, and nothing here claims their
+likeness or a scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reproduce.papers.chen2023.figures.sketch import LASER, SCENE, STAR, lens, mirror, reflected
+from reproduce.papers.declare import draws
+from reproduce.papers.sketch import (
+    INK,
+    Look,
+    arc,
+    arrow,
+    beside,
+    box,
+    canvas,
+    diagram,
+    key,
+    label,
+    line,
+    path,
+    turned,
+)
+from reproduce.papers.space import View, seen_from, sense, triad
+from reproduce.physics.attitude.lasers import emitted_directions
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose, unit
+from reproduce.physics.ground.earth import EarthOrientation, earth_fixed, earth_from_inertial
+from reproduce.physics.ground.imaging import WGS84, image_vectors, imaged_position, imaging_chain
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TEXT = "chen2023/text-satellite"
+HARDWARE = "chen2023/text-hardware"
+INSTALLED = f"{TEXT}#boresight-angle"
+INERTIAL = Look("J2000", INK, "--")
+DATE = "2023-09-22T03:30:00"
+RADIUS = WGS84.equatorial_radius
+ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * RADIUS])
+TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
+VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / RADIUS)
+DETECTORS = f"{HARDWARE}#detectors"
+BANDS = tuple(
+    f"{TEXT}#{light}-{end}" for light in ("transmission", "reflection") for end in ("low", "high")
+)
+FILTER = f"{HARDWARE}#filter-wavelength"
+TILT = f"{TEXT}#dihedral-angle"
+NANO = 1e9
+# Of the drawing of the light paths: how far the two lights come in beside the boresight.
+ASIDE = 9.0
+LENS, FOCUS = np.array([5.0, 2.2]), 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What Figure 1a shows, Earth-fixed, in metres.
+
+    Attributes
+    ----------
+    satellite, target : ndarray, shape (3,)
+        Positions; the target is where equation (1) puts the middle of the image.
+    earth_from_camera, earth_from_tracker, earth_from_inertial : ndarray, shape (3, 3)
+        Their columns are the axes of the three frames.
+    """
+
+    satellite: FloatArray
+    target: FloatArray
+    earth_from_camera: FloatArray
+    earth_from_tracker: FloatArray
+    earth_from_inertial: FloatArray
+
+
+def scene(door: Given) -> Scene:
+    """Return a satellite that looks at a target, and what the imaging model makes of it."""
+    turning = earth_from_inertial(DATE, EarthOrientation(ut1_utc=0.0))
+    satellite = earth_fixed(ABOVE)
+    looking = _frame(earth_fixed(TARGET) - satellite)
+    angle = door[INSTALLED]
+    # The tracker looks away from the Earth: the camera, turned about the X that both share.
+    tracker_from_camera = rotation_from_vector([angle, 0.0, 0.0])
+    inertial_from_tracker = transpose(turning) @ looking @ transpose(tracker_from_camera)
+    chain = imaging_chain(turning, inertial_from_tracker, np.eye(3), tracker_from_camera)
+    centre = image_vectors([(0.0, 0.0)], focal_length=1.0)
+    return Scene(
+        satellite=satellite,
+        target=imaged_position(centre, satellite, chain).position[0],
+        earth_from_camera=chain,
+        earth_from_tracker=turning @ inertial_from_tracker,
+        earth_from_inertial=turning,
+    )
+
+
+def _frame(boresight: ArrayLike) -> FloatArray:
+    """Return a frame, its axes as columns, with Z along the boresight and X level."""
+    z = unit("boresight", boresight)
+    x = unit("level", np.cross([0.0, 0.0, 1.0], z))
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+@draws("chen2023/fig-1a", given=[INSTALLED])
+@diagram(14.0, 9.6, 6.6)
+def draw_scene(axes: Axes, door: Given) -> None:
+    """Frames of the imaging model, from a point of the image to a place on the Earth."""
+    content, view = scene(door), VIEW
+    _globe(axes, view)
+    _earth_frames(axes, view, content)
+    place, target = view.point(content.satellite), view.point(content.target)
+    arrow(axes, view.point(np.zeros(3)), place, width=0.8)
+    path(axes, [target, place], SCENE)
+    axes.plot(*target, SCENE.marker, color=SCENE.colour, markersize=7)
+    # Beside the camera's frame on the paper, so that both can be read.
+    tracker = content.satellite + RADIUS * np.array([0.35, 0.75]) @ view.matrix
+    size = 0.42 * RADIUS
+    for columns, name, origin in (
+        (content.earth_from_camera, "c", content.satellite),
+        (content.earth_from_tracker, "s", tracker),
+    ):
+        names = [f"$X_{name}$", f"$Y_{name}$", "$Z_s$" if name == "s" else ""]
+        triad(axes, view, origin, size * columns.T, names, width=1.8)
+    # The line of sight runs along the camera's boresight: its name stands above.
+    tip = view.point(content.satellite + size * content.earth_from_camera[:, 2])
+    label(axes, beside(tip, -0.1, 0.35), "$Z_c$")
+    boresight = RADIUS * content.earth_from_tracker[:, 2]
+    path(axes, [view.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
+    label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
+    label(axes, beside(view.point(tracker), -0.35, 0.1), "tracker", ha="right")
+    label(axes, beside(target, 0.3, 0.4), "target")
+    label(axes, beside((place + np.asarray(view.centre)) / 2, 1.3, -0.35), "$(X_S, Y_S, Z_S)$")
+    key(axes, (SCENE, STAR, INERTIAL), (0.0, 1.0))
+
+
+def _globe(axes: Axes, view: View) -> None:
+    """Draw the outline, the equator, dotted where it lies behind, and the zero meridian."""
+    around = np.linspace(0, 2 * np.pi, 240)
+    outline = view.scale * RADIUS * np.stack([np.cos(around), np.sin(around)], axis=-1)
+    line(axes, np.asarray(view.centre) + outline, 1.3)
+    viewer = np.cross(*view.matrix)
+    flat = np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
+    upright = flat[:, [0, 2, 1]]
+    for circle, style, shown in (
+        (flat, "-", flat @ viewer >= 0),
+        (flat, ":", flat @ viewer < 0),
+        (upright, "-", upright @ viewer >= 0),
+    ):
+        seen = view.point(RADIUS * circle)
+        seen[~shown] = np.nan
+        line(axes, seen, 0.7, style)
+
+
+def _earth_frames(axes: Axes, view: View, content: Scene) -> None:
+    """Draw the frame of the stars, the turning one, and the turn between their X axes."""
+    length = 1.6 * RADIUS
+    fixed = np.diag([length, length, 1.3 * RADIUS])
+    triad(
+        axes,
+        view,
+        np.zeros(3),
+        fixed[:2],
+        ["$X_\\mathrm{WGS84}$", "$Y_\\mathrm{WGS84}$"],
+        width=1.8,
+    )
+    triad(axes, view, np.zeros(3), fixed[2:], ["$Z$ of both"], width=1.8)
+    inertial = length * content.earth_from_inertial.T[:2]
+    triad(
+        axes,
+        view,
+        np.zeros(3),
+        inertial,
+        ["$X_\\mathrm{J2000}$", "$Y_\\mathrm{J2000}$"],
+        look=INERTIAL,
+    )
+    x = content.earth_from_inertial[:, 0]
+    turn = float(-np.arctan2(x[1], x[0]))
+    sense(axes, view, np.zeros(3), [0.0, 0.0, 1.0], 0.6 * RADIUS * x, turn)
+
+
+@draws("chen2023/fig-1b")
+@diagram(12.0, 7.2)
+def draw_system(axes: Axes) -> None:
+    """The monitoring system: what the laser light couples, and what the stars add."""
+    box(axes, (2.5, 3.4), (3.4, 1.7), "camera with lasers\nin its focal plane")
+    box(axes, (6.2, 0.8), (2.8, 1.1), "retro-reflector")
+    box(axes, (9.8, 3.4), (2.8, 1.7), "star and laser\ntracker")
+    path(axes, [(3.5, 2.55), (3.5, 0.8), (4.8, 0.8)], LASER)
+    path(axes, [(7.6, 0.8), (9.8, 0.8), (9.8, 2.55)], LASER)
+    path(axes, [(10.5, 6.9), (10.5, 4.25)], STAR)
+    path(axes, [(1.6, 0.1), (1.6, 2.55)], SCENE)
+    arrow(axes, (4.2, 3.4), (8.4, 3.4), style="<|-|>")
+    label(axes, (6.3, 3.75), "installation, misalignment")
+    label(axes, (6.3, 3.05), "what heat bends")
+    label(
+        axes, (5.4, 4.95), "camera's attitude =\nmisalignment × installation × tracker's attitude"
+    )
+    key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
+
+
+@draws("chen2023/fig-2a")
+@diagram(12.6, 10.8)
+def draw_satellite(axes: Axes) -> None:
+    """The system in the satellite: camera down, tracker up, retro-reflector between."""
+    box(axes, (3.4, 5.4), (3.8, 5.2))
+    label(axes, (3.4, 8.35), "camera")
+    for x in (2.35, 4.45):
+        mirror(axes, (x, 6.2), 1.3, 0)
+    label(axes, (2.45, 6.55), "primary")
+    mirror(axes, (3.4, 3.6), 1.0, 0)
+    label(axes, (3.2, 3.2), "secondary")
+    box(axes, (3.4, 7.3), (2.9, 0.6), "focal plane, lasers")
+    path(axes, [(3.4, 7.0), (3.65, 3.65), (4.5, 6.1), (4.5, 1.2)], LASER)
+    mirror(axes, (4.5, 1.2), 1.4, -45)
+    mirror(axes, (9.4, 1.2), 1.4, 45)
+    path(axes, [(4.5, 1.2), (9.4, 1.2), (9.4, 4.6)], LASER)
+    label(axes, (6.95, 1.6), "retro-reflector, in section")
+    path(axes, [(2.2, 0.6), (2.2, 6.1)], SCENE)
+    label(axes, (2.2, 0.25), "from the Earth")
+    box(axes, (9.4, 5.6), (2.8, 2.0), "star and laser\ntracker")
+    for side in (-1, 1):
+        line(axes, [(9.4 + side * 1.0, 6.6), (9.4 + side * 1.7, 8.2)], 1.3)
+    label(axes, (11.2, 7.4), "baffle", ha="left")
+    path(axes, [(9.9, 10.4), (9.9, 6.7)], STAR)
+    box(axes, (6.65, 5.4), (2.7, 0.8), "platform")
+    key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
+
+
+@draws("chen2023/fig-2b", given=[DETECTORS])
+@diagram(14.8, 8.2)
+def draw_focal_plane(axes: Axes, door: Given) -> None:
+    """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
+    count = door.count(DETECTORS)
+    _planes(axes)
+    for index in range(count):
+        x = 1.5 + 0.7 * index
+        if index % 2 == 0:
+            _detector(axes, np.array([x, 3.9]), np.array([0.0, 0.9]), SCENE.colour, "//")
+            box(axes, (x + 0.3, 3.0), (0.45, 0.45), style=":")
+        else:
+            _detector(axes, np.array([x - 0.75, 1.4]), np.array([0.3, 0.7]), "#AA7700", "")
+    for place in ((0.9, 1.6), (10.8, 1.25)):
+        axes.plot(*place, LASER.marker, color=LASER.colour, markersize=8)
+    names = ((12.1, 4.4, "upright plane"), (12.1, 3.0, "reflectors"), (11.9, 2.1, "flat plane"))
+    for x, y, name in (*names, (11.4, 1.25, "lasers: squares")):
+        label(axes, (x, y), name, ha="left")
+    for x in (3.0, 6.0, 9.0):
+        arrow(axes, (x, 7.4), (x, 6.0), SCENE)
+    label(axes, (6.0, 7.8), "light from the telescope")
+    label(axes, (0.2, 6.3), f"{count} detectors", ha="left")
+
+
+def _planes(axes: Axes) -> None:
+    """Draw the outlines of the two planes, which share an edge."""
+    for corners in (
+        [(1.2, 3.0), (11.9, 3.0), (11.9, 5.4), (1.2, 5.4)],
+        [(1.2, 3.0), (11.9, 3.0), (10.9, 0.9), (0.2, 0.9)],
+    ):
+        line(axes, [*corners, corners[0]], 0.8)
+
+
+def _detector(axes: Axes, foot: FloatArray, rise: FloatArray, colour: str, hatch: str) -> None:
+    from matplotlib.patches import Polygon
+
+    side = np.array([0.6, 0.0])
+    corners = np.array([foot, foot + side, foot + side + rise, foot + rise])
+    patch = Polygon(corners, closed=True, facecolor=colour, edgecolor=INK, hatch=hatch)
+    axes.add_patch(patch)
+
+
+@draws("chen2023/fig-3a")
+@diagram(12.6, 9.2)
+def draw_tracker(axes: Axes) -> None:
+    """Structure of the star and laser tracker."""
+    box(axes, (5.0, 1.0), (3.6, 1.2), "processor")
+    box(axes, (5.0, 2.2), (1.6, 0.3))
+    label(axes, (6.0, 2.25), "detector", ha="left")
+    lens(axes, (5.0, 3.4), 2.2, 90)
+    label(axes, (5.0, 3.4), "lens")
+    mirror(axes, (5.0, 5.3), 2.6, 30)
+    label(axes, (3.9, 6.15), "dichroic mirror")
+    mirror(axes, (7.2, 4.0), 1.4, 60, ":")
+    label(axes, (8.4, 3.5), "narrow band-pass\nfilter (dots)", ha="left")
+    box(axes, (3.35, 4.7), (0.5, 2.2), style="--")
+    label(axes, (0.1, 4.7), "invar support\n(dashed)", ha="left")
+    box(axes, (5.2, 4.25), (5.8, 4.6), style=":")
+    label(axes, (8.4, 5.6), "thermal control\n(dotted)", ha="left")
+    for side in (-1, 1):
+        line(axes, [(5 + side * 1.6, 6.8), (5 + side * 2.6, 8.9)], 1.3)
+    label(axes, (7.8, 7.9), "baffle, held by the\nsatellite alone", ha="left")
+
+
+@draws("chen2023/fig-3b", marks=[TILT])
+def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Paths of starlight and laser light into the tracker."""
+    tilt = float(np.degrees(next(iter(printed.values()))))
+    axes = canvas(figure, 11.0, 8.2)
+    middle = np.array([5.0, 4.8])
+    mirror(axes, middle, 3.4, tilt)
+    label(axes, (2.0, 4.3), "dichroic\nmirror")
+    lens(axes, LENS, 2.6, 90)
+    label(axes, LENS - [1.5, 0.0], "lens", ha="right")
+    box(axes, LENS - [0, FOCUS + 0.15], (1.8, 0.3))
+    label(axes, (6.2, 0.55), "detector", ha="left")
+    star, laser = turned([0.0, -1.0], -ASIDE), turned([0.0, -1.0], ASIDE)
+    for shift in (-0.5, 0.0, 0.5):
+        _into_lens(axes, star, shift, [beside(LENS, shift, 0.0) - 5.4 * star])
+    came = reflected(laser, tilt)
+    for shift in (-0.35, 0.35):
+        hit = _on_mirror(beside(LENS, shift, 0.0), laser, middle, tilt)
+        _into_lens(axes, laser, shift, [hit - 4.0 * came, hit])
+    across = float(np.degrees(np.arctan2(came[1], came[0]))) + 90
+    filtered = middle - 2.5 * came
+    mirror(axes, filtered, 1.6, across, ":")
+    label(axes, beside(filtered, 0.85, 0.55), "band-pass\nfilter (dots)", ha="left")
+    line(axes, [middle, beside(middle, 2.9, 0.0)], 0.7)
+    arc(axes, middle, 2.5, (0, tilt), f"{tilt:g}°")
+    key(axes, (STAR, LASER), (0.0, 1.0))
+
+
+def _into_lens(axes: Axes, direction: FloatArray, shift: float, before: list[FloatArray]) -> None:
+    """Draw a ray to its place on the lens and on to the focus of its direction."""
+    look = STAR if len(before) == 1 else LASER
+    focus = LENS + FOCUS * direction / -direction[1]
+    path(axes, [*before, beside(LENS, shift, 0.0), focus], look)
+
+
+def _on_mirror(
+    place: FloatArray, direction: FloatArray, middle: FloatArray, tilt: float
+) -> FloatArray:
+    """Return where light that reaches a place from a direction has met the mirror."""
+    normal = turned([0.0, 1.0], tilt)
+    distance = ((place - middle) @ normal) / (direction @ normal)
+    return np.asarray(place - direction * distance)
+
+
+@draws("chen2023/fig-3c", marks=[*BANDS, FILTER])
+def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Transmission and reflection of the dichroic mirror and of the band-pass filter, idealised."""
+    low, high, turn, end = (printed[address] * NANO for address in BANDS)
+    passed = printed[FILTER] * NANO
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for start, stop, look, name in (
+        (low, high, SCENE, "transmission"),
+        (turn, end, LASER, "reflection"),
+    ):
+        upper.plot(
+            [350, start, start, stop, stop, 1100],
+            [0, 0, 100, 100, 0, 0],
+            look.line if look is LASER else "-",
+            color=look.colour,
+            label=name,
+        )
+    upper.set(ylabel="dichroic mirror (%)")
+    # The width of the filter is not printed: a line stands for its band.
+    lower.plot([350, passed, passed, passed, 1100], [0, 0, 100, 0, 0], color=INK)
+    lower.set(ylabel="band-pass filter (%)", xlabel="wavelength (nm)", xlim=(350, 1100))
+    for axes in (upper, lower):
+        axes.axvspan(low, high, facecolor=(STAR.colour, 0.15), edgecolor=STAR.colour, linestyle=":")
+        axes.text((low + high) / 2, 45, "light of the stars", ha="center")
+        axes.text(passed + 8, 45, "laser")
+    upper.axvline(passed, color=INK, linestyle=":", linewidth=2)
+    upper.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+
+
+@draws("chen2023/fig-4")
+@diagram(15.0, 9.0, 6.8)
+def draw_route(axes: Axes) -> None:
+    """Technical route: calibration, monitoring, correction."""
+    steps = {
+        "calibration": (
+            "control points and\nstars: installation",
+            "laser spots at\nthe zero point",
+            "laser transform\nat the zero point",
+        ),
+        "monitoring": (
+            "laser spots in\nevery frame",
+            "mean over\nmany frames",
+            "misalignment, by\nQUEST",
+        ),
+        "correction": (
+            "corrected\ninstallation",
+            "attitude of tracker\nfrom the stars",
+            "attitude of camera\namong the stars",
+        ),
+    }
+    for x, (name, texts) in zip((2.5, 7.5, 12.5), steps.items(), strict=True):
+        label(axes, (x, 8.5), name, size=11)
+        box(axes, (x, 4.2), (4.6, 7.6), style=":")
+        for y, text in zip((6.8, 4.2, 1.6), texts, strict=True):
+            box(axes, (x, y), (4.0, 1.4), text)
+        for y in (6.1, 3.5):
+            arrow(axes, (x, y), (x, y - 1.2))
+    arrow(axes, (4.5, 1.6), (5.5, 1.6))
+    line(axes, [(9.5, 1.6), (10.0, 1.6), (10.0, 6.8)], 1.3)
+    arrow(axes, (10.0, 6.8), (10.5, 6.8))
+
+
+@draws("chen2023/fig-5")
+@diagram(14.0, 8.4)
+def draw_transform(axes: Axes) -> None:
+    """Laser directions in the camera and in the tracker, joined by the laser transform."""
+    for x, name, focal in ((3.0, "c", r"f_\mathrm{cam}"), (11.0, "s", r"f_\mathrm{s}")):
+        line(axes, [(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
+        lens(axes, (x, 4.4), 3.0, 90)
+        arrow(axes, (x, 1.2), (x, 2.8))
+        label(axes, (x + 0.45, 2.7), f"$Z_{name}$")
+        arrow(axes, (x + 2.2, 1.2), (x + 2.7, 1.2))
+        label(axes, (x + 2.45, 1.6), f"$X_{name}$")
+        arrow(axes, (x - 2.0, 1.2), (x - 2.0, 4.4), style="<|-|>", width=0.8)
+        label(axes, (x - 2.55, 2.8), f"${focal}$")
+        for offset, number in ((-1.2, 1), (1.2, 2)):
+            _beam(axes, np.array([x, 4.4]), offset, number, leaves=name == "c")
+    label(axes, (3.0, 0.4), "lasers in the focal plane\nof the camera")
+    label(axes, (11.0, 0.4), "spots on the detector\nof the tracker")
+    arrow(axes, (5.6, 5.9), (8.4, 5.9))
+    label(axes, (7.0, 6.4), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
+    label(axes, (7.0, 5.2), "retro-reflector,\ndichroic mirror")
+
+
+def _beam(axes: Axes, centre: FloatArray, offset: float, number: int, *, leaves: bool) -> None:
+    """Draw the light of one laser through a lens, its direction as equation (2) gives it."""
+    depth = 3.2
+    direction = emitted_directions([(offset, 0.0)], depth)[0][[0, 2]]
+    source, end = beside(centre, offset, -depth), centre + 2.9 * direction
+    places = [source, centre, end]
+    path(axes, places if leaves else places[::-1], LASER)
+    axes.plot(*source, LASER.marker if leaves else "o", color=LASER.colour, markersize=6)
+    vector = "v" if leaves else "w"
+    label(axes, beside(end, 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")

@@ -1,0 +1,404 @@
+"""A twin of the ground platform: images in, the camera's misalignment out (chen2023, IV and V).
+
+Every frame is made as the bench makes it: four spots at their places, light integrated over
+pixels, photon noise and read noise drawn, centres of gravity taken, and (2) to (9) solved. What
+the paper leaves open, and how the twin reads it (a choice that came into the history together with
+its results):
+
+* light: each laser of each group has the light that gives the mean variance of its two cells of
+  Table III, with photon noise alone; nothing else is fitted. What photons cannot explain, such as
+  a laser whose x scatters less than its y, the twin does not have. Another sensor, with read noise,
+  dark charge, rounding or saturation, may be put in its place (see `sensors`): one
+  variance cannot tell them apart, so the light is fitted again beside it;
+* the spot's radius is the printed one; it is the same for all lasers;
+* places: the printed centroids, with the bias of their own 5 by 5 window taken off, stand still
+  within a group, and are the same in both groups: the paper does not print how they differ;
+* laser directions are the designed ones, as the calibration takes them, with the nominal focal
+  length and the printed diagonal as they stand. Within the rounding of the diagonal and a few per
+  cent of the focal length they fit the printed spots (see `misfit`); what is left is the same in
+  all frames and goes into the zero point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator, default_rng
+from numpy.typing import ArrayLike
+from scipy.stats import chi2, kstest
+
+from reproduce.papers.chen2023 import accuracy, effectiveness, resolution, satellite
+from reproduce.papers.chen2023.platform import (
+    DIAGONAL,
+    FOCAL_LENGTH,
+    INSTRUMENT,
+    PIXEL,
+    PIXELS,
+    SCATTER,
+    SIGMAS,
+    SPOTS,
+    TELESCOPE,
+    TEXT,
+    designed_positions,
+    scatter,
+)
+from reproduce.papers.declare import seed_of
+from reproduce.papers.study import Column, studied
+from reproduce.physics.attitude.averaging import moving_average
+from reproduce.physics.attitude.lasers import (
+    emitted_directions,
+    received_directions,
+    received_spots,
+)
+from reproduce.physics.attitude.misalignment import (
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+    moved_laser_transform,
+)
+from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
+from reproduce.physics.attitude.wahba import mean_rotation, solve, taste
+from reproduce.physics.images.centroid_theory import centre_of_gravity_error
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.detector import Detector, electrons, expose
+from reproduce.physics.images.spots import spot_windows, window_corners
+from reproduce.physics.optics.camera import detector_centre
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+from reproduce.units import ARCSEC_PER_RADIAN
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["READS", "Bench", "Series", "bench", "centroids", "two_groups"]
+
+WINDOW = f"{TEXT}#window-x"
+# The sensor that the predictions rest on.
+PHOTONS = Detector()
+BENCH = (*INSTRUMENT, SCATTER, resolution.SPOT_RADIUS, WINDOW)
+READS = (*BENCH, accuracy.FRAMES)
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The ground platform as the twin sees it.
+
+    Attributes
+    ----------
+    spots : ndarray, shape (4, 2)
+        True centres of the spots at rest, in px.
+    light : ndarray, shape (2, 4)
+        Electrons of each spot, for both groups of images.
+    radius : float
+        Of a spot, in px.
+    window : int
+        Width of the window around a spot, in px.
+    camera_directions : ndarray, shape (4, 3)
+        Designed directions of the lasers.
+    tracker : tuple
+        Principal point in px, pixel pitch and focal length in metres.
+    sensor : Detector
+        The tracker's image sensor.
+    """
+
+    spots: FloatArray
+    light: FloatArray
+    radius: float
+    window: int
+    camera_directions: FloatArray
+    tracker: tuple[FloatArray, float, float]
+    sensor: Detector
+
+    def directions(self, spots: ArrayLike) -> FloatArray:
+        """Return the tracker directions of spots of shape (..., 4, 2)."""
+        return received_directions(spots, *self.tracker)
+
+    def transform(self, spots: ArrayLike) -> FloatArray:
+        """Return the laser transform of every frame, tracker_from_camera."""
+        return laser_transform(self.camera_directions, self.directions(spots))
+
+    def turned(self, angles: ArrayLike) -> FloatArray:
+        """Return where the spots stand when the camera has turned by angles of shape (..., 3)."""
+        rest = self.directions(self.spots)
+        zero = self.transform(self.spots)
+        now = moved_laser_transform(zero, rotation_from_vector(-np.asarray(angles)))
+        # The light goes back to the camera of the zero point, then by the present transform.
+        moved = rest @ zero @ transpose(now)
+        return received_spots(moved, *self.tracker)
+
+
+def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
+    """Set the twin up from printed numbers."""
+    printed = given.array(SPOTS).reshape(-1, 2)
+    pitch = given[PIXEL]
+    radius, window = given[resolution.SPOT_RADIUS] / pitch, round(given[WINDOW])
+    corners = window_corners(printed, window)
+    law = centre_of_gravity_error(printed, 1.0, radius, corners, window)
+    noisy = centre_of_gravity_error(printed, 1.0, radius, corners, window, 1.0)
+    groups = np.stack([scatter(given, group) for group in (1, 2)])
+    # The variance is photon / light + read noise^2 read / light^2: a quadratic in the light.
+    target, photon = (groups**2).mean(axis=-1), law.variance.mean(axis=-1)
+    read = sensor.noise_electrons() ** 2 * (noisy.variance.mean(axis=-1) - photon)
+    light = (photon + np.sqrt(photon**2 + 4.0 * target * read)) / (2.0 * target)
+    designed = designed_positions(printed, given[DIAGONAL])
+    return Bench(
+        spots=printed - law.bias,
+        light=np.asarray(light),
+        radius=radius,
+        window=window,
+        camera_directions=emitted_directions(designed, given[TELESCOPE]),
+        tracker=(detector_centre(given.array(PIXELS)), pitch, given[FOCAL_LENGTH]),
+        sensor=sensor,
+    )
+
+
+def centroids(
+    platform: Bench, spots: ArrayLike, light: ArrayLike, frames: int, generator: Generator
+) -> FloatArray:
+    """Render frames and extract the spots, as the bench does.
+
+    Shape (..., frames, 4, 2). Centres of gravity, in px.
+    """
+    places = np.asarray(spots, dtype=np.float64)[..., np.newaxis, :, :]
+    corners = window_corners(places, platform.window)
+    mean = spot_windows(places, light, platform.radius, corners, platform.window)
+    shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
+    photons = np.broadcast_to(mean / platform.sensor.quantum_efficiency, shape)
+    seen = electrons(expose(photons, platform.sensor, generator), platform.sensor)
+    return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What the bench measures over two groups of frames.
+
+    Attributes
+    ----------
+    spots : ndarray, shape (2, frames, 4, 2)
+        Extracted centroids, in px.
+    transform : ndarray, shape (frames, 3)
+        Error of the laser transform of the first group, in the camera frame, in radians.
+    misalignment : ndarray, shape (frames, 3)
+        Misalignment of the second group against the zero point of the first, in radians.
+    """
+
+    spots: FloatArray
+    transform: FloatArray
+    misalignment: FloatArray
+
+
+def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
+    """Take two groups of frames and solve them, as the accuracy test does."""
+    found = np.stack(
+        [centroids(platform, platform.spots, light, frames, generator) for light in platform.light]
+    )
+    single = platform.transform(found[0])
+    zero = mean_rotation(single)
+    errors = misalignment_angles(transpose(single) @ zero)
+    now = misalignment(platform.camera_directions, platform.directions(found[1]), zero)
+    return Series(found, errors, misalignment_angles(now))
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far the printed spots lie from where the designed lasers would put them.
+
+    Attributes
+    ----------
+    residual : float
+        Root-mean-square distance of a spot from its laser after the best rotation, in px.
+    scale : float
+        Size of the printed pattern over the designed one.
+    after_scale : float
+        The distance that is left when the pattern may also shrink, in px.
+    """
+
+    residual: float
+    scale: float
+    after_scale: float
+
+
+def pattern_misfit(platform: Bench) -> Misfit:
+    """Return how far the printed spots lie from the designed lasers."""
+    rest, designed = platform.directions(platform.spots), platform.camera_directions
+    pixel = platform.tracker[1] / platform.tracker[2]
+
+    def miss(camera: FloatArray) -> float:
+        return float(np.sqrt(solve(rest, camera).loss / len(rest))) / pixel
+
+    sizes = [np.linalg.norm(rows - rows.mean(axis=0)) for rows in (rest, designed)]
+    scale = float(sizes[0] / sizes[1])
+    shrunk = designed * np.array([scale, scale, 1.0])
+    return Misfit(miss(designed), scale, miss(shrunk))
+
+
+@studied(
+    "chen2023/misfit",
+    given=(*BENCH, f"{effectiveness.TABLE}#[15].position-y", effectiveness.LAST),
+    columns=(
+        Column("Telescope (mm)", ".0f"),
+        Column("diagonal of the lasers (mm)", ".1f"),
+        Column("spots' size over theirs", ".3f"),
+        Column("distance (px, rms)", ".2f"),
+        Column("the same on the stage (mm)", ".2f"),
+    ),
+    caption="Printed spots against designed lasers after the best rotation: with the nominal "
+    "numbers as they stand, with the focal length that Table V asks for, and with the smallest "
+    "diagonal that prints as {diagonal:.0f} mm.",
+)
+def misfit(given: Given) -> pd.DataFrame:
+    """How far the printed spots lie from the designed lasers, within what the print leaves open."""
+    platform, printed = bench(given), given.array(SPOTS).reshape(-1, 2)
+    pixel = platform.tracker[1] / platform.tracker[2]
+    nominal, common = given[TELESCOPE], effectiveness.common_length(given, "y")
+    diagonal = given[DIAGONAL]
+    least = diagonal - given.half_unit(DIAGONAL)
+    rows = []
+    for length, across in ((nominal, diagonal), (common, diagonal), (common, least)):
+        directions = emitted_directions(designed_positions(printed, across), length)
+        found = pattern_misfit(replace(platform, camera_directions=directions))
+        on_stage = found.residual * pixel * length * 1e3
+        rows.append((length * 1e3, across * 1e3, found.scale, found.residual, on_stage))
+    return misfit.frame(rows, diagonal=diagonal * 1e3)
+
+
+# The TASTE test's level, and how far a laser is displaced to see whether the test notices, in px.
+REFUSED, NUDGE = 0.01, 0.1
+
+
+@studied(
+    "chen2023/believable",
+    given=READS,
+    columns=(
+        Column("Laser directions"),
+        Column("median of the statistic", ".3g"),
+        Column("expected", ".3g"),
+        Column("frames refused (%)", ".1f"),
+        Column("agrees with the law", ".2g"),
+    ),
+    caption="The TASTE test of {frames} single frames of the twin, with {spots} spots and "
+    f"{{freedom}} degrees of freedom. A frame is refused below a probability of {REFUSED:.0%}. The "
+    "last column is the probability of a Kolmogorov–Smirnov test against the chi-square law.",
+)
+def believable(given: Given) -> pd.DataFrame:
+    """Whether the frames of the second group pass the TASTE test, for several laser directions."""
+    platform, frames = bench(given), given.count(accuracy.FRAMES)
+    series = two_groups(platform, frames, default_rng(seed_of("chen2023/believable")))
+    zero = series.spots[0].mean(axis=0)
+    nudged = zero + NUDGE * np.eye(len(zero), 2)
+    shrunk = platform.camera_directions * np.array([*[pattern_misfit(platform).scale] * 2, 1.0])
+    pixel = platform.tracker[1] / platform.tracker[2]
+    noise = np.sqrt((scatter(given, 2) ** 2).mean(axis=-1)) * pixel
+    rows = [
+        (name, *_tasted(platform.directions(series.spots[1]), directions, noise))
+        for name, directions in (
+            ("as designed, nominal numbers as they stand", platform.camera_directions),
+            ("as designed, its size within what the print leaves open", shrunk),
+            ("as the first group saw them", platform.directions(zero)),
+            (f"the same, one laser {NUDGE:g} px aside", platform.directions(nudged)),
+        )
+    ]
+    return believable.frame(rows, frames=frames, spots=len(zero), freedom=2 * len(zero) - 3)
+
+
+def _tasted(
+    tracker_directions: FloatArray, camera_directions: FloatArray, noise: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return what the TASTE test says of all frames, column by column."""
+    found = taste(solve(tracker_directions, camera_directions, noise**-2.0), noise)
+    law = chi2(found.freedom.flat[0])
+    return (
+        float(np.median(found.statistic)),
+        float(law.median()),
+        float((found.probability < REFUSED).mean()) * 100,
+        float(kstest(found.statistic, law.cdf).pvalue),
+    )
+
+
+# Sensors for the twin: read noise of some electrons, dark charge whose variance is as large, twelve
+# bits at two electrons a step; and a full well of half the brightest pixel.
+READ_NOISE, BITS, GAIN = 5.0, 12, 0.5
+SENSORS = {
+    "photon noise alone": PHOTONS,
+    "read noise": Detector(read_noise=READ_NOISE),
+    "read noise, dark charge, twelve bits": Detector(
+        read_noise=READ_NOISE, dark_signal=READ_NOISE**2, gain=GAIN, offset=100.0, bits=BITS
+    ),
+}
+FULL = 0.5
+
+
+@studied(
+    "chen2023/sensors",
+    given=(*READS, accuracy.SMOOTHED),
+    columns=(
+        Column("Sensor"),
+        Column("light of a spot (electrons)", ".0f"),
+        Column("scatter of a spot (px, 3σ)", ".4f"),
+        Column("about X or Y (arcsec, 3σ)", ".3f"),
+        Column("averaged (arcsec, 3σ)", ".3f"),
+    ),
+    caption="The twin with other sensors, {frames} frames each, single and averaged over {many}. "
+    "Table III has a scatter of {printed:.4f} px in the mean square; the light is fitted to it in "
+    "all rows but the last.",
+)
+def sensors(given: Given) -> pd.DataFrame:
+    """What the twin predicts with other sensors, the light fitted to Table III beside each."""
+    many, frames = given.count(accuracy.SMOOTHED), 5 * given.count(accuracy.FRAMES)
+    plain = bench(given)
+    corners = window_corners(plain.spots, plain.window)
+    windows = spot_windows(plain.spots, plain.light[1], plain.radius, corners, plain.window)
+    filled = replace(plain, sensor=Detector(full_well=FULL * float(windows.max())))
+    benches = {name: bench(given, sensor) for name, sensor in SENSORS.items()}
+    rows = []
+    for name, platform in (benches | {"pixels full at half the brightest": filled}).items():
+        series = two_groups(platform, frames, default_rng(seed_of(f"sensor {name}")))
+        spread = SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
+        angles = [_tilt(_spread(series.misalignment, count)) for count in (1, many)]
+        rows.append((name, float(platform.light.mean()), float(spread), *angles))
+    groups = [(scatter(given, group) ** 2).mean() for group in (1, 2)]
+    printed = SIGMAS * float(np.sqrt(np.mean(groups)))
+    return sensors.frame(rows, frames=frames, many=many, printed=printed)
+
+
+def _spread(series: FloatArray, count: int) -> FloatArray:
+    """Return three standard deviations of averages over some frames, axis by axis, in arcsec."""
+    averages = moving_average(series, count, axis=0)
+    return np.asarray(SIGMAS * averages.std(axis=0) * ARCSEC_PER_RADIAN)
+
+
+def _tilt(spread: FloatArray) -> float:
+    return float(np.hypot(*spread[:2]) / np.sqrt(2))
+
+
+# Distances from the middle of the image, on the ground, for which the roll is studied.
+OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
+
+
+@studied(
+    "chen2023/roll",
+    given=(*BENCH, accuracy.SMOOTHED, *satellite.CAMERA),
+    columns=(
+        Column("Frames", ".0f"),
+        Column("about X or Y (arcsec, 3σ)", ".2f"),
+        Column("about Z (arcsec, 3σ)", ".1f"),
+        *(Column(f"{off / 1e3:g} km off centre (m)", ".2f") for off in OFF_CENTRE),
+    ),
+    caption="Errors of the monitored misalignment with the spots of the ground platform, and the "
+    "three-sigma shift on the ground from {altitude:.0f} km altitude.",
+)
+def roll(given: Given) -> pd.DataFrame:
+    """Roll error of the ground platform, and what it does on the ground away from the centre."""
+    many, height = given.count(accuracy.SMOOTHED), satellite.altitude(given)
+    generator = default_rng(seed_of("chen2023/roll"))
+    series = two_groups(bench(given), 40 * many, generator).misalignment
+    rows = []
+    for count in (1, many):
+        spread = _spread(series, count)
+        turns = spread / ARCSEC_PER_RADIAN
+        across = float(np.hypot(*turns[:2])) * height
+        moved = (float(np.hypot(across, turns[2] * off)) for off in OFF_CENTRE)
+        rows.append((count, _tilt(spread), float(spread[2]), *moved))
+    return roll.frame(rows, altitude=height / 1e3)

@@ -1,0 +1,38 @@
+"""The order of the product against whole solutions of Wahba's problem."""
+
+import numpy as np
+import pytest
+
+from reproduce.papers.chen2023 import attitude
+from reproduce.papers.chen2023.platform import SCATTER, scatter
+from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.misalignment import (
+    laser_transform,
+    misalignment_between,
+    transform_error_printed,
+)
+from reproduce.physics.attitude.rotations import vector_from_rotation
+from reproduce.printed.given import given
+
+ARCSEC = np.pi / 180 / 3600
+SPOTS = np.array([[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]])
+
+
+def test_the_orders_of_the_product_are_those_of_simulated_transforms():
+    """Whole solutions of Wahba's problem, multiplied either way, for both principal points."""
+    study = attitude.orders().set_index(["Principal point", "axes of the error"])
+    assert study.loc["printed"].to_numpy().ravel() == pytest.approx([1.16, 1.14])
+    noise = 3 * np.random.default_rng(6).normal(size=(6000, 4, 2)) * scatter(given([SCATTER]), 1)
+    designed = np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3
+    camera = emitted_directions(designed, 2.0)
+    rows = iter(study.to_numpy())
+    for point in ((511.5, 511.5), SPOTS.mean(axis=0)):
+        tracker = (point, 13e-6, 60e-3)
+        reference = laser_transform(camera, received_directions(SPOTS, *tracker))
+        found = laser_transform(camera, received_directions(SPOTS + noise, *tracker))
+        for error in (
+            misalignment_between(found, reference),
+            transform_error_printed(found, reference),
+        ):
+            spread = vector_from_rotation(error)[:, :2].std(axis=0) / ARCSEC
+            assert next(rows) == pytest.approx(spread, rel=0.04)

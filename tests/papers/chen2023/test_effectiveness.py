@@ -1,0 +1,167 @@
+"""Table V under every reading, by hand, and the focal lengths that it implies."""
+
+import numpy as np
+import pytest
+
+from reproduce.judge.ledger import build
+from reproduce.judge.verdicts import judge_prediction
+from reproduce.papers.chen2023 import effectiveness
+from reproduce.papers.chen2023.platform import SCATTER, scatter
+from reproduce.printed.cells import library
+from reproduce.printed.given import given
+
+ARCSEC = np.pi / 180 / 3600
+
+
+def test_the_zero_state_is_shared_by_all_monitored_angles():
+    door = given(effectiveness.monitored_angle.given)
+    one, two = effectiveness.monitoring_errors(door, np.random.SeedSequence(5), 4000)[:, :2, 0].T
+    assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
+    noise = np.sqrt((scatter(given([SCATTER]), 2)[:, 1] ** 2).mean())
+    expected = np.sqrt(2) * noise / 2 / 20 * np.arctan2(13e-6, 60e-3)
+    assert one.std() == pytest.approx(expected, rel=0.05)
+
+
+def test_the_reference_angle_by_hand():
+    """20.27 um at 2 m is 2.0905 arcsec; the paper prints 2.006."""
+    found = effectiveness.reference_angle(given(effectiveness.reference_angle.given))[
+        "2.reference-y"
+    ]
+    assert found.stand_in / ARCSEC == pytest.approx(-2.09049, abs=1e-5)
+
+
+def readings(computation, name, replicates=None):
+    """Return the results of a blocked cell by the name of their reading."""
+    found = computation(given(computation.given), replicates)[name]
+    return {reading.name: reading.result for reading in found.readings}
+
+
+def test_the_readings_of_a_reference_angle_by_hand():
+    """Motions and angles of Table V as printed; one length from 79.88 or 79.91 um and 8.017."""
+    found = readings(effectiveness.reference_angle, "3.reference-x")
+    as_printed, exchanged = (motion / np.tan(8.017 * ARCSEC) for motion in (79.88e-6, 79.91e-6))
+    by_hand = {
+        "columns as printed; 2000 mm": 40.38e-6 / 2.0,
+        "columns as printed; nominal 2000 mm": 40.38e-6 / 2.0,
+        "columns as printed; one focal length": 40.38e-6 / as_printed,
+        "positions and motions interchanged; one focal length": 40.29e-6 / exchanged,
+        "reference angles interchanged; one focal length": 40.29e-6 / exchanged,
+    }
+    assert found == pytest.approx({n: -np.arctan(a) for n, a in by_hand.items()}, rel=1e-9)
+
+
+def test_the_slip_of_one_digit_enters_as_printed_alone():
+    found = readings(effectiveness.reference_angle, "4.reference-x")
+    assert found["columns as printed; 2000 mm"] == pytest.approx(-60.66e-6 / 2.0, rel=1e-6)
+    found = readings(effectiveness.reference_angle, "4.reference-y")
+    length = 79.91e-6 / np.tan(8.017 * ARCSEC)
+    interchanged = found["positions and motions interchanged; one focal length"]
+    assert interchanged == pytest.approx(-60.36e-6 / length, rel=1e-6)
+
+
+def test_a_monitored_angle_goes_with_the_motion_that_the_reading_gives_it():
+    motions = {"columns as printed; 2000 mm": 40.29e-6 / 2.0}
+    length = 79.91e-6 / np.tan(8.017 * ARCSEC)
+    motions["positions and motions interchanged; one focal length"] = 40.38e-6 / length
+    motions["reference angles interchanged; one focal length"] = 40.29e-6 / length
+    found = readings(effectiveness.monitored_angle, "3.monitoring-y", 400)
+    spread = found["columns as printed; 2000 mm"].draws.std()
+    for name, angle in motions.items():
+        middle = found[name].draws.mean()
+        assert middle == pytest.approx(-angle, abs=4 * spread / 20)
+    few = "positions and motions interchanged; one focal length; means of 100 images"
+    assert found[few].draws.std() == pytest.approx(2 * spread, rel=1e-6), "400 images or 100"
+    assert "columns as printed; nominal 2000 mm" not in found
+
+
+@pytest.mark.parametrize("name", effectiveness.DECIDED)
+def test_a_cell_that_is_not_blocked_agrees_with_every_reading(name, monkeypatch):
+    number = library()[effectiveness.TABLE][name].number
+    monkeypatch.setattr(effectiveness, "DECIDED", ())
+    found = readings(effectiveness.monitored_angle, name, 4000)
+    assert len(found) == 6
+    for result in found.values():
+        assert judge_prediction(number, result.draws / ARCSEC).verdict == "consistent"
+
+
+def test_no_other_monitored_angle_agrees_with_every_reading():
+    verdicts = {}
+    for record in build([effectiveness.TABLE]).records:
+        if "monitoring" in record.cell and record.readings:
+            verdicts[record.cell] = {reading.agrees for reading in record.readings}
+    assert len(verdicts) == 8 - len(effectiveness.DECIDED)
+    assert all(found == {True, False} for found in verdicts.values())
+
+
+def test_with_the_noise_of_100_images_and_columns_interchanged_all_monitored_angles_agree():
+    readings = [r for rec in build([effectiveness.TABLE]).records for r in rec.readings]
+    few = [reading for reading in readings if "means of 100 images" in reading.name]
+    assert len(few) == 2 * (8 - len(effectiveness.DECIDED))
+    assert {reading.verdict for reading in few} == {"consistent"}
+
+
+def test_interchanged_columns_and_one_focal_length_give_every_reference_angle_to_its_last_digit():
+    """And no focal length does so for the columns as printed, whatever the nominal one."""
+    records = [
+        r for r in build([effectiveness.TABLE]).records if ".reference-" in r.cell and r.readings
+    ]
+    assert len(records) == 8
+    for record in records:
+        found = {reading.name: reading for reading in record.readings}
+        assert found["columns as printed; 2000 mm"].verdict == "differs"
+        assert found["columns as printed; nominal 2000 mm"].flags == ("through_rounding",)
+        if record.cell == effectiveness.LAST:
+            continue
+        for name in ("positions and motions", "reference angles"):
+            interchanged = found[f"{name} interchanged; one focal length"]
+            assert (interchanged.verdict, interchanged.flags) == ("exact", ())
+        assert found["columns as printed; one focal length"].verdict == "differs"
+
+
+def test_one_focal_length_fits_once_the_columns_are_interchanged():
+    """What the reason for the verdicts says, from the printed numbers alone."""
+    printed = given(["chen2023/table-5"])
+
+    def column(name):
+        return np.array([printed[f"chen2023/table-5#{s}.{name}"] for s in (2, 3, 4, 5)])
+
+    motion_y = column("motion-y")
+    motion_y[2] = (
+        printed["chen2023/table-5#4.position-y"] - printed["chen2023/table-5#1.position-y"]
+    )
+    as_printed = np.r_[
+        column("motion-x") / np.tan(-column("reference-y")),
+        motion_y / np.tan(-column("reference-x")),
+    ]
+    interchanged = np.r_[
+        column("motion-x") / np.tan(-column("reference-x")),
+        motion_y / np.tan(-column("reference-y")),
+    ]
+    assert np.ptp(as_printed) / as_printed.mean() > 0.02
+    assert np.ptp(interchanged) / interchanged.mean() < 0.0005
+    assert 2.05 < interchanged.mean() < 2.06
+
+
+def test_a_common_length_is_found_with_the_shared_zero_in_its_covariance():
+    rng = np.random.default_rng(2)
+    motions, length, sigma = np.array([20e-6, 40e-6, 60e-6, 80e-6]), 2.056, 0.02 * ARCSEC
+    fits = []
+    for _ in range(2000):
+        states = rng.normal(0, sigma, 5)
+        fits.append(
+            effectiveness.fitted_length(motions, -motions / length + states[1:] - states[0], sigma)
+        )
+    lengths = np.array([fit.length for fit in fits])
+    assert lengths.mean() == pytest.approx(length, abs=4 * lengths.std() / np.sqrt(2000))
+    assert lengths.std() == pytest.approx(fits[0].error, rel=0.08)
+    assert np.mean([fit.chi_square for fit in fits]) == pytest.approx(3.0, rel=0.08)
+
+
+def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
+    frame = effectiveness.focal_lengths()
+    rows = frame[frame["Angle"].str.contains("state")]
+    own, half = rows["with the motion of its own axis (mm)"], rows["error with the other"]
+    other = rows["with that of the other (mm)"]
+    assert np.ptp(own) > 50
+    assert np.ptp(other) < 1
+    assert (np.abs(other - np.median(other)) <= half).all()

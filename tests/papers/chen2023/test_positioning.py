@@ -1,0 +1,104 @@
+"""Positions on the ground: the budget by formula, by draws and by hand, and a year of orbits."""
+
+import numpy as np
+import pytest
+
+from reproduce.papers.chen2023 import positioning, satellite
+from reproduce.physics.ground.errors import circular_error
+from reproduce.physics.ground.imaging import ground_jacobian
+from reproduce.printed.given import given
+
+ARCSEC = np.pi / 180 / 3600
+DOOR = given((*positioning.READS, *positioning.YEAR_READS))
+BUDGET = {term.name: (term,) for term in positioning.terms(DOOR)} | positioning.together(DOOR)
+
+
+@pytest.mark.parametrize(("name", "tilt", "off"), positioning.LOOKS)
+@pytest.mark.parametrize("line", BUDGET)
+def test_the_budget_by_formula_and_by_draws_agree(line, name, tilt, off):
+    view = positioning.look(DOOR, tilt, off)
+    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+    exact = sum(positioning.analytic(jacobian, term) for term in BUDGET[line])
+    drawn = positioning.simulated(view, BUDGET[line], name)
+    spread = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()) + exact**2)
+    error = 4.5 * spread / np.sqrt(positioning.DRAWS) + 1e-6
+    assert (np.abs(np.cov(drawn.T) - exact) < error).all()
+    assert (np.abs(drawn.mean(axis=0)) < 4.5 * np.sqrt(exact.diagonal() / 20_000) + 1e-3).all()
+    inside = np.linalg.norm(drawn, axis=1) < circular_error(exact)
+    if np.trace(exact) > 1e-4:
+        assert inside.mean() == pytest.approx(0.9, abs=4.5 * 0.3 / np.sqrt(positioning.DRAWS))
+
+
+def test_the_budget_holds_every_term_of_the_model_once():
+    names = [term.name for term in positioning.terms(DOOR)]
+    assert len(set(names)) == len(names) == 9
+    for errors in positioning.together(DOOR).values():
+        assert len(errors) == 6
+        assert {term.kind for term in errors} == {"turn", "satellite", "image"}
+        turned = sum(term.sigma[:3] > 0 for term in errors if "misalignment" in term.name)
+        np.testing.assert_array_equal(turned, [1, 1, 1])
+
+
+def test_at_nadir_an_angle_is_worth_the_altitude():
+    view = positioning.look(DOOR, 0.0, 0.0)
+    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+    attitude = positioning.terms(DOOR)[0]
+    found = float(circular_error(positioning.analytic(jacobian, attitude)))
+    # Geodetic up and the radius part by a fifth of a degree: a few parts in a million.
+    assert found == pytest.approx(2.14597 * 500e3 * ARCSEC / 3, rel=2e-3)
+
+
+def test_the_roll_moves_the_ground_by_its_arm():
+    view = positioning.look(DOOR, 0.0, 5e3)
+    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+    roll = BUDGET["misalignment about Z (roll), one frame"][0]
+    found = np.sqrt(np.trace(positioning.analytic(jacobian, roll)))
+    assert found == pytest.approx(5e3 * roll.sigma[2], rel=1e-3)
+
+
+def test_the_limits_of_the_corrections_are_where_their_error_crosses():
+    study = positioning.suffices().set_index(["Correction", "limit"])
+    # The fitted trend, the tracker's own error, the first day.
+    name = positioning.CORRECTIONS[1]
+    row = study.loc[name, "what the tracker itself errs by"]
+    height, span = satellite.altitude(DOOR), positioning.spans(DOOR)["first day"]
+    left = positioning.residuals(DOOR, row["first day (arcsec)"] * ARCSEC)[name][span]
+    found = np.quantile(np.linalg.norm(left, axis=1), 0.9) * height
+    assert found == pytest.approx(row["limit (m)"], rel=1e-6)
+
+
+def test_a_correction_whose_noise_alone_is_too_large_bears_no_amplitude():
+    noise = np.full((10, 2), 3.0)
+    assert np.isnan(positioning.largest_amplitude(np.ones((10, 2)), noise, 4.0))
+    found = positioning.largest_amplitude(np.ones((10, 2)), 0.0 * noise, np.sqrt(2.0) * 5.0)
+    assert found == pytest.approx(5.0)
+
+
+def test_monitoring_leaves_its_own_noise_when_nothing_bends():
+    errors = positioning.residuals(DOOR, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
+    expected = positioning.monitoring_sigma(DOOR, 100)[:2]
+    np.testing.assert_allclose(errors.std(axis=0), expected, rtol=0.01)
+
+
+def test_monitoring_lags_by_half_an_average():
+    """At large amplitude what is left is the rate of change times five seconds."""
+    times, unit, _ = positioning.year(satellite.altitude(DOOR))
+    amplitude = 500 * ARCSEC
+    errors = positioning.residuals(DOOR, amplitude)[positioning.CORRECTIONS[-1]]
+    true = amplitude * unit[-len(errors) :]
+    rate = np.gradient(true, times[-len(errors) :] * 86400.0, axis=0)
+    assert np.median(np.abs(errors)) == pytest.approx(np.median(np.abs(5.0 * rate)), rel=0.15)
+
+
+def test_without_correction_the_errors_are_the_misalignment():
+    errors = positioning.residuals(DOOR, ARCSEC)[positioning.UNCORRECTED]
+    true = ARCSEC * positioning.year(satellite.altitude(DOOR))[1]
+    np.testing.assert_array_equal(errors, true[-len(errors) :])
+
+
+def test_the_strategies_keep_their_order():
+    rows = positioning.strategies().set_index("Correction")
+    single, trend, recent, laser = (rows.loc[name] for name in positioning.CORRECTIONS)
+    assert (laser < recent).all()
+    assert (recent < trend).all()
+    assert (trend < single).all()

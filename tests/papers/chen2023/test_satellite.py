@@ -1,0 +1,96 @@
+"""The satellite, its light path and what heat and stray light may do, by independent answers."""
+
+import numpy as np
+import pytest
+
+from reproduce.papers.chen2023 import satellite, satellite_terms
+from reproduce.physics.images.centroids import centre_of_gravity
+from reproduce.physics.images.spots import spot_windows
+from reproduce.printed.given import given
+
+ARCSEC = np.pi / 180 / 3600
+
+
+def by_name(frame):
+    """Return a study with its first column as the names of its rows."""
+    return frame.set_index(frame.columns[0])
+
+
+def test_the_altitude_is_that_of_table_1():
+    assert satellite.altitude(given(satellite.CAMERA)) == pytest.approx(14 / 7e-6 * 0.25)
+
+
+def test_a_plane_mirror_feigns_twice_its_turn_across_the_plane_of_the_light():
+    response = satellite.dichroic_response(np.radians(120.0))
+    sizes = np.linalg.norm(response, axis=0)
+    # In that plane the light meets the mirror under 30 degrees: twice the cosine.
+    np.testing.assert_allclose(sizes, [np.sqrt(3.0), 2.0, 0.0], atol=1e-12)
+
+
+def test_the_claim_about_the_retroreflector_holds_for_a_corner_cube_alone():
+    rows = by_name(satellite.retro_reflectors())
+    # Tilt and roll about X, Y, Z; roll from a tilt of the camera; blur.
+    assert rows.loc["corner cube"].to_list()[:8] == pytest.approx([0.0] * 8, abs=5e-3)
+    mirrors = rows.loc["two mirrors at a right angle"].to_list()[:8]
+    assert mirrors == pytest.approx([2, 0, 0, 0, 0, 2, 0, 0], abs=5e-3)
+    tilt, roll, *others, tilted, blur = rows.loc["conical mirror"].to_list()[:8]
+    assert [tilt, *others] == pytest.approx([0.0] * 5, abs=5e-3)
+    assert roll > 3
+    assert roll == pytest.approx(tilted, abs=5e-3)
+    assert blur > 0.05
+    assert rows["image"].to_dict() == {
+        "corner cube": "mirrored",
+        "two mirrors at a right angle": "upright",
+        "conical mirror": "mirrored",
+    }
+
+
+def test_280_belongs_to_a_tracker_with_the_field_of_table_1():
+    """Fourteen metres over 280 are fifty millimetres; Table II's are sixty, and see less."""
+    flight, mixed, bench = by_name(satellite_terms.heat()).to_numpy()
+    factors = [flight[0], mixed[0], bench[0]]
+    assert factors == pytest.approx([280, 14 / 0.06, 2 / 0.06])
+    assert flight[1] == pytest.approx(50)
+    assert flight[2] == pytest.approx(15.0, abs=0.3)
+    assert mixed[2] == pytest.approx(2 * np.degrees(np.arctan(512 * 13e-6 / 0.06)), abs=0.01)
+    # A micrometre at fourteen metres, and the accuracy of 0.15 arcsec at two.
+    assert flight[3] == mixed[3] == pytest.approx(1e-6 / 14 / ARCSEC)
+    assert bench[4] == pytest.approx(0.15 * ARCSEC * 2 * 1e6)
+
+
+def test_thermal_terms_by_hand():
+    rows = by_name(satellite_terms.thermal()).drop(columns="unit of its motion").T
+    accuracy = 0.15 * ARCSEC
+    _, motion, kelvin = rows["all lasers move together"]
+    assert motion == pytest.approx(accuracy * 14 * 1e6, rel=1e-3)
+    assert kelvin == pytest.approx(accuracy * 14 / (1e-6 * 22e-3), rel=1e-3)
+    assert rows["one laser of four moves"].iloc[1] == pytest.approx(4 * motion, rel=1e-2)
+    assert rows["the pattern grows evenly"].to_list()[1:] == [np.inf, np.inf]
+    # A roof prism's deviation is twice the error of its angle, a corner's the root of 8/3 times.
+    opened = rows["the angle of the two mirrors opens"], rows["one angle of a corner cube opens"]
+    assert [row.iloc[0] for row in opened] == pytest.approx([2.0, np.sqrt(8 / 3)], rel=1e-3)
+    factor, _, kelvin = rows["the dichroic mirror tilts"]
+    assert factor == pytest.approx(2.0)
+    assert kelvin == pytest.approx(accuracy / 2 / 1e-6)
+
+
+def test_stray_light_up_to_its_tolerance_does_what_the_table_says():
+    """By simulation: an even background raises the scatter by a tenth, a slope shifts the mean."""
+    door = given(satellite_terms.stray.given)
+    signal, background, slope = satellite_terms.tolerances(door)
+    mean = spot_windows([0.0, 0.0], signal, 7.5 / 13, [-2, -2], 5)
+    rng, shape = np.random.default_rng(6), (60_000, 5, 5)
+    plain = centre_of_gravity(rng.poisson(mean, shape), [-2, -2])[:, 0]
+    # An even background is known and taken off; its shot noise stays.
+    lit = centre_of_gravity(rng.poisson(mean + background, shape) - background, [-2, -2])[:, 0]
+    assert lit.std() / plain.std() == pytest.approx(1.1, abs=0.015)
+    tilted = centre_of_gravity(mean + slope * np.arange(-2, 3), [-2, -2])[0]
+    assert tilted * np.arctan2(13e-6, 60e-3) == pytest.approx(0.15 * ARCSEC, rel=1e-3)
+
+
+def test_shares_of_stray_light_follow_from_table_2():
+    shares = by_name(satellite_terms.stray())["at most (%)"]
+    assert shares["laser light that the mirror loses"] == pytest.approx(2.0)
+    assert shares["starlight that the mirror loses"] == pytest.approx(10.0)
+    # Ten nanometres of the band from 840, where the mirror begins, to 1000, where the sensor ends.
+    assert shares.filter(like="filter of 10 nm").item() == pytest.approx(1000 / 160)
