@@ -5,7 +5,8 @@ import fnmatch
 import numpy as np
 import pytest
 
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.judge.studies import studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Pending, Prediction, reproduces
 from reproduce.printed.cells import find, library
 from reproduce.printed.given import UndeclaredInputError, given

@@ -115,10 +115,10 @@ def test_a_study_is_computed_again_under_a_change():
 
 
 def test_a_study_shows_its_numbers_as_its_columns_say():
-    rows = {row[0]: row[1:] for row in rp.table("chen2023/focal-lengths").grid.rows}
+    rows = {row[0]: row[1:] for row in rp.table("chen2023/focal-lengths").grids[""].rows}
     assert rows["reference about Y, state 2"] == ["2084.2 ± 1.5", "", "2055.5 ± 1.5", ""]
     assert rows["all monitored about Y"] == ["2043.9 ± 5.9", "25.7", "2048.1 ± 5.9", "35.3"]
-    thermal = {row[0]: row[1:] for row in rp.table("chen2023/thermal").grid.rows}
+    thermal = {row[0]: row[1:] for row in rp.table("chen2023/thermal").grids[""].rows}
     assert thermal["the pattern grows evenly"] == ["µm", "0", "any", "any"]
 
 

@@ -19,7 +19,7 @@ from reproduce.judge.verdicts import CENTRAL, judge_prediction
 from reproduce.papers.niu2024 import readings, simulation
 from reproduce.papers.study import LEAST_DRAWS, Column, Fact, studied
 from reproduce.printed.cells import Cell, find
-from reproduce.printed.given import Given
+from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
 
 __all__ = ["compare", "printed_values", "stacked"]
@@ -130,9 +130,9 @@ def fewest() -> list[tuple[int, int]]:
     return sorted(places, key=lambda place: -float(law[place]))
 
 
-def facts(door: Given) -> dict[str, Fact]:
+def facts() -> dict[str, Fact]:
     """Return how the print fares under the readings that come closest, and under the best ones."""
-    note = readings.stored().note
+    note, door = readings.stored().note, given(readings.READS)
     (tails, joint, distance), every, counts = stored(), readings.readings(door), outside()
     least, groups = fewest(), {name: place for place, name in enumerate(GROUPS)}
     green = [place for place, reading in enumerate(every) if reading.noisy == "green"]
@@ -198,14 +198,13 @@ _CORRECTED = Column("p, all, corrected", "chance", LEAST_CORRECTED)
         _OUTSIDE,
     ),
     caption="Probability of the print under every reading: of each number, and of several at once.",
-    given=readings.READS,
     folded=readings.ARRANGEMENT,
     named=facts,
 )
-def probabilities(door: Given) -> Iterator[tuple[object, ...]]:
+def probabilities() -> Iterator[tuple[object, ...]]:
     """How likely the printed numbers of the simulation are under every reading."""
     (tails, joint, _), counts = stored(), outside()
-    for row, labels in enumerate(readings.choices(door)):
+    for row, labels in enumerate(readings.choices()):
         for column, axes in enumerate(readings.COUNTED):
             whole = corrected(joint[row, column, -1:], counts.size)
             yield (
@@ -232,15 +231,14 @@ def probabilities(door: Given) -> Iterator[tuple[object, ...]]:
         _CORRECTED,
     ),
     caption="Readings that come closest to the print; distances are Mahalanobis distances.",
-    given=readings.READS,
 )
-def closest(door: Given) -> Iterator[tuple[object, ...]]:
+def closest() -> Iterator[tuple[object, ...]]:
     """The literal reading beside those that come closest to the print."""
     (_, joint, distance), counts = stored(), outside()
-    every, labels = readings.readings(door), list(readings.choices(door))
+    door, labels = given(readings.READS), list(readings.choices())
     law = readings.stored().arrays["law_joint"]
     picked = {
-        "the literal one": (every.index(readings.literal(door)), 0),
+        "the literal one": (readings.readings(door).index(readings.literal(door)), 0),
         "fewest cells outside": fewest()[0],
     }
     for place, group in enumerate(GROUPS):

@@ -38,7 +38,7 @@ APPROXIMATIONS = "niu2024/text-approximations"
 SHARE = f"{APPROXIMATIONS}#first-term-share"
 TABLES = ("Table 1", "Table 4")
 READS = (
-    *experiment.INSTRUMENT,
+    *experiment.CAMERAS,
     simulation.IMAGING,
     f"{simulation.TRUTH}#rotation.*",
     f"{simulation.OPTICS}#pixels-*",

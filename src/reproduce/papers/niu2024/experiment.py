@@ -50,7 +50,16 @@ from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = ["CHANNELS", "INSTRUMENT", "OPTICS", "OUTCOME", "cameras", "half_field", "rotations"]
+__all__ = [
+    "CAMERAS",
+    "CHANNELS",
+    "INSTRUMENT",
+    "OPTICS",
+    "OUTCOME",
+    "cameras",
+    "half_field",
+    "rotations",
+]
 
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
@@ -59,15 +68,15 @@ SETTINGS = "niu2024/text-simulation"
 CHANNELS = ("green", "red", "blue")
 REGISTERED = ("red", "blue")
 REPLICATES = 10_000
-# The cameras of all channels, each by its own focal length and distortion.
-INSTRUMENT = (
+# The cameras of all channels, each by its own focal length and distortion; with the field of view.
+CAMERAS = (
     f"{CALIBRATION}#focal-length.*",
     f"{CALIBRATION}#radial-distortion.*",
     f"{CALIBRATION}#rotation.*",
     f"{CALIBRATION}#translation-*",
     f"{OPTICS}#pixel-pitch-x",
-    f"{OPTICS}#field-of-view-*",
 )
+INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
 # The green camera, and the registration of red and blue with it.
 REGISTRATION = (
     f"{CALIBRATION}#focal-length.green",

@@ -276,8 +276,9 @@ CHOICES = tuple(
 )
 
 
-def choices(door: Given) -> Iterator[tuple[str, ...]]:
+def choices() -> Iterator[tuple[str, ...]]:
     """Yield every reading in the words of `CHOICES`."""
+    door = given(READS)
     names = [found.name for found in simulation_angles.candidates(door)]
     for reading in readings(door):
         repeats = str(reading.repeats)
@@ -294,20 +295,19 @@ def choices(door: Given) -> Iterator[tuple[str, ...]]:
             for name in _SHOWN
             for column in (
                 Column(f"{channel}: {name}", "±", error=f"{channel}: {name}, half width"),
-                Column(f"{channel}: {name}, half width"),
+                Column(f"{channel}: {name}, half width", ".2g"),
             )
         ),
     ),
     caption="Median and half of the central 99 % of every number.",
-    given=READS,
     folded=ARRANGEMENT,
 )
-def distributions(door: Given) -> Iterator[tuple[object, ...]]:
+def distributions() -> Iterator[tuple[object, ...]]:
     """What every reading predicts of every number of the simulation."""
     levels = np.moveaxis(stored().arrays["quantiles"], 1, -1)  # reading, channel, number, level
     middles, halves = levels[..., 2], (levels[..., -1] - levels[..., 0]) / 2
     numbers = np.stack([middles, halves], axis=-1).reshape(len(levels), -1)
-    for labels, row in zip(choices(door), numbers, strict=True):
+    for labels, row in zip(choices(), numbers, strict=True):
         yield (*labels, *row)
 
 
@@ -317,19 +317,19 @@ def distributions(door: Given) -> Iterator[tuple[object, ...]]:
         Column("Parameter (px, rad)"),
         Column("Channel"),
         Column("Bias", ".2e", error="Bias, error"),
-        Column("Bias, error"),
+        Column("Bias, error", ".1g"),
         Column("Bias by theory", ".2e", zero=1e-9),  # parameters that distortion cannot move
         Column("Scatter", ".3g"),
         Column("Bound", ".3g"),
         Column("Efficiency", "±", error="Efficiency, error"),
-        Column("Efficiency, error"),
+        Column("Efficiency, error", ".2g"),
     ),
     caption=f"The calibration scheme over {REPLICATES:,} replicates of the literal reading.",
-    given=READS,
 )
-def scheme_precision(door: Given) -> Iterator[tuple[object, ...]]:
+def scheme_precision() -> Iterator[tuple[object, ...]]:
     """Bias, scatter, Cramér-Rao bound and efficiency of the paper's calibration scheme."""
-    row, arrays = readings(door).index(literal(door)), stored().arrays
+    door, arrays = given(READS), stored().arrays
+    row = readings(door).index(literal(door))
     for place, channel in enumerate(simulation.REGISTERED):
         theory = precision(door, channel)
         for cell, name in enumerate(PARAMETERS):
