@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 from sphinx.application import Sphinx
 
+import reproduce as rp
 from reproduce.papers.posteriors import posteriors
+from reproduce.papers.study import Study
 from reproduce.views import facts
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
@@ -50,13 +52,34 @@ def test_facts_are_those_of_the_ledger(known):
     assert known["all cells"] == str(int(known["niu2024 cells"]) + int(known["chen2023 cells"]))
 
 
+def test_a_build_computes_ledger_and_studies_once(tmp_path, monkeypatch):
+    key, study = "niu2024/table-2", "chen2023/dichroic"
+    alone = facts.item_ledger(key)
+    monkeypatch.setenv(facts.build.FOLDER, str(tmp_path))
+    cached = (facts.build.kept, facts.item_ledger, facts.whole_ledger)
+    for one in cached:
+        one.cache_clear()
+    try:
+        assert facts.item_ledger(key) == alone
+        shown = repr(rp.table(study))
+        facts.whole_ledger.cache_clear()
+        facts.item_ledger.cache_clear()
+        monkeypatch.setattr(facts.ledger, "build", None)
+        monkeypatch.setattr(Study, "__call__", None)
+        assert facts.item_ledger(key) == alone
+        assert repr(rp.table(study)) == shown
+    finally:
+        for one in cached:
+            one.cache_clear()
+
+
 def test_facts_are_computed_once_until_something_changes(tmp_path, monkeypatch):
     monkeypatch.setattr(facts, "facts", lambda: {"a": "1"})
     path = tmp_path / "new" / "facts.json"
     assert facts.write(path)
     assert not facts.write(path)
     assert json.loads(path.read_text())["facts"] == {"a": "1"}
-    monkeypatch.setattr(facts, "fingerprint", lambda: "another")
+    monkeypatch.setattr(facts.build, "fingerprint", lambda: "another")
     assert facts.write(path)
 
 

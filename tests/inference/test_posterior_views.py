@@ -186,8 +186,8 @@ def test_facts_are_the_numbers_of_the_object():
 def test_a_build_samples_once_and_keeps_the_chains_of_its_files_alone(tmp_path, monkeypatch):
     alone = book_posterior("frame-averaging")
     (tmp_path / "of other files").mkdir()
-    monkeypatch.setenv(build.CHAINS, str(tmp_path))
-    for cached in (build.chains, book_posterior):
+    monkeypatch.setenv(build.FOLDER, str(tmp_path))
+    for cached in (build.kept, book_posterior):
         cached.cache_clear()
     try:
         again = book_posterior("frame-averaging")
@@ -195,7 +195,7 @@ def test_a_build_samples_once_and_keeps_the_chains_of_its_files_alone(tmp_path, 
         monkeypatch.setattr(sampling, "run_ensemble", None)
         read = book_posterior("frame-averaging")
     finally:
-        for cached in (build.chains, book_posterior):
+        for cached in (build.kept, book_posterior):
             cached.cache_clear()
     assert [path.name for path in tmp_path.iterdir()] == [build.fingerprint()]
     for found in (again, read):

@@ -13,12 +13,13 @@ from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group, audit_paper
 from reproduce.judge.expected import frozen
-from reproduce.judge.ledger import Record, build
+from reproduce.judge.ledger import Record
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.version import __version__
 from reproduce.views import audit_text
 from reproduce.views.audit_text import within_paper
+from reproduce.views.facts import item_ledger
 from reproduce.views.figures import STYLE
 from reproduce.views.grid import Grid
 from reproduce.views.inline_svg import inline
@@ -263,7 +264,9 @@ def _verdicts(entry: Erratum) -> Markup:
     resting = [a for a, expected in frozen().items() if expected.erratum == entry.id]
     if not resting:
         return Markup("")
-    records = {r.cell: r for r in build(sorted({a.partition("#")[0] for a in resting})).records}
+    records = {
+        r.cell: r for r in item_ledger(*sorted({a.partition("#")[0] for a in resting})).records
+    }
     return Markup("<br>").join(
         Markup("{}: {} printed, {}").format(
             _code(within_paper(a)), records[a].printed, _outcome(records[a])

@@ -1,18 +1,24 @@
-"""What a build of the book keeps between its steps, and what it depends on."""
+"""What a build of the book computes once and keeps for its pages, and what that depends on.
+
+The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is kept, and every
+page and every reader computes anew.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import shutil
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 from reproduce.locate import data_folder
 
-# Names the folder where a build keeps the chains of the posteriors, so that a page need not sample
-# them again. Without it nothing is kept.
-CHAINS = "REPRODUCE_CHAINS"
+FOLDER = "REPRODUCE_BUILD"
+Result = TypeVar("Result")
 
 
 def fingerprint() -> str:
@@ -28,12 +34,27 @@ def fingerprint() -> str:
 
 
 @cache
-def chains() -> Path | None:
-    """Return the folder for the chains of the present files; those of other files are removed."""
-    if not (build := os.environ.get(CHAINS)):
+def kept() -> Path | None:
+    """Return the folder for results of the present files; those of other files are removed."""
+    if not (build := os.environ.get(FOLDER)):
         return None
     folder = Path(build) / fingerprint()
     for other in folder.parent.glob("*"):
         if other != folder:
             shutil.rmtree(other, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def once(name: str, compute: Callable[[], Result]) -> Result:
+    """Return what `compute` does, which no other process of the build does again."""
+    folder = kept()
+    if folder is None:
+        return compute()
+    path = folder / f"{name.replace('/', '-')}.pickle"
+    if not path.exists():
+        part = path.with_suffix(f".{os.getpid()}")
+        part.write_bytes(pickle.dumps(compute()))
+        part.replace(path)
+    result: Result = pickle.loads(path.read_bytes())
+    return result

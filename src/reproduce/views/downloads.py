@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from reproduce.judge import ledger
 from reproduce.locate import data_folder
 from reproduce.printed.cells import library
 from reproduce.views import keys
 from reproduce.views.export import export
+from reproduce.views.facts import whole_ledger
 
 
 def shipped() -> dict[str, str]:
@@ -28,7 +28,7 @@ def shipped() -> dict[str, str]:
 
 def write(folder: Path) -> None:
     """Write the shipped files."""
-    whole = ledger.build()
+    whole = whole_ledger()
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     (folder / "ledger.json").write_text(whole.model_dump_json(indent=2), encoding="utf-8")
     schema = (data_folder() / "ledger.schema.json").read_text(encoding="utf-8")

@@ -21,22 +21,26 @@ from reproduce.judge.ledger import Ledger
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
-from reproduce.views import numbers, words
-from reproduce.views.build import fingerprint
+from reproduce.views import build, numbers, words
 
 _BLANK = re.compile(r"\{([^{}]+)\}")
 
 
 @functools.cache
-def item_ledger(key: str) -> Ledger:
-    """Return the ledger of one item."""
-    return ledger.build([key])
+def item_ledger(*keys: str) -> Ledger:
+    """Return the ledger of some items."""
+    if build.kept() is None:
+        return ledger.build(keys)
+    whole = whole_ledger()
+    records = tuple(record for record in whole.records if record.key in keys)
+    tables = tuple(table for table in whole.tables if table.key in keys)
+    return Ledger(records=records, tables=tables, altered=whole.altered)
 
 
 @functools.cache
 def whole_ledger() -> Ledger:
     """Return the ledger of everything."""
-    return ledger.build()
+    return build.once("ledger", ledger.build)
 
 
 def facts(*papers: str) -> dict[str, str]:
@@ -98,7 +102,7 @@ def facts_of(name: str) -> dict[str, str]:
 
 def write(path: Path, *papers: str) -> bool:
     """Write all facts to a JSON file, unless it holds those of the present files."""
-    key = " ".join((fingerprint(), *papers))
+    key = " ".join((build.fingerprint(), *papers))
     if path.is_file() and json.loads(path.read_text(encoding="utf-8"))["key"] == key:
         return False
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,7 @@ from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import keys, terminal, words
+from reproduce.views.facts import item_ledger
 from reproduce.views.items import Cell, Figure, Panels, Table
 from reproduce.views.shown import Shown
 
@@ -48,7 +49,7 @@ class Contents(Shown):
 
     @cached_property
     def _ledger(self) -> Ledger:
-        return build(self.keys)
+        return item_ledger(*self.keys)
 
     def entries(self) -> list[dict[str, Any]]:
         """Return what is known of each item without computing anything."""

@@ -38,7 +38,7 @@ def book_posterior(name: str) -> Sampled:
     from reproduce.inference import sampling
     from reproduce.papers.posteriors import posteriors
 
-    declared, kept = posteriors()[name], build.chains()
+    declared, kept = posteriors()[name], build.kept()
     return sampling.sample(declared.model(), declared.plan(), folder=kept and kept / name)
 
 

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Column
-from reproduce.views import numbers
+from reproduce.views import build, numbers
 from reproduce.views.grid import Entry, Grid
 from reproduce.views.shown import Shown
 
@@ -66,7 +66,7 @@ class StudyTable(Shown):
     @cached_property
     def _made(self) -> tuple[pd.DataFrame, dict[str, float]]:
         if not self._changes:
-            return self._study(), {}
+            return build.once(f"study-{self.key}", self._study), {}
         with rerunning.told_why(self.key, self.changes):
             door, replaced = rerunning.door_under(self._study.given, self._values)
             return self._study(door), replaced
