@@ -23,6 +23,8 @@ UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
+# Every posterior is sampled once in a build, for the numbers of the sentences; its page reads on.
+book: export REPRODUCE_CHAINS := $(CURDIR)/book/_build/chains
 book: $(STAMP)  ## build the book and say where it is
 	@$(PY) tools/drop_stale_pages.py
 	@$(PY) -m reproduce.views.downloads book/_extra

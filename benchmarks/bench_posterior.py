@@ -33,20 +33,19 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from reproduce.inference.calibration import replicate
 from reproduce.inference.diagnostics import diagnose
+from reproduce.inference.evidence import exact_evidence
 from reproduce.inference.models.registration import registration_model
-from reproduce.inference.sampling import Job, Plan, run_ensemble
+from reproduce.inference.sampling import Job, Plan, run_ensemble, sample
+from reproduce.papers.calibrations import REPLICATES, SEED
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.transforms import Registration
-from reproduce.views.posterior import plan_for, run
-from reproduce.views.posterior_calibration import REPLICATES, SEED
-from reproduce.views.posterior_choice import exact_evidence
 
 Points = NDArray[np.float64]
 
 PIVOT = np.array([1030.0, 770.0])
 TRUTH = Registration.similarity(1.002, -0.001, (-1.0, -2.0), PIVOT)
 MANY, PROMISED, PROMISED_MANY, SPREAD = 100_000, 15, 1000, 0.2
-WALKERS = plan_for("registration").walkers
+WALKERS = posteriors()["registration"].plan().walkers
 CORES, BOOK_SECONDS, CALIBRATION_SECONDS, REPLICATES_TIMED = 2, 120, 600, 60
 GIBIBYTE = 1024**2  # in kibibytes
 
@@ -167,8 +166,8 @@ def sampled(name: str, rival: int | None) -> tuple[int, float, int]:
     """Sample one model of the book; returns process, its seconds and its peak memory so far."""
     before = time.process_time()
     declared = posteriors()[name]
-    model = declared.model() if rival is None else declared.rival_models()[rival]
-    run(model, plan_for(name))
+    model = declared.model()
+    sample(model if rival is None else declared.rivals[rival](model), declared.plan())
     return os.getpid(), time.process_time() - before, peak()
 
 
@@ -178,8 +177,8 @@ def all_posteriors() -> tuple[dict[int, float], dict[int, int]]:
     tasks += [
         (name, i)
         for name, declared in posteriors().items()
-        for i, rival in enumerate(declared.rival_models())
-        if exact_evidence(name, rival) is None
+        for i, rival in enumerate(declared.rivals)
+        if exact_evidence(rival(declared.model()), declared.evidence) is None
     ]
     seconds: dict[int, float] = defaultdict(float)
     memory: dict[int, int] = defaultdict(int)

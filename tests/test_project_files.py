@@ -50,7 +50,7 @@ def test_one_version_everywhere() -> None:
 
 def test_build_reads_the_version_from_the_package(project: dict) -> None:
     assert project["project"]["dynamic"] == ["version"]
-    assert project["tool"]["hatch"]["version"]["path"] == "src/reproduce/__init__.py"
+    assert project["tool"]["hatch"]["version"]["path"] == "src/reproduce/version.py"
 
 
 def test_citation_file_keeps_its_format() -> None:

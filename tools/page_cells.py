@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import contextlib
 import io
+import re
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,7 @@ from unittest import mock
 import myst_nb
 from myst_nb.core.read import read_myst_markdown_notebook
 
+POSTERIOR = re.compile(r"\{fact\}`posterior/([^#`]+)#")
 BOOK = Path(__file__).resolve().parent.parent / "book"
 
 
@@ -44,6 +46,11 @@ def notebooks() -> list[Path]:
     """Return the pages that have code, in order of their names."""
     found = (path for path in BOOK.rglob("*.md") if "_build" not in path.parts)
     return sorted(path for path in found if cells(path))
+
+
+def posteriors_on(page: Path) -> list[str]:
+    """Return the posteriors whose numbers stand in the sentences of a page."""
+    return list(dict.fromkeys(POSTERIOR.findall(page.read_text(encoding="utf-8"))))
 
 
 def run(page: Path) -> Shown:

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy._core import _multiarray_umath  # type: ignore[attr-defined]
 
-from page_cells import BOOK, notebooks, run
+from page_cells import BOOK, notebooks, posteriors_on, run
 
 ROOT = BOOK.parent
 CLOSE = 1e-12
@@ -101,12 +101,14 @@ def arithmetic() -> dict[str, Any]:
 def computed(pages: list[str]) -> dict[str, Any]:
     """Return the ledger and what the given pages show, computed in this process."""
     shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}
-    if pages:
-        return {"arithmetic": arithmetic(), "pages": shown, "ledger": {}}
-    from reproduce.views.facts import facts, whole_ledger
+    from reproduce.views.facts import of_posteriors, unsampled, whole_ledger
 
+    if pages:
+        for name in pages:  # the posteriors of a page are sampled here already
+            shown[name]["words"] |= of_posteriors(posteriors_on(BOOK / name))
+        return {"arithmetic": arithmetic(), "pages": shown, "ledger": {}}
     ledger = json.loads(whole_ledger().model_dump_json())
-    return {"arithmetic": arithmetic(), "pages": {"sentences": facts()}, "ledger": ledger}
+    return {"arithmetic": arithmetic(), "pages": {"sentences": unsampled()}, "ledger": ledger}
 
 
 def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[str, Any]:

@@ -22,8 +22,7 @@ The names load when they are used, so that ``import reproduce`` stays cheap.
 
 from typing import Any
 
-__version__ = "0.1.0"
-RELEASED = "2026-11-21"
+from reproduce.version import __version__ as __version__
 
 __all__ = [
     "check",

@@ -6,8 +6,8 @@ columns, distances and times of cars that share one speed, and readings with the
 
 from decimal import Decimal
 
-from reproduce.audit.declared import declared
-from reproduce.audit.quantity import quantity
+from reproduce.audit.relation import declared
+from reproduce.audit.rounding import printed_cell
 
 
 def invoice():
@@ -21,17 +21,17 @@ def invoice():
         columns = {"net": row[0], "tax": row[1], "gross": str(sum(map(Decimal, row)))}
         for column, text in columns.items():
             address = f"bill#{name}.{column}"
-            cells[address] = quantity(address, text, "m")
+            cells[address] = printed_cell(address, text, "m")
     text = """
     [[relations.all]]
-    name = "row"
+    name = "row-{r}"
     formula = "gross = net + tax"
     cells = "gross=bill#{r}.gross net=bill#{r}.net tax=bill#{r}.tax"
     each = { r = ["1", "2", "3", "4", "sum"] }
     kind = "arithmetic"
     source = "by name"
     [[relations.all]]
-    name = "column"
+    name = "column-{c}"
     formula = "total = sum(part)"
     cells = "total=bill#sum.{c} part=bill#[1-4].{c}"
     each = { c = ["net", "tax", "gross"] }
@@ -49,13 +49,13 @@ def race():
          ("34.02", "962.77"), ("41.77", "1182.09")],
         start=1,
     ):  # fmt: skip
-        cells[f"race#{car}.time"] = quantity(f"race#{car}.time", time, "s")
-        cells[f"race#{car}.distance"] = quantity(f"race#{car}.distance", distance, "m")
+        cells[f"race#{car}.time"] = printed_cell(f"race#{car}.time", time, "s")
+        cells[f"race#{car}.distance"] = printed_cell(f"race#{car}.distance", distance, "m")
     text = """
     [unknown]
     pace = { unit = "1", low = 1, high = 1000, label = "speed" }
     [[relations.all]]
-    name = "car"
+    name = "car-{i}"
     formula = "distance / u.m = pace * time / u.s"
     cells = "distance=race#{i}.distance time=race#{i}.time"
     each = { i = "123456" }
@@ -78,17 +78,17 @@ def readings():
         entries["range"] = str(max(numbers) - min(numbers))
         for row, text in entries.items():
             address = f"log#{row}.{day}"
-            cells[address] = quantity(address, text, "mm")
+            cells[address] = printed_cell(address, text, "mm")
     text = """
     [[relations.all]]
-    name = "mean"
+    name = "mean-{d}"
     formula = "mean = mean(x)"
     cells = "mean=log#mean.{d} x=log#[1-5].{d}"
     each = { d = ["mon", "tue"] }
     kind = "arithmetic"
     source = "by name"
     [[relations.all]]
-    name = "range"
+    name = "range-{d}"
     formula = "range = max(x) - min(x)"
     cells = "range=log#range.{d} x=log#[1-5].{d}"
     each = { d = ["mon", "tue"] }

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from made_up import TABLES
 
-from reproduce.audit.conflicts import conflicts
+from reproduce.audit.conflicts import conflicts, groups
 from reproduce.audit.corrections import corrections
-from reproduce.audit.examine import boxes_of, contradicted, examine
-from reproduce.audit.grouping import groups
+from reproduce.audit.examine import contradicted, examine
 from reproduce.audit.intervals import EVERYTHING
 from reproduce.audit.report import audit_table
+from reproduce.audit.rounding import printed_cell, reprinted
 from reproduce.audit.slips import of_cell, of_digits
-from reproduce.audit.solve import propagate
+from reproduce.audit.solve import printed_intervals, propagate
 
 
 def planted(cells, kind, seed):
@@ -70,7 +70,7 @@ def test_most_first_digits_are_seen(table):
     for address, printed in right.items():
         text = printed.number.text
         other = str((int(text[0]) + 4) % 9 + 1) + text[1:]
-        if not contradicted(right | {address: printed.printing(other)}, relations):
+        if not contradicted(right | {address: reprinted(printed, other)}, relations):
             missed.append(address)
     assert missed == []
 
@@ -78,8 +78,8 @@ def test_most_first_digits_are_seen(table):
 def interchanged(cells, pairs):
     out = dict(cells)
     for one, two in pairs:
-        out[one] = replace(cells[one], number=cells[two].number)
-        out[two] = replace(cells[two], number=cells[one].number)
+        out[one] = replace(cells[one], content=cells[two].number)
+        out[two] = replace(cells[two], content=cells[one].number)
     return out
 
 
@@ -97,7 +97,7 @@ def test_interchanged_columns_and_a_wrong_digit_are_found_together():
     right, relations = TABLES["invoice"]()
     rows = ["1", "2", "3", "4", "sum"]
     cells = interchanged(right, [(f"bill#{r}.tax", f"bill#{r}.gross") for r in rows])
-    cells["bill#3.net"] = cells["bill#3.net"].printing("370.75")
+    cells["bill#3.net"] = reprinted(cells["bill#3.net"], "370.75")
     whole = [c for c in restored(cells, relations) if c.restores_everything]
     assert sorted(slip.kind for slip in whole[0].slips) == ["columns", "digit"]
     mended = cells
@@ -130,7 +130,7 @@ def test_conflicts_are_minimal(table):
     by_name = {relation.name: relation for relation in relations}
     for conflict in found:
         blamed = [by_name[name] for name in conflict.relations]
-        boxes = boxes_of(cells, blamed, "nearest")
+        boxes = printed_intervals(cells, blamed)
         others = {a: EVERYTHING for a in boxes if a not in conflict.cells}
         assert propagate(blamed, boxes | others) is None
         for address in conflict.cells:
@@ -160,12 +160,10 @@ def test_a_correction_tells_what_it_breaks_and_whether_the_claim_moves():
     source = "s"
     claim = "the gap is small"
     """
-    from reproduce.audit.quantity import quantity
-
     texts = {"t#1.a": "8.0", "t#1.b": "6.0", "t#1.c": "-2.0"}
-    cells = {address: quantity(address, t) for address, t in texts.items()}
+    cells = {address: printed_cell(address, t) for address, t in texts.items()}
     (group,) = audit_table("made up", cells, text).groups
-    by_slip = {c.slips[0].told: c for c in group.corrections if len(c.slips) == 1}
+    by_slip = {c.slips[0].label: c for c in group.corrections if len(c.slips) == 1}
     larger, smaller = by_slip["t#1.b: 6.0 → 16.0"], by_slip["t#1.a: 8.0 → 3.0"]
     assert larger.broken == smaller.broken == ("gap",)
     assert larger.moved == ("the gap is small",)

@@ -5,13 +5,12 @@ import math
 
 import pytest
 
-from reproduce.audit.declared import declared
 from reproduce.audit.equations import STEPS
-from reproduce.audit.examine import boxes_of
-from reproduce.audit.quantity import quantity
+from reproduce.audit.relation import declared
 from reproduce.audit.report import audit_paper, audit_table
-from reproduce.audit.slips import COSTS, lines
-from reproduce.audit.solve import propagate
+from reproduce.audit.rounding import printed_cell, reprinted
+from reproduce.audit.slips import COSTS, interchanges
+from reproduce.audit.solve import printed_intervals, propagate
 
 TEXT = """
 [[relations.all]]
@@ -24,7 +23,7 @@ source = "s"
 
 
 def audited(formula, **texts):
-    cells = {f"t#{name}": quantity(f"t#{name}", text) for name, text in texts.items()}
+    cells = {f"t#{name}": printed_cell(f"t#{name}", text) for name, text in texts.items()}
     bound = " ".join(f"{name}=t#{name}" for name in texts)
     return audit_table("made up", cells, TEXT.format(formula=formula, cells=bound))
 
@@ -75,17 +74,17 @@ def test_the_size_of_slips_rises_from_a_digit_to_a_column():
 
 def test_only_numbers_of_one_unit_are_interchanged():
     cells = {
-        f"t#{row}.{column}": quantity(f"t#{row}.{column}", f"{row}{i}.5", unit)
+        f"t#{row}.{column}": printed_cell(f"t#{row}.{column}", f"{row}{i}.5", unit)
         for row in "12"
         for i, (column, unit) in enumerate([("a", "mm"), ("b", "mm"), ("c", "s")])
     }
-    slips = [slip for line in lines(cells, ["t"]) if (slip := line.slip(cells)) is not None]
+    slips = [slip for line in interchanges(cells, ["t"]) if (slip := line.slip(cells)) is not None]
     assert {slip.kind for slip in slips} == {"cells", "columns", "rows"}
-    assert [s.told for s in slips if s.kind == "columns"] == ["t: columns a ↔ b"]
+    assert [s.label for s in slips if s.kind == "columns"] == ["t: columns a ↔ b"]
     for slip in slips:
         for address, printed in slip.changes:
             assert printed.unit == cells[address].unit
-    assert not any("1.a ↔ t#1.c" in slip.told for slip in slips)
+    assert not any("1.a ↔ t#1.c" in slip.label for slip in slips)
 
 
 @pytest.mark.parametrize(
@@ -140,7 +139,7 @@ def test_no_two_relations_say_the_same():
 
 
 def test_a_number_bound_twice_counts_once():
-    cells = {"t#a": quantity("t#a", "1.0")}
+    cells = {"t#a": printed_cell("t#a", "1.0")}
     (relation,) = declared(TEXT.format(formula="x = y", cells="x=t#a y=t#a"), cells)
     assert relation.addresses == ("t#a",)
 
@@ -158,24 +157,26 @@ def test_two_prints_of_one_number_must_have_the_same_digits():
 
 
 def test_a_repeat_stays_a_repeat_when_relations_are_joined():
-    cells = {f"t#{n}": quantity(f"t#{n}", text) for n, text in {"a": "10", "b": "11"}.items()}
+    cells = {f"t#{n}": printed_cell(f"t#{n}", text) for n, text in {"a": "10", "b": "11"}.items()}
     relations = declared(TEXT.format(formula="a = b", cells="a=t#a b=t#b"), cells)
-    assert propagate(relations, boxes_of(cells, relations, "nearest")) is None
-    cells["t#b"] = cells["t#b"].printing("10")
-    assert propagate(relations, boxes_of(cells, relations, "nearest")) is not None
+    assert propagate(relations, printed_intervals(cells, relations)) is None
+    cells["t#b"] = reprinted(cells["t#b"], "10")
+    assert propagate(relations, printed_intervals(cells, relations)) is not None
 
 
 def test_last_digits_are_compared_where_a_relation_says_so():
     text = TEXT.format(formula="min(x) = max(x)", cells="x=t#*").replace("equation", "print")
-    alike = {f"t#{i}": quantity(f"t#{i}", v, "mm") for i, v in enumerate(["1.20", "3.47", "0.05"])}
+    alike = {
+        f"t#{i}": printed_cell(f"t#{i}", v, "mm") for i, v in enumerate(["1.20", "3.47", "0.05"])
+    }
     (finding,) = audit_table("made up", alike, text).findings
     assert finding.outcome == "agrees"
     assert not finding.relation.compares
-    short = alike | {"t#1": alike["t#1"].printing("3.4")}
+    short = alike | {"t#1": reprinted(alike["t#1"], "3.4")}
     audit = audit_table("made up", short, text)
     assert audit.findings[0].outcome == "contradicts"
     assert {c.cells for c in audit.conflicts} == {("t#0", "t#1"), ("t#1", "t#2")}
-    told = {c.slips[0].told for c in audit.groups[0].corrections if c.restores_everything}
+    told = {c.slips[0].label for c in audit.groups[0].corrections if c.restores_everything}
     assert "t#1: 3.4 → 3.47" in told
     assert audit.examined == ()
     assert set(audit.bounded) == set(short)

@@ -1,14 +1,15 @@
 """Formulas: what is read, what is refused, and how dimensions are guarded."""
 
+import math
+
 import pytest
 
-from reproduce.audit.declared import declared
-from reproduce.audit.formula import FormulaError, evaluate, read
-from reproduce.audit.quantity import quantity
-from reproduce.audit.relation import Book
+from reproduce.audit.formula import FormulaError, read
+from reproduce.audit.relation import declared
+from reproduce.audit.rounding import printed_cell
 
 CELLS = {
-    a: quantity(a, text, unit)
+    a: printed_cell(a, text, unit)
     for a, text, unit in [
         ("t#1.length", "2.0", "m"),
         ("t#2.length", "4.0", "m"),
@@ -20,11 +21,11 @@ CELLS = {
 
 def test_functions_take_lists_and_units():
     values = {"a": [3.0, 4.0], "b": 2.0}
-    assert evaluate(read("b = rms(a)").right, values) == pytest.approx(12.5**0.5)
-    assert evaluate(read("b = mean(a) + count(a)").right, values) == 5.5
-    assert evaluate(read("b = max(a, b) - min(a, b)").right, values) == 2.0
-    assert evaluate(read("b = -a ** 2").right, {"a": 3.0}) == -9.0
-    assert evaluate(read("b = 2 * u.um").right, {}) == pytest.approx(2e-6)
+    assert read("b = rms(a)").right(values) == pytest.approx(12.5**0.5)
+    assert read("b = mean(a) + count(a)").right(values) == 5.5
+    assert read("b = max(a, b) - min(a, b)").right(values) == 2.0
+    assert read("b = -a ** 2").right({"a": 3.0}) == -9.0
+    assert read("b = 2 * u.um").right({}) == pytest.approx(2e-6)
 
 
 @pytest.mark.parametrize(
@@ -62,24 +63,38 @@ def test_what_cannot_be_read_is_refused(text):
 )
 def test_wrong_declarations_are_refused(formula, cells, complaint):
     with pytest.raises(FormulaError, match=complaint):
-        Book(CELLS).relate("name", formula, "source", "definition", cells)
+        declared(line(formula=formula, cells=" ".join(map("=".join, cells.items()))), CELLS)
 
 
 def test_names_are_unique_and_kinds_known():
-    book = Book(CELLS)
-    cells = {"a": "t#1.length", "b": "t#2.length"}
-    book.relate("name", "a <= b", "source", "order", cells)
+    twice = line().removesuffix("]") + ", " + line().partition("[ ")[2]
     with pytest.raises(FormulaError, match="twice"):
-        book.relate("name", "a <= b", "source", "order", cells)
+        declared(twice, CELLS)
     with pytest.raises(FormulaError, match="unknown kind"):
-        book.relate("other", "a <= b", "source", "guess", cells)
+        declared(line(kind="guess"), CELLS)
+    with pytest.raises(FormulaError, match="unknown reading"):
+        declared(line(reading="third"), CELLS)
+
+
+def test_a_difference_in_a_denominator_has_a_dimension():
+    cells = "a=t#1.time b=t#1.length c=t#2.length"
+    (found,) = declared(line(formula="a = a * (b + c) / (b - c)", cells=cells), CELLS)
+    assert found.sides({"t#1.time": 3.0, "t#1.length": 2.0, "t#2.length": 4.0})[1] == -9.0
+
+
+def test_only_the_cell_that_a_formula_is_solved_for_can_be_restated():
+    found = declared(line(formula="a = b", restates="t#1.length (one reading)"), CELLS)
+    assert found[0].restates == "t#1.length (one reading)"
+    for formula, restated in (("a = b", "t#2.length"), ("a <= b", "t#1.length")):
+        with pytest.raises(FormulaError, match="solved for"):
+            declared(line(formula=formula, restates=restated), CELLS)
 
 
 def line(**changes):
     entry = {"name": "n", "formula": "a <= b", "cells": "a=t#1.length b=t#2.length"}
     entry |= {"source": "s", "kind": "order"} | changes
     inside = ", ".join(f'{key} = "{value}"' for key, value in entry.items() if value)
-    return f"[relations]\nall = [{{ {inside} }}]"
+    return f"[relations]\nall = [ {{ {inside} }} ]"
 
 
 @pytest.mark.parametrize(
@@ -100,7 +115,7 @@ def test_wrong_lines_are_refused(changes, complaint):
 def test_placeholders_make_one_relation_each():
     text = """
     [[relations.all]]
-    name = "less"
+    name = "less-{i}-{j}"
     formula = "a <= b"
     cells = "a=t#{i}.length b=t#{j}.length"
     each = { "i,j" = [["1", "2"], ["2", "1"]] }
@@ -109,22 +124,28 @@ def test_placeholders_make_one_relation_each():
     """
     found = declared(text, CELLS)
     assert [r.name for r in found] == ["less-1-2", "less-2-1"]
+    assert {r.declared for r in found} == {"less-{i}-{j}"}
     assert found[1].addresses == ("t#2.length", "t#1.length")
+    with pytest.raises(FormulaError, match="put every placeholder"):
+        declared(text.replace("less-{i}-{j}", "less"), CELLS)
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "plain"),
     [
-        "z = -x ** 3 + 2 * y / 3 * u.arcsec",
-        "z = sqrt(abs(x)) - atan(y) * sin(x) + cos(x) * tan(y)",
-        "z = rms(list) + mean(list, x) - sum(list) * count(list)",
-        "z = min(list) - max(x, y)",
-        "z = mean(mean, values)",  # cells that are called as functions are
+        ("-x ** 3 + 2 * y / 3 * u.arcsec", lambda x, y: -(x**3) + 2 * y / 3 * math.pi / 648000),
+        (
+            "sqrt(abs(x)) - atan(y) * sin(x) + cos(x) * tan(y)",
+            lambda x, y: math.sqrt(-x) - math.atan(y) * math.sin(x) + math.cos(x) * math.tan(y),
+        ),
+        ("rms(list)", lambda x, y: math.hypot(3.0, 4.1, 0.7) / math.sqrt(3)),
+        ("mean(list, x) - sum(list) * count(list)", lambda x, y: (x - 0.4) / 4 + 0.4 * 3),
+        ("min(list) - max(x, y)", lambda x, y: -4.1 - y),
+        ("mean(mean, values)", lambda x, y: (5.5 + 6.25) / 2),  # cells called as functions are
     ],
 )
-def test_a_compiled_side_says_what_evaluation_says(text):
+def test_a_formula_gives_what_python_gives(text, plain):
     values = {"x": -1.7, "y": 0.3, "z": 2.0, "list": [3.0, -4.1, 0.7], "mean": 5.5, "values": 6.25}
-    formula = read(text)
-    left, right = formula.plain
-    assert left(values) == evaluate(formula.left, values) == 2.0
-    assert right(values) == evaluate(formula.right, values)
+    formula = read(f"z = {text}")
+    assert formula.left(values) == 2.0
+    assert formula.right(values) == pytest.approx(plain(-1.7, 0.3), rel=1e-12)

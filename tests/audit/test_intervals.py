@@ -6,9 +6,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from reproduce.audit.declared import declared
 from reproduce.audit.intervals import EVERYTHING, _add, _multiply, _quotients, contractor
-from reproduce.audit.quantity import quantity
+from reproduce.audit.relation import declared
+from reproduce.audit.rounding import printed_cell
 
 # Formulas for z, with plain ones beside them and where x and y are drawn.
 FORMULAS = {
@@ -31,7 +31,7 @@ FORMULAS = {
 
 def narrowed(formula, **boxes):
     """Narrow intervals of x, y and so on by a formula."""
-    cells = {f"t#{name}": quantity(f"t#{name}", "1") for name in boxes}
+    cells = {f"t#{name}": printed_cell(f"t#{name}", "1") for name in boxes}
     bound = " ".join(f"{name}=t#{name}" for name in boxes)
     line = f'name = "r", formula = "{formula}", cells = "{bound}", kind = "equation", source = "s"'
     (relation,) = declared(f"[relations]\nall = [{{ {line} }}]", cells)

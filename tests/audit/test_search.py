@@ -5,15 +5,13 @@ import math
 
 import pytest
 
-from reproduce.audit.corrections import corrections
-from reproduce.audit.declared import declared
+from reproduce.audit.conflicts import groups
+from reproduce.audit.corrections import Search, corrections
 from reproduce.audit.examine import contradicted
-from reproduce.audit.grouping import groups
-from reproduce.audit.quantity import quantity
+from reproduce.audit.relation import declared
 from reproduce.audit.report import audit_paper
-from reproduce.audit.search import Search
-from reproduce.audit.slips import lines as interchanges
-from reproduce.audit.slips import of_cell
+from reproduce.audit.rounding import printed_cell
+from reproduce.audit.slips import interchanges, of_cell
 
 CHAIN = """
 [relations]
@@ -26,7 +24,7 @@ SHARED = """
 [unknown]
 k = { unit = "1", low = 0.1, high = 100, label = "factor" }
 [[relations.all]]
-name = "line"
+name = "line-{i}"
 formula = "y = k * x"
 cells = "x=t#{i}.x y=t#{i}.y"
 each = { i = "123" }
@@ -48,7 +46,7 @@ def sheet_of(name):
     text, texts = SHEETS[name]
     # Exact steps keep the factors of "split" apart from each other.
     units = {a: "count" if name == "split" and a.endswith(".x") else "1" for a in texts}
-    cells = {f"t#{a}": quantity(f"t#{a}", t, units[a]) for a, t in texts.items()}
+    cells = {f"t#{a}": printed_cell(f"t#{a}", t, units[a]) for a, t in texts.items()}
     return cells, declared(text, cells)
 
 
@@ -126,7 +124,7 @@ def test_slips_in_more_tables_than_the_depth_are_not_sought():
     ]
     text = f"[relations]\nall = [{', '.join(lines)}]"
     texts = {f"t{i}#{name}": digit for i in "123" for name, digit in (("a", "4"), ("b", "7"))}
-    cells = {address: quantity(address, digit) for address, digit in texts.items()}
+    cells = {address: printed_cell(address, digit) for address, digit in texts.items()}
     relations = declared(text, cells)
     targets = frozenset({"r1", "r2", "r3"})
     assert corrections(cells, relations, targets, depth=2) == []

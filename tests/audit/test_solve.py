@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from reproduce.audit.declared import declared, relations_of
-from reproduce.audit.quantity import allowed, quantity, sheet
+from reproduce.audit.relation import declared, relations_of
+from reproduce.audit.rounding import allowed, printed_cell, sheet
 from reproduce.audit.solve import contract, possible, projection, propagate
 from reproduce.printed.cells import library
 
@@ -17,7 +17,7 @@ def relations(*formulas, cells, unknown=""):
         for i, (formula, bound) in enumerate(formulas)
     ]
     head = '[unknown]\nf = { unit = "1", low = 0, high = 1000, label = "factor" }\n'
-    sheet = {f"t#{name}": quantity(f"t#{name}", "1.0") for name in cells}
+    sheet = {f"t#{name}": printed_cell(f"t#{name}", "1.0") for name in cells}
     return declared(f"{head}[relations]\nall = [{', '.join(lines)}]", sheet)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from reproduce.audit.quantity import quantity
+from reproduce.audit.rounding import printed_cell
 from reproduce.audit.slips import of_cell
 
 
@@ -16,7 +16,7 @@ from reproduce.audit.slips import of_cell
     ],
 )
 def test_a_slip_of_the_unit_stays_within_its_kind(unit, likely, never):
-    slips = [slip for slip in of_cell(quantity("t#1.a", "5.0", unit)) if slip.kind == "unit"]
+    slips = [slip for slip in of_cell(printed_cell("t#1.a", "5.0", unit)) if slip.kind == "unit"]
     found = {printed.unit for slip in slips for _, printed in slip.changes}
     assert likely <= found
     assert not never & found

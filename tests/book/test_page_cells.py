@@ -6,10 +6,12 @@ from pathlib import Path
 import pytest
 
 import page_cells
-from page_cells import BOOK, Shown, cells, notebooks, run
+from page_cells import BOOK, Shown, cells, notebooks, posteriors_on, run
+from reproduce.views.facts import of_posteriors
 
 PAGES = notebooks()
 GLUED = re.compile(r"\{glue:\w+\}`([^`]+)`")
+SAMPLED = re.compile(r"\{fact\}`(posterior/[^`]+)`")
 # Double precision holds sixteen digits: nothing on a page is worth saying to better than this.
 NOISE = re.compile(r"\d[eE][-−]1[3-9]|10<sup>[-−]1[3-9]</sup>")
 DRAWN = re.compile(r"<svg.*?</svg>", re.DOTALL)
@@ -28,9 +30,16 @@ def page(folder: Path, *sources: str) -> Path:
 def test_page_can_be_built(path: Path) -> None:
     shown = run(path)
     assert shown.texts or shown.words
+    sentences = of_posteriors(posteriors_on(path))
+    assert set(SAMPLED.findall(path.read_text(encoding="utf-8"))) <= set(sentences)
+    assert all(sentences.values())
     wanted = set(GLUED.findall(path.read_text(encoding="utf-8")))
     assert wanted <= set(shown.words), "a sentence waits for a number that no cell hands it"
-    said = [*shown.words.values(), *(DRAWN.sub("", text) for text in shown.texts)]
+    said = [
+        *sentences.values(),
+        *shown.words.values(),
+        *(DRAWN.sub("", text) for text in shown.texts),
+    ]
     assert [text for text in said if NOISE.search(text)] == [], "rounding noise is no result"
 
 

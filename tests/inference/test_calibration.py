@@ -1,5 +1,6 @@
 """Simulation-based calibration: a small run, the band, a broken model, the stored studies."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,17 +11,20 @@ from scipy.stats import binomtest
 from reproduce.inference.calibration import (
     DRAWS,
     LEVELS,
-    Calibration,
+    Ranks,
     band,
     calibrate,
     intervals,
+    least_of_all,
     replicate,
 )
 from reproduce.inference.models.registration import GaussianRegistration
+from reproduce.papers import calibrations as stored
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
-from reproduce.views import posterior_calibration as stored
+from reproduce.views import posterior_pages
 from reproduce.views.cli import main
+from reproduce.views.posterior_words import coverage_rows
 
 SMALL = 40
 REDONE = 7
@@ -35,7 +39,7 @@ def small():
 def even(count, seed=1, names=3):
     ranks = np.random.default_rng(seed).integers(0, DRAWS + 1, (count, names))
     covered = np.zeros((count, len(LEVELS), 2), np.int8)
-    return Calibration(("a", "b", "c"), ranks, np.zeros(count, bool), covered)
+    return Ranks(("a", "b", "c"), ranks, np.zeros(count, bool), covered)
 
 
 def test_small_calibration_is_even(small):
@@ -202,7 +206,7 @@ def test_study_that_does_not_tell_what_is_estimated_is_refused(tmp_path, small):
 
 
 def test_none_is_shown_where_there_is_no_estimate(small):
-    shown = {row[0]: row[-1] for row in stored.coverage_rows(with_parts(small))}
+    shown = {row[0]: row[-1] for row in coverage_rows(with_parts(small))}
     share = 100 * small.covered[:, LEVELS.index(0.95), 0].mean()
     assert shown["scale"].startswith(f"{share:.1f} ±")
     assert shown["rotation"] == "none"
@@ -211,15 +215,26 @@ def test_none_is_shown_where_there_is_no_estimate(small):
 
 
 def test_least_of_all_models_is_weighed_by_their_number():
-    """Even ranks have a least that is to be expected among so many; every model has its line."""
+    """Even ranks have a least that is to be expected among so many."""
     chances = []
     for seed in range(60):
-        found = {str(i): even(200, 100 * seed + i) for i in range(4)}
-        least, count, chance = stored.least_of_all(found)
+        found = [even(200, 100 * seed + i) for i in range(4)]
+        least, count, chance = least_of_all(found)
         assert count == 12
-        assert least == min(one.probabilities().min() for one in found.values())
+        assert least == min(one.probabilities().min() for one in found)
         chances.append(chance)
     # Independent quantities: less than 0.2 expected as small happens a little less often than so.
     assert binomtest(int((np.array(chances) < 0.2).sum()), 60, 0.18).pvalue > 0.001
-    rows = stored.overview_rows(found)
-    assert [row[:4] for row in rows] == [(str(i), "200", "0", "3") for i in range(4)]
+
+
+def test_every_model_has_its_line_in_the_table_of_all():
+    shown = posterior_pages.calibrations_of_all().text
+    lines = re.findall(
+        r'<th scope="row">(.*?)</th><td>(.*?)</td><td>(.*?)</td><td>(.*?)</td>', shown
+    )
+    found = stored.of_all()
+    assert [line[0] for line in lines] == list(posteriors())
+    for name, *rest in lines:
+        one = found[name]
+        counts = (f"{one.replicates:,}", str(int(one.failed.sum())), str(len(one.names)))
+        assert tuple(rest) == counts

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from arviz_stats.base import array_stats
 
-from reproduce.inference import diagnostics, pareto
-from reproduce.inference.diagnostics import ConvergenceError, Gates, diagnose, require, thinned
+from reproduce.inference import diagnostics, evidence
+from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require, thinned
 from reproduce.inference.moves import mixture
-from reproduce.inference.posterior import digits
+from reproduce.views.posterior_words import digits
 
 
 def autoregressive(correlation, shape, seed=1):
@@ -65,7 +65,7 @@ def test_pareto_shape_is_arvizs():
     for seed, width in ((1, 0.5), (2, 0.5), (1, 1.0), (1, 2.0), (2, 2.0)):
         logs = width * np.random.default_rng(seed).standard_normal(3000)
         arviz_weights, arviz_shape = array_stats.psislw(-logs)  # which takes minus the logs
-        weights, shape = pareto.smoothed(logs)
+        weights, shape = evidence.smoothed(logs)
         np.testing.assert_allclose(shape, float(arviz_shape), atol=0.01)
         np.testing.assert_allclose(np.exp(weights), np.exp(arviz_weights), atol=5e-4)
 
@@ -80,7 +80,7 @@ def test_bad_chains_are_refused_with_their_numbers(fault):
         chain = autoregressive(0.98, (4, 1000, 16))[..., None]
     else:
         acceptance = (0.4, 0.4, 0.4, 0.01)
-    with pytest.raises(ConvergenceError, match="refused") as caught:
+    with pytest.raises(UnconvergedError, match="refused") as caught:
         require(diagnose(("a",), chain), acceptance, Gates())
     assert caught.value.missed
     assert caught.value.diagnoses[0].name == "a"

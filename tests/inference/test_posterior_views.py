@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import reproduce as rp
+from reproduce.inference import sampling
+from reproduce.inference.evidence import compared, exact_evidence
 from reproduce.papers.chen2023.posteriors import COLUMNS, FLOORS, summed_columns
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import posterior as running
-from reproduce.views import posterior_choice, posterior_decision, posterior_pages
+from reproduce.views import build, posterior_pages
 from reproduce.views.cli import main
+from reproduce.views.facts import of_posteriors
+from reproduce.views.sampled import book_posterior
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
 PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]
@@ -126,30 +130,82 @@ def test_every_model_has_every_step_on_the_page_that_links_them(name, step):
     assert page.count(f'posterior_pages.{step}("{name}")') == 1
 
 
-def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one(monkeypatch):
+def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one():
     """Only a model that has no closed form shows "none"; any other error is told."""
-    plain, rival = (posteriors()["registration"].model(),
-                    *posteriors()["registration"].rival_models())  # fmt: skip
-    assert isinstance(posterior_choice.exact_evidence("registration", plain), float)
-    assert posterior_choice.exact_evidence("registration", rival) is None
-    joint = posteriors()["registration-joint"].model()
-    assert posterior_choice.exact_evidence("registration-joint", joint) is None
-    assert posterior_decision.bounded("registration-joint") == ""
+    declared = posteriors()["registration"]
+    plain = declared.model()
+    (rival,) = (make(plain) for make in declared.rivals)
+    assert isinstance(exact_evidence(plain, declared.evidence), float)
+    assert exact_evidence(rival, declared.evidence) is None
+    assert exact_evidence(plain, None) is None
 
     def broken(model):
         raise TypeError("a fault")
 
-    faulty = replace(posteriors()["registration"], evidence=broken, bound=broken)
-    monkeypatch.setitem(posteriors(), "registration", faulty)
     with pytest.raises(TypeError, match="a fault"):
-        posterior_choice.exact_evidence("registration", plain)
+        exact_evidence(plain, broken)
+    faulty = replace(declared, evidence=broken, bound=broken)
+    found = book_posterior("registration")
     with pytest.raises(TypeError, match="a fault"):
-        posterior_decision.bounded("registration")
+        faulty.choice(found)
+    with pytest.raises(TypeError, match="a fault"):
+        faulty.bounds(found)
+    assert replace(declared, bound=None).bounds(found) == []
+
+
+def test_a_rival_with_an_exact_evidence_is_not_sampled():
+    found = book_posterior("frame-averaging")
+    declared = posteriors()["frame-averaging"]
+
+    def sampled(model):
+        raise AssertionError("not needed")
+
+    rivals = [make(found.model) for make in declared.rivals]
+    first, rival = compared(found, rivals, declared.evidence, sampled)
+    assert first.less == first.error == rival.error == 0
+    assert rival.sampled is None
+    assert rival.less == rival.exact - first.exact
+    assert abs(first.sampled.value - first.exact) < 4 * first.sampled.error
+    with pytest.raises(AssertionError, match="not needed"):
+        compared(found, rivals, None, sampled)
+
+
+def test_facts_are_the_numbers_of_the_object():
+    found = of_posteriors(["frame-averaging"])
+    frame = rp.posterior("frame-averaging").frame()
+    for label in ("white", "floor"):
+        for what, column in (("mean", "mean"), ("sd", "deviation"), ("low", "low")):
+            number, unit = found[f"posterior/frame-averaging#{label}-{what}"].split("\u202f")
+            assert float(number) == pytest.approx(frame.loc[label, column], rel=0.06)
+            assert unit == frame.loc[label, "unit"]
+    assert found["posterior/frame-averaging#sbc-replicates"] == "1,000"
+    printed = posteriors()["frame-averaging"].repeats(book_posterior("frame-averaging"))[0]
+    assert found["posterior/frame-averaging#printed-count"] == str(len(printed))
+
+
+def test_a_build_samples_once_and_keeps_the_chains_of_its_files_alone(tmp_path, monkeypatch):
+    alone = book_posterior("frame-averaging")
+    (tmp_path / "of other files").mkdir()
+    monkeypatch.setenv(build.CHAINS, str(tmp_path))
+    for cached in (build.chains, book_posterior):
+        cached.cache_clear()
+    try:
+        again = book_posterior("frame-averaging")
+        book_posterior.cache_clear()
+        monkeypatch.setattr(sampling, "run_ensemble", None)
+        read = book_posterior("frame-averaging")
+    finally:
+        for cached in (build.chains, book_posterior):
+            cached.cache_clear()
+    assert [path.name for path in tmp_path.iterdir()] == [build.fingerprint()]
+    for found in (again, read):
+        np.testing.assert_array_equal(found.chain, alone.chain)
+        assert found.rows() == alone.rows()
 
 
 def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():
     """The ratio of evidences is the mean ratio of the priors over the posterior."""
-    found = running.book_posterior("frame-averaging")
+    found = book_posterior("frame-averaging")
     prior = found.model.parameters[1].prior
     floor = found.draws[:, 1]
     gains = summed_columns()[0].gains
@@ -164,9 +220,10 @@ def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():
 def test_evidence_of_a_floor_stands_in_the_table_of_the_rival():
     """The page of the model and the table of the columns say the same of the first column."""
     declared = posteriors()["frame-averaging"]
-    (rival,) = declared.rival_models()
-    found = declared.evidence(declared.model()) - declared.evidence(rival)
+    model = declared.model()
+    (rival,) = (make(model) for make in declared.rivals)
+    found = declared.evidence(model) - declared.evidence(rival)
     assert abs(found - summed_columns()[0].gains[FLOORS.index(1)]) < 1e-6
-    shown = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_choice.columns_of_table_4())
+    shown = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_pages.columns_of_table_4().text)
     assert len(shown) == len(COLUMNS) * len(FLOORS)
     assert float(shown[1].replace("−", "-")) == pytest.approx(found, abs=0.006)

@@ -9,12 +9,11 @@ from scipy.stats import binomtest
 from reproduce.inference.calibration import LEVELS, intervals, simulated
 from reproduce.inference.model import Estimated
 from reproduce.inference.models.joint import JointRegistration, joint_model
-from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.lasers import Quest, SpotStatistics
 from reproduce.inference.models.misalignment import (
     drift_model,
     misalignment_model,
 )
-from reproduce.inference.models.quest import Quest
 from reproduce.inference.models.variants import distortion_model, student_model
 from reproduce.inference.priors import Normal
 from reproduce.papers.posteriors import posteriors

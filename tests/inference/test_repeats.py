@@ -12,7 +12,7 @@ from reproduce.inference.models.closed_form import registration_posterior
 from reproduce.inference.models.new_stars import NewStars, rmse_at, true_places
 from reproduce.inference.models.reference_angles import log_same_hypothesis
 from reproduce.inference.models.variants import distortion_model, student_model
-from reproduce.inference.posterior import Posterior
+from reproduce.inference.posterior import Sampled
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.fit import fit_registration
@@ -21,7 +21,7 @@ from reproduce.physics.registration.transforms import Registration
 PIVOT = np.array([1030.0, 770.0])
 
 
-class Draws(Posterior):
+class Draws(Sampled):
     """Draws as they are: independent, so nothing is thinned."""
 
     time = 1.0

@@ -7,12 +7,17 @@ import pytest
 
 from reproduce.inference.diagnostics import mcse_deviation, mcse_quantile
 from reproduce.inference.evidence import log_evidence
-from reproduce.inference.models.table_readings import CROSSED, PRINTED, Reading, hypotheses, read
+from reproduce.inference.models.table_readings import (
+    CROSSED,
+    PRINTED,
+    TableReading,
+    hypotheses,
+    read,
+)
 from reproduce.inference.quadrature import summed
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.chen2023.posteriors import readings
 from reproduce.papers.posteriors import posteriors
-from reproduce.views.posterior import plan_for
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +41,7 @@ def test_finer_sums_change_nothing(table, found):
 def test_sampled_evidence_and_moments_are_those_of_the_sums(table, found):
     """Interchanged against as printed: the sampled evidence of both, and the mixture's moments."""
     as_printed, crossed = found.values()
-    posterior = sample(table, plan_for("table-5"))
+    posterior = sample(table, posteriors()["table-5"].plan())
     sampled = log_evidence(posterior, 1)
     both = np.logaddexp(as_printed.log_evidence, crossed.log_evidence) - np.log(2)
     assert sampled.reliable
@@ -76,7 +81,7 @@ def test_columns_of_simulated_tables_are_read_right(table):
     for columns in orders:
         data = (reference[:, columns[0]], monitored[:, columns[1]])
         model = replace(table, likelihood=plain.given(data))
-        logs = {order: read(model, Reading("", *order), 0.5).log_evidence for order in orders}
+        logs = {order: read(model, TableReading("", *order), 0.5).log_evidence for order in orders}
         best = max(logs, key=logs.get)
         assert best == columns
         assert sorted(logs.values())[-1] - sorted(logs.values())[-2] > 3
@@ -85,7 +90,8 @@ def test_columns_of_simulated_tables_are_read_right(table):
 @pytest.mark.parametrize("name", ["frame-averaging", "centroid-noise"])
 def test_sampled_evidence_of_small_models_is_that_of_the_sums(name):
     declared = posteriors()[name]
-    for model in (declared.model(), *declared.rival_models()):
+    plain = declared.model()
+    for model in (plain, *(rival(plain) for rival in declared.rivals)):
         posterior = sample(model, Plan(5, steps=300, warmup=120))
         sums = summed(model, 0.7)
         exact = sums.log_evidence

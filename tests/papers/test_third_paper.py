@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,10 +11,11 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parent.parent / "made_up"
+PROJECT = FOLDER.parent.parent
 SCRIPT = """
 import json
 import reproduce as rp
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import pages
 
@@ -32,7 +35,7 @@ print(json.dumps({
     "errata": list(rp.contradictions("lamp2025").frame().index),
     "audit": repr(rp.contradictions("lamp2025")),
     "cite": rp.cite("lamp2025/table-2#angle.far", "text"),
-    "study": studies()["lamp2025/ratio"]().rows,
+    "study": rp.table("lamp2025/ratio").frame().to_numpy().tolist(),
     "reads": rp.posterior("lamp-registration").reads,
     "posteriors": [name for name in posteriors() if name.startswith("lamp")],
     "model": list(posteriors()["lamp-registration"].model().names),
@@ -78,7 +81,7 @@ def test_its_erratum_citation_and_study_are_found(found):
     assert found["errata"] == ["lamp2025-far-angle"]
     assert "lamp2025" in found["audit"]
     assert "Nora Nobody" in found["cite"]
-    assert found["study"] == [["far over near", "1.5"]]
+    assert found["study"] == [["far over near", pytest.approx(1.5)]]
 
 
 def test_its_posterior_is_found(found):
@@ -91,6 +94,35 @@ def test_the_command_line_knows_it():
     result = run("-m", "reproduce", "show", "lamp2025/table-2#angle.far")
     assert result.returncode == 0, result.stderr
     assert "verdict: differs" in result.stdout
+
+
+def test_its_page_is_built_with_its_numbers(tmp_path):
+    book = tmp_path / "book"
+    for part in ("_config.yml", "_ext", "_static"):
+        copy = shutil.copytree if (PROJECT / "book" / part).is_dir() else shutil.copy
+        book.mkdir(exist_ok=True)
+        copy(PROJECT / "book" / part, book / part)
+    (book / "_extra").mkdir()
+    (tmp_path / "data").mkdir()
+    shutil.copy(FOLDER / "data" / "references.bib", tmp_path / "data")
+    shutil.copy(FOLDER / "book" / "lamp2025.md", book)
+    (book / "_toc.yml").write_text("format: jb-book\nroot: lamp2025\n", encoding="utf-8")
+    builder = Path(sys.executable).parent / "jupyter-book"
+    for command in (
+        ["-m", "reproduce.views.facts", str(book / "_build" / "facts.json"), "lamp2025"],
+        [str(builder), "build", str(book), "-W", "--keep-going"],
+    ):
+        result = run(*command)
+        assert result.returncode == 0, result.stdout + result.stderr
+    page = (book / "_build" / "html" / "lamp2025.html").read_text(encoding="utf-8")
+    sentence = re.search("<p>A pixel behind.*?</p>", page, flags=re.DOTALL)[0]
+    words = " ".join(re.sub("<[^>]*>", "", sentence).split())
+    assert words == (
+        "A pixel behind the near lens sees 20.6″ in print, and 20.6″ when it is computed: exact. "
+        "Of the table’s cells 1 differs."
+    )
+    assert 'id="lamp2025-table-2"' in page
+    assert 'id="study-lamp2025-ratio"' in page
 
 
 def test_a_paper_without_its_entry_in_the_references_is_refused(tmp_path):

@@ -7,9 +7,9 @@ import pytest
 
 import planted_slips
 from planted_slips import KINDS, SEED, differing, plants, seen_by_relations, seen_by_verdicts, some
-from reproduce.audit.declared import declared
-from reproduce.audit.quantity import quantity
+from reproduce.audit.relation import declared
 from reproduce.audit.report import audit_paper
+from reproduce.audit.rounding import printed_cell
 from reproduce.printed.cells import PAPERS
 from reproduce.store import studies
 
@@ -59,10 +59,10 @@ def test_a_table_of_sums_sees_nearly_all():
     cells = {}
     for row, (net, tax) in enumerate(bills):
         for column, value in {"net": net, "tax": tax, "gross": net + tax}.items():
-            cells[f"bill#{row}.{column}"] = quantity(f"bill#{row}.{column}", str(value))
+            cells[f"bill#{row}.{column}"] = printed_cell(f"bill#{row}.{column}", str(value))
     text = """
     [[relations.all]]
-    name = "sum"
+    name = "sum-{r}"
     formula = "gross = net + tax"
     cells = "gross=bill#{r}.gross net=bill#{r}.net tax=bill#{r}.tax"
     each = { r = "012345678" }

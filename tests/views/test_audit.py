@@ -3,13 +3,16 @@
 import json
 import math
 import re
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
+from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
-from reproduce.views import audit_pages, audit_picture, pages
+from reproduce.printed.cells import anchor
+from reproduce.views import audit_pages, pages
 from reproduce.views.cli import main
 
 TABLE = """
@@ -94,13 +97,47 @@ def test_the_score_counts_what_the_audit_found():
     text = audit_pages.score().text
     for paper in ("niu2024", "chen2023"):
         audit = audit_paper(paper)
-        numbers = (len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.read))
+        own, again = (audit.tally(restating=chosen) for chosen in (False, True))
         row = re.search(rf"<code>{paper}</code></th>(.*?)</tr>", text).group(1)
         counts = [int(n) for n in re.findall(r"<td>(\d+)</td>", row)]
-        assert counts[:4] == list(numbers)
-        assert sum(counts[4:7]) == len(audit.read)
+        assert counts[:3] == [len(audit.cells), len(audit.examined), len(audit.bounded)]
+        assert counts[3:7] == [sum(own.values()), *own.values()]
+        assert counts[7:9] == [len(audit.restating), again["contradicts"]]
+        assert counts[3] + counts[7] == len(audit.read)
         supposing = [shown for shown in audit.equations if shown.supposition]
         assert counts[-1] == len(audit.supposed) + len(supposing)
+
+
+def test_a_relation_that_restates_a_cell_links_to_it():
+    """To the page that shows its table, at the anchor of the cell, for each of them."""
+    for paper in ("niu2024", "chen2023"):
+        text = audit_pages.relations(paper).text
+        links = re.findall(r'restates <a href="\.\./([^"#]+)\.html#([^"]+)"', text)
+        findings = audit_paper(paper).findings
+        addresses = [f.relation.restates.partition(" (")[0] for f in findings]
+        assert sorted(a for _, a in links) == sorted(anchor(a) for a in addresses if a)
+        for page, target in set(links):
+            source = (Path(__file__).parents[2] / "book" / f"{page}.md").read_text()
+            keys = re.findall(r'pages\.table\("([^"]+)"\)', source)
+            assert any(f'id="{target}"' in pages.table(key).text for key in keys), target
+
+
+def test_a_generated_name_leads_to_its_declaration():
+    """The line is found by the pattern that the page, the erratum and the data show beside it."""
+    folder = Path(relation.__file__).parent / "relations"
+    for paper in ("niu2024", "chen2023"):
+        source = (folder / f"{paper}.toml").read_text()
+        text = audit_pages.relations(paper).text
+        for finding in audit_paper(paper).findings:
+            pattern = finding.relation.declared
+            assert f'name = "{pattern}"' in source
+            assert pattern == finding.relation.name or f"<small>{pattern}</small>" in text
+    section = re.search(r'id="chen2023-table-5-motion".*?</section>', audit_pages.errata().text)
+    assert "declared as <code>motion-{state}-{axis}</code>" in section.group()
+    (found,) = json.loads(run("audit", "chen2023", "--json").stdout)
+    by_name = {r["name"]: r for r in found["relations"]}
+    assert by_name["motion-4-y"]["declared"] == "motion-{state}-{axis}"
+    assert by_name["motion-4-y"]["restates"] == "chen2023/table-5#4.motion-y"
 
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
@@ -143,7 +180,7 @@ def test_pages_show_corrections_equations_and_pictures(paper):
     wrong = {f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"}
     joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
     assert sets.count(audit_pages.JOINT) == len(joint)
-    svg = audit_picture.picture(paper, "what it shows").text
+    svg = audit_pages.picture(paper, "what it shows").text
     assert 'aria-label="what it shows"' in svg
     blamed = audit_paper(paper).blamed()
     worst = max(blamed, key=blamed.get)

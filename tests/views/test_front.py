@@ -188,10 +188,10 @@ def test_a_verdict_that_is_not_frozen_makes_the_check_false(monkeypatch):
 
 def test_a_posterior_is_sampled_when_looked_at_and_rerun_with_a_change():
     plain = rp.posterior("frame-averaging")
-    assert "draws_of" not in vars(plain), "nothing is sampled yet"
+    assert "sampled" not in vars(plain), "nothing is sampled yet"
     assert plain.reads
     assert list(plain.frame().index)[:2] == list(plain.priors.index)[:2]
-    assert len(plain.draws) == plain.draws_of.draws.shape[0]
+    assert len(plain.draws) == plain.sampled.draws.shape[0]
     assert "as printed" in repr(plain)
     assert "<svg" in plain.corner()._repr_html_()
     other = plain.rerun(seed=3)
@@ -278,7 +278,7 @@ def test_priors_of_ones_own_take_the_place_of_the_books():
     other = plain.rerun(priors={"white": (0.2, 0.6)})
     assert other.priors.loc["white", "why"] == "a reader's own"
     assert plain.priors.loc["white", "why"] != "a reader's own"
-    assert "draws_of" not in vars(other)
+    assert "sampled" not in vars(other)
     parameter = other.model.parameters[0]
     assert parameter.prior.high * parameter.shown == pytest.approx(0.6)
     with pytest.raises(ValueError, match="has no parameter whit; it has white"):

@@ -9,13 +9,13 @@ from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from reproduce.inference import sampling
 from reproduce.judge import rerun
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare_posterior import File
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
-from reproduce.views import posterior as running
 from reproduce.views.cli import main
 
 FEW = settings(
@@ -57,7 +57,7 @@ def no_sampling(monkeypatch):
     def stop(*arguments, **settings):
         raise click.ClickException("sampling would start")
 
-    monkeypatch.setattr(running, "run", stop)
+    monkeypatch.setattr(sampling, "sample", stop)
 
 
 @pytest.mark.parametrize("value", FOUND)

@@ -6,21 +6,22 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from reproduce.inference.models import free_priors
+from reproduce.inference.checks import Range
+from reproduce.inference.models import registration
 from reproduce.inference.models.registration import registration_model
-from reproduce.inference.posterior import Posterior
+from reproduce.inference.posterior import Sampled
 from reproduce.inference.priors import LogUniform
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.inference.sensitivity import leanings
 from reproduce.papers.chen2023.simulated_spots import READS, platform
+from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views import posterior as running
 from reproduce.views.cli import main
-from reproduce.views.posterior_data import from_file, supplied
-from reproduce.views.posterior_decision import Range, ranged
+from reproduce.views.posterior_words import ranged
+from reproduce.views.sampled import Posterior
 
 FIELD = np.array([2064.0, 1544.0])
 STAR_COLUMNS = "x,y,x_reference,y_reference"
@@ -54,6 +55,16 @@ def spots(tmp_path, noise, flip=1):
     return written(tmp_path, rows, head="group,laser,x,y", fmt=["%d", "%d", "%.6f", "%.6f"])
 
 
+def supplied(name, path, pivot=None):
+    """A user's file as a model, with what to say of it."""
+    return posteriors()[name].from_file(path, pivot)
+
+
+def from_file(name, path, pivot=None):
+    """A user's file as a model."""
+    return supplied(name, path, pivot).model
+
+
 def run(*arguments):
     return CliRunner().invoke(main, ["posterior", *map(str, arguments)])
 
@@ -69,7 +80,7 @@ def sampled(name, path, *arguments):
 def drawn(model, steps=250):
     """Return the draws of one ensemble, ungated: for widths to a few per cent."""
     chain, log, acceptance = run_ensemble(Job(model, Plan(1, 1, 0, steps, 150), 0))
-    return Posterior(model, 1, chain[None], log[None], (acceptance,), ())
+    return Sampled(model, 1, chain[None], log[None], (acceptance,), ())
 
 
 def moments(found, name):
@@ -116,7 +127,7 @@ def test_the_noise_of_spots_is_that_of_the_spots(tmp_path):
 
 def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, *stars())
-    monkeypatch.setattr(free_priors, "NOISE", (1e-9, 1.0))
+    monkeypatch.setattr(registration, "NOISE", (1e-9, 1.0))
     record, rows = sampled("registration", path, "--steps", 400)
     (leaning,) = record["at_prior_end"]
     assert (leaning["parameter"], leaning["unit"]) == ("noise", "px")
@@ -140,7 +151,7 @@ def test_a_free_posterior_leans_on_nothing_and_a_cut_one_does():
 
 
 def test_no_start_says_which_prior_excludes_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(free_priors, "NOISE", (1e-9, 1e-3))
+    monkeypatch.setattr(registration, "NOISE", (1e-9, 1e-3))
     result = run("registration", "--data", written(tmp_path, *stars()))
     assert result.exit_code == 2
     assert "the rough estimate of noise is 0.04" in result.stderr
@@ -305,16 +316,18 @@ def test_refused_chains_tell_the_steps_that_would_do(tmp_path):
 
 
 def test_what_the_data_are_is_said():
-    _, words = running.provenance("registration")
-    assert words.startswith("simulated by us with printed settings of niu2024; truth: scale 0.9976")
+    assert Posterior("registration").told.startswith(
+        "simulated by us with printed settings of niu2024; truth: scale 0.9976"
+    )
     record = json.loads(run("registration", "--steps", 280, "--json").stdout)
     truth = record["data"].pop("truth")
     assert record["data"] == {"kind": "simulated", "paper": "niu2024"}
     rows = {row["name"]: row for row in record["parameters"]}
     for name in ("rotation", "shift-x", "shift-y", "noise"):
         assert abs(rows[name]["mean"] - truth[name]) < 4 * rows[name]["deviation"]
-    printed = {"kind": "printed", "paper": "chen2023"}
-    assert running.provenance("table-5") == (printed, "as printed in chen2023")
+    printed = Posterior("table-5")
+    assert printed.provenance == {"kind": "printed", "paper": "chen2023"}
+    assert printed.told == "as printed in chen2023"
 
 
 def test_printed_tables_of_any_scatter_and_digits_have_room(tmp_path):

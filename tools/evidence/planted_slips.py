@@ -22,9 +22,9 @@ import pandas as pd
 
 import reproduce
 from reproduce.audit.examine import contradicted
-from reproduce.audit.quantity import Quantity, Sheet
 from reproduce.audit.relation import Relation
 from reproduce.audit.report import audit_paper
+from reproduce.audit.rounding import Sheet, reprinted
 from reproduce.audit.slips import of_digits, readable
 from reproduce.judge.expected import frozen
 from reproduce.judge.propagate import result_intervals
@@ -77,7 +77,7 @@ def plants(cells: Sheet, seed: int) -> Iterator[Plant]:
                 yield Plant(address, kind, ways[rng.integers(len(ways))])
 
 
-def _ways(printed: Quantity, kind: Kind) -> set[str]:
+def _ways(printed: Cell, kind: Kind) -> set[str]:
     text = printed.number.text
     if kind == "drop":
         mantissa, mark, power = text.partition("e")
@@ -97,7 +97,7 @@ def seen_by_relations(
     seen = []
     for plant in planted:
         touched = _touched(plant.address, relations)
-        changed = {**cells, plant.address: cells[plant.address].printing(plant.text)}
+        changed = {**cells, plant.address: reprinted(cells[plant.address], plant.text)}
         seen.append(bool(contradicted(changed, touched) - before))
     return seen
 

@@ -43,7 +43,7 @@ def missed(first: int, second: int, both: int) -> tuple[float, float]:
 
 def lines(relations: Iterable[Relation]) -> list[str]:
     """Return who found each line of declaration, of which several relations can come."""
-    return list({(r.line, r.source): r.reading for r in relations}.values())
+    return list({(r.declared, r.source): r.reading for r in relations}.values())
 
 
 def study() -> pd.DataFrame:

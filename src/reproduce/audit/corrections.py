@@ -1,48 +1,57 @@
-"""Corrections that lift contradictions, ranked by how small a slip of the pen they suppose."""
+"""The search for slips of the pen that lift a group of contradictions, the smallest first.
+
+It rests on one fact. A relation that cannot hold stays so until one of its cells changes; two
+relations that share an unknown and allow no common value of it stay apart until a cell of one of
+them changes. Each contradiction is therefore a set of cells that every correction must touch, a
+cover. The search follows every slip that touches a cover, and then every slip that touches all
+covers that are left: up to two slips, in different numbers, it overlooks nothing. Beyond that it
+follows the most promising pairs only.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from reproduce.audit.examine import Fixed, by_value, contradicted, fix_unknowns
-from reproduce.audit.quantity import Quantity, Sheet
+from reproduce.audit.examine import Agreement, agreements, by_value, contradicted, uniform
+from reproduce.audit.intervals import EVERYTHING
 from reproduce.audit.relation import Relation
-from reproduce.audit.search import Search, State
-from reproduce.audit.slips import Slip
+from reproduce.audit.rounding import Sheet, allowed, reprinted
+from reproduce.audit.slips import COSTS, Slip, interchanges, of_cell, reaching
+from reproduce.audit.solve import contract, printed_intervals, projection, widened
+from reproduce.printed.cells import Cell
+from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
+
+__all__ = ["Correction", "Search", "State", "corrections"]
 
 DEPTH = 3
 BREADTH = 30
+# In the order of search, a relation still wrong weighs as one digit, a newly broken one half: an
+# interchange may break what the next one mends.
+_BROKEN = 0.5
+# The search follows everything up to this many slips.
+_COMPLETE = 2
+_SMALLEST = min(COSTS.values())
+Fingerprint = frozenset[tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Correction:
     """Slips that, undone together, lift a group of contradictions.
 
-    Parameters
-    ----------
-    slips : tuple of Slip
-        What is supposed to have gone wrong.
-    lifted : tuple of str
-        Names of the relations that no longer contradict.
-    broken : tuple of str
-        Names of relations that held as printed and no longer do.
-    unknowns : dict
-        Name to what the relations say of it after the correction.
-    moved : tuple of str
-        The paper's claims that no longer hold, once the cells that a broken relation computes
-        are computed again.
-    misfit : float
-        How far the corrected numbers still lie from the relations that they should keep,
-        relatively; all of it is within the rounding of print.
+    `lifted` relations no longer contradict, `broken` ones held as printed and no longer do;
+    `unknowns` has what the relations then say of them. `moved` are the paper's claims that no
+    longer hold, once the cells that a broken relation computes are computed again. `misfit` is how
+    far the corrected numbers still lie from their relations, relatively and within rounding.
     """
 
     slips: tuple[Slip, ...]
     lifted: tuple[str, ...]
     broken: tuple[str, ...]
-    unknowns: dict[str, Fixed]
+    unknowns: dict[str, Agreement]
     moved: tuple[str, ...]
     misfit: float
 
@@ -64,75 +73,344 @@ def corrections(
     depth: int = DEPTH,
     breadth: int = BREADTH,
 ) -> list[Correction]:
-    """Return corrections that lift a group of contradictions, the smallest slips first.
+    """Return corrections that lift a group of contradictions, given by name.
 
     Those that restore everything first, then those that break other relations in exchange; within
-    each, by size.
+    each, by size, by what they break and lift, and by fit.
     """
+
+    def rank(found: Correction) -> tuple[bool, float, int, int, float]:
+        broken = len(found.broken)
+        return bool(broken), found.cost, broken, -len(found.lifted), found.misfit
+
     search = Search(cells, relations, targets)
     found = [_correction(state, search) for state in search.run(depth, breadth)]
-    return sorted(_worth_showing(found), key=_rank)
+    return sorted(_worth_showing(found), key=rank)
 
 
-def _rank(correction: Correction) -> tuple[bool, float, int, int, float]:
-    """Order corrections: whole ones first, then by size, by what they break and lift, by fit."""
-    broken = len(correction.broken)
-    lifted = len(correction.lifted)
-    return bool(broken), correction.cost, broken, -lifted, correction.misfit
+@dataclass(frozen=True)
+class State:
+    """A sheet with some slips undone, in their order, and the relations that then contradict."""
+
+    slips: tuple[Slip, ...]
+    cells: Sheet
+    wrong: frozenset[str]
+
+    @property
+    def cost(self) -> float:
+        """The sum of the slips' sizes."""
+        return sum(slip.cost for slip in self.slips)
+
+    def fingerprint(self, cells: Sheet) -> Fingerprint:
+        """Tell states apart by what they print, whatever the order of the slips."""
+        changed = (a for slip in self.slips for a, _ in slip.changes)
+        return frozenset(
+            (a, f"{self.cells[a].number.text} {self.cells[a].unit}")
+            for a in changed
+            if self.cells[a] != cells[a]
+        )
+
+    def slipped(self, address: str) -> bool:
+        """Tell whether a number had its slip: enough of them turn any number into any other."""
+        return any(slip.addresses == {address} for slip in self.slips)
+
+
+class Search:
+    """A search over the slips that could lift one group of contradictions, its targets."""
+
+    def __init__(
+        self, cells: Sheet, relations: Sequence[Relation], targets: frozenset[str]
+    ) -> None:
+        self.cells = cells
+        self.targets = targets
+        blamed = [r for r in relations if r.name in targets]
+        family = _sharing(blamed, relations)
+        keys = dict.fromkeys(cells[a].key for r in [*blamed, *family] for a in r.addresses)
+        touched = [r for r in relations if any(cells[a].key in keys for a in r.addresses)]
+        # What one relation allows of an unknown decides who else agrees with the most.
+        voting = {*touched, *_sharing(touched, relations)}
+        self.near = [r for r in relations if r in voting]
+        self.interchanges = interchanges(cells, keys)
+        self.already = contradicted(cells, self.near)
+        self.start = State((), cells, self.already)
+        self._affected: dict[frozenset[str], list[list[Relation]]] = {}
+
+    def run(self, depth: int, breadth: int) -> list[State]:
+        """Return the states without a contradiction of the group."""
+        if self._slips_needed() > depth:
+            return []
+        done: dict[Fingerprint, State] = {}
+        limit = math.inf  # the size of the smallest correction that restores everything
+        level = [self.start]
+        for taken in range(depth):
+            level = self._further(level, taken, breadth) if taken else level
+            for state in level:
+                for child in self._finished(state, limit):
+                    done.setdefault(child.fingerprint(self.cells), child)
+                    if not child.wrong - self.already:
+                        limit = min(limit, child.cost)
+            if math.isfinite(limit):
+                break  # more slips are less likely
+        return [
+            state
+            for state in done.values()
+            if len(state.slips) == 1 or state.cost < limit or not state.wrong - self.already
+        ]
+
+    def covers(self, state: State) -> list[frozenset[str]]:
+        """Return sets of cells, each of which must be touched to lift the group.
+
+        At least one for each relation of the group that contradicts.
+        """
+        ours = [r for r in self.near if r.name in self.targets]
+        found = []
+        for relation in (r for r in ours if r.name in state.wrong):
+            own = frozenset(relation.addresses)
+            value = _value(relation, state.cells)
+            if value is None:
+                found.append(own)
+                continue
+            rivals = [r for r in ours if r.unknown is relation.unknown]
+            apart = [r for r in rivals if _apart(value, _value(r, state.cells))]
+            found += [own | frozenset(r.addresses) for r in apart]
+            if not apart:  # outvoted by relations that were right: any of them may change sides
+                family = [r for r in self.near if r.unknown is relation.unknown]
+                found.append(frozenset(itertools.chain.from_iterable(r.addresses for r in family)))
+        return list(dict.fromkeys(found))
+
+    def _slips_needed(self) -> int:
+        """Return how many slips are needed at least: a slip stays within one table."""
+        seen: set[str] = set()
+        count = 0
+        for cover in sorted(self.covers(self.start), key=len):
+            keys = {self.cells[a].key for a in cover}
+            if not keys & seen:
+                seen |= keys
+                count += 1
+        return count
+
+    def _further(self, level: Sequence[State], taken: int, breadth: int) -> list[State]:
+        """Return the states one slip on: all of them as long as the search is complete."""
+
+        def promise(state: State) -> float:
+            return state.cost + self._ill(state.wrong)
+
+        if taken < _COMPLETE:
+            grown = itertools.chain(*(self._grown(state, self._any) for state in level))
+            return sorted(grown, key=lambda state: (state.cost, len(state.wrong - self.already)))
+        found: dict[Fingerprint, State] = {}
+        for state in sorted(level, key=promise)[:breadth]:
+            for child in self._grown(state, self._reaching, self._ill(state.wrong)):
+                found.setdefault(child.fingerprint(self.cells), child)
+        return sorted(found.values(), key=promise)[:breadth]
+
+    def _ill(self, wrong: frozenset[str]) -> float:
+        left, broken = wrong & self.targets, wrong - self.already
+        return len(left) + _BROKEN * len(broken)
+
+    def _grown(
+        self,
+        state: State,
+        single: Callable[[State, str], Iterable[Slip]],
+        below: float = math.inf,
+    ) -> Iterator[State]:
+        """Yield the states one slip on that touch the smallest cover, with the group still wrong.
+
+        Only those with less wrong than `below`, as `_ill` weighs it.
+        """
+        cover = min(self.covers(state), key=len)
+        slips = (single(state, address) for address in sorted(cover))
+        for slip in itertools.chain(*slips, self._interchanged(state, [cover])):
+            child = self._after(state, slip, lambda wrong: self._ill(wrong) < below)
+            if child is not None and child.wrong & self.targets:
+                yield child
+
+    def _finished(self, state: State, limit: float) -> Iterator[State]:
+        """Yield every state one slip on in which nothing of the group contradicts."""
+        room = limit - state.cost
+        if room < _SMALLEST:
+            return
+        covers = self.covers(state)
+        if room == _SMALLEST:  # nothing may stay broken, so what is broken must be touched too
+            broken = state.wrong - self.already
+            covers += [
+                frozenset(r.addresses) for r in self.near if r.name in broken and not r.unknown
+            ]
+        common = frozenset.intersection(*covers) - self._tried_before(state)
+        slips = (self._lifting(state, address) for address in sorted(common))
+        for slip in itertools.chain(*slips, self._interchanged(state, covers, room)):
+            if slip.cost <= room:
+                size = slip.cost
+
+                def lifts(wrong: frozenset[str], size: float = size) -> bool:
+                    whole = size < room or not wrong - self.already
+                    return whole and not wrong & self.targets
+
+                if child := self._after(state, slip, lifts):
+                    yield child
+
+    def _tried_before(self, state: State) -> frozenset[str]:
+        """Return the cells whose slips were tried first: a pair need not come in both orders."""
+        if len(state.slips) != 1 or len(state.slips[0].addresses) > 1:
+            return frozenset()
+        (address,) = state.slips[0].addresses
+        return frozenset(a for a in min(self.covers(self.start), key=len) if a < address)
+
+    def _any(self, state: State, address: str) -> Iterable[Slip]:
+        return [] if state.slipped(address) else of_cell(state.cells[address])
+
+    def _interchanged(
+        self, state: State, covers: Sequence[frozenset[str]], room: float = math.inf
+    ) -> Iterator[Slip]:
+        """Yield the interchanges, no larger than some room, that touch all covers."""
+        for one in self.interchanges:
+            if COSTS[one.kind] <= room and not any(map(one.addresses.isdisjoint, covers)):
+                slip = one.slip(state.cells)
+                if slip is not None:
+                    yield slip
+
+    def _reaching(self, state: State, address: str) -> Iterator[Slip]:
+        """Yield the slips in one cell that may let a contradicting relation hold."""
+        if state.slipped(address):
+            return
+        printed = state.cells[address]
+        wrong = [r for r in self.near if r.name in state.wrong & self.targets]
+        relation = next((r for r in wrong if address in r.addresses), None)
+        if relation is None:
+            yield from of_cell(printed)
+        elif relation.kind == "print":
+            yield from (s for s in of_cell(printed) if uniform(s.undone(state.cells), relation))
+        else:
+            free = (
+                _freed(relation, address, state.cells, value)
+                for value in self._values(relation, state.cells)
+            )
+            yield from reaching(printed, [goal for goal in free if goal is not None])
+
+    def _lifting(self, state: State, address: str) -> Iterator[Slip]:
+        """Yield the slips in one cell that may let every contradicting relation of it hold."""
+        wrong = state.wrong & self.targets
+        blamed = [r for r in self.near if r.name in wrong and address in r.addresses]
+        goals: list[Interval] = []
+        for relation in by_value(r for r in blamed if r.unknown is None):
+            goal = _freed(relation, address, state.cells)
+            if goal is None:
+                return
+            goals.append(goal)
+        for slip in self._reaching(state, address):
+            low, high = widened(allowed(slip.changes[0][1]))
+            if all(low <= end and high >= start for start, end in goals):
+                yield slip
+
+    def _values(self, relation: Relation, cells: Sheet) -> Iterable[Interval | None]:
+        """Return the values of the unknown worth trying: those that the others allow."""
+        if relation.unknown is None:
+            return [None]
+        others = [r for r in self.near if r.unknown is relation.unknown and r is not relation]
+        about = agreements(cells, others).get(relation.unknown.name)
+        return list(about.by_relation.values()) if about and about.by_relation else [None]
+
+    def _after(
+        self, state: State, slip: Slip, worth: Callable[[frozenset[str]], bool]
+    ) -> State | None:
+        """Undo a slip, and judge again what it touches and what shares an unknown with that.
+
+        None as soon as what is wrong is not worth going on; the group's own relations come first.
+        """
+        cells = slip.undone(state.cells)
+        again = self._again(slip.addresses)
+        wrong = state.wrong - {relation.name for batch in again for relation in batch}
+        for batch in again:
+            if not worth(wrong):
+                return None
+            wrong |= contradicted(cells, batch)
+        return State((*state.slips, slip), cells, wrong) if worth(wrong) else None
+
+    def _again(self, moved: frozenset[str]) -> list[list[Relation]]:
+        """Return what some cells touch, in batches that can be judged one after the other."""
+        if moved not in self._affected:
+            hit = [r for r in self.near if not moved.isdisjoint(r.addresses)]
+            alone = [r for r in hit if r.unknown is None]
+            ours = [[r] for r in alone if r.name in self.targets]
+            others = [[r] for r in alone if r.name not in self.targets]
+            self._affected[moved] = [*ours, _sharing(hit, self.near), *others]
+        return self._affected[moved]
+
+
+def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Relation]:
+    """Return the relations that share an unknown with some of them."""
+    unknowns = {r.unknown for r in some if r.unknown}
+    return [r for r in relations if r.unknown in unknowns]
+
+
+def _freed(
+    relation: Relation, address: str, cells: Sheet, unknown: Interval | None = None
+) -> Interval | None:
+    """Return the values of a cell that its relation allows, with its own print left open."""
+    intervals = printed_intervals(cells, [relation]) | {address: EVERYTHING}
+    free = contract(relation, intervals, unknown)
+    return None if free is None else free[address]
+
+
+def _value(relation: Relation, cells: Sheet) -> Interval | None:
+    """Return what a relation allows of its unknown; None if that is nothing or it has none."""
+    if relation.unknown is None:
+        return None
+    return projection(relation, printed_intervals(cells, [relation]))
+
+
+def _apart(one: Interval, two: Interval | None) -> bool:
+    return two is not None and (one[1] < two[0] or two[1] < one[0])
 
 
 def _correction(state: State, search: Search) -> Correction:
-    near, already = search.near, search.already
-    order = [relation.name for relation in near]
-    broken = tuple(name for name in order if name in state.wrong - already)
-    ours = [relation for relation in near if relation.name in search.targets]
-    unknowns = fix_unknowns(state.cells, ours)
+    order = [relation.name for relation in search.near]
+    broken = state.wrong - search.already
+    ours = [relation for relation in search.near if relation.name in search.targets]
+    unknowns = agreements(state.cells, ours)
     return Correction(
         slips=state.slips,
-        lifted=tuple(name for name in order if name in already - state.wrong),
-        broken=broken,
+        lifted=tuple(name for name in order if name in search.already - state.wrong),
+        broken=tuple(name for name in order if name in broken),
         unknowns=unknowns,
-        moved=_moved_claims(state.cells, near, set(broken), already),
-        misfit=_misfit(state.cells, ours, unknowns),
+        moved=_moved_claims(state.cells, search, broken),
+        misfit=_misfit(state.cells, ours, unknowns.values()),
     )
 
 
-def _moved_claims(
-    cells: Sheet, near: Sequence[Relation], broken: set[str], already: frozenset[str]
-) -> tuple[str, ...]:
+def _moved_claims(cells: Sheet, search: Search, broken: frozenset[str]) -> tuple[str, ...]:
     """Compute again the results of broken relations and see which claims then fail."""
     anew = dict(cells)
-    for relation in near:
+    for relation in search.near:
         result = relation.result
         if relation.name in broken and result is not None and relation.unknown is None:
             _, right = relation.sides({a: anew[a].si for a in relation.addresses})
             printed = anew[result]
-            if not math.isfinite(right):
-                continue
-            text = printed.number.format(right / si_factor(printed.unit))
-            anew[result] = printed.printing(text)
-    claims = [relation for relation in near if relation.claim]
-    fallen = contradicted(anew, claims) - already
+            if math.isfinite(right):
+                text = printed.number.format(right / si_factor(printed.unit))
+                anew[result] = reprinted(printed, text)
+    claims = [relation for relation in search.near if relation.claim]
+    fallen = contradicted(anew, claims) - search.already
     return tuple(dict.fromkeys(r.claim for r in claims if r.claim and r.name in fallen))
 
 
-def _worth_showing(found: Sequence[Correction]) -> Iterator[Correction]:
-    """Leave out what holds a smaller correction whole, unless only it restores everything."""
-    kept: list[tuple[frozenset[tuple[tuple[str, Quantity], ...]], bool]] = []
-    for correction in sorted(found, key=lambda c: c.cost):
-        whole = correction.restores_everything
-        changes = frozenset(slip.changes for slip in correction.slips)
-        if not any(less < changes and (full or not whole) for less, full in kept):
-            kept.append((changes, whole))
-            yield correction
-
-
-def _misfit(cells: Sheet, relations: Sequence[Relation], unknowns: Mapping[str, Fixed]) -> float:
+def _misfit(cells: Sheet, relations: Sequence[Relation], unknowns: Iterable[Agreement]) -> float:
     """Return how far the corrected numbers still lie from the relations, within rounding."""
-    apart = [fixed.spread for fixed in unknowns.values() if fixed.by_relation]
+    apart = [agreement.spread for agreement in unknowns if agreement.by_relation]
     for relation in by_value(relations):
         if relation.unknown is None and relation.formula.sign == "=":
             left, right = relation.sides({a: cells[a].si for a in relation.addresses})
             size = max(abs(left), abs(right))
             apart.append(abs(left - right) / size if size else 0.0)
     return max(apart, default=0.0)
+
+
+def _worth_showing(found: Sequence[Correction]) -> Iterator[Correction]:
+    """Leave out what holds a smaller correction whole, unless only it restores everything."""
+    kept: list[tuple[frozenset[tuple[tuple[str, Cell], ...]], bool]] = []
+    for correction in sorted(found, key=lambda c: c.cost):
+        whole = correction.restores_everything
+        changes = frozenset(slip.changes for slip in correction.slips)
+        if not any(less < changes and (full or not whole) for less, full in kept):
+            kept.append((changes, whole))
+            yield correction

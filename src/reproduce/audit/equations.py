@@ -6,12 +6,12 @@ chain of frames that should close. Where our text of it fails, the right form ru
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.audit.quantity import Sheet
+from reproduce.audit.rounding import Sheet
 from reproduce.physics.attitude import lasers, misalignment
 from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
 from reproduce.physics.light import raytrace
@@ -23,6 +23,8 @@ from reproduce.physics.registration.calibration import constraint, constraint_pr
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.units import si_factor
 
+__all__ = ["STEPS", "Demonstration", "demonstrations"]
+
 # Far above the noise of double precision, far below any digit of print.
 _ZERO = 1e-9
 STEPS = 5
@@ -30,24 +32,11 @@ STEPS = 5
 
 @dataclass(frozen=True)
 class Demonstration:
-    """An equation run as printed.
+    """An equation run as printed: what it was asked, what it gives, and what it should give.
 
-    Parameters
-    ----------
-    name : str
-        Its only name.
-    place : str
-        Equation or section.
-    asked : str
-        What an equation of this kind must do.
-    printed, right : float
-        What the printed form gives for it, and the form that the library uses.
-    wanted : float
-        What it should give.
-    meaning : str
-        What the numbers are.
-    supposition : str
-        What it supposes that the paper does not say; empty where it supposes nothing.
+    `right` is what the form that the library uses gives, `meaning` what the numbers are, and
+    `supposition` what the run supposes that the paper does not say; empty where it supposes
+    nothing.
     """
 
     name: str
@@ -70,66 +59,47 @@ class Demonstration:
         return abs(self.right - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
 
 
-def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
-    """Run the equations of a paper as printed.
-
-    In order of print; none of a paper whose equations are not held against its numbers.
-    """
-    runs: dict[str, tuple[Callable[[Sheet], Iterator[Demonstration]], ...]] = {
-        "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
-        "chen2023": (
-            _unit_vectors,
-            _chain,
-            _stage_angle,
-            _stage_signs,
-            _retroreflector,
-            _roll_leak,
-        ),
-    }
-    return [shown for run in runs.get(paper, ()) for shown in run(cells)]
-
-
-def _distortion_ratio(cells: Sheet) -> Iterator[Demonstration]:
+def _distortion_ratio(cells: Sheet) -> Demonstration:
     k = cells["niu2024/table-2#scale.red"].si
     ours, theirs = (cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red"))
     right = float(chromatic.distortion_ratio(k, ours, theirs))
     # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
     printed = k**2 * ours / theirs
     asked = "the ratio of distortions must be the same along x and y"
-    yield Demonstration("distortion-ratio", "(7)", asked, printed, right, right, "ratio along y")
+    return Demonstration("distortion-ratio", "(7)", asked, printed, right, right, "ratio along y")
 
 
-def _turned_back(cells: Sheet) -> Iterator[Demonstration]:
+def _turned_back(cells: Sheet) -> Demonstration:
     angle = cells["niu2024/table-2#rotation.red"].si
     start = np.array([[3.0, 4.0]])
     cosine, sine = np.cos(angle), np.sin(angle)
     back = turned_onto_detector(start, angle) @ np.array([[cosine, -sine], [sine, cosine]]).T
     left = float(np.abs(back - start).max())
     asked = "the rotation of (13) must undo that of (22) and (23)"
-    yield Demonstration("turned-back", "(13), (22), (23)", asked, left, left, 0.0, "what is left")
+    return Demonstration("turned-back", "(13), (22), (23)", asked, left, left, 0.0, "what is left")
 
 
-def _rotary(cells: Sheet) -> Iterator[Demonstration]:
+def _rotary(cells: Sheet) -> Demonstration:
     turn = cells["niu2024/text-simulation#range-x-high"].si
     printed, right = (
         float(np.linalg.det(form(0.0, turn))) for form in (rotary_matrix_printed, rotary_matrix)
     )
     asked = "a rotation matrix must have determinant one"
-    yield Demonstration(
+    return Demonstration(
         "rotary-matrix", "(20)", asked, printed, right, 1.0, "determinant at the largest angle"
     )
 
 
-def _constraint(cells: Sheet) -> Iterator[Demonstration]:
+def _constraint(cells: Sheet) -> Demonstration:
     turn = cells["niu2024/table-2#rotation.red"].si
     printed, right = float(constraint_printed(turn)), float(constraint(turn))
     asked = "cosine and sine must lie on the unit circle"
-    yield Demonstration(
+    return Demonstration(
         "unit-circle", "section 3.2", asked, printed, right, 0.0, "excess at a printed angle"
     )
 
 
-def _iteration(cells: Sheet) -> Iterator[Demonstration]:
+def _iteration(cells: Sheet) -> Demonstration:
     t = "niu2024/table-2#"
     truth = np.array(
         [
@@ -148,7 +118,7 @@ def _iteration(cells: Sheet) -> Iterator[Demonstration]:
             found = step(found, source, target, middle)
         left[step.__name__] = float(np.linalg.norm((found - truth)[2:]))
     asked = f"an iteration must approach the solution; after {STEPS} steps the error must be gone"
-    yield Demonstration(
+    return Demonstration(
         "iteration",
         "(24), (25)",
         asked,
@@ -159,7 +129,7 @@ def _iteration(cells: Sheet) -> Iterator[Demonstration]:
     )
 
 
-def _stacked(cells: Sheet) -> Iterator[Demonstration]:
+def _stacked(cells: Sheet) -> Demonstration:
     """Stack the rows of (25) side by side, as printed, before the transposition."""
     size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
@@ -167,7 +137,7 @@ def _stacked(cells: Sheet) -> Iterator[Demonstration]:
     printed = np.hstack([row[np.newaxis] for row in right]).T
     asked = "the Jacobian must have a column for each of the four parameters"
     one, many = (float(matrix.shape[1]) for matrix in (printed, right))
-    yield Demonstration("jacobian", "(25)", asked, one, many, 4.0, "columns")
+    return Demonstration("jacobian", "(25)", asked, one, many, 4.0, "columns")
 
 
 def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
@@ -176,9 +146,9 @@ def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
     return places, cells["chen2023/table-2#telescope-focal-length.value"].si
 
 
-def _unit_vectors(cells: Sheet) -> Iterator[Demonstration]:
+def _unit_vectors(cells: Sheet) -> Demonstration:
     length = float(np.linalg.norm(lasers.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
-    yield Demonstration(
+    return Demonstration(
         "unit-vectors",
         "(2), (3)",
         "a direction must have length one",
@@ -189,7 +159,7 @@ def _unit_vectors(cells: Sheet) -> Iterator[Demonstration]:
     )
 
 
-def _chain(cells: Sheet) -> Iterator[Demonstration]:
+def _chain(cells: Sheet) -> Demonstration:
     """Close the chain (4), (6), (7): the misalignment put in must come out."""
     camera = lasers.emitted_directions(*_laser_geometry(cells))
     zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
@@ -198,14 +168,14 @@ def _chain(cells: Sheet) -> Iterator[Demonstration]:
     seen = camera @ moved.T  # w = T v, one row for each laser
     left = float(np.abs(camera - seen @ (turned @ transpose(zero)).T).max())
     asked = "the misalignment put in by (6) must make (7) vanish"
-    yield Demonstration("chain", "(4), (6), (7)", asked, left, left, 0.0, "largest residual")
+    return Demonstration("chain", "(4), (6), (7)", asked, left, left, 0.0, "largest residual")
 
 
 def _between(one: FloatArray, two: FloatArray) -> float:
     return float(np.linalg.norm(one - two)) / si_factor("arcsec")
 
 
-def _retroreflector(cells: Sheet) -> Iterator[Demonstration]:
+def _retroreflector(cells: Sheet) -> Demonstration:
     """Turn the reflector of the satellite, read as a corner cube, about three axes."""
     beam, turn = np.array([0.0, 0.0, -1.0]), si_factor("arcsec")
     straight = raytrace.mirror_train(raytrace.CORNER) @ beam
@@ -215,11 +185,11 @@ def _retroreflector(cells: Sheet) -> Iterator[Demonstration]:
         for turned in turns
     )
     asked = "the returning beam must not turn with the retroreflector, about whatever axis"
-    told = "arcseconds by which the beam turns for each of the reflector, about the worst axis"
-    yield Demonstration("retroreflector", "II-B", asked, moved, moved, 0.0, told)
+    meaning = "arcseconds by which the beam turns for each of the reflector, about the worst axis"
+    return Demonstration("retroreflector", "II-B", asked, moved, moved, 0.0, meaning)
 
 
-def _roll_leak(cells: Sheet) -> Iterator[Demonstration]:
+def _roll_leak(cells: Sheet) -> Demonstration:
     """Roll the camera about its boresight, and take the error of (5) in the two orders."""
     t = "chen2023/table-2#tracker-"
     spots = np.array(
@@ -236,14 +206,14 @@ def _roll_leak(cells: Sheet) -> Iterator[Demonstration]:
         for form in (misalignment.transform_error_printed, misalignment.misalignment_between)
     ]
     asked = "a roll of the camera must not count as an error about X and Y"
-    told = "arcseconds about X and Y for a roll of one arcminute"
+    meaning = "arcseconds about X and Y for a roll of one arcminute"
     place, supposed = "V-B, behind Fig. 8", "the tracker's boresight meets its detector's centre"
-    yield Demonstration(
-        "roll-leak", place, asked, errors[0], errors[1], 0.0, told, supposition=supposed
+    return Demonstration(
+        "roll-leak", place, asked, errors[0], errors[1], 0.0, meaning, supposition=supposed
     )
 
 
-def _stage_angle(cells: Sheet) -> Iterator[Demonstration]:
+def _stage_angle(cells: Sheet) -> Demonstration:
     travel = cells["chen2023/text-effectiveness#maximum-travel"].si
     focal = cells["chen2023/text-effectiveness#focal-length"].si
     arcsec = si_factor("arcsec")
@@ -253,7 +223,7 @@ def _stage_angle(cells: Sheet) -> Iterator[Demonstration]:
     )
     asked = "a length moved behind a focal length must turn the beam by their ratio"
     wanted = -float(np.arctan(travel / focal)) / arcsec
-    yield Demonstration(
+    return Demonstration(
         "stage-angle",
         "(10)",
         asked,
@@ -264,7 +234,7 @@ def _stage_angle(cells: Sheet) -> Iterator[Demonstration]:
     )
 
 
-def _stage_signs(cells: Sheet) -> Iterator[Demonstration]:
+def _stage_signs(cells: Sheet) -> Demonstration:
     """Move the lasers along Y and let (5) and (7) measure which way the camera seems to turn."""
     places, focal = _laser_geometry(cells)
     shift = cells["chen2023/text-effectiveness#step"].si
@@ -277,7 +247,7 @@ def _stage_signs(cells: Sheet) -> Iterator[Demonstration]:
     right = float(misalignment.stage_angles([0.0, shift], focal)[0])
     signs = [float(np.sign(angle)) for angle in (printed, right, measured)]
     asked = "with right-handed axes (10) must have the sign that (7) measures about X"
-    yield Demonstration(
+    return Demonstration(
         "stage-signs",
         "(10)",
         asked,
@@ -289,13 +259,12 @@ def _stage_signs(cells: Sheet) -> Iterator[Demonstration]:
     )
 
 
-def refused_by_units() -> str:
-    """Let the units library judge the dimension of (10) as printed, and return its complaint."""
-    import pint
+_RUNS: dict[str, tuple[Callable[[Sheet], Demonstration], ...]] = {
+    "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
+    "chen2023": (_unit_vectors, _chain, _stage_angle, _stage_signs, _retroreflector, _roll_leak),
+}
 
-    registry = pint.application_registry
-    try:
-        np.tan(registry.Quantity(1.0, "micrometer"))
-    except pint.DimensionalityError as error:
-        return str(error)
-    return ""
+
+def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
+    """Run the equations of a paper as printed, in order of print; none if none are declared."""
+    return [run(cells) for run in _RUNS.get(paper, ())]

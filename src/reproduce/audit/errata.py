@@ -10,9 +10,11 @@ from pydantic import BaseModel, ConfigDict
 
 from reproduce.audit.equations import Demonstration
 from reproduce.audit.examine import Finding
-from reproduce.audit.relation import Reading
+from reproduce.audit.relation import Finder
 from reproduce.audit.report import Audit
 from reproduce.printed.cells import PAPERS
+
+__all__ = ["Erratum", "register"]
 
 Conclusion = Literal["stands", "moves", "open"]
 
@@ -38,7 +40,7 @@ class Erratum(BaseModel):
     conclusion: Conclusion
     because: str
     status: Literal["open", "one reading of several", "reported", "confirmed"]
-    reading: Reading
+    reading: Finder
     extraction: bool = False
     supposition: str = ""
     evidence: str = ""
@@ -59,10 +61,7 @@ class Erratum(BaseModel):
 
 
 def register(text: str) -> list[Erratum]:
-    """Read the register.
-
-    In the order of the file.
-    """
+    """Read the register, in the order of the file."""
     entries = [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]
     seen: set[str] = set()
     for entry in entries:

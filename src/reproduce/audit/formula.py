@@ -7,72 +7,83 @@ A formula is a comparison between two expressions in named cells: ``motion = pos
 from __future__ import annotations
 
 import ast
-import copy
 import functools
 import math
 import operator
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from reproduce.printed.units import UNITS, si_factor
 
-SIGNS: dict[type[ast.cmpop], str] = {ast.Eq: "=", ast.LtE: "<=", ast.GtE: ">="}
-_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-}
-SINGLE = ("abs", "sqrt", "sin", "cos", "tan", "atan")
-LISTS = ("mean", "rms", "sum", "min", "max", "count")
-Arithmetic = Mapping[str, Callable[..., Any]]
-Plain = Callable[[Mapping[str, Any]], Any]
-FLOATS: Arithmetic = {
-    "abs": abs,
-    "min": min,
-    "max": max,
-    **{name: getattr(math, name) for name in ("sqrt", "sin", "cos", "tan", "atan")},
-}
+__all__ = ["Formula", "FormulaError", "Functions", "Side", "functions", "read"]
+
+_SIGNS: dict[type[ast.cmpop], str] = {ast.Eq: "=", ast.LtE: "<=", ast.GtE: ">="}
+_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
+_OF_ONE = ("abs", "sqrt", "sin", "cos", "tan", "atan")
+_OF_LISTS = ("mean", "rms", "sum", "min", "max", "count")
+Functions = dict[str, Any]
 
 
 class FormulaError(ValueError):
     """A formula is not one that the audit can read; the message says what is expected."""
 
 
+def functions(known: Mapping[str, Callable[..., Any]]) -> Functions:
+    """Return what formulas may call in some arithmetic, made of `min`, `max` and those of one."""
+    lists = {name: functools.partial(_of_list, name, known) for name in _OF_LISTS}
+    return {"__builtins__": {}, **{name: known[name] for name in _OF_ONE}, **lists}
+
+
+def _of_list(name: str, known: Mapping[str, Callable[..., Any]], *arguments: Any) -> Any:
+    entries = [x for entry in arguments for x in (entry if isinstance(entry, list) else [entry])]
+    if name == "count":
+        return len(entries)
+    if name in {"min", "max"}:
+        return functools.reduce(known[name], entries)
+    if name == "rms":
+        return known["sqrt"](_total([x * x for x in entries]) / len(entries))
+    total = _total(entries)
+    return total / len(entries) if name == "mean" else total
+
+
+def _total(entries: list[Any]) -> Any:
+    return functools.reduce(operator.add, entries)
+
+
+FLOATS = functions(
+    {"abs": abs, "min": min, "max": max, **{n: getattr(math, n) for n in _OF_ONE[1:]}}
+)
+
+
+class Side(Protocol):
+    """One side of a formula, evaluated in any arithmetic."""
+
+    def __call__(
+        self,
+        values: Mapping[str, Any],
+        known: Functions = FLOATS,
+        unit: Callable[[str], Any] = si_factor,
+    ) -> Any:
+        """Return its value for what its names, functions and units stand for."""
+
+
 @dataclass(frozen=True)
 class Formula:
-    """A comparison between two expressions.
+    """A comparison between two expressions: its text, its sides, and the cells in order.
 
-    Parameters
-    ----------
-    text : str
-        The formula as written.
-    left, right : ast.expr
-        Its two sides.
-    sign : str
-        ``=``, ``<=`` or ``>=``.
-    names : tuple of str
-        The cells it names, in order of appearance.
+    `sign` is ``=``, ``<=`` or ``>=``; `result` is the name that stands alone on the left of an
+    equation, empty if none does; `bare` tells whether both sides are nothing but a name.
     """
 
     text: str
-    left: ast.expr
-    right: ast.expr
+    left: Side
+    right: Side
     sign: str
     names: tuple[str, ...]
-
-    @functools.cached_property
-    def plain(self) -> tuple[Plain, Plain]:
-        """The two sides as functions of plain values: what `evaluate` says, and quicker."""
-        return _compiled(self.left), _compiled(self.right)
-
-    @property
-    def result(self) -> str | None:
-        """The name on the left if it stands there alone in an equation, else None."""
-        alone = isinstance(self.left, ast.Name) and self.sign == "="
-        return self.left.id if alone and isinstance(self.left, ast.Name) else None
+    result: str
+    bare: bool
 
 
 @functools.cache
@@ -81,23 +92,28 @@ def read(text: str) -> Formula:
 
     Examples
     --------
-    >>> read("motion = position - first").names
-    ('motion', 'position', 'first')
+    >>> formula = read("motion = 2 * position - first")
+    >>> formula.names, formula.right({"position": 5.0, "first": 1.0})
+    (('motion', 'position', 'first'), 9.0)
     """
     try:
         tree = ast.parse(re.sub(r"(?<![<>=])=(?!=)", "==", text), mode="eval").body
     except SyntaxError as error:
         raise FormulaError(f"{text!r}: expected a formula such as 'a = b - c'") from error
-    if not isinstance(tree, ast.Compare) or len(tree.ops) != 1 or type(tree.ops[0]) not in SIGNS:
+    if not isinstance(tree, ast.Compare) or len(tree.ops) != 1 or type(tree.ops[0]) not in _SIGNS:
         raise FormulaError(f"{text!r}: expected two expressions with one of = <= >= between them")
     names: dict[str, None] = {}
-    for side in (tree.left, tree.comparators[0]):
+    left, right = tree.left, tree.comparators[0]
+    for side in (left, right):
         _check(side, text, names)
-    sign = SIGNS[type(tree.ops[0])]
-    return Formula(text, tree.left, tree.comparators[0], sign, tuple(names))
+    sign = _SIGNS[type(tree.ops[0])]
+    result = left.id if isinstance(left, ast.Name) and sign == "=" else ""
+    bare = isinstance(left, ast.Name) and isinstance(right, ast.Name)
+    return Formula(text, _compiled(left), _compiled(right), sign, tuple(names), result, bare)
 
 
 def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
+    """Refuse what is not arithmetic with the known functions, and collect the names."""
     match node:
         case ast.Constant(value=int() | float()):
             return
@@ -109,96 +125,47 @@ def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
             _check(inner, text, names)
         case ast.BinOp(left=base, op=ast.Pow(), right=ast.Constant(value=int())):
             _check(base, text, names)
-        case ast.BinOp(left=one, op=op, right=two) if type(op) in _BINARY:
+        case ast.BinOp(left=one, op=op, right=two) if isinstance(op, _OPERATORS):
             _check(one, text, names)
             _check(two, text, names)
         case ast.Call(func=ast.Name(id=name), args=[*inner], keywords=[]) if (
-            inner and name in SINGLE + LISTS
+            inner and name in _OF_ONE + _OF_LISTS
         ):
             for one in inner:
                 _check(one, text, names)
         case _:
             raise FormulaError(
                 f"{text!r}: cannot read {ast.unparse(node)!r}; expected names, numbers, "
-                f"+ - * / **, units as u.mm, and {', '.join(SINGLE + LISTS)}"
+                f"+ - * / **, units as u.mm, and {', '.join(_OF_ONE + _OF_LISTS)}"
             )
 
 
-def evaluate(
-    node: ast.expr,
-    values: Mapping[str, Any],
-    functions: Arithmetic = FLOATS,
-    unit: Callable[[str], Any] = si_factor,
-) -> Any:
-    """Evaluate one side of a formula in any arithmetic.
-
-    Examples
-    --------
-    >>> evaluate(read("a = b - 2 * c").right, {"b": 5.0, "c": 1.0})
-    3.0
-    """
-    go = functools.partial(evaluate, values=values, functions=functions, unit=unit)
-    match node:
-        case ast.Constant(value=number):
-            return number
-        case ast.Attribute(attr=name):
-            return unit(name)
-        case ast.Name(id=name):
-            return values[name]
-        case ast.UnaryOp(operand=inner):
-            return -go(inner)
-        case ast.BinOp(left=base, op=ast.Pow(), right=ast.Constant(value=power)):
-            return go(base) ** power
-        case ast.BinOp(left=one, op=op, right=two):
-            return _BINARY[type(op)](go(one), go(two))
-        case ast.Call(func=ast.Name(id=name), args=inner) if name in SINGLE:
-            return functions[name](go(inner[0]))
-        case ast.Call(func=ast.Name(id=name), args=inner):
-            return _of_list(name, [go(one) for one in inner], functions)
-    raise FormulaError(f"cannot evaluate {ast.unparse(node)!r}")
-
-
-def _of_list(name: str, arguments: Sequence[Any], functions: Arithmetic) -> Any:
-    entries = [x for entry in arguments for x in (entry if isinstance(entry, list) else [entry])]
-    if name == "count":
-        return len(entries)
-    if name in {"min", "max"}:
-        return functools.reduce(functions[name], entries)
-    if name == "rms":
-        return functions["sqrt"](_total([x * x for x in entries]) / len(entries))
-    total = _total(entries)
-    return total / len(entries) if name == "mean" else total
-
-
-class _Looked(ast.NodeTransformer):
-    """Turn names into values that are looked up, and units into numbers."""
+class _LookUp(ast.NodeTransformer):
+    """Turn names and units into what is looked up when the formula is evaluated."""
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         """Look a value up, since a cell may be called as a function is."""
         return ast.Subscript(ast.Name("values", ast.Load()), ast.Constant(node.id), ast.Load())
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
-        """Put down the SI value of a unit."""
-        return ast.Constant(si_factor(node.attr))
+        """Ask for the value of a unit."""
+        return ast.Call(ast.Name("unit", ast.Load()), [ast.Constant(node.attr)], [])
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         """Leave the name of a function alone."""
         return ast.Call(node.func, [self.visit(entry) for entry in node.args], [])
 
 
-def _compiled(side: ast.expr) -> Plain:
-    """Compile a side, of which `read` has seen that it is arithmetic with the known functions."""
-    tree = ast.Expression(_Looked().visit(copy.deepcopy(side)))
-    code = compile(ast.fix_missing_locations(tree), "<formula>", "eval")
-    return lambda values: eval(code, _PLAIN, {"values": values})
+def _compiled(side: ast.expr) -> Side:
+    """Compile a side, of which `_check` has seen that it is arithmetic with known functions."""
+    tree = ast.fix_missing_locations(ast.Expression(_LookUp().visit(side)))
+    code = compile(tree, "<formula>", "eval")
 
+    def value(
+        values: Mapping[str, Any],
+        known: Functions = FLOATS,
+        unit: Callable[[str], Any] = si_factor,
+    ) -> Any:
+        return eval(code, known, {"values": values, "unit": unit})
 
-_PLAIN = {
-    "__builtins__": {},
-    **{name: FLOATS[name] for name in SINGLE},
-    **{name: (lambda *entries, name=name: _of_list(name, entries, FLOATS)) for name in LISTS},
-}
-
-
-def _total(entries: list[Any]) -> Any:
-    return functools.reduce(operator.add, entries)
+    return value

@@ -15,9 +15,11 @@ import sys
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from reproduce.audit.formula import evaluate
-from reproduce.audit.quantity import Interval
+from reproduce.audit.formula import functions
 from reproduce.audit.relation import Relation
+from reproduce.printed.number import Interval
+
+__all__ = ["EVERYTHING", "contractor"]
 
 _INF = math.inf
 EVERYTHING: Interval = (-_INF, _INF)
@@ -26,9 +28,11 @@ _LARGEST, _SMALLEST = sys.float_info.max, math.ulp(0.0)
 # Far more than a C library errs by, and than a root does whose exponent 1/n is rounded: no float
 # has a logarithm above 745, and 745 / 3 half units of the last place are 3e-14.
 _ROOM = 1e-13
-Found = Interval | None
-Pair = tuple[Interval, Interval] | None
-Step = tuple[Callable[[Interval, Interval], Found], Callable[[Interval, Interval, Interval], Pair]]
+_Found = Interval | None
+_Pair = tuple[Interval, Interval] | None
+_Step = tuple[
+    Callable[[Interval, Interval], _Found], Callable[[Interval, Interval, Interval], _Pair]
+]
 
 
 def _ends(low: float, high: float) -> Interval:
@@ -44,18 +48,18 @@ def _loose(low: float, high: float) -> Interval:
     return _ends(low * (1 - math.copysign(_ROOM, low)), high * (1 + math.copysign(_ROOM, high)))
 
 
-def _meet(one: Interval, two: Interval) -> Found:
+def _meet(one: Interval, two: Interval) -> _Found:
     low = one[0] if one[0] > two[0] else two[0]
     high = one[1] if one[1] < two[1] else two[1]
     return (low, high) if low <= high else None
 
 
-def _hull(within: Interval, parts: Iterable[Interval]) -> Found:
+def _hull(within: Interval, parts: Iterable[Interval]) -> _Found:
     met = [found for part in parts if (found := _meet(within, part))]
     return (min(low for low, _ in met), max(high for _, high in met)) if met else None
 
 
-def _both(x: Found, y: Found) -> Pair:
+def _both(x: _Found, y: _Found) -> _Pair:
     return (x, y) if x and y else None
 
 
@@ -108,18 +112,18 @@ def _quotients(x: Interval, y: Interval) -> list[Interval]:
     return below + above
 
 
-def _lesser(z: Interval, x: Interval, y: Interval) -> Pair:
+def _lesser(z: Interval, x: Interval, y: Interval) -> _Pair:
     """Narrow two numbers by the lesser of them: one alone is it if the other lies above."""
     alone, other = z[1] if y[0] > z[1] else _INF, z[1] if x[0] > z[1] else _INF
     return _both(_meet(x, (z[0], alone)), _meet(y, (z[0], other)))
 
 
-def _greater(z: Interval, x: Interval, y: Interval) -> Pair:
+def _greater(z: Interval, x: Interval, y: Interval) -> _Pair:
     alone, other = z[0] if y[1] < z[0] else -_INF, z[0] if x[1] < z[0] else -_INF
     return _both(_meet(x, (alone, z[1])), _meet(y, (other, z[1])))
 
 
-_TWO: dict[str, Step] = {
+_TWO: dict[str, _Step] = {
     "add": (_add, lambda z, x, y: _both(_meet(x, _subtract(z, y)), _meet(y, _subtract(z, x)))),
     "sub": (_subtract, lambda z, x, y: _both(_meet(x, _add(z, y)), _meet(y, _subtract(x, z)))),
     "mul": (
@@ -140,14 +144,14 @@ def _rising(
     inverse: Callable[[float], float],
     domain: Interval = EVERYTHING,
     values: Interval = EVERYTHING,
-) -> Step:
+) -> _Step:
     """Return the step of a function that rises over its domain from end to end of its values."""
 
-    def forwards(x: Interval, _: Interval) -> Found:
+    def forwards(x: Interval, _: Interval) -> _Found:
         inside = _meet(x, domain)
         return inside and _meet(_loose(function(inside[0]), function(inside[1])), values)
 
-    def backwards(z: Interval, x: Interval, _: Interval) -> Pair:
+    def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
         left = _meet(z, values)
         if left is None:
             return None
@@ -165,7 +169,7 @@ def _turning(
     inverse: Callable[[float], float],
     values: Interval,
     sign: int,
-) -> Step:
+) -> _Step:
     """Return the step of a function that rises over half a turn, and repeats it times `sign`."""
     half = math.pi / 2
     rises, narrows = _rising(function, inverse, (-half, half), values)
@@ -176,14 +180,14 @@ def _turning(
         at = _subtract(x, moved) if turns else x
         return (at, moved, sign < 0 and turns % 2 == 1) if max(-at[0], at[1]) <= half else None
 
-    def forwards(x: Interval, _: Interval) -> Found:
+    def forwards(x: Interval, _: Interval) -> _Found:
         found = branch(x)
         if found is None:
             return values
         z = rises(found[0], found[0])
         return (-z[1], -z[0]) if z and found[2] else z
 
-    def backwards(z: Interval, x: Interval, _: Interval) -> Pair:
+    def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
         found = branch(x)
         if found is None:
             return x, x
@@ -195,7 +199,7 @@ def _turning(
 
 
 @functools.cache
-def _power(exponent: int, absolute: bool = False) -> Step:
+def _power(exponent: int, absolute: bool = False) -> _Step:
     """Return the step of a power, or of a power of the absolute value."""
     widened = _ends if exponent == 1 else _loose
 
@@ -209,7 +213,7 @@ def _power(exponent: int, absolute: bool = False) -> Step:
         near, far = sorted(map(abs, x))
         return widened(0.0 if x[0] <= 0 <= x[1] else power(near), power(far))
 
-    def backwards(z: Interval, x: Interval, _: Interval) -> Pair:
+    def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
         if z[1] < 0:
             return None
         low, high = widened(root(max(z[0], 0.0)), root(z[1]))
@@ -219,7 +223,7 @@ def _power(exponent: int, absolute: bool = False) -> Step:
     return _rising(power, root) if exponent % 2 and not absolute else (forwards, backwards)
 
 
-_ONE: dict[str, Step] = {
+_ONE: dict[str, _Step] = {
     "abs": _power(1, absolute=True),
     "sqrt": _rising(math.sqrt, lambda z: z * z, (0.0, _INF), (0.0, _INF)),
     "atan": _rising(math.atan, math.tan, values=(-math.pi / 2, math.pi / 2)),
@@ -228,15 +232,15 @@ _ONE: dict[str, Step] = {
 }
 
 
-class _Row:
+class _Steps:
     """The intervals of a formula's numbers before any step, and the steps between them."""
 
     def __init__(self, size: int) -> None:
         self.start: list[Interval] = [EVERYTHING] * size
-        self.steps: list[tuple[Step, int, int, int]] = []
+        self.steps: list[tuple[_Step, int, int, int]] = []
 
-    def step(self, step: Step, x: Any, y: Any) -> _Number:
-        """Take one step further, from numbers of the formula or plain ones."""
+    def further(self, step: _Step, x: Any, y: Any) -> _Number:
+        """Take one step more, from numbers of the formula or plain ones."""
         one, two = self._place(x), self._place(y)
         self.start.append(EVERYTHING)
         self.steps.append((step, len(self.start) - 1, one, two))
@@ -248,32 +252,33 @@ class _Row:
         self.start.append(operand if isinstance(operand, tuple) else (operand, operand))
         return len(self.start) - 1
 
-    def functions(self) -> dict[str, Callable[..., Any]]:
+    def functions(self) -> dict[str, Any]:
         """Return the functions that a formula may name."""
-        one = {name: lambda x, s=step: self.step(s, x, x) for name, step in _ONE.items()}
-        two = {name: functools.partial(self.step, _TWO[name]) for name in ("min", "max")}
+        one = {name: lambda x, s=step: self.further(s, x, x) for name, step in _ONE.items()}
+        two = {name: functools.partial(self.further, _TWO[name]) for name in ("min", "max")}
         quarter = _loose(math.pi / 2, math.pi / 2)
-        return {**one, **two, "cos": lambda x: one["sin"](self.step(_TWO["add"], x, quarter))}
+        cosine = {"cos": lambda x: one["sin"](self.further(_TWO["add"], x, quarter))}
+        return functions({**one, **two, **cosine})
 
 
 class _Number:
-    """The place of a number in a row; arithmetic with it takes the row further."""
+    """The place of a number among the steps; arithmetic with it takes one step more."""
 
-    def __init__(self, row: _Row, at: int) -> None:
-        self.row, self.at = row, at
+    def __init__(self, steps: _Steps, at: int) -> None:
+        self.steps, self.at = steps, at
 
     def __neg__(self) -> _Number:
-        return self.row.step(_TWO["sub"], 0.0, self)
+        return self.steps.further(_TWO["sub"], 0.0, self)
 
     def __pow__(self, exponent: int) -> _Number:
-        return self.row.step(_power(exponent), self, self)
+        return self.steps.further(_power(exponent), self, self)
 
 
 def _operator(name: str, reflected: bool) -> Callable[[_Number, Any], _Number]:
     def operate(self: _Number, other: Any) -> _Number:
         if name == "mul" and isinstance(other, _Number) and other.at == self.at:
-            return self.row.step(_power(2), self, self)
-        return self.row.step(_TWO[name], *((other, self) if reflected else (self, other)))
+            return self.steps.further(_power(2), self, self)
+        return self.steps.further(_TWO[name], *((other, self) if reflected else (self, other)))
 
     return operate
 
@@ -291,20 +296,20 @@ def contractor(relation: Relation) -> Callable[[tuple[Interval, ...]], list[Inte
     the tolerance allows; it returns them narrowed, or None if nothing is left.
     """
     size = len(relation.addresses) + 2
-    row = _Row(size)
-    numbers: list[Any] = [_Number(row, at) for at in range(size)]
+    steps = _Steps(size)
+    numbers: list[Any] = [_Number(steps, at) for at in range(size)]
     *cells, unknown, departure = numbers
     values = relation.values(dict(zip(relation.addresses, cells, strict=True)), unknown)
-    formula = relation.formula
-    left, right = (evaluate(s, values, row.functions()) for s in (formula.left, formula.right))
+    formula, known = relation.formula, steps.functions()
+    left, right = formula.left(values, known), formula.right(values, known)
     relative = relation.tolerance is not None and relation.tolerance.unit is None
     right = right * (1 + departure) if relative else right + departure
-    gap = row.step(_TWO["sub"], left, right).at
+    gap = steps.further(_TWO["sub"], left, right).at
     target = _TARGETS[formula.sign]
 
     def contract(box: tuple[Interval, ...]) -> list[Interval] | None:
-        at = [*box, *row.start[size:]]
-        for (forwards, _), z, x, y in row.steps:
+        at = [*box, *steps.start[size:]]
+        for (forwards, _), z, x, y in steps.steps:
             found = forwards(at[x], at[y])
             if found is None:
                 return None
@@ -313,7 +318,7 @@ def contractor(relation: Relation) -> Callable[[tuple[Interval, ...]], list[Inte
         if left is None:
             return None
         at[gap] = left
-        for (_, backwards), z, x, y in reversed(row.steps):
+        for (_, backwards), z, x, y in reversed(steps.steps):
             pair = backwards(at[z], at[x], at[y])
             if pair is None:
                 return None

@@ -1,47 +1,56 @@
-"""A relation that printed numbers should keep, declared in one line."""
+"""Relations that printed numbers should keep, declared in a TOML text, one line each.
+
+The text has three parts: ``[unknown]`` names numbers that are not printed, ``[tolerance]`` names
+departures with their reasons, and ``[relations]`` holds topics, each a list of
+``{ name, formula, cells, source, kind, each, unknown, tolerance, claim, reading, supposition,
+restates }``. ``cells`` binds the names of the formula to addresses, ``"a=table-1#x.y
+b=table-1#x.*"``. ``each`` gives values to placeholders in braces, and a key such as ``"i,j"`` gives
+them together: ``motion-{state}-{axis}`` is the declaration of ``motion-4-y``, as every view says.
+"""
 
 from __future__ import annotations
 
-import ast
 import fnmatch
+import importlib.resources
 import itertools
 import math
-from collections.abc import Mapping
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from reproduce.audit.formula import Arithmetic, Formula, FormulaError, Plain, evaluate, read
-from reproduce.audit.quantity import Quantity, Sheet
+from reproduce.audit.formula import Formula, FormulaError, Side, functions, read
+from reproduce.audit.rounding import Sheet
+from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor
 
-Kind = Literal[
+__all__ = [
+    "Finder",
+    "Relation",
+    "RelationKind",
+    "Tolerance",
+    "Unknown",
+    "declared",
+    "relations_of",
+]
+
+RelationKind = Literal[
     "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
 ]
-KINDS: tuple[Kind, ...] = get_args(Kind)
 # Which of two independent readings of a paper found a relation; "merging" if neither did, and it
-# was seen when their lists were laid side by side.
-Reading = Literal["", "first", "second", "both", "merging"]
-READINGS: tuple[Reading, ...] = get_args(Reading)
+# was seen when their lists were laid side by side; empty where nobody counts.
+Finder = Literal["", "first", "second", "both", "merging"]
+_NEEDED = {"name", "formula", "cells", "source", "kind"}
+_KNOWN = _NEEDED | {"each", "unknown", "tolerance", "claim", "reading", "supposition", "restates"}
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """A number that is not printed, but that several relations share.
-
-    Parameters
-    ----------
-    name : str
-        Its name in the formulas.
-    unit : str
-        The unit in which it is shown.
-    low, high : float
-        Where it may lie, in that unit.
-    label : str
-        What it is.
-    """
+    """A number that is not printed, but that several relations share; `low`, `high` in `unit`."""
 
     name: str
     unit: str
@@ -49,19 +58,18 @@ class Unknown:
     high: float
     label: str
 
+    @property
+    def domain(self) -> Interval:
+        """Where it may lie, in SI."""
+        factor = si_factor(self.unit)
+        return self.low * factor, self.high * factor
+
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far the two sides may lie apart beyond rounding, and why.
+    """How far two sides may lie apart beyond rounding, and why.
 
-    Parameters
-    ----------
-    size : float
-        Relative to the right side, or absolute in `unit`.
-    reason : str
-        The approximation that makes the relation less than exact.
-    unit : str, optional
-        The unit of an absolute tolerance; none for a relative one.
+    The size is relative to the right side or, with a unit, absolute in that unit.
     """
 
     size: float
@@ -69,9 +77,9 @@ class Tolerance:
     unit: str | None = None
 
     @property
-    def absolute(self) -> float:
-        """The size in SI, for an absolute tolerance."""
-        return self.size * si_factor(self.unit or "1")
+    def si(self) -> float:
+        """The size in SI if it is absolute, else the share of the right side."""
+        return self.size * si_factor(self.unit) if self.unit else self.size
 
     @property
     def text(self) -> str:
@@ -83,46 +91,29 @@ class Tolerance:
 class Relation:
     """An equation or inequality between printed cells.
 
-    Parameters
-    ----------
-    name : str
-        Its only name.
-    formula : Formula
-        What should hold.
-    binding : mapping of str to str or tuple of str
-        The address (or, for a list, the addresses) behind each name of the formula.
-    source : str
-        Where the paper says so: an equation, a definition, geometry.
-    kind : str
-        What sort of relation it is. In one of kind ``print`` the names stand for the unit of the
-        last printed digit, not for the value.
-    unknown : Unknown, optional
-        The number that is not printed.
-    tolerance : Tolerance, optional
-        Beyond rounding.
-    claim : str, optional
-        The paper's conclusion that rests on this relation.
-    reading : str
-        Which reading of the paper found it: ``first``, ``second``, ``both`` or ``merging``;
-        empty where nobody counts.
-    line : str
-        The name of the declaration that it comes from.
-    supposition : str
-        What it supposes that the paper does not say; empty where it supposes nothing. Such a
-        relation is counted apart, and no contradiction of the paper follows from it.
+    In one of kind ``print`` the names of the formula stand for the unit of the last printed digit.
     """
 
     name: str
+    # The name of its declaration, with the placeholders.
+    declared: str
     formula: Formula
+    # The address (or, for a list, the addresses) behind each name of the formula.
     binding: Mapping[str, str | tuple[str, ...]]
+    # Where the paper says so: an equation, a definition, geometry.
     source: str
-    kind: Kind
+    kind: RelationKind
     unknown: Unknown | None = None
     tolerance: Tolerance | None = None
+    # The paper's conclusion that rests on it.
     claim: str | None = None
-    reading: Reading = ""
-    line: str = ""
+    reading: Finder = ""
+    # What it supposes that the paper does not say. Such a relation is counted apart, and no
+    # contradiction of the paper follows from it.
     supposition: str = ""
+    # The number that the library computes by a function of its own, a cell or one reading of it.
+    # Such a relation is a second entry of that computation, and no further evidence.
+    restates: str = ""
 
     @property
     def compares(self) -> bool:
@@ -130,15 +121,15 @@ class Relation:
         shared = len(self.addresses) > 1 or self.unknown is not None
         return shared and self.kind != "print"
 
-    @cached_property
+    @property
     def repeats(self) -> bool:
         """Whether it says that one number is printed twice.
 
         Whatever the rounding rule, one number prints the same digits each time. Two prints that
         differ in the last digit touch at a tie that rounds to one of them, never to both.
         """
-        bare = isinstance(self.formula.left, ast.Name) and isinstance(self.formula.right, ast.Name)
-        return bare and self.formula.sign == "=" and self.tolerance is None and self.unknown is None
+        exact = self.formula.sign == "=" and self.tolerance is None and self.unknown is None
+        return exact and self.formula.bare
 
     @cached_property
     def addresses(self) -> tuple[str, ...]:
@@ -146,11 +137,15 @@ class Relation:
         bound = (a if isinstance(a, tuple) else (a,) for a in self.binding.values())
         return tuple(dict.fromkeys(itertools.chain.from_iterable(bound)))
 
+    @cached_property
+    def variables(self) -> tuple[str, ...]:
+        """The cells of the relation, and its unknown if it has one."""
+        return (*self.addresses, *([self.unknown.name] if self.unknown else []))
+
     @property
     def result(self) -> str | None:
         """The cell that the right side computes, if the formula is solved for one."""
-        name = self.formula.result
-        bound = self.binding.get(name) if name else None
+        bound = self.binding.get(self.formula.result)
         return bound if isinstance(bound, str) else None
 
     def values(self, by_address: Mapping[str, Any], unknown: Any = None) -> dict[str, Any]:
@@ -159,99 +154,151 @@ class Relation:
             name: [by_address[a] for a in bound] if isinstance(bound, tuple) else by_address[bound]
             for name, bound in self.binding.items()
         }
-        if self.unknown is not None:
-            found[self.unknown.name] = unknown
-        return found
+        return found if self.unknown is None else {**found, self.unknown.name: unknown}
 
     def sides(self, by_address: Mapping[str, float], unknown: float = 0.0) -> tuple[float, float]:
-        """Return both sides at given values of the cells, in SI."""
+        """Return both sides at given values of the cells, in SI; NaN where one has none."""
         values = self.values(by_address, unknown)
-        left, right = self.formula.plain
-        return _number(left, values), _number(right, values)
+        return _number(self.formula.left, values), _number(self.formula.right, values)
+
+    def missed_by(self, left: float, right: float) -> float:
+        """Return by how much two sides miss the relation; at most zero where they keep it."""
+        missed = {"=": abs(left - right), "<=": left - right, ">=": right - left}
+        return missed[self.formula.sign]
 
 
-def _number(side: Plain, values: Mapping[str, Any]) -> float:
+def _number(side: Side, values: Mapping[str, Any]) -> float:
     try:
         return float(side(values))
     except (ArithmeticError, ValueError):  # a division by zero, a root of a negative number
         return math.nan
 
 
-class Book:
-    """The relations of one paper or table, collected as they are declared.
+def relations_of(paper: str, cells: Sheet) -> list[Relation]:
+    """Return the relations that the printed numbers of a paper should keep, as declared.
 
-    Parameters
-    ----------
-    cells : mapping of str to Quantity
-        The printed numbers.
+    None of a paper without a file of relations.
+    """
+    text = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
+    return declared(text.read_text(encoding="utf-8"), cells, f"{paper}/") if text.is_file() else []
+
+
+def declared(text: str, cells: Sheet, prefix: str = "") -> list[Relation]:
+    """Read relations from a TOML text, in order of declaration.
 
     Examples
     --------
-    >>> from reproduce.audit.quantity import quantity
-    >>> book = Book({a: quantity(a, t) for a, t in {"t#1.a": "1", "t#1.b": "2"}.items()})
-    >>> book.relate("twice", "b = 2 * a", "by name", "definition", {"a": "t#1.a", "b": "t#1.b"})
-    >>> [relation.name for relation in book.relations]
-    ['twice']
+    >>> from reproduce.audit.rounding import printed_cell
+    >>> table = {a: printed_cell(a, text) for a, text in {"t#1.a": "2", "t#1.b": "3"}.items()}
+    >>> line = '{ name = "less", formula = "a <= b", cells = "a=t#1.a b=t#1.b", kind = "order",'
+    >>> text = "[relations]\\nall = [" + line + ' source = "by nature" }]'
+    >>> [relation.name for relation in declared(text, table)]
+    ['less']
     """
-
-    def __init__(self, cells: Sheet) -> None:
-        self.cells = cells
-        self.relations: list[Relation] = []
-
-    def relate(
-        self,
-        name: str,
-        formula: str,
-        source: str,
-        kind: Kind,
-        cells: Mapping[str, str],
-        *,
-        unknown: Unknown | None = None,
-        within: Tolerance | None = None,
-        claim: str | None = None,
-        reading: Reading = "",
-        line: str = "",
-        supposition: str = "",
-    ) -> None:
-        """Declare a relation."""
-        if kind not in KINDS:
-            raise FormulaError(f"{name!r}: unknown kind {kind!r}; expected one of {KINDS}")
-        if reading not in READINGS:
-            raise FormulaError(f"{name!r}: unknown reading {reading!r}; expected one of {READINGS}")
-        bound = {symbol: self._cells(where) for symbol, where in cells.items()}
-        given = (bound, source, kind, unknown, within, claim, reading, line or name, supposition)
-        relation = Relation(name, read(formula), *given)
-        self._refuse(relation)
-        self.relations.append(relation)
-
-    def _cells(self, where: str) -> str | tuple[str, ...]:
-        if not any(sign in where for sign in "*?["):
-            if where not in self.cells:
-                raise FormulaError(f"no printed number at {where!r}; check the address")
-            return where
-        found = tuple(a for a in self.cells if fnmatch.fnmatchcase(a, where))
-        if not found:
-            raise FormulaError(f"no printed number matches {where!r}; check the address")
-        return found
-
-    def _refuse(self, relation: Relation) -> None:
-        known = set(relation.binding) | ({relation.unknown.name} if relation.unknown else set())
-        if stray := known ^ set(relation.formula.names):
-            raise FormulaError(f"{relation.formula.text!r}: bound or named only once: {stray}")
-        if any(relation.name == other.name for other in self.relations):
-            raise FormulaError(f"{relation.name!r} is declared twice; give each its own name")
-        refuse_mixed_dimensions(relation, self.cells)
+    content = tomllib.loads(text)
+    unknowns = {n: Unknown(n, **given) for n, given in content.get("unknown", {}).items()}
+    tolerances = {n: Tolerance(**given) for n, given in content.get("tolerance", {}).items()}
+    relations: dict[str, Relation] = {}
+    for line in itertools.chain.from_iterable(content["relations"].values()):
+        _refuse_line(line, unknowns, tolerances)
+        for place in _places(line.get("each", {})):
+            made = _relation(line, place, cells, prefix, unknowns, tolerances)
+            if made.name in relations:
+                raise FormulaError(
+                    f"{made.name!r} is declared twice; give each its own name, and put every "
+                    "placeholder of each = {...} into it"
+                )
+            relations[made.name] = made
+    return list(relations.values())
 
 
-def refuse_mixed_dimensions(relation: Relation, cells: Mapping[str, Quantity]) -> None:
-    """Raise a FormulaError if the two sides of a relation have different dimensions."""
+def _relation(
+    line: Mapping[str, Any],
+    place: Mapping[str, str],
+    cells: Sheet,
+    prefix: str,
+    unknowns: Mapping[str, Unknown],
+    tolerances: Mapping[str, Tolerance],
+) -> Relation:
+    marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-") for key, value in place.items()}
+    bound = dict(pair.split("=", 1) for pair in line["cells"].format(**place).split())
+    restates = line.get("restates", "").format(**place)
+    relation = Relation(
+        name=re.sub("-+", "-", line["name"].format(**marks)).strip("-"),
+        declared=line["name"],
+        formula=read(line["formula"].format(**place)),
+        binding={name: _bound(prefix + where, cells) for name, where in bound.items()},
+        source=line["source"],
+        kind=line["kind"],
+        unknown=unknowns.get(line.get("unknown", "")),
+        tolerance=tolerances.get(line.get("tolerance", "")),
+        claim=line.get("claim"),
+        reading=line.get("reading", ""),
+        supposition=line.get("supposition", ""),
+        restates=restates and prefix + restates,
+    )
+    _refuse(relation, cells)
+    return relation
+
+
+def _bound(where: str, cells: Sheet) -> str | tuple[str, ...]:
+    """Return the address, or for a pattern the addresses, behind a name of a formula."""
+    if not any(sign in where for sign in "*?["):
+        if where not in cells:
+            raise FormulaError(f"no printed number at {where!r}; check the address")
+        return where
+    found = tuple(address for address in cells if fnmatch.fnmatchcase(address, where))
+    if not found:
+        raise FormulaError(f"no printed number matches {where!r}; check the address")
+    return found
+
+
+def _places(each: Mapping[str, Any]) -> Iterator[dict[str, str]]:
+    """Yield every combination of the placeholders' values."""
+    axes = []
+    for keys, values in each.items():
+        together = keys.split(",")
+        rows = [row if len(together) > 1 else [row] for row in values]
+        axes.append([dict(zip(together, row, strict=True)) for row in rows])
+    for chosen in itertools.product(*axes):
+        yield {key: value for part in chosen for key, value in part.items()}
+
+
+def _refuse_line(
+    line: Mapping[str, Any], unknowns: Mapping[str, Unknown], tolerances: Mapping[str, Tolerance]
+) -> None:
+    """Raise a FormulaError if the keys of a line, or their choice of words, are not known ones."""
+    name = line.get("name", "?")
+    if stray := set(line) - _KNOWN:
+        raise FormulaError(f"relation {name!r}: unknown keys {sorted(stray)}; known: {_KNOWN}")
+    if missing := _NEEDED - set(line):
+        raise FormulaError(f"relation {name!r}: missing {sorted(missing)}")
+    for key, named in (("unknown", unknowns), ("tolerance", tolerances)):
+        if key in line and line[key] not in named:
+            raise FormulaError(f"relation {name!r}: no {key} called {line[key]!r}")
+    for key, words in (("kind", get_args(RelationKind)), ("reading", get_args(Finder))):
+        if line.get(key, words[0]) not in words:
+            raise FormulaError(f"{name!r}: unknown {key} {line[key]!r}; expected one of {words}")
+
+
+def _refuse(relation: Relation, cells: Sheet) -> None:
+    """Raise a FormulaError if a relation's names, restated cell or dimensions do not fit."""
+    formula = relation.formula
+    known = set(relation.binding) | ({relation.unknown.name} if relation.unknown else set())
+    if stray := known ^ set(formula.names):
+        raise FormulaError(f"{formula.text!r}: bound or named only once: {stray}")
+    if relation.restates and relation.restates.partition(" (")[0] != relation.result:
+        raise FormulaError(
+            f"{relation.name!r}: restates {relation.restates!r}, but the formula is solved for "
+            f"{relation.result!r}"
+        )
     units = relation.values({a: cells[a].unit for a in relation.addresses})
     if relation.unknown is not None:
         units[relation.unknown.name] = relation.unknown.unit
     # Of a list, each unit once: how long it is says nothing about the dimension.
     once = {n: tuple(dict.fromkeys(u)) if isinstance(u, list) else u for n, u in units.items()}
-    if fault := _mixed(relation.formula, tuple(once.items())):
-        raise FormulaError(f"{relation.formula.text!r}: {fault}")
+    if fault := _mixed(formula, tuple(once.items())):
+        raise FormulaError(f"{formula.text!r}: {fault}")
 
 
 @cache
@@ -262,18 +309,17 @@ def _mixed(formula: Formula, units: tuple[tuple[str, str | tuple[str, ...]], ...
     registry = pint.application_registry
 
     def of(unit: str) -> Any:
-        return registry.Quantity(1.0, UNITS[unit][0])
+        return registry.Quantity(np.float64(1.0), UNITS[unit][0])
 
-    physical: Arithmetic = {
-        **{"abs": abs, "min": min, "max": max},
-        **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "atan": np.arctan},
-    }
+    trigonometry = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "atan": np.arctan}
+    physical = functions({"abs": abs, "min": min, "max": max, "sqrt": np.sqrt, **trigonometry})
     values = {n: of(u) if isinstance(u, str) else [of(one) for one in u] for n, u in units}
     try:
-        left, right = (
-            registry.Quantity(evaluate(side, values, physical, of))
-            for side in (formula.left, formula.right)
-        )
+        with np.errstate(all="ignore"):  # ones may cancel, and only the dimension counts
+            left, right = (
+                registry.Quantity(side(values, physical, of))
+                for side in (formula.left, formula.right)
+            )
     except pint.DimensionalityError as error:
         return str(error)
     if left.dimensionality == right.dimensionality:

@@ -4,38 +4,33 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
-from reproduce.audit.conflicts import Conflict, conflicts
+from reproduce.audit.conflicts import Conflict, apart, conflicts, groups
 from reproduce.audit.corrections import Correction, corrections
-from reproduce.audit.declared import declared, relations_of
 from reproduce.audit.equations import Demonstration, demonstrations
 from reproduce.audit.examine import (
     OUTCOMES,
+    Agreement,
     Finding,
-    Fixed,
-    Outcome,
+    RelationOutcome,
+    agreements,
     examine,
-    fix_unknowns,
     rounding_votes,
 )
-from reproduce.audit.grouping import apart, groups
-from reproduce.audit.quantity import Sheet, sheet
-from reproduce.audit.relation import Relation
-from reproduce.printed.cells import PAPERS, library
+from reproduce.audit.relation import Relation, declared, relations_of
+from reproduce.audit.rounding import Sheet, sheet
+from reproduce.printed.cells import PAPERS, Cell, library
+
+__all__ = ["Audit", "Group", "audit_paper", "audit_table", "paper_sheet"]
 
 
 @dataclass(frozen=True)
 class Group:
-    """Contradictions that hang together, and what would lift them.
+    """Names of contradictions that hang together, and what would lift them.
 
-    Parameters
-    ----------
-    relations : tuple of str
-        Names of the relations.
-    corrections : tuple of Correction
-        Those that restore everything first, then by size; empty if no slips of the pen within
-        the search lift them.
+    Corrections that restore everything stand first, then by size; none if no slips of the pen
+    within the search lift them.
     """
 
     relations: tuple[str, ...]
@@ -44,24 +39,9 @@ class Group:
 
 @dataclass(frozen=True)
 class Audit:
-    """What the relations say of a table or paper.
+    """What the relations say of a table or paper, and its equations run as printed.
 
-    Parameters
-    ----------
-    name : str
-        The paper, or what the caller calls the table.
-    cells : mapping of str to Quantity
-        The printed numbers.
-    findings : tuple of Finding
-        One for each relation, those that rest on a supposition of ours included.
-    conflicts : tuple of Conflict
-        The smallest sets of cells that cannot all be right.
-    groups : tuple of Group
-        Contradictions that hang together, with corrections.
-    unknowns : dict
-        What the relations say of numbers that are not printed.
-    equations : tuple of Demonstration
-        Equations run as printed.
+    There is a finding for each relation, those that rest on a supposition of ours included.
     """
 
     name: str
@@ -69,9 +49,9 @@ class Audit:
     findings: tuple[Finding, ...]
     conflicts: tuple[Conflict, ...]
     groups: tuple[Group, ...]
-    unknowns: dict[str, Fixed]
+    unknowns: dict[str, Agreement]
+    votes: dict[str, int]
     equations: tuple[Demonstration, ...] = ()
-    votes: dict[str, int] = field(default_factory=dict)
 
     @property
     def examined(self) -> tuple[str, ...]:
@@ -96,13 +76,22 @@ class Audit:
         return tuple(f for f in self.findings if f.relation.supposition)
 
     @property
+    def restating(self) -> tuple[Finding, ...]:
+        """The findings on what the paper says that restate a number the library computes."""
+        return tuple(f for f in self.read if f.relation.restates)
+
+    @property
     def failing(self) -> tuple[Demonstration, ...]:
         """The equations that fail as extracted, without those that rest on a supposition."""
         return tuple(e for e in self.equations if not (e.holds or e.supposition))
 
-    def tally(self) -> dict[Outcome, int]:
-        """Count the relations without suppositions by outcome, every outcome present."""
-        return {o: sum(f.outcome == o for f in self.read) for o in OUTCOMES}
+    def tally(self, *, restating: bool | None = None) -> dict[RelationOutcome, int]:
+        """Count the relations without suppositions by outcome, every outcome present.
+
+        All of them, or only those that do, or do not, restate a computed number.
+        """
+        found = [f for f in self.read if restating in {None, bool(f.relation.restates)}]
+        return {o: sum(f.outcome == o for f in found) for o in OUTCOMES}
 
     def blamed(self) -> dict[str, int]:
         """Count, for each cell in a contradiction, the smallest sets that hold it."""
@@ -125,9 +114,9 @@ def audit_table(name: str, cells: Sheet, relations: Sequence[Relation] | str) ->
 
     Examples
     --------
-    >>> from reproduce.audit.quantity import quantity
+    >>> from reproduce.audit.rounding import printed_cell
     >>> texts = {"t#1.net": "8.25", "t#1.tax": "1.65", "t#1.gross": "9.09"}
-    >>> table = {address: quantity(address, text) for address, text in texts.items()}
+    >>> table = {address: printed_cell(address, text) for address, text in texts.items()}
     >>> relations = '''
     ... [[relations.all]]
     ... name = "sum"
@@ -139,44 +128,48 @@ def audit_table(name: str, cells: Sheet, relations: Sequence[Relation] | str) ->
     >>> found = audit_table("an invoice", table, relations)
     >>> found.findings[0].outcome
     'contradicts'
-    >>> found.groups[0].corrections[0].slips[0].told
+    >>> found.groups[0].corrections[0].slips[0].label
     't#1.gross: 9.09 → 9.90'
     """
-    lines = declared(relations, cells) if isinstance(relations, str) else list(relations)
-    findings = examine(cells, lines)
-    told = [relation for relation in lines if not relation.supposition]
-    found = [part for names in groups(cells, told) for part in _parts(cells, told, names)]
+    relations = declared(relations, cells) if isinstance(relations, str) else relations
+    findings = examine(cells, relations)
+    read = [relation for relation in relations if not relation.supposition]
+    found = [part for names in groups(cells, read) for part in _parts(cells, read, names)]
     return Audit(
         name=name,
         cells=cells,
         findings=tuple(findings),
-        conflicts=tuple(conflicts(cells, told)),
+        conflicts=tuple(conflicts(cells, read)),
         groups=tuple(found),
-        unknowns=fix_unknowns(cells, lines),
+        unknowns=agreements(cells, relations),
         votes=rounding_votes(f for f in findings if not f.relation.supposition),
     )
 
 
-def _parts(cells: Sheet, lines: Sequence[Relation], names: frozenset[str]) -> list[Group]:
+def _parts(cells: Sheet, relations: Sequence[Relation], names: frozenset[str]) -> list[Group]:
     """Explain contradictions that hang together as one, or else one by one."""
-    whole = corrections(cells, lines, names)
-    parts = [names] if whole else apart(lines, names)
+
+    def group(part: frozenset[str], found: Sequence[Correction]) -> Group:
+        return Group(tuple(r.name for r in relations if r.name in part), tuple(found))
+
+    whole = corrections(cells, relations, names)
+    parts = [names] if whole else apart(relations, names)
     if len(parts) == 1:
-        return [Group(_ordered(lines, names), tuple(whole))]
-    return [Group(_ordered(lines, n), tuple(corrections(cells, lines, n))) for n in parts]
+        return [group(names, whole)]
+    return [group(part, corrections(cells, relations, part)) for part in parts]
 
 
-def _ordered(lines: Sequence[Relation], names: frozenset[str]) -> tuple[str, ...]:
-    return tuple(relation.name for relation in lines if relation.name in names)
+def paper_sheet(paper: str) -> dict[str, Cell]:
+    """Return the printed numbers of a paper by address."""
+    if paper not in PAPERS:
+        raise KeyError(f"unknown paper {paper!r}; expected one of {', '.join(PAPERS)}")
+    tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
+    return sheet(cell for table in tables for cell in table.cells)
 
 
 @functools.cache
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
-    if paper not in PAPERS:
-        raise KeyError(f"unknown paper {paper!r}; expected one of {', '.join(PAPERS)}")
-    tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
-    cells = sheet(cell for table in tables for cell in table.cells)
+    cells = paper_sheet(paper)
     found = audit_table(paper, cells, relations_of(paper, cells))
-    shown = tuple(demonstrations(paper, cells))
-    return Audit(**{**found.__dict__, "equations": shown})
+    return replace(found, equations=tuple(demonstrations(paper, cells)))

@@ -8,14 +8,28 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from reproduce.audit.quantity import Interval, Quantity, Sheet, allowed
+from reproduce.audit.rounding import Sheet, allowed, reprinted
+from reproduce.printed.cells import Cell
+from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS
 
-Kind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
+__all__ = [
+    "COSTS",
+    "Interchange",
+    "Slip",
+    "SlipKind",
+    "interchanges",
+    "of_cell",
+    "of_digits",
+    "reaching",
+    "readable",
+]
+
+SlipKind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
 
 # How large a slip is, in slips of one digit. Only the order matters: a mistake in one character
 # is smaller than one that moves a cell, and that is smaller than one that moves a whole line.
-COSTS: Mapping[Kind, float] = {
+COSTS: Mapping[SlipKind, float] = {
     "digit": 1.0,
     "swap": 1.0,
     "sign": 1.0,
@@ -30,21 +44,11 @@ COSTS: Mapping[Kind, float] = {
 
 @dataclass(frozen=True)
 class Slip:
-    """One supposed mistake, and what the cells should have been.
+    """One supposed mistake in words, and the cells as they should have been, by address."""
 
-    Parameters
-    ----------
-    kind : str
-        What sort of slip.
-    told : str
-        In words.
-    changes : tuple of (str, Quantity)
-        Address and corrected number of every cell that it touches.
-    """
-
-    kind: Kind
-    told: str
-    changes: tuple[tuple[str, Quantity], ...]
+    kind: SlipKind
+    label: str
+    changes: tuple[tuple[str, Cell], ...]
 
     @property
     def cost(self) -> float:
@@ -56,12 +60,12 @@ class Slip:
         """The cells that it touches."""
         return frozenset(address for address, _ in self.changes)
 
-    def undone(self, cells: Sheet) -> dict[str, Quantity]:
+    def undone(self, cells: Sheet) -> dict[str, Cell]:
         """Return the sheet with the slip corrected."""
         return {**cells, **dict(self.changes)}
 
 
-def of_digits(text: str) -> Iterator[tuple[Kind, str]]:
+def of_digits(text: str) -> Iterator[tuple[SlipKind, str]]:
     """Yield what the digits may have been before a slip.
 
     Examples
@@ -93,18 +97,18 @@ def of_digits(text: str) -> Iterator[tuple[Kind, str]]:
         yield "sign", ("" if sign else "-") + body + tail
 
 
-def of_cell(printed: Quantity) -> Iterator[Slip]:
+def of_cell(cell: Cell) -> Iterator[Slip]:
     """Yield all slips in one cell: in its digits and in its unit."""
-    seen = {printed.number.text}
-    for kind, text in of_digits(printed.number.text):
-        if text in seen or not readable(text):
-            continue
-        seen.add(text)
-        told = f"{printed.address}: {printed.number.text} → {text}"
-        yield Slip(kind, told, ((printed.address, printed.printing(text)),))
-    for unit in _units_like(printed.unit):
-        told = f"{printed.address}: {printed.unit} → {unit}"
-        yield Slip("unit", told, ((printed.address, replace(printed, unit=unit)),))
+    address, printed = cell.address, cell.number.text
+    seen = {printed}
+    for kind, text in of_digits(printed):
+        if text not in seen and readable(text):
+            seen.add(text)
+            label = f"{address}: {printed} → {text}"
+            yield Slip(kind, label, ((address, reprinted(cell, text)),))
+    for unit in _units_like(cell.unit):
+        label = f"{address}: {cell.unit} → {unit}"
+        yield Slip("unit", label, ((address, replace(cell, unit=unit)),))
 
 
 def readable(text: str) -> bool:
@@ -130,36 +134,26 @@ def _units_like(unit: str) -> tuple[str, ...]:
     return tuple(u for u in UNITS if u != unit and dimension(u) == dimension(unit))
 
 
-def reaching(printed: Quantity, wanted: Iterable[Interval]) -> Iterator[Slip]:
+def reaching(cell: Cell, wanted: Iterable[Interval]) -> Iterator[Slip]:
     """Yield the slips in a cell whose correction can reach one of the wanted intervals."""
     goals = list(wanted)
-    for slip, (low, high) in _with_intervals(printed):
+    for slip, (low, high) in _with_intervals(cell):
         if any(low <= end and high >= start for start, end in goals):
             yield slip
 
 
 @functools.lru_cache(maxsize=5_000)
-def _with_intervals(printed: Quantity) -> tuple[tuple[Slip, Interval], ...]:
+def _with_intervals(cell: Cell) -> tuple[tuple[Slip, Interval], ...]:
     """Keep the slips of a cell: a search asks for the same ones again and again."""
-    return tuple((slip, allowed(slip.changes[0][1])) for slip in of_cell(printed))
+    return tuple((slip, allowed(slip.changes[0][1])) for slip in of_cell(cell))
 
 
 @dataclass(frozen=True)
-class Line:
-    """Two cells, rows or columns of one table that could be interchanged.
+class Interchange:
+    """Two cells, rows or columns of one table that could change places, pair by pair."""
 
-    Parameters
-    ----------
-    kind : str
-        ``cells``, ``rows`` or ``columns``.
-    told : str
-        In words.
-    pairs : tuple of (str, str)
-        Addresses of the cells that would change places.
-    """
-
-    kind: Kind
-    told: str
+    kind: SlipKind
+    label: str
     pairs: tuple[tuple[str, str], ...]
 
     @functools.cached_property
@@ -176,51 +170,50 @@ class Line:
         pairs = [(cells[one], cells[two]) for one, two in self.pairs]
         if any(one.unit != two.unit for one, two in pairs):
             return None
-        changes = _interchanged(pairs)
+        changes: list[tuple[str, Cell]] = []
+        for one, two in pairs:
+            if one.number != two.number:
+                changes.append((one.address, replace(one, content=two.number)))
+                changes.append((two.address, replace(two, content=one.number)))
         if len(changes) <= (0 if self.kind == "cells" else 2):
             return None
-        return Slip(self.kind, self.told, changes)
+        return Slip(self.kind, self.label, tuple(changes))
 
 
-def lines(cells: Sheet, keys: Iterable[str]) -> list[Line]:
+def interchanges(cells: Sheet, keys: Iterable[str]) -> list[Interchange]:
     """Return what could be interchanged in some tables.
 
     Two cells within their row, column or group; two rows or two columns of a table.
     """
-    found: list[Line] = []
+    found: list[Interchange] = []
     for key in keys:
-        table = {a: q for a, q in cells.items() if q.key == key}
+        table = [cell for cell in cells.values() if cell.key == key]
         found += [*_two_cells(table), *_two_lines(table, "columns"), *_two_lines(table, "rows")]
     return found
 
 
-def _two_cells(table: Sheet) -> Iterator[Line]:
-    for one, two in itertools.combinations(table.values(), 2):
-        if (one.row and one.row == two.row) or one.column == two.column or not one.row:
-            yield Line("cells", f"{one.address} ↔ {two.address}", ((one.address, two.address),))
+def _place(cell: Cell) -> tuple[str, str]:
+    """Return the row, empty in a group, and the column of a cell."""
+    row, _, column = cell.name.rpartition(".")
+    return row, column
 
 
-def _two_lines(table: Sheet, kind: Kind) -> Iterator[Line]:
-    found: dict[str, dict[str, str]] = {}
-    for q in table.values():
-        if q.row:
-            line, along = (q.column, q.row) if kind == "columns" else (q.row, q.column)
-            found.setdefault(line, {})[along] = q.address
-    for (name, one), (other, two) in itertools.combinations(found.items(), 2):
+def _two_cells(table: list[Cell]) -> Iterator[Interchange]:
+    for one, two in itertools.combinations(table, 2):
+        (row, column), (other_row, other_column) = _place(one), _place(two)
+        if not row or row == other_row or column == other_column:
+            label = f"{one.address} ↔ {two.address}"
+            yield Interchange("cells", label, ((one.address, two.address),))
+
+
+def _two_lines(table: list[Cell], kind: SlipKind) -> Iterator[Interchange]:
+    lines: dict[str, dict[str, str]] = {}
+    for cell in table:
+        row, column = _place(cell)
+        if row:
+            line, along = (column, row) if kind == "columns" else (row, column)
+            lines.setdefault(line, {})[along] = cell.address
+    for (name, one), (other, two) in itertools.combinations(lines.items(), 2):
         pairs = tuple((one[at], two[at]) for at in one if at in two)
         if len(pairs) > 1:
-            key = pairs[0][0].partition("#")[0]
-            yield Line(kind, f"{key}: {kind} {name} ↔ {other}", pairs)
-
-
-def _interchanged(
-    pairs: Iterable[tuple[Quantity, Quantity]],
-) -> tuple[tuple[str, Quantity], ...]:
-    changes: list[tuple[str, Quantity]] = []
-    for one, two in pairs:
-        if one.number != two.number:
-            changes += [
-                (one.address, replace(one, number=two.number)),
-                (two.address, replace(two, number=one.number)),
-            ]
-    return tuple(changes)
+            yield Interchange(kind, f"{table[0].key}: {kind} {name} ↔ {other}", pairs)

@@ -10,34 +10,76 @@ import functools
 import math
 from collections.abc import Iterable, Mapping
 
-from reproduce.audit.intervals import contractor
-from reproduce.audit.quantity import Interval
+from reproduce.audit.intervals import EVERYTHING, contractor
 from reproduce.audit.relation import Relation
-from reproduce.printed.units import si_factor
+from reproduce.audit.rounding import RoundingRule, Sheet, allowed
+from reproduce.printed.number import Interval
 
+__all__ = [
+    "NOISE",
+    "contract",
+    "enclosure",
+    "possible",
+    "printed_intervals",
+    "projection",
+    "propagate",
+    "widened",
+]
+
+# Floating-point noise between the two sides of a relation, as a share of them.
+NOISE = 1e-9
 # Interval ends in binary may miss a decimal tie by one unit in the last place; without this the
 # last bit would decide.
-SLACK = 1e-12
+_SLACK = 1e-12
 _END = 1e-3
-_NOISE = 1e-9
 # Two relations can pass ever smaller gains back and forth; whoever stops here has not been refuted.
 _VISITS = 5_000
+_POINT = 0.0, 0.0
+
+
+def printed_intervals(
+    cells: Sheet, relations: Iterable[Relation], rule: RoundingRule = "nearest"
+) -> dict[str, Interval]:
+    """Return the interval of print, in SI, for every cell of some relations."""
+    return {a: allowed(cells[a], rule) for r in relations for a in r.addresses}
+
+
+def enclosure(relation: Relation, cells: Sheet) -> Interval:
+    """Enclose, in SI, what the right side gives for its result, whatever the rounding.
+
+    Exact but for outward rounding where the formula names each cell once.
+    """
+    if relation.result is None or relation.unknown or relation.tolerance:
+        raise ValueError(f"{relation.name!r}: expected an equation solved for one cell")
+    inputs = printed_intervals(cells, [relation]) | {relation.result: EVERYTHING}
+    found = contractor(relation)((*[inputs[a] for a in relation.addresses], _POINT, _POINT))
+    if found is None:
+        raise ArithmeticError(f"{relation.name!r}: no values that print so give a result")
+    return found[relation.addresses.index(relation.result)]
 
 
 def contract(
-    relation: Relation, boxes: Mapping[str, Interval], unknown: Interval | None = None
+    relation: Relation, intervals: Mapping[str, Interval], unknown: Interval | None = None
 ) -> dict[str, Interval] | None:
     """Narrow the intervals of a relation's cells to the values that can keep it.
 
     Address to narrowed interval, the unknown under its name; None if nothing is left.
     """
-    found = _alone(relation, tuple([boxes[a] for a in relation.addresses]), unknown)
-    return None if found is None else dict(zip(_variables(relation), found, strict=False))
+    found = _alone(relation, tuple([intervals[a] for a in relation.addresses]), unknown)
+    return None if found is None else dict(zip(relation.variables, found, strict=False))
 
 
-def possible(relation: Relation, boxes: Mapping[str, Interval]) -> bool:
+def projection(relation: Relation, intervals: Mapping[str, Interval]) -> Interval | None:
+    """Return the values of the unknown that a relation allows on its own."""
+    if relation.unknown is None:
+        raise ValueError(f"{relation.name!r} has no unknown; ask `contract` about its cells")
+    found = contract(relation, intervals)
+    return None if found is None else found[relation.unknown.name]
+
+
+def possible(relation: Relation, intervals: Mapping[str, Interval]) -> bool:
     """Tell whether `contract` leaves anything; quicker for an inequality that plainly holds."""
-    return _possible(relation, tuple([boxes[a] for a in relation.addresses]))
+    return _possible(relation, tuple([intervals[a] for a in relation.addresses]))
 
 
 @functools.lru_cache(maxsize=200_000)
@@ -45,8 +87,7 @@ def _possible(relation: Relation, box: tuple[Interval, ...]) -> bool:
     if relation.formula.sign != "=" and relation.unknown is None:
         middle = [(low + high) / 2 for low, high in box]
         left, right = relation.sides(dict(zip(relation.addresses, middle, strict=True)))
-        less, more = (left, right) if relation.formula.sign == "<=" else (right, left)
-        if less <= more - _NOISE * (abs(less) + abs(more)):
+        if relation.missed_by(left, right) <= -NOISE * (abs(left) + abs(right)):
             return True
     return _alone(relation, box, None) is not None
 
@@ -56,22 +97,24 @@ def _alone(
     relation: Relation, box: tuple[Interval, ...], unknown: Interval | None
 ) -> list[Interval] | None:
     found = [widened(_open(relation, interval)) for interval in box]
-    return _narrowed(relation, (*found, unknown or domain(relation)))
+    return _narrowed(relation, (*found, unknown or _domain(relation)))
 
 
 @functools.lru_cache(maxsize=200_000)
 def _narrowed(relation: Relation, box: tuple[Interval, ...]) -> list[Interval] | None:
     """Narrow the cells and the unknown of a relation, which come in this order."""
-    room = 0.0
-    if relation.tolerance is not None:
-        room = relation.tolerance.absolute if relation.tolerance.unit else relation.tolerance.size
+    room = relation.tolerance.si if relation.tolerance else 0.0
     return contractor(relation)((*box, (-room, room)))
 
 
+def _domain(relation: Relation) -> Interval:
+    return relation.unknown.domain if relation.unknown else _POINT
+
+
 def widened(interval: Interval) -> Interval:
-    """Widen an interval by `SLACK`."""
+    """Widen an interval by the noise of binary arithmetic."""
     low, high = interval
-    return low - SLACK * abs(low), high + SLACK * abs(high)
+    return low - _SLACK * abs(low), high + _SLACK * abs(high)
 
 
 def _open(relation: Relation, interval: Interval) -> Interval:
@@ -86,61 +129,38 @@ def _open(relation: Relation, interval: Interval) -> Interval:
     return low + _END * (high - low), high - _END * (high - low)
 
 
-def domain(relation: Relation) -> Interval:
-    """Return where the unknown of a relation may lie, in SI; a point if it has none."""
-    if relation.unknown is None:
-        return 0.0, 0.0
-    factor = si_factor(relation.unknown.unit)
-    return relation.unknown.low * factor, relation.unknown.high * factor
-
-
-def projection(relation: Relation, boxes: Mapping[str, Interval]) -> Interval | None:
-    """Return the values of the unknown that a relation allows on its own."""
-    if relation.unknown is None:
-        raise ValueError(f"{relation.name!r} has no unknown; ask `contract` about its cells")
-    found = contract(relation, boxes)
-    return None if found is None else found[relation.unknown.name]
-
-
 def propagate(
-    relations: Iterable[Relation], boxes: Mapping[str, Interval]
+    relations: Iterable[Relation], intervals: Mapping[str, Interval]
 ) -> dict[str, Interval] | None:
     """Narrow all cells by all relations together, back and forth until nothing moves.
 
     Address (and name of unknown) to narrowed interval; None if they cannot all hold.
     """
     every = list(relations)
-    state: dict[str, Interval] = {a: widened(boxes[a]) for r in every for a in r.addresses}
+    state: dict[str, Interval] = {a: widened(intervals[a]) for r in every for a in r.addresses}
     for repeat in (relation for relation in every if relation.repeats):
-        state |= {a: _open(repeat, widened(boxes[a])) for a in repeat.addresses}
-    state |= {r.unknown.name: domain(r) for r in every if r.unknown}
+        state |= {a: _open(repeat, widened(intervals[a])) for a in repeat.addresses}
+    state |= {r.unknown.name: r.unknown.domain for r in every if r.unknown}
     touching: dict[str, list[Relation]] = {}
     for relation in every:
-        for name in _variables(relation):
+        for name in relation.variables:
             touching.setdefault(name, []).append(relation)
-    queue = dict.fromkeys(range(len(every)))
-    position = {id(relation): i for i, relation in enumerate(every)}
+    queue = dict.fromkeys(every)
     for _ in range(_VISITS):
         if not queue:
             break
-        relation = every[next(iter(queue))]
-        del queue[position[id(relation)]]
-        names = _variables(relation)
-        point = [] if relation.unknown else [domain(relation)]
-        found = _narrowed(relation, (*[state[name] for name in names], *point))
+        relation = next(iter(queue))
+        del queue[relation]
+        point = [] if relation.unknown else [_POINT]
+        found = _narrowed(relation, (*[state[name] for name in relation.variables], *point))
         if found is None:
             return None
-        for name, interval in zip(names, found, strict=False):
+        for name, interval in zip(relation.variables, found, strict=False):
             if _narrower(interval, state[name]):
-                state[name] = _both(interval, state[name])
-                queue |= {position[id(r)]: None for r in touching[name] if r is not relation}
+                low, high = state[name]
+                state[name] = max(interval[0], low), min(interval[1], high)
+                queue |= dict.fromkeys(r for r in touching[name] if r is not relation)
     return state
-
-
-@functools.cache
-def _variables(relation: Relation) -> tuple[str, ...]:
-    """Return the cells of a relation, and its unknown if it has one."""
-    return (*relation.addresses, *([relation.unknown.name] if relation.unknown else []))
 
 
 def _narrower(new: Interval, old: Interval) -> bool:
@@ -148,7 +168,3 @@ def _narrower(new: Interval, old: Interval) -> bool:
     if math.isinf(old[0]) or math.isinf(old[1]):
         return new != old and not (new[0] <= old[0] and new[1] >= old[1])
     return (old[1] - old[0]) - (new[1] - new[0]) > 1e-6 * (old[1] - old[0])
-
-
-def _both(one: Interval, two: Interval) -> Interval:
-    return max(one[0], two[0]), min(one[1], two[1])

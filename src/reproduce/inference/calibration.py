@@ -8,21 +8,28 @@ the log likelihood is such a quantity, and sees errors that no single parameter 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import repeat
+from functools import lru_cache, partial
+from pathlib import Path
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import NDArray
 from scipy.stats import binom, norm
 
+from reproduce.inference.checks import Share
 from reproduce.inference.diagnostics import autocorrelation_time, thinned
 from reproduce.inference.model import Estimated, Model
-from reproduce.inference.sampling import Job, Plan, run_ensemble
+from reproduce.inference.parts import Progress, Store, run_parts
+from reproduce.inference.sampling import Job, Plan, fingerprint, run_ensemble
 from reproduce.physics.validate import FloatArray, whole_number
+
+__all__ = [
+    "DRAWS", "LEVELS", "Ranks", "band", "banded", "calibrate", "intervals", "least_of_all",
+    "replicate", "simulated",
+]  # fmt: skip
 
 Counts = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -40,21 +47,15 @@ SIMULATIONS = 4000
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Ranks:
     """Ranks of many replicates.
 
-    Parameters
-    ----------
-    names : tuple of str
-        The parameters, then the data-dependent test quantity.
-    ranks : ndarray of int, shape (replicates, names)
-        From 0 to `DRAWS`.
-    failed : ndarray of bool, shape (replicates,)
-        Replicates whose chain missed the gate on time even with the most steps. They keep their
-        ranks: leaving them out would leave out the hard cases.
-    covered : ndarray of int8, shape (replicates, levels, parameters)
-        Whether the interval of each level of the published estimator covers: 1 or 0, and -1 for
-        a parameter of which it gives no estimate.
+    - `names`: the parameters, then the data-dependent test quantity.
+    - `ranks`, (replicates, names): from 0 to `DRAWS`.
+    - `failed`, (replicates,): replicates whose chain missed the gate on time even with the most
+      steps. They keep their ranks: leaving them out would leave out the hard cases.
+    - `covered`, (replicates, levels, parameters): whether the interval of each level of the
+      published estimator covers: 1 or 0, and -1 for a parameter of which it gives no estimate.
     """
 
     names: tuple[str, ...]
@@ -90,54 +91,81 @@ class Calibration:
         smaller = np.searchsorted(simulated, _least(self.counts()), side="right")
         return np.asarray((smaller + 1) / (len(simulated) + 1))
 
+    def coverages(self) -> list[Coverage]:
+        """Evenness and coverage of every quantity."""
+        chances, half, wide = self.probabilities(), self.coverage(0.5), self.coverage(0.95)
+        # The test quantity, which comes last, is no parameter.
+        published = np.append(self.estimator_coverage(0.95), np.nan)
+        rows = zip(self.names, chances, half, wide, published, strict=True)
+        return [
+            Coverage(
+                name,
+                banded(float(chance)),
+                Share.counted(float(inner), self.replicates),
+                Share.counted(float(outer), self.replicates),
+                None if np.isnan(theirs) else Share.counted(float(theirs), self.replicates),
+            )
+            for name, chance, inner, outer, theirs in rows
+        ]
+
     def counts(self) -> Counts:
         """Cumulated counts of ranks up to 0, 1, ..., shape (names, DRAWS + 1)."""
         table = [np.bincount(column, minlength=DRAWS + 1) for column in self.ranks.T]
         return np.cumsum(np.array(table), axis=1)
 
 
-def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
-    """Draw the truth of one replicate, and the model with data simulated from it.
+@dataclass(frozen=True)
+class Coverage:
+    """How a quantity fares in a calibration.
 
-    Parameters
-    ----------
-    model, seed, index
-        As for `replicate`.
-
-    Returns
-    -------
-    ndarray, shape (d,)
-        The true parameters.
-    Model
-        With the data.
+    - `name`: a parameter, or the test quantity.
+    - `chance`: probability of ranks at least as uneven.
+    - `half`, `wide`: how often central posterior intervals of 50 % and 95 % cover.
+    - `published`, optional: how often intervals of 95 % of the published estimator cover, where it
+      gives them.
     """
+
+    name: str
+    chance: Share
+    half: Share
+    wide: Share
+    published: Share | None
+
+
+def banded(chance: float) -> Share:
+    """A probability counted among simulated bands, with the error that their number leaves."""
+    error = np.sqrt(chance * (1 - chance) / SIMULATIONS)
+    return Share(chance, float(min(error, chance / 5)), SIMULATIONS)
+
+
+def least_of_all(found: Sequence[Ranks]) -> tuple[float, int, float]:
+    """Return the least evenness of all quantities of all models, and how surprising it is.
+
+    How many of so many are expected to be as small by chance: their product. It holds though
+    quantities of one model depend on each other, and models with a seed in common too.
+    """
+    all_of_them = np.concatenate([one.probabilities() for one in found])
+    least, count = float(all_of_them.min()), len(all_of_them)
+    return least, count, count * least
+
+
+def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
+    """Draw the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(SeedSequence(seed, spawn_key=(index, 0))))
     truth = model.draw_prior(generator, 1)[0]
     return truth, model.given(model.simulate(truth, generator))
 
 
 def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covered]:
-    """Run one replicate.
+    """Run one replicate, which is the same for any number of them and on any machine.
 
-    Parameters
-    ----------
-    model : Model
-        Its data are replaced.
-    seed : int
-        Root of all replicates.
-    index : int
-        Which replicate: it is the same for any number of them and on any machine.
-
-    Returns
-    -------
-    tuple
-        Ranks, shape (d + 1,); whether the chain missed the gate; covered, shape (levels, d).
+    Ranks, (d + 1,); whether the chain missed the gate; covered, (levels, d).
     """
     root = SeedSequence(seed, spawn_key=(index,))
     truth, fitted = simulated(model, seed, index)
     entropy = int(SeedSequence(root.entropy, spawn_key=(index, 1)).generate_state(2, np.uint64)[0])
     for steps in STEPS:
-        plan = Plan(entropy, ensembles=1, steps=steps, warmup=steps // 4, checkpoint=10**6)
+        plan = Plan(entropy, ensembles=1, steps=steps, warmup=steps // 4)
         chain, _, _ = run_ensemble(Job(fitted, plan, 0))
         times = [autocorrelation_time(chain[None, ..., i]) for i in range(model.dimension)]
         failed = steps / max(times) < TIMES
@@ -153,15 +181,7 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
 def intervals(model: Model, seed: int, replicates: int) -> Covered:
     """Redo what `calibrate` tells of the published estimator, from the same data, unsampled.
 
-    Parameters
-    ----------
-    model, seed, replicates
-        As for `calibrate`.
-
-    Returns
-    -------
-    ndarray of int8, shape (replicates, levels, parameters)
-        As in `Calibration`.
+    Shape (replicates, levels, parameters), as in `Ranks`.
     """
     if not isinstance(model.likelihood, Estimated):
         return np.full((replicates, len(LEVELS), model.dimension), -1, dtype=np.int8)
@@ -184,57 +204,27 @@ def calibrate(
     replicates: int,
     *,
     executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Calibration:
-    """Run simulation-based calibration.
+    folder: Path | None = None,
+    progress: Progress | None = None,
+) -> Ranks:
+    """Run simulation-based calibration; the model's own data play no part.
 
-    Parameters
-    ----------
-    model : Model
-        The model; its own data play no part.
-    seed : int
-        Root of all replicates.
-    replicates : int
-        How many.
-    executor : concurrent.futures.Executor, optional
-        Carries the replicates.
-    progress : callable, optional
-        Called with the replicates done and their number.
-
-    Returns
-    -------
-    Calibration
-        The ranks.
+    In a folder each finished replicate is kept; what lies there already is not run again.
     """
     count = whole_number("replicates", replicates)
-    mapped = map if executor is None else executor.map
-    results = []
-    for result in mapped(replicate, repeat(model), repeat(seed), range(count)):
-        results.append(result)
-        if progress is not None:
-            progress(len(results), count)
+    # A longer calibration begins with the replicates of a shorter one, so their number may change.
+    note = {"model": model.name, "quantities": [*model.names, QUANTITY], "seed": seed,
+            "data": fingerprint(model)}  # fmt: skip
+    store = None if folder is None else Store(folder, note)
+    run = partial(replicate, model, seed)
+    results = run_parts(run, range(count), executor, store, progress)
     ranks, failed, covered = (np.array(column) for column in zip(*results, strict=True))
-    return Calibration((*model.names, QUANTITY), ranks, failed, covered)
+    return Ranks((*model.names, QUANTITY), ranks, failed, covered)
 
 
 @lru_cache(maxsize=32)
 def band_statistics(replicates: int, seed: int, simulations: int = SIMULATIONS) -> FloatArray:
-    """Smallest pointwise probability along the whole curve, for ranks that are truly uniform.
-
-    Parameters
-    ----------
-    replicates : int
-        Ranks in each simulated sample.
-    seed : int
-        Of the simulation.
-    simulations : int
-        How many samples.
-
-    Returns
-    -------
-    ndarray, shape (simulations,)
-        Sorted.
-    """
+    """Smallest pointwise probability along a curve of even ranks, sorted, (simulations,)."""
     generator = Generator(PCG64(seed))
     even = np.full(DRAWS + 1, 1 / (DRAWS + 1))
     counts = np.cumsum(generator.multinomial(replicates, even, simulations), axis=1)
@@ -259,19 +249,8 @@ def _least(counts: Counts) -> FloatArray:
 def band(replicates: int, level: float = 0.95, seed: int = 1) -> tuple[FloatArray, FloatArray]:
     """Simultaneous band of the cumulated ranks (Säilynoja, Bürkner and Vehtari, 2022).
 
-    Parameters
-    ----------
-    replicates : int
-        How many ranks.
-    level : float
-        Probability that the whole curve of uniform ranks stays inside.
-    seed : int
-        Of the simulation that sets the pointwise level.
-
-    Returns
-    -------
-    tuple of ndarray, shape (DRAWS + 1,)
-        Lower and upper count; the last rank is certain.
+    Lower and upper count, (DRAWS + 1,), between which the whole curve of even ranks stays with the
+    probability `level`; the last rank is certain.
     """
     pointwise = float(np.quantile(band_statistics(replicates, seed), 1 - level))
     share = np.arange(1, DRAWS + 2) / (DRAWS + 1)

@@ -13,8 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.posterior import Posterior
+from reproduce.inference.diagnostics import mcse_deviation, mcse_mean
+from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray
+
+__all__ = [
+    "Bounded", "Published", "Range", "Repeat", "Share", "bounded", "placed",
+    "predictive_checks", "repeats", "tail_share", "two_sided",
+]  # fmt: skip
 
 # Simulated data sets of a predictive check, and repeats of an experiment.
 REPLICATES, REPEATS = 400, 4000
@@ -25,14 +31,9 @@ ENDS = (0.025, 0.975)
 class Share:
     """A probability found by simulation.
 
-    Parameters
-    ----------
-    value, error : float
-        The probability and its Monte Carlo standard error.
-    count : int
-        How many independent draws it rests on.
-    sides : int
-        Two for a tail probability of both sides, which is twice a share.
+    - `value`, `error`: the probability and its Monte Carlo standard error.
+    - `count`: how many independent draws it rests on.
+    - `sides`: two for a tail probability of both sides, which is twice a share.
     """
 
     value: float
@@ -59,17 +60,24 @@ class Share:
         least = np.sqrt(1 / count) if float(np.ptp(values)) == 0 else 0.0
         return cls(float(values.mean()), float(max(values.std(), least) / np.sqrt(count)), count)
 
+    @classmethod
+    def counted(cls, value: float, count: int) -> Share:
+        """A share of so many simulations, with its binomial error.
+
+        Examples
+        --------
+        >>> Share.counted(0.5, 100).error
+        0.05
+        """
+        return cls(value, float(np.sqrt(max(value * (1 - value), 1 / count) / count)), count)
+
 
 @dataclass(frozen=True)
 class Range:
     """The central 95 % of predictions.
 
-    Parameters
-    ----------
-    low, high : float
-        Its ends.
-    errors : tuple of float
-        Their Monte Carlo standard errors.
+    - `low`, `high`: its ends.
+    - `errors`: their Monte Carlo standard errors.
     """
 
     low: float
@@ -102,19 +110,13 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Check:
+class PredictiveCheck:
     """One number of the data among those of simulated data.
 
-    Parameters
-    ----------
-    name : str
-        What is compared.
-    observed : float
-        In the data.
-    prior, posterior : Range
-        The central 95 % of the predictions, from prior and from posterior.
-    tail : Share
-        Two-sided tail probability of the observed number under the posterior prediction.
+    - `name`: what is compared.
+    - `observed`: in the data.
+    - `prior`, `posterior`: the central 95 % of the predictions, from prior and from posterior.
+    - `tail`: two-sided tail probability of the observed number under the posterior prediction.
     """
 
     name: str
@@ -124,21 +126,8 @@ class Check:
     tail: Share
 
 
-def predictive_checks(posterior: Posterior, replicates: int = REPLICATES) -> list[Check]:
-    """Compare the data with simulations from prior and posterior.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws with their model.
-    replicates : int
-        Simulated data sets from each.
-
-    Returns
-    -------
-    list of Check
-        One for every number of `Likelihood.checks`.
-    """
+def predictive_checks(posterior: Sampled, replicates: int = REPLICATES) -> list[PredictiveCheck]:
+    """Compare every number of `Likelihood.checks` with simulations from prior and posterior."""
     model = posterior.model
     generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
     chosen = posterior.draws[np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)]
@@ -156,7 +145,7 @@ def predictive_checks(posterior: Posterior, replicates: int = REPLICATES) -> lis
         values = {which: np.array([c[name] for c in checks]) for which, checks in found.items()}
         tail = tail_share(values["posterior"], observed)
         ranges = {which: Range.of(v) for which, v in values.items()}
-        rows.append(Check(name, observed, ranges["prior"], ranges["posterior"], tail))
+        rows.append(PredictiveCheck(name, observed, ranges["prior"], ranges["posterior"], tail))
     return rows
 
 
@@ -185,30 +174,92 @@ def tail_share(values: FloatArray, observed: float) -> Share:
     return Share(tail, float(np.sqrt(max(tail * (2 - tail), 1 / count) / count)), count, sides=2)
 
 
+@dataclass(frozen=True)
+class Placed:
+    """A nominal or least-squares estimate in the posterior of its parameter.
+
+    - `name`, `unit`: the parameter, and its unit.
+    - `estimate`: in that unit.
+    - `off`, `error`: posterior standard deviations from the mean, and the Monte Carlo standard
+      error of that.
+    - `tail`: two-sided tail probability.
+    """
+
+    name: str
+    unit: str
+    estimate: float
+    off: float
+    error: float
+    tail: Share
+
+
+def placed(posterior: Sampled) -> list[Placed]:
+    """Place every point estimate of a model in its posterior."""
+    found = []
+    for i, parameter in enumerate(posterior.model.parameters):
+        if parameter.name not in posterior.model.estimate:
+            continue
+        estimate, chain = posterior.model.estimate[parameter.name], posterior.chain[..., i]
+        width = chain.std()
+        off = (estimate - chain.mean()) / width
+        error = float(np.hypot(mcse_mean(chain), off * mcse_deviation(chain)) / width)
+        tail = tail_share(posterior.draws[:, i], estimate)
+        shown = estimate * parameter.shown
+        found.append(Placed(parameter.name, parameter.unit, shown, off, error, tail))
+    return found
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """The width of a posterior beside the least that any unbiased estimate can have.
+
+    - `name`, `unit`: the parameter, and its unit.
+    - `width`, `error`, `bound`: posterior standard deviation, its Monte Carlo standard error, and
+      the bound, in that unit.
+    """
+
+    name: str
+    unit: str
+    width: float
+    error: float
+    bound: float
+
+    @property
+    def ratio(self) -> float:
+        """Width over bound; a prior may make it less than one."""
+        return self.width / self.bound
+
+    @property
+    def ratio_error(self) -> float:
+        """Monte Carlo standard error of the ratio."""
+        return self.error / self.bound
+
+
+def bounded(posterior: Sampled, bounds: FloatArray) -> list[Bounded]:
+    """Compare the widths of all parameters with their bounds, (d,), in SI units or px."""
+    found = []
+    for i, (parameter, bound) in enumerate(zip(posterior.model.parameters, bounds, strict=True)):
+        chain, shown = posterior.chain[..., i], parameter.shown
+        width, error = chain.std() * shown, mcse_deviation(chain) * shown
+        found.append(Bounded(parameter.name, parameter.unit, width, error, bound * shown))
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Published:
     """What a paper prints of an experiment, and how a repeat of it is simulated.
 
-    Parameters
-    ----------
-    names, units : tuple of str
-        Of the m printed numbers.
-    texts : tuple of str
-        Their digits.
-    printed, half_units : ndarray, shape (m,)
-        The numbers and half their last digits, in SI units or px.
-    shown : ndarray, shape (m,)
-        How many units of print one SI unit is.
-    repeat : callable
-        Gives the numbers of a repeat before rounding, shape (n, m), of parameter vectors of shape
-        (n, d) and a generator.
-    parameters : tuple of str
-        The parameter that each number estimates, or an empty word.
-    whole : callable, optional
-        Log probability that a repeat prints all the same digits at once, shape (n,), of parameter
-        vectors, where the likelihood knows it; else it is counted.
-    note : str
-        What the comparison cannot show, where the printed numbers made the data or are the data.
+    - `names`, `units`: of the m printed numbers.
+    - `texts`: their digits.
+    - `printed`, `half_units`, (m,): the numbers and half their last digits, in SI units or px.
+    - `shown`, (m,): how many units of print one SI unit is.
+    - `repeat`: gives the numbers of a repeat before rounding, shape (n, m), of parameter vectors of
+      shape (n, d) and a generator.
+    - `parameters`: the parameter that each number estimates, or an empty word.
+    - `whole`, optional: log probability that a repeat prints all the same digits at once, shape
+      (n,), of parameter vectors, where the likelihood knows it; else it is counted.
+    - `note`: what the comparison cannot show, where the printed numbers made the data or are the
+      data.
     """
 
     names: tuple[str, ...]
@@ -227,20 +278,13 @@ class Published:
 class Repeat:
     """One printed number among those of repeats.
 
-    Parameters
-    ----------
-    name, unit : str
-        Which, and the unit of print.
-    printed : str
-        The printed digits.
-    range : Range
-        The central 95 % of repeats.
-    tail : Share
-        Two-sided tail probability of the printed number among the rounded ones of repeats.
-    same : Share
-        Probability that a repeat prints the same digits.
-    estimated : Share, optional
-        Two-sided tail probability in the posterior of the parameter that the number estimates.
+    - `name`, `unit`: which, and the unit of print.
+    - `printed`: the printed digits.
+    - `range`: the central 95 % of repeats.
+    - `tail`: two-sided tail probability of the printed number among the rounded ones of repeats.
+    - `same`: probability that a repeat prints the same digits.
+    - `estimated`, optional: two-sided tail probability in the posterior of the parameter that the
+      number estimates.
     """
 
     name: str
@@ -253,25 +297,12 @@ class Repeat:
 
 
 def repeats(
-    posterior: Posterior, published: Published, replicates: int = REPEATS
+    posterior: Sampled, published: Published, replicates: int = REPEATS
 ) -> tuple[list[Repeat], Share]:
     """Simulate repeats of the experiment under the posterior and compare their digits.
 
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws.
-    published : Published
-        What is printed.
-    replicates : int
-        How many repeats.
-
-    Returns
-    -------
-    list of Repeat
-        One for each printed number.
-    Share
-        Probability that a repeat prints all of them alike, at once.
+    One `Repeat` for each printed number, and the probability that a repeat prints all of them
+    alike, at once.
     """
     draws = posterior.draws
     chosen = draws[np.linspace(0, len(draws) - 1, min(replicates, len(draws))).astype(int)]
@@ -286,7 +317,7 @@ def repeats(
 
 
 def _row(
-    posterior: Posterior, published: Published, found: FloatArray, same: FloatArray, i: int
+    posterior: Sampled, published: Published, found: FloatArray, same: FloatArray, i: int
 ) -> Repeat:
     unit, printed = 2 * published.half_units[i], float(published.printed[i])
     name, estimated = published.parameters[i], None

@@ -15,6 +15,11 @@ from scipy.special import ndtr, ndtri
 
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "Coordinates", "Declared", "Mirrored", "Straightened", "from_scores", "log_slope",
+    "scores", "weighted",
+]  # fmt: skip
+
 
 class Coordinates(Protocol):
     """A smooth one-to-one map of the parameters; all arrays have one row per vector."""
@@ -64,18 +69,6 @@ class Declared:
 def scores(values: FloatArray, ends: tuple[float, float]) -> FloatArray:
     """Normal scores of values between two ends: uniform values become Gaussian.
 
-    Parameters
-    ----------
-    values : ndarray
-        Inside the ends.
-    ends : tuple of float
-        Lower and upper end.
-
-    Returns
-    -------
-    ndarray
-        Same shape.
-
     Examples
     --------
     >>> scores(np.array([0.5]), (0.0, 1.0))
@@ -116,20 +109,6 @@ def weighted(
     spread: FloatArray | float,
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and standard deviation of a Gaussian estimate with a Gaussian prior.
-
-    Parameters
-    ----------
-    estimate : ndarray or float
-        The estimate.
-    error : ndarray
-        Its standard error.
-    prior, spread : ndarray or float
-        Mean and standard deviation beforehand.
-
-    Returns
-    -------
-    tuple of ndarray
-        Afterwards.
 
     Examples
     --------

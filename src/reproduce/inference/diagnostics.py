@@ -16,23 +16,21 @@ from scipy.stats import beta, rankdata
 
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "Diagnosis", "Gates", "UnconvergedError", "autocorrelation", "autocorrelation_time",
+    "diagnose", "diagnosed", "effective_size", "integrated_time", "mcse_deviation",
+    "mcse_mean", "mcse_quantile", "require", "split_rhat", "thinned",
+]  # fmt: skip
+
 # Sokal's window: the sum stops at this many times the autocorrelation time found so far.
 WINDOW = 5.0
 TAILS = (0.05, 0.95)
 
 
 def autocorrelation(series: FloatArray) -> FloatArray:
-    """Normalised autocorrelation along the first axis, averaged over all others.
+    """Normalised autocorrelation along the first axis, averaged over all others, (steps,).
 
-    Parameters
-    ----------
-    series : ndarray, shape (steps, ...)
-        Values in time order.
-
-    Returns
-    -------
-    ndarray, shape (steps,)
-        One at lag zero. Averaged before it is normalised, so a series that never moves counts.
+    Averaged before it is normalised, so a series that never moves counts.
     """
     steps = len(series)
     centred = series - series.mean(axis=0)
@@ -43,17 +41,9 @@ def autocorrelation(series: FloatArray) -> FloatArray:
 
 
 def integrated_time(function: FloatArray) -> float:
-    """Integrated autocorrelation time of an autocorrelation function, by Sokal's window.
+    """Integrated time of an autocorrelation function, in steps, by Sokal's window.
 
-    Parameters
-    ----------
-    function : ndarray, shape (steps,)
-        From `autocorrelation`.
-
-    Returns
-    -------
-    float
-        In steps, never below one half (draws that alternate about their mean).
+    Never below one half (draws that alternate about their mean).
 
     Examples
     --------
@@ -73,16 +63,6 @@ def autocorrelation_time(chains: FloatArray) -> float:
     and Weare (autocorrelation and variance of the ensemble's mean), both pooled over ensembles.
     The effective sample size is steps times walkers over this time, summed over ensembles.
 
-    Parameters
-    ----------
-    chains : ndarray, shape (ensembles, steps, walkers)
-        One quantity.
-
-    Returns
-    -------
-    float
-        In steps.
-
     Examples
     --------
     >>> chains = np.random.default_rng(1).normal(size=(4, 500, 32))
@@ -101,18 +81,7 @@ def autocorrelation_time(chains: FloatArray) -> float:
 
 
 def effective_size(chains: FloatArray) -> float:
-    """Number of independent draws that would give the mean as well.
-
-    Parameters
-    ----------
-    chains : ndarray, shape (ensembles, steps, walkers)
-        One quantity.
-
-    Returns
-    -------
-    float
-        Summed over the ensembles.
-    """
+    """Number of independent draws that would give the mean as well, summed over ensembles."""
     return chains.size / autocorrelation_time(chains)
 
 
@@ -142,15 +111,8 @@ def tail_size(chains: FloatArray) -> float:
 def split_rhat(draws: FloatArray) -> float:
     """Rank-normalised split R-hat, the larger of its bulk and its folded form.
 
-    Parameters
-    ----------
-    draws : ndarray, shape (chains, n)
-        One row per independent ensemble, in time order.
-
-    Returns
-    -------
-    float
-        One where all halves agree.
+    Of draws (chains, n), one row per independent ensemble, in time order; one where all halves
+    agree.
 
     Examples
     --------
@@ -186,17 +148,7 @@ def mcse_deviation(chains: FloatArray) -> float:
 def mcse_quantile(chains: FloatArray, probability: float) -> float:
     """Monte Carlo standard error of a quantile, in the unit of the draws.
 
-    Parameters
-    ----------
-    chains : ndarray, shape (ensembles, steps, walkers)
-        One quantity.
-    probability : float
-        Of the quantile.
-
-    Returns
-    -------
-    float
-        Half the distance between the quantiles that bound it with one standard error.
+    Half the distance between the quantiles that bound it with one standard error.
     """
     size = effective_size((chains <= np.quantile(chains, probability)).astype(float))
     law = beta(size * probability + 1, size * (1 - probability) + 1)
@@ -213,16 +165,10 @@ MARGIN, MIXING = 2.0, 2.0
 class Gates:
     """What a set of ensembles must reach.
 
-    Parameters
-    ----------
-    rhat : float
-        Largest rank-normalised split R-hat over ensembles (Vehtari et al., 2021).
-    times : float
-        Smallest number of autocorrelation times in the steps kept (emcee's own gate).
-    size : float
-        Smallest bulk and tail effective sample size: 100 per chain of four.
-    acceptance : float
-        Smallest share of accepted moves: below it an ensemble may be stuck.
+    - `rhat`: largest rank-normalised split R-hat over ensembles (Vehtari et al., 2021).
+    - `times`: smallest number of autocorrelation times in the steps kept (emcee's own gate).
+    - `size`: smallest bulk and tail effective sample size: 100 per chain of four.
+    - `acceptance`: smallest share of accepted moves: below it an ensemble may be stuck.
     """
 
     rhat: float = 1.01
@@ -235,16 +181,10 @@ class Gates:
 class Diagnosis:
     """The numbers of one parameter.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    rhat, time, times : float
-        Split R-hat; autocorrelation time in steps; steps over that time.
-    bulk, tail : float
-        Effective sample sizes.
-    mcse : float
-        Monte Carlo standard error of the mean, in SI units or px.
+    - `name`: the parameter.
+    - `rhat`, `time`, `times`: split R-hat; autocorrelation time in steps; steps over that time.
+    - `bulk`, `tail`: effective sample sizes.
+    - `mcse`: Monte Carlo standard error of the mean, in SI units or px.
     """
 
     name: str
@@ -256,20 +196,14 @@ class Diagnosis:
     mcse: float
 
 
-class ConvergenceError(ArithmeticError):
+class UnconvergedError(ArithmeticError):
     """Chains that miss the gates; the message is short, the attributes carry all numbers.
 
-    Parameters
-    ----------
-    missed : list of str
-        Every gate that was missed, the worst first.
-    diagnoses : tuple of Diagnosis
-        Of each parameter.
-    acceptance : tuple of float
-        Of each ensemble.
-    steps : int, optional
-        How many kept steps would do, by the autocorrelation found; none where more steps do not
-        help.
+    - `missed`: every gate that was missed, the worst first.
+    - `diagnoses`: of each parameter.
+    - `acceptance`: of each ensemble.
+    - `steps`, optional: how many kept steps would do, by the autocorrelation found; none where more
+      steps do not help.
     """
 
     def __init__(
@@ -293,57 +227,21 @@ class ConvergenceError(ArithmeticError):
 
 
 def thinned(chains: FloatArray, time: float) -> FloatArray:
-    """Draws of each ensemble in time order, thinned by the autocorrelation time.
+    """Draws of each ensemble in time order, thinned by the autocorrelation time, rounded up.
 
-    Parameters
-    ----------
-    chains : ndarray, shape (ensembles, steps, walkers, ...)
-        All draws.
-    time : float
-        Steps between the draws that are kept, rounded up.
-
-    Returns
-    -------
-    ndarray, shape (ensembles, draws, ...)
-        Step by step, all walkers of a step beside each other.
+    Shape (ensembles, draws, ...): step by step, all walkers of a step beside each other.
     """
     kept = chains[:, :: max(1, int(np.ceil(time)))]
     return kept.reshape(len(kept), -1, *kept.shape[3:])
 
 
 def diagnose(names: tuple[str, ...], chain: FloatArray) -> tuple[Diagnosis, ...]:
-    """Return the numbers of every parameter.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The parameters.
-    chain : ndarray, shape (ensembles, steps, walkers, parameters)
-        All draws after warm-up.
-
-    Returns
-    -------
-    tuple of Diagnosis
-        In the order of the parameters.
-    """
+    """Return the numbers of every parameter of a chain (ensembles, steps, walkers, parameters)."""
     return tuple(diagnosed(name, chain[..., i]) for i, name in enumerate(names))
 
 
 def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
-    """Return the numbers of one quantity.
-
-    Parameters
-    ----------
-    name : str
-        Which.
-    draws : ndarray, shape (ensembles, steps, walkers)
-        All draws after warm-up.
-
-    Returns
-    -------
-    Diagnosis
-        The standard error in the unit of the draws.
-    """
+    """Return the numbers of one quantity; its standard error is in the unit of the draws."""
     time = autocorrelation_time(draws)
     return Diagnosis(
         name,
@@ -357,22 +255,7 @@ def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
 
 
 def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates) -> None:
-    """Refuse chains that miss a gate.
-
-    Parameters
-    ----------
-    diagnoses : tuple of Diagnosis
-        From `diagnose`.
-    acceptance : tuple of float
-        Share of accepted moves of each ensemble.
-    gates : Gates
-        What must be reached.
-
-    Raises
-    ------
-    ConvergenceError
-        If a gate is missed, or a number is not finite.
-    """
+    """Raise `UnconvergedError` where a gate is missed, or a number is not finite."""
     # How many times more steps each gate needs, and which it is; NaN misses and comes first.
     missed: list[tuple[float, str]] = []
     for one in diagnoses:
@@ -398,7 +281,7 @@ def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gat
         if np.isfinite(factor):
             kept = diagnoses[0].time * diagnoses[0].times
             steps = int(np.ceil(MARGIN * factor * kept / 100)) * 100
-        raise ConvergenceError([words for _, words in missed], diagnoses, acceptance, steps)
+        raise UnconvergedError([words for _, words in missed], diagnoses, acceptance, steps)
 
 
 def _short(needed: float, found: float) -> float:

@@ -16,8 +16,13 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.coordinates import Coordinates, Declared, Straightened
-from reproduce.inference.priors import Prior, in_unit
+from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
+
+__all__ = [
+    "Consequence", "Derived", "Estimated", "Model", "Parameter", "StartError",
+    "UnsuitableModelError",
+]  # fmt: skip
 
 # A start is this many times wider than the posterior is expected to be.
 OVERDISPERSION = 3.0
@@ -75,18 +80,11 @@ class Latent(Protocol):
 class Parameter:
     """One parameter of a model.
 
-    Parameters
-    ----------
-    name : str
-        Its name in tables and files, such as ``shift-x``.
-    label : str
-        Its symbol for axes, in TeX without dollar signs.
-    unit : str
-        The unit in which it is shown.
-    prior : Prior
-        Its prior, in SI units or px.
-    shown : float
-        How many shown units one SI unit is: ARCSEC_PER_RADIAN for an angle shown in arcsec.
+    - `name`: its name in tables and files, such as ``shift-x``.
+    - `label`: its symbol for axes, in TeX without dollar signs.
+    - `unit`: the unit in which it is shown.
+    - `prior`: its prior, in SI units or px.
+    - `shown`: how many shown units one SI unit is: ARCSEC_PER_RADIAN for an angle shown in arcsec.
     """
 
     name: str
@@ -100,18 +98,12 @@ class Parameter:
 class Model:
     """A model with its data.
 
-    Parameters
-    ----------
-    name : str
-        What it is called in tables, messages and stored runs.
-    parameters : tuple of Parameter
-        In the order of the columns of every parameter array.
-    likelihood : Likelihood
-        The log likelihood with its data.
-    estimate : mapping of str to float
-        The published or least-squares point estimate, by parameter, where there is one; SI.
-    derived : Derived, optional
-        Consequences of the parameters.
+    - `name`: what it is called in tables, messages and stored runs.
+    - `parameters`: in the order of the columns of every parameter array.
+    - `likelihood`: the log likelihood with its data.
+    - `estimate`: the published or least-squares point estimate, by parameter, where there is one;
+      SI.
+    - `derived`, optional: consequences of the parameters.
 
     Examples
     --------
@@ -183,11 +175,7 @@ class Model:
         """Over-dispersed starting points about a displaced centre, shape (walkers, d).
 
         The displacement belongs to the ensemble, so that ensembles start apart from each other.
-
-        Raises
-        ------
-        StartError
-            If hardly any starting point has a finite posterior.
+        Where hardly any point has a finite posterior, a `StartError` says so.
         """
         rough, spread = self.likelihood.start()
         centre = rough + OVERDISPERSION * spread * generator.normal(size=self.dimension)
@@ -205,7 +193,7 @@ class Model:
         """Why a rough estimate, shape (d,), has no finite posterior, and what to do."""
         for value, one in zip(rough.tolist(), self.parameters, strict=True):
             if not np.isfinite(one.prior.log_density(np.array([value]))[0]):
-                prior = in_unit(one.prior, one.shown)
+                prior = one.prior.in_unit(one.shown)
                 return (
                     f"the rough estimate of {one.name} is {value * one.shown:.6g} "
                     f"{one.unit}, its prior {prior}; check the data, or widen the prior"
@@ -219,22 +207,17 @@ class Model:
 class Derived(Protocol):
     """Consequences of a model's parameters."""
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Named consequences of parameter vectors of shape (n, d)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity:
+class Consequence:
     """A consequence with its draws.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        In the unit shown.
-    unit : str
-        That unit.
-    meaning : str
-        What it is, in a few words.
+    - `values`, (n,): in the unit shown.
+    - `unit`: that unit.
+    - `meaning`: what it is, in a few words.
     """
 
     values: FloatArray

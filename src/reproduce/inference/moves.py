@@ -16,6 +16,8 @@ from emcee.state import State
 from reproduce.inference.coordinates import Coordinates, Declared, Mirrored
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["mixture"]
+
 # Student-t with few degrees of freedom: heavier than any posterior tail that is met here.
 DEGREES = 5.0
 # Slightly wider than the ensemble, since half an ensemble underestimates the spread.
@@ -25,10 +27,7 @@ WIDER = 1.2
 class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
     """A red-blue move whose acceptance is decided for a whole half at once.
 
-    Parameters
-    ----------
-    coordinates : Coordinates, optional
-        In which proposals are made; the parameters themselves by default.
+    - `coordinates`, optional: in which proposals are made; the parameters themselves by default.
     """
 
     def __init__(self, coordinates: Coordinates | None = None) -> None:
@@ -125,22 +124,12 @@ class Mirror(_AtOnce):
 
 
 def mixture(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
-    """Return the moves of an ensemble with their shares.
+    """Return the moves of an ensemble for emcee, with their shares.
 
     The stretch and the differential evolution carry a far-off ensemble in and keep curved or
     heavy-tailed posteriors moving; the complement makes draws nearly independent once it is in.
     In coordinates that straighten a posterior the first two have less to do; where these know of
     a second mode, a mirror joins them.
-
-    Parameters
-    ----------
-    coordinates : Coordinates, optional
-        In which they propose; the parameters themselves by default.
-
-    Returns
-    -------
-    list of tuple
-        Moves and weights for `emcee.EnsembleSampler`.
 
     Examples
     --------

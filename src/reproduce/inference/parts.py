@@ -19,7 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Progress", "Result", "ResumeError", "Store", "processes", "run_parts"]
+__all__ = ["ResumeError", "Store", "processes", "run_parts"]
 
 Part = TypeVar("Part")
 Result = tuple[NDArray[Any], ...]
@@ -35,12 +35,8 @@ class ResumeError(ValueError):
 class Store:
     """A folder that keeps finished parts.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        It need not exist yet.
-    note : mapping
-        What the work is, in values that JSON has: a folder with another note is refused.
+    - `folder`: it need not exist yet.
+    - `note`: what the work is, in values that JSON has: a folder with another note is refused.
     """
 
     folder: Path
@@ -81,7 +77,8 @@ class Store:
     def _load(self, index: int) -> Result | None:
         """Return the result of a part; none where there is none, or half a file."""
         try:
-            with np.load(self._path(index)) as file:
+            # Opened here: NumPy would leave half a file open.
+            with self._path(index).open("rb") as raw, np.load(raw) as file:
                 return tuple(file[f"arr_{i}"] for i in range(len(file.files)))
         except (FileNotFoundError, BadZipFile, EOFError, KeyError, ValueError):
             return None

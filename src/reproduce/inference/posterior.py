@@ -17,26 +17,25 @@ from reproduce.inference.diagnostics import (
     require,
     thinned,
 )
-from reproduce.inference.model import Model, Quantity
+from reproduce.inference.model import Consequence, Model
 from reproduce.physics.validate import FloatArray
+
+__all__ = ["Sampled", "Summary"]
 
 LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class Row:
+class Summary:
     """The summary of one parameter or consequence, in the unit shown.
 
-    Parameters
-    ----------
-    name, unit : str
-        Which, and its unit.
-    mean, deviation, low, median, high : float
-        Mean, standard deviation, and the median between the ends of the central 95 %.
-    mcse, mcse_end : float
-        Monte Carlo standard error of the mean, and the larger one of the two ends.
-    rhat, bulk, tail, time : float
-        Split R-hat, effective sample sizes, autocorrelation time in steps.
+    - `name`, `unit`: which, and its unit.
+    - `mean`, `deviation`, `low`, `median`, `high`: mean, standard deviation, and the median between
+      the ends of the central 95 %.
+    - `mcse`, `mcse_end`: Monte Carlo standard error of the mean, and the larger one of the two
+      ends.
+    - `rhat`, `bulk`, `tail`, `time`: split R-hat, effective sample sizes, autocorrelation time in
+      steps.
     """
 
     name: str
@@ -55,26 +54,17 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Posterior:
+class Sampled:
     """Draws that passed the gates.
 
-    Parameters
-    ----------
-    model : Model
-        What was sampled.
-    seed : int
-        Root of its random numbers.
-    chain : ndarray, shape (ensembles, steps, walkers, d)
-        All draws after warm-up.
-    log_posterior : ndarray, shape (ensembles, steps, walkers)
-        Unnormalised.
-    acceptance : tuple of float
-        Of each ensemble.
-    diagnoses : tuple of Diagnosis
-        Of each parameter.
-    gates : Gates, optional
-        What consequences must reach too, but for the number of autocorrelation times, which is
-        that of the parameters.
+    - `model`: what was sampled.
+    - `seed`: root of its random numbers.
+    - `chain`, (ensembles, steps, walkers, d): all draws after warm-up.
+    - `log_posterior`, (ensembles, steps, walkers): unnormalised.
+    - `acceptance`: of each ensemble.
+    - `diagnoses`: of each parameter.
+    - `gates`, optional: what consequences must reach too, but for the number of autocorrelation
+      times, which is that of the parameters.
     """
 
     model: Model
@@ -95,12 +85,12 @@ class Posterior:
         """Nearly independent draws, shape (n, d): thinned by the autocorrelation time."""
         return np.concatenate(thinned(self.chain, self.time))
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[Summary]:
         """Return the summary of every parameter, in the unit shown."""
         return self._rows
 
     @cached_property
-    def _rows(self) -> list[Row]:
+    def _rows(self) -> list[Summary]:
         known = self.diagnoses or diagnose(self.model.names, self.chain)
         return [
             summarised(
@@ -114,13 +104,14 @@ class Posterior:
             )
         ]
 
-    def consequences(self) -> list[tuple[Row, Quantity]]:
+    def summaries(self) -> list[Summary]:
+        """Return the summaries of parameters, then of consequences."""
+        return [*self.rows(), *(row for row, _ in self.consequences())]
+
+    def consequences(self) -> list[tuple[Summary, Consequence]]:
         """Return the summary of every derived quantity, of draws thinned as `draws` are.
 
-        Raises
-        ------
-        ConvergenceError
-            If one of them misses a gate.
+        One that misses a gate is an `UnconvergedError`.
         """
         if self.gates is not None:
             gates = replace(self.gates, times=0.0)
@@ -129,7 +120,7 @@ class Posterior:
         return self._consequences
 
     @cached_property
-    def _consequences(self) -> list[tuple[Row, Quantity]]:
+    def _consequences(self) -> list[tuple[Summary, Consequence]]:
         if self.model.derived is None:
             return []
         stride = max(1, int(np.ceil(self.time)))
@@ -145,16 +136,8 @@ class Posterior:
     def to_datatree(self) -> Any:
         """Convert to a DataTree as ArviZ reads it: a chain per ensemble, thinned by its time.
 
-        Returns
-        -------
-        xarray.DataTree
-            With the groups ``posterior`` (a variable per parameter, in SI units or px, with what it
-            is shown in and its prior as attributes) and ``sample_stats`` (log posterior).
-
-        Raises
-        ------
-        ModuleNotFoundError
-            If the extra ``netcdf`` is not installed.
+        Its groups are ``posterior`` (a variable per parameter, in SI units or px, with what it is
+        shown in and its prior as attributes) and ``sample_stats`` (log posterior).
         """
         try:
             import arviz_base
@@ -176,30 +159,15 @@ class Posterior:
         return tree
 
 
-def _diagnosis(row: Row, steps: int) -> Diagnosis:
+def _diagnosis(row: Summary, steps: int) -> Diagnosis:
     return Diagnosis(row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse)
 
 
-def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Row:
-    """Summarise one quantity.
-
-    Parameters
-    ----------
-    name, unit : str
-        Which, and its unit.
-    values : ndarray, shape (ensembles, steps, walkers)
-        In that unit.
-    known : Diagnosis
-        Its numbers, from `diagnostics.diagnosed`, the standard error in that unit.
-
-    Returns
-    -------
-    Row
-        Its summary.
-    """
+def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
+    """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
     ends = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     low, median, high = np.quantile(values, (ends[0], 0.5, ends[1]))
-    return Row(
+    return Summary(
         name,
         unit,
         float(values.mean()),
@@ -214,35 +182,3 @@ def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Ro
         known.tail,
         known.time,
     )
-
-
-def digits(value: float, mcse: float) -> str:
-    """Write a number with no more digits than its Monte Carlo error allows.
-
-    Parameters
-    ----------
-    value, mcse : float
-        The number and its Monte Carlo standard error.
-
-    Returns
-    -------
-    str
-        The last digit is the first that is larger than two standard errors, so that a second run
-        changes it by one at most, nearly always; but a number that is larger than its error keeps
-        its first digit, and a zero has no sign.
-
-    Examples
-    --------
-    >>> digits(1.23456, 0.002), digits(1234.5, 3.0), digits(0.5, 0.0)
-    ('1.23', '1230', '0.5')
-    >>> digits(-0.23, 0.06), digits(7.0, 4.0), digits(-0.0003, 0.002)
-    ('-0.2', '7', '0.00')
-    """
-    if not np.isfinite(mcse) or mcse <= 0:
-        return f"{value:z.6g}"
-    decimals = -int(np.ceil(np.log10(2 * mcse)))
-    if abs(value) > mcse:
-        decimals = max(decimals, -int(np.floor(np.log10(abs(value)))))
-    if decimals >= 0:
-        return f"{value:z.{min(decimals, 12)}f}"
-    return f"{round(value, decimals):z.0f}"

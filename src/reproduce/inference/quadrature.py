@@ -16,6 +16,8 @@ from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["small_log_evidence", "summed"]
+
 # Nodes per parameter, and those of the coarse look.
 NODES = {1: 300, 2: 120}
 COARSE = {1: 60, 2: 24}
@@ -33,14 +35,10 @@ CHUNK = 1000
 class Summed:
     """A posterior on its nodes.
 
-    Parameters
-    ----------
-    model : Model
-        Which.
-    points : ndarray, shape (n, d)
-        The nodes, all combinations of those of each parameter; SI units or px.
-    log_weights, log_likelihood : ndarray, shape (n,)
-        Logarithms of what a node stands for, in the parameters' own measure, and of the likelihood.
+    - `model`: which.
+    - `points`, (n, d): the nodes, all combinations of those of each parameter; SI units or px.
+    - `log_weights`, `log_likelihood`, (n,): logarithms of what a node stands for, in the
+      parameters' own measure, and of the likelihood.
     """
 
     model: Model
@@ -91,24 +89,9 @@ class Summed:
 def summed(model: Model, finer: float = 1) -> Summed:
     """Sum the posterior of a model of one or two parameters.
 
-    Parameters
-    ----------
-    model : Model
-        With its data.
-    finer : float
-        Multiplies the number of nodes.
-
-    Returns
-    -------
-    Summed
-        The sum adds an error far below a thousandth, for the posteriors are smooth. What remains
-        is the error of the log likelihood itself: for boxes of printed numbers, that of
-        `rounded.log_box_by_rule` or `rounded.log_box`, averaged over the posterior.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model has more parameters.
+    The sum adds an error far below a thousandth, for the posteriors are smooth. What remains is the
+    error of the log likelihood itself: for boxes of printed numbers, that of `log_box_by_rule` or
+    `log_box`, averaged over the posterior. `finer` multiplies the number of nodes.
     """
     if model.dimension not in NODES:
         raise UnsuitableModelError(

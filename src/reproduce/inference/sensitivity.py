@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.inference.pareto import smoothed
-from reproduce.inference.posterior import Posterior
+from reproduce.inference.evidence import smoothed
+from reproduce.inference.posterior import Sampled
 from reproduce.inference.priors import (
     HalfNormal,
     LogNormal,
@@ -22,10 +22,10 @@ from reproduce.inference.priors import (
     Normal,
     Prior,
     Uniform,
-    flat_place,
-    in_unit,
 )
 from reproduce.physics.validate import FloatArray
+
+__all__ = ["CROWDED", "NEAR", "NOTABLE", "leanings", "sensitivities"]
 
 POWERS = (0.8, 1.25)
 # From here on a change is worth a word: the threshold of the method's authors.
@@ -44,22 +44,15 @@ CONTRADICTED = 3.0
 class Sensitivity:
     """The answers of one parameter.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    prior, likelihood : float
-        Change of the distribution per doubling of the power: the root of the cumulative
-        Jensen-Shannon divergence between the posterior and that at another power, the mean of one
-        power below and one above.
-    shift : float
-        Change of the mean per doubling of the prior's power, in posterior standard deviations.
-    errors : tuple of float
-        Monte Carlo standard errors of these three.
-    shape : float
-        Largest Pareto k of the weights; above 0.7 the numbers are not to be trusted.
-    near_end : float
-        Share of draws within `NEAR` of an end of a flat prior, in widths of the prior.
+    - `name`: the parameter.
+    - `prior`, `likelihood`: change of the distribution per doubling of the power: the root of the
+      cumulative Jensen-Shannon divergence between the posterior and that at another power, the mean
+      of one power below and one above.
+    - `shift`: change of the mean per doubling of the prior's power, in posterior standard
+      deviations.
+    - `errors`: Monte Carlo standard errors of these three.
+    - `shape`: largest Pareto k of the weights; above 0.7 the numbers are not to be trusted.
+    - `near_end`: share of draws within `NEAR` of an end of a flat prior, in widths of the prior.
     """
 
     name: str
@@ -75,21 +68,20 @@ class Sensitivity:
         """Whether the posterior reaches an end of a flat prior, which then bounds it."""
         return self.near_end > CROWDED
 
+    @property
+    def held_by(self) -> str:
+        """What holds the posterior, in a few words."""
+        if self.held_by_end:
+            return "an end of the flat prior holds it"
+        if self.prior < NOTABLE:
+            return "as it should be"
+        return "prior and data" if self.likelihood >= NOTABLE else "the prior holds it"
 
-def sensitivities(posterior: Posterior) -> list[Sensitivity]:
+
+def sensitivities(posterior: Sampled) -> list[Sensitivity]:
     """Return the sensitivity of every parameter to prior and likelihood.
 
     The errors are those of the jackknife that leaves out one ensemble after the other.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws.
-
-    Returns
-    -------
-    list of Sensitivity
-        In the order of the parameters.
     """
     draws, model = posterior.draws, posterior.model
     logs = (model.log_prior(draws), model.log_likelihood(draws))
@@ -115,7 +107,7 @@ def sensitivities(posterior: Posterior) -> list[Sensitivity]:
 
 
 def _near_end(prior: Prior, draws: FloatArray) -> float:
-    place = flat_place(prior, draws)
+    place = prior.place(draws)
     return 0.0 if place is None else float((np.minimum(place, 1 - place) < NEAR).mean())
 
 
@@ -123,18 +115,12 @@ def _near_end(prior: Prior, draws: FloatArray) -> float:
 class Leaning:
     """A parameter whose posterior leans on its prior.
 
-    Parameters
-    ----------
-    parameter : str
-        Which.
-    end : float or None
-        The end of the prior on which it leans, in the unit shown; none for a Gaussian prior, in
-        whose tail it lies.
-    unit, prior : str
-        The unit shown, and the prior in words.
-    share : float
-        Share of draws beside the end; for a Gaussian prior how many of its standard deviations the
-        posterior's mean lies out.
+    - `parameter`: which.
+    - `end`: the end of the prior on which it leans, in the unit shown; none for a Gaussian prior,
+      in whose tail it lies.
+    - `unit`, `prior`: the unit shown, and the prior in words.
+    - `share`: share of draws beside the end; for a Gaussian prior how many of its standard
+      deviations the posterior's mean lies out.
     """
 
     parameter: str
@@ -157,24 +143,13 @@ class Leaning:
         )
 
 
-def leanings(posterior: Posterior) -> list[Leaning]:
-    """Return the parameters whose posterior leans on an end of a prior, or lies in its tail.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws.
-
-    Returns
-    -------
-    list of Leaning
-        In the order of the parameters; usually none.
-    """
+def leanings(posterior: Sampled) -> list[Leaning]:
+    """Return the parameters whose posterior leans on an end of a prior, or lies in its tail."""
     found = []
     for parameter, column in zip(
         posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
     ):
-        shown = in_unit(parameter.prior, parameter.shown)
+        shown = parameter.prior.in_unit(parameter.shown)
         for end, share in _leaning(parameter.prior, column.ravel()):
             place = None if end is None else end * parameter.shown
             found.append(Leaning(parameter.name, place, parameter.unit, str(shown), share))
@@ -219,23 +194,11 @@ def _answers(draws: FloatArray, logs: tuple[FloatArray, ...]) -> tuple[FloatArra
 
 
 def _distance(values: FloatArray, weights: FloatArray) -> float:
-    """Root of the cumulative Jensen-Shannon divergence of draws and draws with weights.
+    """Root of the cumulative Jensen-Shannon divergence of sorted draws and draws with weights.
 
-    Symmetric, over its upper bound; the larger of that of the values and that of their negatives,
-    since distribution functions count from below (Kallioinen et al., 2024, after Nguyen and
-    Vreeken, 2015).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Sorted.
-    weights : ndarray, shape (n,)
-        That sum to one.
-
-    Returns
-    -------
-    float
-        From zero to one.
+    Symmetric, over its upper bound, so from zero to one; the larger of that of the values and that
+    of their negatives, since distribution functions count from below (Kallioinen et al., 2024,
+    after Nguyen and Vreeken, 2015).
     """
     steps = np.diff(values)
     from_below = np.cumsum(weights)[:-1]

@@ -8,12 +8,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from reproduce.judge.propagate import (
-    Interval,
-    plain_results,
-    reading_name,
-    result_intervals,
-)
+from reproduce.judge.propagate import plain_results, reading_name, result_intervals
 from reproduce.judge.verdicts import (
     CENTRAL,
     Judgement,
@@ -34,6 +29,7 @@ from reproduce.papers.declare import (
 )
 from reproduce.printed.cells import Cell, PrintedTable, altered_files, library
 from reproduce.printed.given import given
+from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
 Flag = Literal[

@@ -10,8 +10,7 @@ from decimal import Decimal
 from reproduce.papers.declare import Blocked, Computation
 from reproduce.printed.cells import Cell
 from reproduce.printed.given import Given
-
-Interval = tuple[float, float]
+from reproduce.printed.number import Interval
 
 
 def result_intervals(computation: Computation, given: Given) -> dict[str, Interval]:
@@ -20,8 +19,9 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     Each input is moved to both ends of its rounding interval on its own to see which way every
     result goes (both, because a smallest or largest value may answer to one side alone); then all
     inputs are moved together to the corner that makes the result smallest and to the one that
-    makes it largest. For results monotone in each input, as all deterministic ones here are,
-    these corners are the exact ends.
+    makes it largest. These corners are the exact ends of a result that is monotone in each input.
+    That every one here is, is proven: an enclosure of its formula (`reproduce.audit`) gives the
+    same interval.
 
     Cell name to the smallest and largest result, in SI; for a reading of a blocked cell, the name
     that `reading_name` gives.

@@ -23,9 +23,9 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
+from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor, symbol
 
-Interval = tuple[float, float]
 Replaced = dict[str, float]
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.checks import Published
+from reproduce.inference.checks import Bounded, Published, Repeat, Share, bounded, repeats
+from reproduce.inference.evidence import Compared, compared
 from reproduce.inference.model import Model
+from reproduce.inference.posterior import Sampled
+from reproduce.inference.sampling import Plan, sample
+from reproduce.papers.declare import ROOT_SEED
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import Table
+from reproduce.store.points import Table, TableFileError, read_table
 
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
@@ -26,18 +31,11 @@ STEPS = 700
 class File:
     """The format of a user's own data.
 
-    Parameters
-    ----------
-    columns : tuple of str
-        Of the CSV file, in any order.
-    meaning : str
-        What a line is, and what the columns hold.
-    read : callable
-        Makes the model of a table and of the pivot that the user gives.
-    pivots : callable, optional
-        For stars: the pivot of each channel. Without it the model takes none.
-    remarks : callable, optional
-        What a user should hear of the data.
+    - `columns`: of the CSV file, in any order.
+    - `meaning`: what a line is, and what the columns hold.
+    - `read`: makes the model of a table and of the pivot that the user gives.
+    - `pivots`, optional: for stars: the pivot of each channel. Without it the model takes none.
+    - `remarks`, optional: what a user should hear of the data.
     """
 
     columns: tuple[str, ...]
@@ -47,18 +45,29 @@ class File:
     remarks: Callable[[Table, Pivot], list[str]] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Supplied:
+    """A user's file as a model, and what to say of it.
+
+    - `model`: with priors on the scale of the data.
+    - `rows`: lines of data.
+    - `pivots`: of each channel, in px; none where the model takes none.
+    - `remarks`: what a user should hear of the data.
+    """
+
+    model: Model
+    rows: int
+    pivots: list[list[float]]
+    remarks: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Aside:
     """A number that a simple sum over the data of a model gives beside its posterior.
 
-    Parameters
-    ----------
-    value : float
-        In the unit shown.
-    error : float
-        Its standard error; zero where the number is a standard error itself.
-    unit : str
-        That unit.
+    - `value`: in the unit shown.
+    - `error`: its standard error; zero where the number is a standard error itself.
+    - `unit`: that unit.
     """
 
     value: float
@@ -70,38 +79,25 @@ class Aside:
 class Declaration:
     """A posterior of the book.
 
-    Parameters
-    ----------
-    key : str
-        Its only name: on the command line, in the book, of its stored calibration.
-    title : str
-        What it is about, in one line.
-    paper : str
-        Whose numbers it takes.
-    given : tuple of str
-        Every printed cell (or group) that reaches the model, as data, setting or prior.
-    build : callable
-        Makes the model from the door.
-    file : File or str
-        The format of a user's own data, or why there is none.
-    truth : callable, optional
-        The parameters with which the data were simulated, by name, of the door; SI units or px.
-        None where the data are as printed.
-    published : callable, optional
-        What the paper prints of the experiment, of the door and the model; none where the paper
-        prints no estimate.
-    compared : tuple of str
-        The printed cells that are compared with the posterior only: they do not reach the model.
-    rivals : tuple of callables
-        Rivals for model choice: each makes a model of the same data.
-    evidence : callable, optional
-        The log evidence of a model or rival without sampling.
-    bound : callable, optional
-        The least standard deviations that the data allow, one for each parameter; SI units or px.
-    asides : callable, optional
-        What simple sums over the data of the model give beside it, by name.
-    steps, walkers : int
-        How it is sampled: kept steps and walkers of an ensemble, zero for the usual number.
+    - `key`: its only name: on the command line, in the book, of its stored calibration.
+    - `title`: what it is about, in one line.
+    - `paper`: whose numbers it takes.
+    - `given`: every printed cell (or group) that reaches the model, as data, setting or prior.
+    - `build`: makes the model from the door.
+    - `file`: the format of a user's own data, or why there is none.
+    - `truth`, optional: the parameters with which the data were simulated, by name, of the door; SI
+      units or px. None where the data are as printed.
+    - `published`, optional: what the paper prints of the experiment, of the door and the model;
+      none where the paper prints no estimate.
+    - `compared`: the printed cells that are compared with the posterior only: they do not reach the
+      model.
+    - `rivals`: rivals for model choice: each makes another model of the data of this one.
+    - `evidence`, optional: the log evidence of a model or rival without sampling.
+    - `bound`, optional: the least standard deviations that the data allow, one for each parameter;
+      SI units or px.
+    - `asides`, optional: what simple sums over the data of the model give beside it, by name.
+    - `steps`, `walkers`: how it is sampled: kept steps and walkers of an ensemble, zero for the
+      usual number.
     """
 
     key: str
@@ -113,7 +109,7 @@ class Declaration:
     truth: Callable[[Given], dict[str, float]] | None = None
     published: Callable[[Given, Model], Published] | None = None
     compared: tuple[str, ...] = ()
-    rivals: tuple[Callable[[Given], Model], ...] = ()
+    rivals: tuple[Callable[[Model], Model], ...] = ()
     evidence: Callable[[Model], float] | None = None
     bound: Callable[[Model], FloatArray] | None = None
     asides: Callable[[Model], dict[str, Aside]] | None = None
@@ -133,15 +129,66 @@ class Declaration:
         """Return the parameters with which the data were simulated; none where they were not."""
         return {} if self.truth is None else self.truth(given(self.given))
 
-    def rival_models(self) -> list[Model]:
-        """Return the models that model choice compares this one with."""
-        return [rival(given(self.given)) for rival in self.rivals]
+    def plan(
+        self,
+        steps: int | None = None,
+        ensembles: int = 4,
+        walkers: int | None = None,
+        seed: int | None = None,
+    ) -> Plan:
+        """Return how it is sampled in the book, or otherwise where something is given."""
+        steps = steps or self.steps
+        return Plan(
+            ROOT_SEED if seed is None else seed,
+            ensembles=ensembles,
+            walkers=walkers or self.walkers,
+            steps=steps,
+            warmup=max(150, steps // 4),
+        )
 
-    def printed(self, model: Model) -> Published | None:
-        """Return what the paper prints of the experiment, with how to repeat it."""
+    def from_file(self, path: Path, pivot: Pivot = None) -> Supplied:
+        """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
+
+        The priors of what is measured come from the scale of the data. What the data do not
+        measure, an instrument or a design, stays that of the paper.
+        """
+        file = self.file
+        if isinstance(file, str):
+            raise TableFileError(f"{self.key} takes no file: {file}")
+        if pivot is not None and file.pivots is None:
+            raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
+        try:
+            # A number that overflows or divides by nothing is an error of the file, not a warning.
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                table = read_table(path, file.columns)
+                model = file.read(table, pivot)
+                remarks = file.remarks(table, pivot) if file.remarks else []
+        except FloatingPointError as error:
+            raise TableFileError(
+                f"{path}: the numbers lead to an {error}; look for values that are huge, zero or "
+                "alike"
+            ) from error
+        pivots = file.pivots(table, pivot) if file.pivots else []
+        return Supplied(model, len(table.values), [p.tolist() for p in pivots], tuple(remarks))
+
+    def repeats(self, found: Sampled) -> tuple[list[Repeat], Share, str] | None:
+        """Return the printed numbers among those of repeats, all at once, and what to note of it.
+
+        None where the paper prints no number of the experiment.
+        """
         if self.published is None:
             return None
-        return self.published(given((*self.given, *self.compared)), model)
+        published = self.published(given((*self.given, *self.compared)), found.model)
+        return *repeats(found, published), published.note
+
+    def bounds(self, found: Sampled) -> list[Bounded]:
+        """Return the widths beside the Cramér-Rao bound; nothing where there is none."""
+        return [] if self.bound is None else bounded(found, self.bound(found.model))
+
+    def choice(self, found: Sampled) -> list[Compared]:
+        """Return the evidence of the model and its rivals."""
+        plan, rivals = self.plan(), [rival(found.model) for rival in self.rivals]
+        return compared(found, rivals, self.evidence, lambda rival: sample(rival, plan))
 
 
 # What a comparison of a model with its own data can show.

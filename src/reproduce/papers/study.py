@@ -114,10 +114,6 @@ class Study:
         frame.attrs["caption"] = self.caption.format_map(frame.attrs)
         return frame
 
-    def facts(self) -> Mapping[str, Fact]:
-        """Compute what sentences quote of it, by name."""
-        return self.named(*self._doors()) if self.named else {}
-
     def frame(self, rows: Iterable[Sequence[Any]], **blanks: Any) -> pd.DataFrame:
         """Return rows under the declared heads, with what fills the blanks of the caption."""
         import pandas as pd
@@ -132,6 +128,10 @@ class Study:
         frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
         frame.attrs.update(blanks)
         return frame
+
+    def facts(self) -> Mapping[str, Fact]:
+        """Compute what sentences quote of it, by name."""
+        return self.named(*self._doors()) if self.named else {}
 
     def _doors(self, door: Given | None = None) -> list[Given]:
         return [given(self.given) if door is None else door] if self.given else []

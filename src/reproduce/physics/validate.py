@@ -1,4 +1,4 @@
-"""Checks on what a public function is given.
+"""Checks on what a public function is given: once, at the border; kernels behind it trust it.
 
 Every message says what was expected, what came and what to do about it.
 """
@@ -8,9 +8,31 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = [
+    "NON_NEGATIVE",
+    "POSITIVE",
+    "ROTATION",
+    "DegenerateGeometryError",
+    "FloatArray",
+    "MirroredPointsError",
+    "common_batch",
+    "finite_array",
+    "non_negative",
+    "number_array",
+    "positive",
+    "rotations",
+    "together",
+    "weights_for",
+    "whole_number",
+]
+
 FloatArray = NDArray[np.float64]
+Shape = tuple[int | None, ...]
 
-
+# What `together` is told of an argument, in place of its shape.
+POSITIVE, NON_NEGATIVE, ROTATION = "positive", "non-negative", "rotation"
+# A matrix this far from orthogonal is a transcription error, not a rounding error.
+_ORTHOGONALITY_TOLERANCE = 1e-6
 # What NumPy's kinds of arrays that hold no numbers are called.
 _KINDS = {"U": "text", "S": "bytes", "m": "time differences", "M": "dates"}
 
@@ -23,7 +45,7 @@ class MirroredPointsError(DegenerateGeometryError):
     """The target points are a mirror image of the source points."""
 
 
-def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] = ()) -> FloatArray:
+def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
     """Return `value` as a float array after checking its trailing shape and its finiteness.
 
     Parameters
@@ -31,15 +53,10 @@ def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
     name : str
         What the caller calls the array; it opens the error message.
     value : array_like
-        Anything NumPy turns into floating point numbers.
+        Anything NumPy turns into floating point numbers; not copied when it is a float64 array.
     shape : tuple of int or None
         The trailing dimensions; None leaves a dimension open, but it must not be empty.
         Leading (batch) dimensions are always allowed.
-
-    Returns
-    -------
-    ndarray
-        A float64 array; not a copy when `value` already is one.
 
     Raises
     ------
@@ -65,31 +82,8 @@ def finite_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
     return array
 
 
-def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] = ()) -> FloatArray:
-    """Return `value` as a float array after checking its trailing shape, not its finiteness.
-
-    Parameters
-    ----------
-    name, value, shape
-        As for `finite_array`.
-
-    Returns
-    -------
-    ndarray
-        A float64 array; not a copy when `value` already is one.
-
-    Raises
-    ------
-    TypeError
-        If `value` is not numeric.
-    ValueError
-        If it has the wrong shape or is empty.
-
-    Examples
-    --------
-    >>> number_array("windows", [[1, float("nan")]], shape=(None, None))
-    array([[ 1., nan]])
-    """
+def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+    """Return what `finite_array` does, but let NaN and infinity pass."""
     try:
         raw = np.asarray(value)
     except ValueError:
@@ -108,7 +102,16 @@ def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
             f"{name}: expected an array of numbers, got an entry that is none or too large; remove "
             "or convert it"
         ) from None
-    _check_shape(name, array, shape)
+    fits = array.ndim >= len(shape) and all(
+        want is None or want == have
+        for want, have in zip(shape[::-1], array.shape[::-1], strict=False)
+    )
+    if not fits:
+        wanted = ", ".join("n" if want is None else str(want) for want in shape)
+        raise ValueError(
+            f"{name}: expected shape (..., {wanted}), got {array.shape}; "
+            "rows are observations, columns are coordinates"
+        )
     if array.size == 0:
         raise ValueError(
             f"{name}: expected at least one value, got shape {array.shape}; "
@@ -117,47 +120,9 @@ def number_array(name: str, value: ArrayLike, *, shape: tuple[int | None, ...] =
     return array
 
 
-def _check_shape(name: str, array: FloatArray, shape: tuple[int | None, ...]) -> None:
-    if not shape:
-        return
-    fits = array.ndim >= len(shape)
-    if fits:
-        for want, have in zip(shape, array.shape[-len(shape) :], strict=True):
-            fits = fits and (want is None or want == have)
-    if not fits:
-        wanted = ", ".join("n" if want is None else str(want) for want in shape)
-        raise ValueError(
-            f"{name}: expected shape (..., {wanted}), got {array.shape}; "
-            "rows are observations, columns are coordinates"
-        )
-
-
-def positive(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as a float array after checking that it is finite and above zero.
-
-    Parameters
-    ----------
-    name : str
-        What the caller calls the quantity; it opens the error message.
-    value : array_like
-        The quantity, in any unit.
-
-    Returns
-    -------
-    ndarray
-        A float64 array.
-
-    Raises
-    ------
-    ValueError
-        If a value is NaN, infinite, zero or negative.
-
-    Examples
-    --------
-    >>> float(positive("focal_length", 25e-3))
-    0.025
-    """
-    array = finite_array(name, value)
+def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+    """Return what `finite_array` does, and refuse zero and negative values with a ValueError."""
+    array = finite_array(name, value, shape=shape)
     if (array <= 0).any():
         raise ValueError(
             f"{name}: expected values above zero, got a smallest value of {array.min():g}; "
@@ -166,70 +131,9 @@ def positive(name: str, value: ArrayLike) -> FloatArray:
     return array
 
 
-def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
-    """Return `count` non-negative weights, all one where none are given.
-
-    Parameters
-    ----------
-    weights : array_like, shape (..., count), or None
-        Relative weights, zero allowed but not for all observations at once.
-    count : int
-        How many observations there are.
-
-    Returns
-    -------
-    ndarray, shape (..., count)
-        The weights as floats.
-
-    Raises
-    ------
-    ValueError
-        If a weight is negative or not finite, or if all are zero.
-
-    Examples
-    --------
-    >>> weights_for(None, 2)
-    array([1., 1.])
-    """
-    if weights is None:
-        return np.ones(count)
-    array = finite_array("weights", weights, shape=(count,))
-    if (array < 0).any():
-        raise ValueError(
-            f"weights: expected zero or more, got a smallest weight of {array.min():g}; "
-            "weights are inverse variances"
-        )
-    if (array.sum(axis=-1) <= 0).any():
-        raise ValueError("weights: expected at least one above zero, got all zero; drop the set")
-    return array
-
-
-def non_negative(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as a float array after checking that it is finite and not below zero.
-
-    Parameters
-    ----------
-    name : str
-        What the caller calls the quantity; it opens the error message.
-    value : array_like
-        The quantity, in any unit: a standard deviation, for one.
-
-    Returns
-    -------
-    ndarray
-        A float64 array.
-
-    Raises
-    ------
-    ValueError
-        If a value is NaN, infinite or negative.
-
-    Examples
-    --------
-    >>> float(non_negative("sigma", 0))
-    0.0
-    """
-    array = finite_array(name, value)
+def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+    """Return what `finite_array` does, and refuse negative values with a ValueError."""
+    array = finite_array(name, value, shape=shape)
     if (array < 0).any():
         raise ValueError(
             f"{name}: expected zero or more, got a smallest value of {array.min():g}; "
@@ -238,34 +142,69 @@ def non_negative(name: str, value: ArrayLike) -> FloatArray:
     return array
 
 
-def whole_number(name: str, value: int, *, least: int = 1) -> int:
-    """Return `value` as an int after checking that it is whole and not below `least`.
+def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> FloatArray:
+    """Return matrices (..., 3, 3) as floats after checking that they are rotations.
 
-    Parameters
-    ----------
-    name : str
-        What the caller calls the count; it opens the error message.
-    value : int
-        The count; NumPy integers are welcome, booleans and floats are not.
-    least : int
-        The smallest value allowed.
+    One that is not orthogonal to 1e-6, or a reflection, raises a ValueError. `shape` may ask for
+    more dimensions than the last two.
+    """
+    array = finite_array(name, matrices, shape=shape)
+    excess = np.abs(array @ array.mT - np.eye(3)).max()
+    if excess > _ORTHOGONALITY_TOLERANCE:
+        raise ValueError(
+            f"{name}: expected rotation matrices, got one whose rows miss unit length or right "
+            f"angles by {excess:.2g}; check for a missing normalisation or a typing error"
+        )
+    if (np.linalg.det(array) < 0).any():
+        raise ValueError(
+            f"{name}: expected rotation matrices, got a reflection (determinant -1); "
+            "one axis is flipped or two are swapped"
+        )
+    return array
 
-    Returns
-    -------
-    int
-        The count.
 
-    Raises
-    ------
-    TypeError
-        If `value` is not an integer.
-    ValueError
-        If it is below `least`.
+def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ...]:
+    """Return several arguments as float arrays after checking each, and that batches broadcast.
+
+    Each argument is a pair: what came, and its trailing shape as `finite_array` takes it. The shape
+    () is a number with batch axes; `POSITIVE` and `NON_NEGATIVE` stand for such a number with a
+    sign, and `ROTATION` for a matrix (3, 3).
 
     Examples
     --------
-    >>> whole_number("replicates", 10)
-    10
+    >>> together(points=([[1, 2]], (None, 2)), focal_length=(3, POSITIVE))
+    (array([[1., 2.]]), array(3.))
+    """
+    checks = {POSITIVE: positive, NON_NEGATIVE: non_negative, ROTATION: rotations}
+    arrays, batches = [], {}
+    for name, (value, kind) in arguments.items():
+        if isinstance(kind, str):
+            array, inner = checks[kind](name, value), 2 if kind == ROTATION else 0
+        else:
+            array, inner = finite_array(name, value, shape=kind), len(kind)
+        arrays.append(array)
+        batches[name] = array.shape[: array.ndim - inner]
+    common_batch(**batches)
+    return tuple(arrays)
+
+
+def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
+    """Return `count` relative weights, shape (..., count), all one where none are given.
+
+    Weights are zero or more, but not zero for all observations at once; else a ValueError.
+    """
+    if weights is None:
+        return np.ones(count)
+    array = non_negative("weights", weights, shape=(count,))
+    if (array.sum(axis=-1) <= 0).any():
+        raise ValueError("weights: expected at least one above zero, got all zero; drop the set")
+    return array
+
+
+def whole_number(name: str, value: int, *, least: int = 1) -> int:
+    """Return `value` as an int; a TypeError if it is not whole, a ValueError if below `least`.
+
+    NumPy's integers are welcome, booleans and floats are not.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TypeError(
@@ -278,22 +217,9 @@ def whole_number(name: str, value: int, *, least: int = 1) -> int:
 
 
 def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the batch shape that the named leading shapes broadcast to.
+    """Return the shape that leading (batch) shapes, by their arguments' names, broadcast to.
 
-    Parameters
-    ----------
-    **batches : tuple of int
-        The leading (batch) shape of each argument, by the argument's name.
-
-    Returns
-    -------
-    tuple of int
-        Their common shape under NumPy's broadcasting rules.
-
-    Raises
-    ------
-    ValueError
-        If they do not broadcast together.
+    Raises a ValueError that names them if they do not broadcast together.
 
     Examples
     --------

@@ -25,6 +25,7 @@ _FLOAT_SLACK = 1e-9
 # More digits than these, and a decimal of the usual precision cannot be rounded.
 _MOST_DIGITS = 25
 
+Interval = tuple[float, float]
 BOUNDS = ("less", "greater", "at-least", "within")
 # How far an instrument may lie from its design value, as a share of that.
 NOMINAL = 0.05

@@ -3,31 +3,56 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-import reproduce
 from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group, audit_paper
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record, build
 from reproduce.locate import data_folder
-from reproduce.printed.cells import PAPERS
-from reproduce.views import audit_words as words
+from reproduce.printed.cells import PAPERS, anchor
+from reproduce.version import __version__
+from reproduce.views import audit_text
+from reproduce.views.audit_text import within_paper
+from reproduce.views.figures import STYLE
+from reproduce.views.grid import Grid
+from reproduce.views.inline_svg import inline
 from reproduce.views.pages import Html
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "JOINT",
+    "corrections",
+    "equations",
+    "errata",
+    "errata_register",
+    "picture",
+    "relation_anchor",
+    "relations",
+    "sayings",
+    "score",
+    "smallest_sets",
+]
+
+JOINT = "hold one by one, but not together"
 _BADGES = {
     "agrees": "exact",
     "agrees only through rounding": "input",
     "contradicts": "differs",
 }
-JOINT = "hold one by one, but not together"
 _RESCUES = {
     "truncation": "all numbers were cut off after their last digit",
     "ceiling": "all numbers were rounded upwards",
 }
+# As many cells as a picture can show legibly.
+_MOST = 32
 
 
 @functools.cache
@@ -40,50 +65,56 @@ def errata_register() -> tuple[Erratum, ...]:
 def score() -> Html:
     """Show how much of each paper was cross-examined, and what came of it."""
     heads = ["Paper", "Numbers", "Held against others", "Only bounded", "Relations", "Agree"]
-    heads += ["Only through rounding"]
-    heads += ["Contradict", "Equations run", "Fail as extracted", "Rest on suppositions of ours"]
+    heads += ["Only through rounding", "Contradict"]
+    heads += ["Restate computed cells", "Contradict among these"]
+    heads += ["Equations run", "Fail as extracted", "Rest on suppositions of ours"]
     rows = []
     for audit in map(audit_paper, PAPERS):
-        ours = sum(bool(shown.supposition) for shown in audit.equations)
-        counts = [len(audit.cells), len(audit.examined), len(audit.bounded), len(audit.read)]
-        counts += [*audit.tally().values(), len(audit.equations) - ours, len(audit.failing)]
-        counts.append(len(audit.supposed) + ours)
-        rows.append([_code(audit.name), *(Markup("{}").format(count) for count in counts)])
-    return Html(
-        html_table(heads, rows, "The cross-examination of both papers", "rp-table rp-score")
-    )
+        own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
+        supposing = sum(bool(shown.supposition) for shown in audit.equations)
+        counts = [len(audit.cells), len(audit.examined), len(audit.bounded), sum(own), *own]
+        counts += [sum(again), again[-1], len(audit.equations) - supposing, len(audit.failing)]
+        counts.append(len(audit.supposed) + supposing)
+        rows.append([_code(audit.name), *map(str, counts)])
+    return Html(_table(heads, rows, "The cross-examination of both papers", "rp-score"))
 
 
 def relations(paper: str) -> Html:
-    """Show all relations of a paper: first those that contradict, then the others."""
+    """Show all relations of a paper: first those that do not simply agree, then the others."""
     audit = audit_paper(paper)
     loud = [f for f in audit.read if f.outcome != "agrees"]
     quiet = [f for f in audit.read if f.outcome == "agrees"]
     shown = _relations_table(loud, audit, "Relations that do not simply agree")
-    for findings, what in ((quiet, "agree"), (audit.supposed, "rest on a supposition of ours")):
-        caption = f"Relations that {what}"
-        shown += Markup(
-            '<details class="rp-fold"><summary>The {} relations that {}</summary>{}</details>'
-        ).format(len(findings), what, _relations_table(findings, audit, caption))
+    for findings, what in (
+        ([f for f in quiet if not f.relation.restates], "agree"),
+        ([f for f in quiet if f.relation.restates], "restate a computed cell, and agree"),
+        (audit.supposed, "rest on a supposition of ours"),
+    ):
+        table = _relations_table(findings, audit, f"Relations that {what}")
+        shown += _folded(f"The {len(findings)} relations that {what}", table)
     return Html(shown)
 
 
-def _relations_table(findings: Iterable[Finding], audit: Audit, caption: str) -> Markup:
+def _relations_table(findings: Sequence[Finding], audit: Audit, caption: str) -> Markup:
     heads = ("Relation", "What should hold", "With the printed values", "Outcome", "Source")
     rows = []
     for finding in findings:
         relation = finding.relation
-        source = Markup("{}").format(relation.source)
+        name = _code(relation.name)
+        if relation.declared != relation.name:
+            name += Markup("<br><small>{}</small>").format(relation.declared)
+        source = [Markup("{}").format(relation.source)]
+        if relation.restates:
+            source.append(Markup("restates {}").format(_cell_link(relation.restates)))
         if relation.tolerance:
-            told = f"{relation.tolerance.text}: {relation.tolerance.reason}"
-            source += Markup("; tolerance {}").format(told)
+            source.append(Markup("tolerance {0.text}: {0.reason}").format(relation.tolerance))
         if relation.supposition:
-            source += Markup("; supposing that {}").format(relation.supposition)
-        row = [_code(relation.name), _code(relation.formula.text)]
-        row += [Markup("{}").format(words.sides(finding, audit)), _badge(finding)]
-        rows.append([*row, source])
+            source.append(Markup("supposing that {}").format(relation.supposition))
+        values = audit_text.sides(finding, audit)
+        row = [name, _code(relation.formula.text), values, _badge(finding)]
+        rows.append([*row, Markup("; ").join(source)])
     anchors = [relation_anchor(audit.name, f.relation.name) for f in findings]
-    return html_table(heads, rows, caption, "rp-table rp-small rp-audit", anchors)
+    return _table(heads, rows, caption, anchors=anchors)
 
 
 def relation_anchor(paper: str, name: str) -> str:
@@ -91,14 +122,34 @@ def relation_anchor(paper: str, name: str) -> str:
     return f"relation-{paper}-{name}"
 
 
+def _cell_link(number: str) -> Markup:
+    """Link a computed number, a cell or a reading of it, to the page that shows the cell."""
+    address, _, reading = number.partition(" ")
+    text = _code(within_paper(address))
+    if page := _pages().get(address.partition("#")[0]):
+        text = Markup('<a href="{}#{}">{}</a>').format(page, anchor(address), text)
+    return text + (f" {reading}" if reading else "")
+
+
+@functools.cache
+def _pages() -> dict[str, str]:
+    """Return the page that shows each table, as seen from the audit's; none without the book."""
+    paths = sorted((data_folder().parent / "book").glob("*/*.md"))
+    calls = re.compile(r'^pages\.table\("([^"]+)"\)', re.MULTILINE)
+    return {
+        key: f"../{path.parent.name}/{path.stem}.html"
+        for path in paths
+        for key in calls.findall(path.read_text(encoding="utf-8"))
+    }
+
+
 def _badge(finding: Finding) -> Markup:
-    badge = Markup('<span class="rp-badge rp-badge-{}">{}</span>')
-    told = badge.format(_BADGES[finding.outcome], finding.outcome)
-    if finding.rescued_by:
-        told += Markup(' <span class="rp-flag">not if {}</span>').format(
-            _RESCUES[finding.rescued_by]
-        )
-    return told
+    badge = Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(
+        _BADGES[finding.outcome], finding.outcome
+    )
+    if rescue := _RESCUES.get(finding.rescued_by):
+        badge += Markup(' <span class="rp-flag">not if {}</span>').format(rescue)
+    return badge
 
 
 def smallest_sets(paper: str) -> Html:
@@ -107,16 +158,14 @@ def smallest_sets(paper: str) -> Html:
     audit = audit_paper(paper)
     wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
     for conflict in audit.conflicts:
-        sets = Markup("<br>").join(_code(words.short(address)) for address in conflict.cells)
-        because = Markup("<br>").join(_code(name) for name in conflict.relations)
+        because = _codes(conflict.relations)
         if not wrong & set(conflict.relations):
             because += Markup('<br><span class="rp-flag">{}</span>').format(JOINT)
-        rows.append([Markup("{}").format(len(conflict.cells)), sets, because])
+        cells = _codes(map(within_paper, conflict.cells))
+        rows.append([str(len(conflict.cells)), cells, because])
     caption = "Smallest sets of numbers that cannot all be right"
-    heads = ("Size", "Numbers", "By the relations")
-    told = html_table(heads, rows, caption, "rp-table rp-small rp-audit")
-    folded = Markup('<details class="rp-fold"><summary>All {} sets</summary>{}</details>')
-    return Html(folded.format(len(rows), told))
+    table = _table(("Size", "Numbers", "By the relations"), rows, caption)
+    return Html(_folded(f"All {len(rows)} sets", table))
 
 
 def corrections(paper: str) -> Html:
@@ -124,53 +173,34 @@ def corrections(paper: str) -> Html:
     audit = audit_paper(paper)
     heads = ("Contradiction", "Supposed slips", "Size", "Breaks", "The paper's conclusion", "Then")
     rows = [row for group in audit.groups for row in _correction_rows(group, audit)]
-    return Html(
-        html_table(heads, rows, "Corrections, by size of the slip", "rp-table rp-small rp-audit")
-    )
+    return Html(_table(heads, rows, "Corrections, by size of the slip"))
 
 
-def _correction_rows(group: Group, audit: Audit) -> list[list[Markup]]:
-    name = Markup("<br>").join(_code(name) for name in group.relations)
-    blank = [Markup("")] * 4
-    if not group.corrections:
-        return [[name, Markup("no slips within the search"), *blank]]
-    if said := words.too_many(group):
-        return [[name, Markup("{}").format(said), *blank]]
+def _correction_rows(group: Group, audit: Audit) -> list[list[str]]:
+    name = _codes(group.relations)
+    remark = audit_text.too_many(group)
+    if remark or not group.corrections:
+        return [[name, remark or "no slips within the search", *[""] * 4]]
     rows = []
-    for found in group.corrections[: words.SHOWN]:
-        told = words.correction(found, audit.name)
-        breaks = str(len(told["breaks"])) if told["breaks"] else "nothing"
-        texts = (f"{told['size']:g}", breaks, told["conclusion"], "; ".join(told["unknowns"]))
-        slips = Markup("<br>").join(_code(slip) for slip in told["slips"])
-        rows.append([name, slips, *(Markup("{}").format(text) for text in texts)])
+    for found in group.corrections[: audit_text.SHOWN]:
+        words = audit_text.correction(found, audit.name)
+        breaks = str(len(words["breaks"])) if words["breaks"] else "nothing"
+        rest = (f"{words['size']:g}", breaks, words["conclusion"], "; ".join(words["unknowns"]))
+        rows.append([name, _codes(words["slips"]), *rest])
         name = Markup("")
     return rows
 
 
 def equations(paper: str) -> Html:
     """Show the equations of a paper, run as extracted."""
-    heads = (
-        "Equation",
-        "What must hold",
-        "What is shown",
-        "As extracted",
-        "In the library",
-        "Wanted",
-    )
+    heads = ["Equation", "What must hold", "What is shown"]
+    heads += ["As extracted", "In the library", "Wanted"]
     rows = []
     for shown in audit_paper(paper).equations:
-        values = (shown.printed, shown.right, shown.wanted)
-        asked = shown.asked
-        if shown.supposition:
-            asked += f" (supposing that {shown.supposition})"
-        texts = [shown.place, asked, shown.meaning]
-        texts += [_digits(value) for value in values]
-        rows.append([Markup("{}").format(text) for text in texts])
-    return Html(html_table(heads, rows, "Equations run as extracted", "rp-table rp-small rp-audit"))
-
-
-def _digits(value: float) -> str:
-    return f"{0.0 if abs(value) < 1e-9 else value:.5g}".replace("-", "−")
+        values = map(_digits, (shown.printed, shown.right, shown.wanted))
+        supposing = f" (supposing that {shown.supposition})" if shown.supposition else ""
+        rows.append([shown.place, shown.asked + supposing, shown.meaning, *values])
+    return Html(_table(heads, rows, "Equations run as extracted"))
 
 
 def errata(supposed: bool = False) -> Html:
@@ -179,24 +209,53 @@ def errata(supposed: bool = False) -> Html:
     return Html(Markup("").join(_erratum(entry) for entry in chosen))
 
 
+def _erratum(entry: Erratum) -> Markup:
+    fault = "Our text of the paper was extracted by machine; the fault may lie there."
+    version = __version__
+    terms = {
+        "Printed": entry.printed,
+        "Problem": entry.problem,
+        "Evidence": _evidence(entry, audit_paper(entry.paper)),
+        "Verdicts": _verdicts(entry),
+        "What the library does": entry.library,
+        "The paper's conclusion": f"{entry.conclusion}: {entry.because}",
+        "Status": entry.status,
+        "Supposing that": entry.supposition,
+        "Caution": fault if entry.extraction else "",
+        "Cite as": Markup(
+            "Erratum <code>{}</code>, <em>Pointing, reproduced</em>, version {}"
+        ).format(entry.id, version),
+    }
+    items = Markup("").join(
+        Markup("<dt>{}</dt><dd>{}</dd>").format(term, text) for term, text in terms.items() if text
+    )
+    return Markup(
+        '<section class="rp-erratum" id="{0.id}"><p><strong>{0.paper}: {0.place}</strong></p>'
+        "<dl>{1}</dl></section>"
+    ).format(entry, items)
+
+
 def _evidence(entry: Erratum, audit: Audit) -> Markup:
     """Write what the relations and equations behind an entry give, computed now."""
-    related = [
-        Markup('<a href="relations.html#{}"><code>{}</code></a>: {}').format(
-            relation_anchor(entry.paper, found.relation.name),
-            found.relation.name,
-            words.sides(found, audit),
+    pieces = [Markup("{}").format(entry.evidence)] if entry.evidence else []
+    findings = entry.findings(audit)
+    for finding in findings:
+        relation = finding.relation
+        pieces.append(
+            Markup('<a href="relations.html#{}"><code>{}</code></a>: {}').format(
+                relation_anchor(entry.paper, relation.name),
+                relation.name,
+                audit_text.sides(finding, audit),
+            )
         )
-        for found in entry.findings(audit)
-    ]
-    shown = [
-        Markup("{}: {}: {} as extracted, {} wanted").format(
-            run.place, run.meaning, _digits(run.printed), _digits(run.wanted)
-        )
-        for run in entry.demonstrations(audit)
-    ]
-    words_said = [Markup("{}").format(entry.evidence)] if entry.evidence else []
-    return Markup("<br>").join(words_said + related + shown)
+    related = [finding.relation for finding in findings]
+    if origins := dict.fromkeys(r.declared for r in related if r.declared != r.name):
+        codes = Markup(", ").join(map(_code, origins))
+        pieces.append(Markup("<small>declared as {}</small>").format(codes))
+    for run in entry.demonstrations(audit):
+        values = f"{_digits(run.printed)} as extracted, {_digits(run.wanted)} wanted"
+        pieces.append(Markup("{}: {}: {}").format(run.place, run.meaning, values))
+    return Markup("<br>").join(pieces)
 
 
 def _verdicts(entry: Erratum) -> Markup:
@@ -207,7 +266,7 @@ def _verdicts(entry: Erratum) -> Markup:
     records = {r.cell: r for r in build(sorted({a.partition("#")[0] for a in resting})).records}
     return Markup("<br>").join(
         Markup("{}: {} printed, {}").format(
-            _code(words.short(a)), records[a].printed, _outcome(records[a])
+            _code(within_paper(a)), records[a].printed, _outcome(records[a])
         )
         for a in resting
     )
@@ -220,79 +279,97 @@ def _outcome(record: Record) -> str:
     return f"{_digits(record.computed or 0.0)} computed"
 
 
-def _erratum(entry: Erratum) -> Markup:
-    fault = "Our text of the paper was extracted by machine; the fault may lie there."
-    terms = {
-        "Printed": Markup("{}").format(entry.printed),
-        "Problem": Markup("{}").format(entry.problem),
-        "Evidence": _evidence(entry, audit_paper(entry.paper)),
-        "Verdicts": _verdicts(entry),
-        "What the library does": Markup("{}").format(entry.library),
-        "The paper's conclusion": Markup("{}: {}").format(entry.conclusion, entry.because),
-        "Status": Markup("{}").format(entry.status),
-        "Supposing that": Markup("{}").format(entry.supposition),
-        "Caution": Markup("{}").format(fault if entry.extraction else ""),
-        "Cite as": Markup(
-            "Erratum <code>{}</code>, <em>Pointing, reproduced</em>, version {}"
-        ).format(entry.id, reproduce.__version__),
-    }
-    items = Markup("").join(
-        Markup("<dt>{}</dt><dd>{}</dd>").format(term, text) for term, text in terms.items() if text
-    )
-    head = Markup('<section class="rp-erratum" id="{0}"><p><strong>{1}: {2}</strong></p>')
-    return head.format(entry.id, entry.paper, entry.place) + Markup("<dl>{}</dl></section>").format(
-        items
-    )
+def picture(paper: str, alternative: str) -> Html:
+    """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
+    return Html(inline(_drawn(audit_paper(paper)), f"audit-{paper}", alternative))
+
+
+def _drawn(audit: Audit) -> Figure:
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    counts = audit.blamed()
+    cells = sorted(counts, key=lambda address: (-counts[address], list(audit.cells).index(address)))
+    cells = cells[:_MOST]
+    every = [f.relation for f in audit.read if f.outcome == "contradicts"]
+    wrong = [relation for relation in every if set(cells) & set(relation.addresses)]
+    others = len(every) - len(wrong)
+    with style.context(STYLE):
+        figure = Figure(figsize=(8.5, 1.6 + 0.2 * max(len(cells), 1)), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
+        for x, relation in enumerate(wrong):
+            rows = [y for y, cell in enumerate(cells) if cell in relation.addresses]
+            left.plot([x] * len(rows), rows, "-o", markersize=4, linewidth=0.8, color="C1")
+        left.set_yticks(range(len(cells)), [within_paper(cell) for cell in cells], fontsize=8)
+        left.set_xticks(
+            range(len(wrong)), [r.name for r in wrong], rotation=90, fontsize=8, ha="center"
+        )
+        left.set_ylim(len(cells) - 0.5, -0.5)
+        more = f"; {others} more hold none of these cells" if others else ""
+        left.set_title(f"relations that contradict{more}")
+        right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
+        right.set_xlabel("smallest sets")
+        right.set_title("in how many")
+    return figure
 
 
 def sayings() -> dict[str, str]:
     """Return what sentences may say of the audit: label to text.
 
-    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting``, ``-examined``,
-    ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed`` (relations that
-    rest on a supposition of ours, in none of the other counts); the same of both papers without the
-    paper's name; ``errata``, ``errata-extraction`` among them, ``errata-supposed`` apart.
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting`` (without those that
+    restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
+    ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
+    (relations that rest on a supposition of ours, in none of the other counts); the same of both
+    papers without the paper's name; ``errata``, ``errata-extraction`` among them,
+    ``errata-supposed`` apart.
     """
     counts: dict[str, int] = {}
     audits = [audit_paper(paper) for paper in PAPERS]
     for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
-        tallies = [list(audit.tally().values()) for audit in group]
+        tallies = [list(audit.tally(restating=False).values()) for audit in group]
         sums = [sum(column) for column in zip(*tallies, strict=True)]
         outcomes = ("agreeing", "rounding", "contradicting")
         counts |= {f"{start}{name}": n for name, n in zip(outcomes, sums, strict=True)}
-        counts[f"{start}relations"] = sum(sums)
-        counts[f"{start}examined"] = sum(len(audit.examined) for audit in group)
-        counts[f"{start}numbers"] = sum(len(audit.cells) for audit in group)
-        counts[f"{start}groups"] = sum(len(audit.groups) for audit in group)
-        counts[f"{start}supposed"] = sum(len(audit.supposed) for audit in group)
-    told = [entry for entry in errata_register() if not entry.supposition]
-    counts["errata"] = len(told)
-    counts["errata-extraction"] = sum(entry.extraction for entry in told)
-    counts["errata-supposed"] = len(errata_register()) - len(told)
+        again = [audit.tally(restating=True)["contradicts"] for audit in group]
+        counts |= {
+            f"{start}relations": sum(sums),
+            f"{start}restating": sum(len(audit.restating) for audit in group),
+            f"{start}restating-contradicting": sum(again),
+            f"{start}examined": sum(len(audit.examined) for audit in group),
+            f"{start}numbers": sum(len(audit.cells) for audit in group),
+            f"{start}groups": sum(len(audit.groups) for audit in group),
+            f"{start}supposed": sum(len(audit.supposed) for audit in group),
+        }
+    read = [entry for entry in errata_register() if not entry.supposition]
+    counts["errata"] = len(read)
+    counts["errata-extraction"] = sum(entry.extraction for entry in read)
+    counts["errata-supposed"] = len(errata_register()) - len(read)
     return {label: str(count) for label, count in counts.items()}
+
+
+def _digits(value: float) -> str:
+    return f"{0.0 if abs(value) < 1e-9 else value:.5g}".replace("-", "−")
 
 
 def _code(text: str) -> Markup:
     return Markup("<code>{}</code>").format(text)
 
 
-def html_table(
-    heads: Iterable[str],
-    rows: Iterable[Iterable[Markup]],
-    caption: str,
-    style: str,
-    anchors: Iterable[str] = (),
-) -> Markup:
-    marks = [*anchors]
-    head = Markup("").join(Markup('<th scope="col">{}</th>').format(text) for text in heads)
-    body = Markup("")
-    for position, row in enumerate(rows):
-        first, *rest = row
-        mark = Markup(' id="{}"').format(marks[position]) if marks else ""
-        cells = Markup("").join(Markup("<td>{}</td>").format(cell) for cell in rest)
-        body += Markup('<tr{}><th scope="row">{}</th>{}</tr>').format(mark, first, cells)
-    whole = Markup(
-        '<div class="rp-scroll" tabindex="0" role="region" aria-label="{0}"><table class="{1}">'
-        "<caption>{0}</caption><thead><tr>{2}</tr></thead><tbody>{3}</tbody></table></div>"
+def _codes(texts: Iterable[str]) -> Markup:
+    return Markup("<br>").join(map(_code, texts))
+
+
+def _folded(summary: str, content: Markup) -> Markup:
+    return Markup('<details class="rp-fold"><summary>{}</summary>{}</details>').format(
+        summary, content
     )
-    return whole.format(caption, style, head, body)
+
+
+def _table(
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    caption: str,
+    kind: str = "rp-small rp-audit",
+    anchors: Sequence[str] = (),
+) -> Markup:
+    return Grid(caption, heads, tuple(rows), kind=kind, anchors=anchors).html

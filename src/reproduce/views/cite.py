@@ -7,9 +7,9 @@ from typing import Any
 
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
-import reproduce
 from reproduce.locate import papers
 from reproduce.printed.cells import anchor
+from reproduce.version import RELEASED, __version__
 from reproduce.views import keys
 
 FORMATS = ("bibtex", "csl", "text")
@@ -66,8 +66,8 @@ def _reproduction(key: str, source: Entry, address: str) -> Entry:
 
 def _ours(note: str) -> dict[str, str]:
     return {
-        "year": reproduce.RELEASED[:4],
-        "howpublished": f"reproduce-pointing, version {reproduce.__version__}",
+        "year": RELEASED[:4],
+        "howpublished": f"reproduce-pointing, version {__version__}",
         "note": note,
     }
 
@@ -98,7 +98,7 @@ def _csl(name: str, entry: Entry) -> dict[str, Any]:
     }
     item |= {csl: fields[field] for field, csl in renamed.items() if field in fields}
     if item["type"] == "software":
-        item["version"] = reproduce.__version__
+        item["version"] = __version__
     return item
 
 

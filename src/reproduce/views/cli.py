@@ -12,7 +12,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-import reproduce
+from reproduce.version import __version__
 from reproduce.views.keys import UnknownKeyError, check_key
 from reproduce.views.posterior_commands import calibrate, posterior
 
@@ -31,8 +31,11 @@ class _Address(_Key):
     name = "address"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from reproduce.judge.studies import studies
         from reproduce.printed.cells import library
 
+        if value in studies():
+            return str(value)
         key, mark, name = str(value).partition("#")
         key = super().convert(key, param, ctx)
         if not mark:
@@ -49,7 +52,7 @@ _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(reproduce.__version__, prog_name="reproduce")
+@click.version_option(__version__, prog_name="reproduce")
 def main() -> None:
     """Recompute the printed numbers of niu2024 and chen2023, and judge every one.
 
@@ -65,9 +68,9 @@ main.add_command(calibrate)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
 def list_items(as_json: bool) -> None:
     """List all items, in order of print."""
-    import reproduce as rp
+    from reproduce.views import front
 
-    contents = rp.contents()
+    contents = front.contents()
     if as_json:
         click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
     else:
@@ -84,11 +87,11 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
     checksum, else with 1.
     """
-    import reproduce as rp
     from reproduce.papers.catalogue import catalogue
+    from reproduce.views import front
 
     with _progress(len(keys or catalogue())) as advance:
-        found = rp.check(*keys, progress=advance)
+        found = front.check(*keys, progress=advance)
     if as_json:
         click.echo(found.ledger.model_dump_json(indent=2))
     else:
@@ -130,20 +133,16 @@ def show(
 
     With nothing but options, the cells say what they would be judged as under that reading.
     """
-    import reproduce as rp
     from reproduce.judge.rerun import CannotChangeError
-    from reproduce.printed.cells import library
+    from reproduce.views import front
 
-    key = address.partition("#")[0]
-    found = rp.table(address) if key in library() else rp.figure(address)
+    found = front.item(address)
     again: dict[str, Any] = {"seed": seed, "replicates": replicates, **_pairs("--option", options)}
     again = {name: value for name, value in again.items() if value is not None}
     try:
-        if changes or again:
-            found = found.rerun(_pairs("--set", changes), **again)
-        found.print(Console())
-    except TypeError as error:
-        raise click.UsageError(f"{key} is a figure; only --set changes it") from error
+        changed = changes or again
+        shown = found.rerun(_pairs("--set", changes), **again) if changed else found
+        shown.print(Console())
     except CannotChangeError as error:
         raise click.UsageError(str(error)) from error
 
@@ -168,11 +167,9 @@ def _pairs(option: str, texts: tuple[str, ...]) -> dict[str, str]:
 )
 def export_item(address: str, form: str) -> None:
     """Write the records of an item or a cell to standard output."""
-    import reproduce as rp
-    from reproduce.printed.cells import library
+    from reproduce.views import front
 
-    key = address.partition("#")[0]
-    click.echo((rp.table(address) if key in library() else rp.figure(address)).export(form))
+    click.echo(front.item(address).export(form))
 
 
 @main.command()
@@ -192,10 +189,10 @@ def export_item(address: str, form: str) -> None:
 )
 def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
     """Draw an item that draws."""
-    import reproduce as rp
+    from reproduce.views import front
 
     try:
-        rp.figure(key).rerun(_pairs("--set", changes)).save(out)
+        front.figure(key).rerun(_pairs("--set", changes)).save(out)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:
@@ -214,9 +211,9 @@ def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
 )
 def cite(address: str, form: str) -> None:
     """Print how to cite a reproduced item or cell and its paper."""
-    import reproduce as rp
+    from reproduce.views import front
 
-    click.echo(rp.cite(address, form))
+    click.echo(front.cite(address, form))
 
 
 @main.command()
@@ -226,10 +223,10 @@ def cite(address: str, form: str) -> None:
 @click.option("--relations", type=_FILE, help="What its numbers should keep, in TOML.")
 def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path | None) -> None:
     """Cross-examine the printed numbers of a paper, or of a table of your own."""
-    import reproduce as rp
+    from reproduce.views import front
 
     try:
-        found = rp.contradictions(paper, table=table, relations=relations)
+        found = front.contradictions(paper, table=table, relations=relations)
         if as_json:
             click.echo(json.dumps(found.as_json(), indent=2, ensure_ascii=False))
         else:

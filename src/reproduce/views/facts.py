@@ -1,27 +1,28 @@
 """Every number that a sentence of the book may say, by name, computed once before the pages.
 
-``python -m reproduce.views.facts FILE`` writes them; the roles of the book only look them up. A
+``python -m reproduce.views.facts FILE`` writes them, those of single papers where their keys
+follow; the roles of the book only look them up. A
 printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
 paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
-(``niu2024/readings#best-joint``).
+(``niu2024/readings#best-joint``), and so does a posterior (``posterior/registration#noise-mean``).
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.judge.studies import studies
-from reproduce.locate import data_folder
-from reproduce.printed.cells import PAPERS
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import PAPERS, library
 from reproduce.views import numbers, words
+from reproduce.views.build import fingerprint
 
 _BLANK = re.compile(r"\{([^{}]+)\}")
 
@@ -38,20 +39,43 @@ def whole_ledger() -> Ledger:
     return ledger.build()
 
 
-def facts() -> dict[str, str]:
-    """Compute every fact."""
-    from reproduce.views import audit_pages
+def facts(*papers: str) -> dict[str, str]:
+    """Compute every fact, or those of the cells, items and studies of some papers alone."""
+    from reproduce.papers.posteriors import posteriors
 
-    records = whole_ledger().records
-    keys = dict.fromkeys(record.key for record in records)
-    found = {
-        f"{name} {what}": text
-        for name in (*(record.cell for record in records), *keys, *PAPERS, "all")
-        for what, text in facts_of(name).items()
+    return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
+
+
+def of_posteriors(names: Iterable[str]) -> dict[str, str]:
+    """Compute the facts of posteriors, which are sampled for it."""
+    from reproduce.views.posterior_words import sayings
+    from reproduce.views.sampled import book_posterior
+
+    return {
+        f"posterior/{name}#{label}": numbers.powers(text)
+        for name in names
+        for label, text in sayings(name, book_posterior(name)).items()
     }
+
+
+def unsampled(*papers: str) -> dict[str, str]:
+    """Compute the facts of the ledger, the studies and the audit, or of some papers alone."""
+    if papers:
+        keys = [key for key in catalogue() if key.partition("/")[0] in papers and key in library()]
+        records = tuple(record for key in keys for record in item_ledger(key).records)
+    else:
+        records = whole_ledger().records
+        keys = list(dict.fromkeys(record.key for record in records))
+    names = [*(record.cell for record in records), *keys, *(() if papers else (*PAPERS, "all"))]
+    found = {f"{name} {what}": text for name in names for what, text in facts_of(name).items()}
     for key, study in studies().items():
-        found |= {f"{key}#{name}": numbers.fact(quoted) for name, quoted in study.facts().items()}
-    found |= {f"audit#{label}": text for label, text in audit_pages.sayings().items()}
+        if not papers or key.partition("/")[0] in papers:
+            quoted = study.facts().items()
+            found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
+    if not papers:
+        from reproduce.views import audit_pages
+
+        found |= {f"audit#{label}": text for label, text in audit_pages.sayings().items()}
     return {name: numbers.powers(text) for name, text in found.items()}
 
 
@@ -72,25 +96,13 @@ def facts_of(name: str) -> dict[str, str]:
     return _of_paper(name)
 
 
-def fingerprint() -> str:
-    """Return a hash of what the facts depend on: the package's own files, the data, the lock."""
-    data = data_folder()
-    package = Path(__file__).resolve().parent.parent
-    files = [*package.rglob("*.py"), *(path for path in data.rglob("*") if path.is_file())]
-    digest = hashlib.sha256()
-    for path in [*sorted(files), data.parent / "environment.txt"]:
-        if path.is_file():
-            digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()
-
-
-def write(path: Path) -> bool:
+def write(path: Path, *papers: str) -> bool:
     """Write all facts to a JSON file, unless it holds those of the present files."""
-    key = fingerprint()
+    key = " ".join((fingerprint(), *papers))
     if path.is_file() and json.loads(path.read_text(encoding="utf-8"))["key"] == key:
         return False
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"key": key, "facts": facts()}, ensure_ascii=False, indent=0)
+    text = json.dumps({"key": key, "facts": facts(*papers)}, ensure_ascii=False, indent=0)
     path.write_text(text + "\n", encoding="utf-8")
     return True
 
@@ -159,4 +171,4 @@ def _of_paper(name: str) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    write(Path(sys.argv[1]))
+    write(Path(sys.argv[1]), *sys.argv[2:])

@@ -17,7 +17,7 @@ from reproduce.judge.expected import surprises
 from reproduce.judge.ledger import build
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import PAPERS
+from reproduce.printed.cells import PAPERS, library
 from reproduce.views import keys, terminal, words
 from reproduce.views.items import Cell, Figure, Panels, Table
 from reproduce.views.shown import Shown
@@ -108,13 +108,16 @@ class Check(Shown):
     def __init__(
         self, wanted: tuple[str, ...] = (), progress: Callable[[str], None] | None = None
     ) -> None:
+        from reproduce.views.double_entry import disagreements
+
         chosen = [keys.check_key(key) for key in wanted]
         self.ledger = build(chosen or None, progress)
         self.surprises = surprises(self.ledger)
+        self.disagreements = disagreements(self.ledger)
 
     def __bool__(self) -> bool:
-        """Tell whether every verdict is as frozen and every file of its checksum."""
-        return not self.surprises and not self.ledger.altered
+        """Tell whether verdicts are as frozen, files as summed, and second entries agree."""
+        return not (self.surprises or self.ledger.altered or self.disagreements)
 
     def frame(self) -> pd.DataFrame:
         """Return the cells whose verdict is not the frozen one."""
@@ -147,7 +150,7 @@ class Check(Shown):
             "restore the printed digits, or enter them twice and renew the checksum"
             for name in self.ledger.altered
         ]
-        return lines
+        return lines + self.disagreements
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the score, and what is not as frozen."""
@@ -180,7 +183,7 @@ class Contradictions(Shown):
     @cached_property
     def audits(self) -> list[Audit]:
         """What the cross-examination found, an audit for each paper or table."""
-        from reproduce.views.audit_words import audits
+        from reproduce.views.audit_text import audits
 
         return audits(self.paper, *self._files)
 
@@ -214,13 +217,13 @@ class Contradictions(Shown):
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return everything that was found, for other programs."""
-        from reproduce.views.audit_words import as_json
+        from reproduce.views.audit_text import as_json
 
         return [as_json(one) for one in self.audits]
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the audit line by line."""
-        from reproduce.views.audit_terminal import lines, wrapped
+        from reproduce.views.audit_text import lines, wrapped
 
         for audit in self.audits:
             yield from (wrapped(line, width) for line in lines(audit))
@@ -278,6 +281,12 @@ def figure(key: str) -> Figure | Panels:
     """
     panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
     return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
+
+
+def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
+    """Return what an address of the command line names: `table` or `figure`."""
+    known = address.partition("#")[0]
+    return table(address) if known in library() or known in studies() else figure(address)
 
 
 def check(*keys: str, progress: Callable[[str], None] | None = None) -> Check:

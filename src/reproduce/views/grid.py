@@ -31,6 +31,8 @@ class Grid(Shown):
         The anchor of the table on a page.
     kind : str
         A further class of its HTML.
+    anchors : sequence of str
+        The anchor of each row, where rows have one.
     """
 
     caption: Entry
@@ -38,16 +40,18 @@ class Grid(Shown):
     rows: Sequence[Sequence[Entry]]
     identifier: str = ""
     kind: str = ""
+    anchors: Sequence[str] = ()
 
     @property
     def html(self) -> Markup:
         """The table as HTML that scrolls by itself where a page is narrow."""
         th = '<th scope="{}">{}</th>'.format
         head = "".join(th("col", escape(name)) for name in self.head)
+        marks = [f' id="{escape(name)}"' for name in self.anchors] or [""] * len(self.rows)
         rows = "\n".join(
-            f"<tr>{th('row', escape(row[0]))}"
+            f"<tr{mark}>{th('row', escape(row[0]))}"
             f"{''.join(f'<td>{escape(entry)}</td>' for entry in row[1:])}</tr>"
-            for row in self.rows
+            for mark, row in zip(marks, self.rows, strict=True)
         )
         anchor = f' id="{escape(self.identifier)}"' if self.identifier else ""
         label = escape(Markup(escape(self.caption)).striptags())

@@ -363,7 +363,7 @@ class Figure(Item):
         """Return `data`."""
         return self.data
 
-    def rerun(self, changes: Mapping[str, str | float] | None = None) -> Figure:
+    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Figure:
         """Return the figure computed and drawn again with other values for cells that it reads.
 
         Parameters
@@ -380,8 +380,13 @@ class Figure(Item):
         Raises
         ------
         ValueError
-            If the figure does not read the cell, or the value does not fit it.
+            If the figure does not read the cell, the value does not fit it, or anything but a
+            cell is to be changed.
         """
+        if settings:
+            raise rerunning.CannotChangeError(
+                f"{self.key} is a figure: expected cells that it reads, got {', '.join(settings)}"
+            )
         return Figure(self.key, {**self.changes, **(changes or {})})
 
     def export(self, form: str) -> str:
@@ -461,7 +466,7 @@ class Panels(Shown):
         """Return `data`."""
         return self.data
 
-    def rerun(self, changes: Mapping[str, str | float] | None = None) -> Panels:
+    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Panels:
         """Return the panels drawn again; each takes the changes of cells that it reads."""
         told = dict(changes or {})
         if strays := [address for address in told if address not in self.reads]:
@@ -470,7 +475,7 @@ class Panels(Shown):
                 f"{', '.join(self.reads) or 'nothing'}"
             )
         again = (
-            one.rerun({address: value for address, value in told.items() if address in one.reads})
+            one.rerun({a: value for a, value in told.items() if a in one.reads}, **settings)
             for one in self.panels
         )
         return Panels(self.key, tuple(again))

@@ -29,25 +29,25 @@ def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any")
     return f"{value:{form}}".replace("-", "−")
 
 
-def entry(value: float | str, column: Column, error: tuple[float, str] | None = None) -> str:
-    """Write an entry of a column, with its error and the form of that if it has one.
+def entry(value: float | str, column: Column, error: float | None = None, form: str = "") -> str:
+    """Write an entry of a column, with its error if it has one, that in a form of its own.
 
     Examples
     --------
-    >>> entry(1.0, Column("RMSE (px)", "±"), (0.0423, "")), entry(2e-9, Column("p", "chance"))
+    >>> entry(1.0, Column("RMSE (px)", "±"), 0.0423), entry(2e-9, Column("p", "chance"))
     ('1.000 ± 0.042', '10⁻⁹')
     """
-    if isinstance(value, float) and math.isnan(value):
-        return column.missing
     if not column.form or isinstance(value, str):
-        return str(value)
+        return column.missing if value != value else str(value)
+    if math.isnan(value):
+        return column.missing
     if column.form == "chance":
         return _counted(value, column.draws, column.zero)
-    if column.form == "±" and error:
-        form = f".{max(0, 1 - math.floor(math.log10(error[0])))}f"
-        return f"{number(value, form)} ± {number(error[0], form)}"
+    if column.form == "±":
+        decimals = max(0, 1 - math.floor(math.log10(error or 1.0)))
+        return f"{number(value, f'.{decimals}f')} ± {number(error or 0.0, f'.{decimals}f')}"
     text = number(value, column.form, zero=column.zero, infinite=column.infinite)
-    return f"{text} ± {number(error[0], error[1] or '.1g')}" if error else text
+    return text if error is None else f"{text} ± {number(error, form or '.1g')}"
 
 
 def fact(quoted: Fact) -> str:

@@ -12,7 +12,6 @@ import jinja2
 import numpy as np
 from markupsafe import Markup, escape
 
-import reproduce
 from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
@@ -21,6 +20,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.niu2024 import simulation_angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
+from reproduce.version import __version__
 from reproduce.views import cite, keys, numbers, words
 from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.facts import filled, item_ledger, whole_ledger
@@ -251,7 +251,7 @@ def downloads() -> Html:
 def versions() -> Html:
     """Show what the book was built with."""
     names = ("numpy", "scipy", "matplotlib", "pandas", "emcee", "jupyter-book")
-    rows = {"Python": platform.python_version(), "reproduce-pointing": reproduce.__version__}
+    rows = {"Python": platform.python_version(), "reproduce-pointing": __version__}
     rows |= {name: metadata.version(name) for name in names}
     line = Markup('<tr><th scope="row">{}</th><td>{}</td></tr>')
     body = Markup("").join(line.format(name, version) for name, version in rows.items())

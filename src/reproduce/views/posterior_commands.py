@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
-    from reproduce.inference.model import Model
-    from reproduce.inference.posterior import Posterior
+    from concurrent.futures import Executor
+
+    from reproduce.inference.calibration import Ranks
+    from reproduce.inference.parts import Progress
+    from reproduce.views.sampled import Posterior
 
 
 class Spoken(click.Command):
@@ -53,6 +57,12 @@ class RefusedError(click.ClickException):
         self.record = record
 
 
+_OUT = click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), help="Keep what is finished here."
+)
+_RESUME = click.option("--resume", is_flag=True, help="Continue what a killed run left in --out.")
+
+
 @click.command(cls=Spoken)
 @click.argument("model", required=False)
 @click.option("--list", "list_models", is_flag=True, help="Name all models.")
@@ -65,10 +75,18 @@ class RefusedError(click.ClickException):
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
-@click.option("--resume", is_flag=True, help="Continue what a killed run left in --out.")
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Store chains here.")
+@_RESUME
+@_OUT
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
-def posterior(model: str | None, list_models: bool, as_json: bool, **options: Any) -> None:
+def posterior(
+    model: str | None,
+    list_models: bool,
+    as_json: bool,
+    workers: int,
+    resume: bool,
+    out: Path | None,
+    **asked: Any,
+) -> None:
     """Sample the posterior of MODEL and print its summary.
 
     The first line says what the data are. A chain that misses a gate (R-hat, autocorrelation times,
@@ -79,61 +97,81 @@ def posterior(model: str | None, list_models: bool, as_json: bool, **options: An
         _list_models(as_json)
         return
     name = _known(model)
-    out, resume = options["out"], options["resume"]
-    if options["pivot"] is not None and options["data"] is None:
+    if asked["pivot"] is not None and asked["data"] is None:
         raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
+    _check_folder(out, resume)
+    from reproduce.views.sampled import Posterior
+
+    wanted = Posterior(name, **asked)
+    record = _sample(wanted, workers, out)
+    if as_json:
+        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
+    else:
+        _show(wanted)
+
+
+def _check_folder(out: Path | None, resume: bool) -> None:
     if resume and out is None:
         raise click.UsageError("--resume needs --out: the folder of the run to continue")
     if out is not None and (out / "plan.json").exists() and not resume:
         raise click.UsageError(f"{out} holds a run already; add --resume, or choose another folder")
-    _sample(name, as_json, options)
 
 
-def _sample(name: str, as_json: bool, options: dict[str, Any]) -> None:
-    from reproduce.inference.diagnostics import ConvergenceError
+def _sample(wanted: Posterior, workers: int, out: Path | None) -> dict[str, Any]:
+    """Sample and return the record; say in one line what does not go."""
+    from reproduce.inference.diagnostics import UnconvergedError
     from reproduce.inference.model import StartError
-    from reproduce.inference.sampling import ResumeError
-    from reproduce.views import posterior as running
 
-    built, data, words, remarks = _build(name, options["data"], options["pivot"])
-    plan = running.plan_for(name, options["steps"], options["ensembles"])
     try:
-        with _bar("sampling") as advance:
-            found = running.run(
-                built, plan, workers=options["workers"], folder=options["out"], progress=advance
-            )
-        # Consequences are held to the gates too, when they are first asked for.
-        record = running.record(found)
-    except ConvergenceError as error:
-        steps = {} if error.steps is None else {"steps_needed": error.steps}
-        record = {"model": name, "data": data, "steps": plan.steps, **steps, "missed": error.missed}
-        advice = "" if error.steps is None else f" (--steps; there were {plan.steps})"
-        raise RefusedError(f"{name}: {error}{advice}", record) from error
-    except (ResumeError, StartError) as error:
+        data = wanted.provenance
+    except ValueError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:
-        if options["out"] is None:
+        raise click.UsageError(f"--data: cannot read {wanted.data}: {error.strerror}") from error
+    try:
+        with _carried(workers, out, "sampling") as (executor, progress):
+            wanted.sample(executor, out, progress)
+        # Consequences are held to the gates too, when they are first asked for.
+        return wanted.record()
+    except UnconvergedError as error:
+        taken = wanted.plan.steps
+        steps = {} if error.steps is None else {"steps_needed": error.steps}
+        record = {"model": wanted.name, "data": data, "steps": taken, **steps,
+                  "missed": error.missed}  # fmt: skip
+        advice = "" if error.steps is None else f" (--steps; there were {taken})"
+        raise RefusedError(f"{wanted.name}: {error}{advice}", record) from error
+    except StartError as error:
+        raise click.UsageError(str(error)) from error
+
+
+@contextmanager
+def _carried(
+    workers: int | None, out: Path | None, what: str
+) -> Iterator[tuple[Executor | None, Progress | None]]:
+    """Give an executor and a bar, and say in one line what is wrong with the folder."""
+    from reproduce.inference.parts import ResumeError, processes
+
+    pool = nullcontext(None) if workers == 1 else processes(workers)
+    try:
+        with pool as executor, _bar(what) as progress:
+            yield executor, progress
+    except ResumeError as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        if out is None:
             raise
-        reason = error.strerror or "a file in it is damaged"
-        raise click.UsageError(f"--out: cannot use {options['out']}: {reason}") from error
-    if as_json:
-        click.echo(json.dumps({**record, "data": data, "remarks": remarks}, indent=2,
-                              ensure_ascii=False))  # fmt: skip
-        return
-    _show(name, found, words, remarks)
+        raise click.UsageError(f"--out: cannot use {out}: {error.strerror or error}") from error
 
 
-def _show(name: str, found: Posterior, words: str, remarks: list[str]) -> None:
+def _show(wanted: Posterior) -> None:
     from rich.console import Console
 
     from reproduce.inference.sensitivity import leanings
-    from reproduce.papers.posteriors import posteriors
-    from reproduce.views import posterior as running
 
-    console = Console()
-    console.print(f"Data: {words}", highlight=False, markup=False)
-    console.print(f"{name}: {posteriors()[name].title}", style="bold", highlight=False)
-    console.print(running.summary_table(found))
+    console, found = Console(), wanted.sampled
+    console.print(f"Data: {wanted.told}", highlight=False, markup=False)
+    console.print(f"{wanted.name}: {wanted.declared.title}", style="bold", highlight=False)
+    console.print(wanted.table())
     console.print(
         f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
         f"{found.chain.shape[1]} steps each; "
@@ -141,28 +179,8 @@ def _show(name: str, found: Posterior, words: str, remarks: list[str]) -> None:
         f"seed {found.seed}",
         highlight=False,
     )
-    for line in [*map(str, leanings(found)), *remarks]:
+    for line in [*map(str, leanings(found)), *wanted.remarks]:
         console.print(f"Beware: {line}.", style="bold", highlight=False, markup=False)
-
-
-def _build(
-    name: str, path: Path | None, pivot: tuple[float, float] | None
-) -> tuple[Model, dict[str, Any], str, list[str]]:
-    """Return the model, what its data are (for programs and in words), and remarks on them."""
-    from reproduce.papers.posteriors import posteriors
-    from reproduce.views import posterior as running
-
-    if path is None:
-        return posteriors()[name].model(), *running.provenance(name), []
-    from reproduce.views.posterior_data import supplied
-
-    try:
-        found = supplied(name, path, pivot)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from error
-    except OSError as error:
-        raise click.UsageError(f"--data: cannot read {path}: {error.strerror}") from error
-    return found.model, found.data, found.words, list(found.remarks)
 
 
 def _list_models(as_json: bool) -> None:
@@ -206,6 +224,8 @@ def _known(model: str | None) -> str:
 @click.option("--replicates", type=click.IntRange(min=1), default=1000, show_default=True)
 @click.option("--seed", type=int, default=20240105, show_default=True)
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; all processors by default.")
+@_RESUME
+@_OUT
 @click.option("--store", is_flag=True, help="Replace the stored study of this model.")
 @click.option(
     "--intervals",
@@ -213,29 +233,52 @@ def _known(model: str | None) -> str:
     help="Redo the published estimator's intervals in the stored study; nothing is sampled.",
 )
 def calibrate(
-    model: str, replicates: int, seed: int, workers: int | None, store: bool, intervals: bool
+    model: str,
+    replicates: int,
+    seed: int,
+    workers: int | None,
+    resume: bool,
+    out: Path | None,
+    store: bool,
+    intervals: bool,
 ) -> None:
     """Run simulation-based calibration of MODEL: are its posteriors right?"""
-    from rich.console import Console
-
+    from reproduce.papers import calibrations
     from reproduce.store.studies import StudyError
-    from reproduce.views import posterior_calibration
 
     name = _known(model)
+    _check_folder(out, resume)
     if intervals:
         try:
-            found = posterior_calibration.renew(name)
+            found = calibrations.renew(name)
         except StudyError as error:
             raise click.ClickException(str(error)) from error
     else:
-        with _bar("calibrating") as advance:
-            found = posterior_calibration.run(
-                name, replicates, seed, workers=workers, progress=advance
+        with _carried(workers or os.cpu_count(), out, "calibrating") as (executor, progress):
+            found = calibrations.run(
+                name, replicates, seed, executor=executor, folder=out, progress=progress
             )
         if store:
-            posterior_calibration.store(name, found, seed)
-    Console().print(posterior_calibration.terminal_table(found))
+            calibrations.store(name, found, seed)
+    _show_coverage(found)
     click.echo(f"{found.replicates} replicates, {int(found.failed.sum())} of them failed.")
+
+
+def _show_coverage(found: Ranks) -> None:
+    """Print evenness of ranks, coverage, published estimator."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    from reproduce.views.posterior_words import coverage_rows
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("quantity")
+    for head in ("evenness, p", "50 % covers", "95 % covers", "published, 95 %"):
+        table.add_column(head, justify="right")
+    for row in coverage_rows(found):
+        table.add_row(*row)
+    Console().print(table)
 
 
 @contextmanager

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from reproduce.inference.calibration import Calibration, band
+from reproduce.inference.calibration import Ranks, band
 from reproduce.inference.model import Parameter
-from reproduce.inference.posterior import Posterior
+from reproduce.inference.posterior import Sampled
 from reproduce.views.figures import STYLE
 from reproduce.views.inline_svg import inline
 
@@ -45,7 +45,7 @@ def _drawn(
     return figure
 
 
-def traces(posterior: Posterior, alternative: str) -> str:
+def traces(posterior: Sampled, alternative: str) -> str:
     """Draw the median and the central half of every ensemble against its steps."""
     model = posterior.model
     stride = max(1, posterior.chain.shape[1] // TRACE_POINTS)
@@ -70,7 +70,7 @@ def traces(posterior: Posterior, alternative: str) -> str:
     return inline(figure, f"figure-posterior-{model.name}-traces", alternative)
 
 
-def corner(posterior: Posterior, alternative: str) -> str:
+def corner(posterior: Sampled, alternative: str) -> str:
     """Draw the corner plot, with the point estimate where there is one."""
     import corner as package
 
@@ -108,7 +108,7 @@ def corner(posterior: Posterior, alternative: str) -> str:
     return inline(figure, f"figure-posterior-{model.name}-corner", alternative)
 
 
-def ranks(stored: Calibration, name: str, alternative: str) -> str:
+def ranks(stored: Ranks, name: str, alternative: str) -> str:
     """Draw cumulated ranks, less what even ranks give, against the band of one curve."""
     counts, total = stored.counts(), stored.replicates
     low, high = band(total)

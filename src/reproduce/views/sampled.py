@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from functools import cached_property
+from concurrent.futures import Executor
+from dataclasses import asdict, replace
+from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import RenderableType
+from rich.table import Table
 
+from reproduce.views import build
 from reproduce.views.markup import html_table
 from reproduce.views.shown import Shown
 
@@ -19,9 +22,24 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.inference.model import Model, Parameter
-    from reproduce.inference.posterior import Posterior as Draws
+    from reproduce.inference.parts import Progress
+    from reproduce.inference.posterior import Sampled
     from reproduce.inference.priors import Prior
+    from reproduce.inference.sampling import Plan
+    from reproduce.papers.declare_posterior import Declaration, Supplied
     from reproduce.views.pages import Html
+
+PRECISION = ("MCSE", "R-hat", "bulk", "tail")
+
+
+@cache
+def book_posterior(name: str) -> Sampled:
+    """Return the posterior of the book, sampled once in a process, and once in a build."""
+    from reproduce.inference import sampling
+    from reproduce.papers.posteriors import posteriors
+
+    declared, kept = posteriors()[name], build.chains()
+    return sampling.sample(declared.model(), declared.plan(), folder=kept and kept / name)
 
 
 class Posterior(Shown):
@@ -62,43 +80,34 @@ class Posterior(Shown):
         if self._priors:
             _ = self.model  # so that a wrong one is refused here, not when it is looked at
 
+    @cached_property
+    def declared(self) -> Declaration:
+        """How the posterior is declared: its data, rivals, published numbers."""
+        from reproduce.papers.posteriors import posteriors
+
+        return posteriors()[self.name]
+
     @property
     def reads(self) -> tuple[str, ...]:
         """Addresses of the printed cells that reach the model."""
-        from reproduce.papers.posteriors import posteriors
-
-        return () if self.data else posteriors()[self.name].given
+        return () if self.data else self.declared.given
 
     @property
     def where(self) -> str:
         """Where the data come from: print, our simulation, or a reader's file."""
-        from reproduce.papers.posteriors import posteriors
-
         if self.data:
             return f"data of {Path(self.data).name}"
-        simulated = posteriors()[self.name].simulated
+        simulated = self.declared.simulated
         return "data simulated by us from printed settings" if simulated else "data as printed"
 
     @cached_property
-    def draws_of(self) -> Draws:
-        """The sampled posterior itself, for what this object does not offer."""
-        from reproduce.views import posterior as running
-
-        if not self.data and not self.settings and not self._priors:
-            return running.book_posterior(self.name)
-        return running.run(self.model, running.plan_for(self.name, **self.settings))
+    def _supplied(self) -> Supplied | None:
+        return self.declared.from_file(Path(self.data), self.pivot) if self.data else None
 
     @cached_property
     def model(self) -> Model:
         """What is sampled: parameters with their priors, and the likelihood of the data."""
-        from reproduce.papers.posteriors import posteriors
-        from reproduce.views.posterior_data import from_file
-
-        model = (
-            from_file(self.name, Path(self.data), self.pivot)
-            if self.data
-            else posteriors()[self.name].model()
-        )
+        model = self._supplied.model if self._supplied else self.declared.model()
         if strays := sorted(set(self._priors) - set(model.names)):
             raise ValueError(
                 f"{self.name} has no parameter {', '.join(strays)}; it has {', '.join(model.names)}"
@@ -112,20 +121,81 @@ class Posterior(Shown):
         return replace(model, parameters=tuple(parameters))
 
     @property
+    def plan(self) -> Plan:
+        """How it is sampled."""
+        return self.declared.plan(**self.settings)
+
+    @cached_property
+    def sampled(self) -> Sampled:
+        """The sampled posterior itself, for what this object does not offer."""
+        if not self.data and not self.settings and not self._priors:
+            return book_posterior(self.name)
+        return self.sample()
+
+    def sample(
+        self,
+        executor: Executor | None = None,
+        folder: Path | None = None,
+        progress: Progress | None = None,
+    ) -> Sampled:
+        """Sample now: on an executor, with its chains kept in a folder and continued from there."""
+        from reproduce.inference import sampling
+
+        self.sampled = sampling.sample(
+            self.model, self.plan, executor=executor, folder=folder, progress=progress
+        )
+        return self.sampled
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What the data are, for programs: their kind, and the paper, the truth or the file."""
+        if self._supplied:
+            data = {"kind": "file", "file": str(self.data), "rows": self._supplied.rows}
+            return data | ({"pivot": self._supplied.pivots} if self._supplied.pivots else {})
+        paper = self.declared.paper
+        if not self.declared.simulated:
+            return {"kind": "printed", "paper": paper}
+        factors = {one.name: one.shown for one in self.model.parameters}
+        truth = {name: value * factors[name] for name, value in self.declared.true_values().items()}
+        return {"kind": "simulated", "paper": paper, "truth": truth}
+
+    @property
+    def told(self) -> str:
+        """What the data are, in one line."""
+        found = self.provenance
+        if found["kind"] == "printed":
+            return f"as printed in {found['paper']}"
+        if found["kind"] == "simulated":
+            units = {one.name: one.unit for one in self.model.parameters}
+            shown = ", ".join(
+                f"{name} {value:.6g}" + ("" if units[name] == "1" else f" {units[name]}")
+                for name, value in found["truth"].items()
+            )
+            return f"simulated by us with printed settings of {found['paper']}; truth: {shown}"
+        line = f"your file {found['file']}, {found['rows']} lines"
+        if "pivot" in found:
+            places = dict.fromkeys("({:.6g}, {:.6g})".format(*one) for one in found["pivot"])
+            line += f", pivot {' and '.join(places)} px"
+            line += "" if self.pivot else ", the mean of the stars"
+        return line
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader should hear of the data of a file."""
+        return self._supplied.remarks if self._supplied else ()
+
+    @property
     def source(self) -> str:
         """The text of the function that makes the model."""
-        from reproduce.papers.posteriors import posteriors
-
-        build = posteriors()[self.name].build
-        return inspect.getsource(inspect.unwrap(getattr(build, "func", build))).rstrip()
+        function = self.declared.build
+        whole = getattr(function, "func", function)
+        return inspect.getsource(inspect.unwrap(whole)).rstrip()
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the unit shown."""
         import pandas as pd
 
-        from reproduce.views.posterior import all_rows
-
-        rows = {row.name: vars(row) for row in all_rows(self.draws_of)}
+        rows = {row.name: vars(row) for row in self.sampled.summaries()}
         return pd.DataFrame.from_dict(rows, orient="index").drop(columns="name")
 
     summary = frame
@@ -135,12 +205,10 @@ class Posterior(Shown):
         """Every parameter with its unit, its prior and the reason for it."""
         import pandas as pd
 
-        from reproduce.inference.priors import in_unit
-
         rows = {
             one.name: {
                 "unit": one.unit,
-                "prior": str(in_unit(one.prior, one.shown)),
+                "prior": str(one.prior.in_unit(one.shown)),
                 "why": one.prior.reason,
             }
             for one in self.model.parameters
@@ -152,7 +220,7 @@ class Posterior(Shown):
         """All draws, one column per parameter, in the unit shown."""
         import pandas as pd
 
-        found = self.draws_of
+        found = self.sampled
         shown = {
             f"{one.name} ({one.unit})": column * one.shown
             for one, column in zip(found.model.parameters, found.draws.T, strict=True)
@@ -164,7 +232,7 @@ class Posterior(Shown):
         from reproduce.views.pages import Html
         from reproduce.views.posterior_figures import corner
 
-        return Html(corner(self.draws_of, f"Corner plot of the posterior of {self.name}"))
+        return Html(corner(self.sampled, f"Corner plot of the posterior of {self.name}"))
 
     def export(self, form: str) -> str:
         """Return the summary as csv, json, latex or markdown."""
@@ -182,9 +250,9 @@ class Posterior(Shown):
         """
         path = Path(path)
         if path.suffix == ".nc":
-            self.draws_of.to_datatree().to_netcdf(path)
+            self.sampled.to_datatree().to_netcdf(path)
         elif path.suffix == ".npz":
-            found = self.draws_of
+            found = self.sampled
             names = np.array(found.model.names)
             np.savez_compressed(
                 path, names=names, chain=found.chain, log_posterior=found.log_posterior
@@ -195,11 +263,9 @@ class Posterior(Shown):
 
     def cite(self, form: str = "bibtex") -> str:
         """Return how to cite the paper that it rests on: bibtex, csl or text."""
-        from reproduce.papers.posteriors import posteriors
         from reproduce.views import cite as citing
 
-        declared = posteriors()[self.name]
-        return citing.posterior(self.name, declared.paper, declared.title, form)
+        return citing.posterior(self.name, self.declared.paper, self.declared.title, form)
 
     def rerun(
         self,
@@ -228,20 +294,51 @@ class Posterior(Shown):
         changed = {**self._priors, **(priors or {})}
         return Posterior(self.name, data or self.data, pivot or self.pivot, changed, **kept)
 
-    def _repr_html_(self) -> str:
-        from reproduce.views.posterior import all_rows, numbers
+    def record(self) -> dict[str, Any]:
+        """Return everything of the summary for other programs."""
+        from reproduce.inference.sensitivity import leanings
 
-        head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk", "tail")
-        rows = [(f"{row.name} ({row.unit})", *numbers(row)) for row in all_rows(self.draws_of)]
+        found = self.sampled
+        return {
+            "model": found.model.name,
+            "seed": found.seed,
+            "ensembles": found.chain.shape[0],
+            "steps": found.chain.shape[1],
+            "walkers": found.chain.shape[2],
+            "acceptance": list(found.acceptance),
+            "at_prior_end": [asdict(one) for one in leanings(found)],
+            "parameters": [asdict(row) for row in found.rows()],
+            "consequences": [asdict(row) for row, _ in found.consequences()],
+            "data": self.provenance,
+            "remarks": list(self.remarks),
+        }
+
+    def _repr_html_(self) -> str:
+        from reproduce.views.posterior_words import numbers
+
+        head = ("Quantity", "mean", "sd", "95 % from", "to", *PRECISION)
+        rows = [(f"{row.name} ({row.unit})", *numbers(row)) for row in self.sampled.summaries()]
         table_of = html_table(head, rows, f"Posterior {self.name}, {self.where}.")
         return f'<div class="rp-table">{table_of}</div>'
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the summary."""
-        from reproduce.views.posterior import summary_table
-
         yield f"posterior {self.name}, {self.where}"
-        yield summary_table(self.draws_of)
+        yield self.table()
+
+    def table(self) -> Table:
+        """Return the summary for a terminal, every number with the digits its error allows."""
+        from reproduce.views.posterior_words import numbers
+
+        # Without a box, and with the unit beside the name, it fits 80 columns.
+        table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+        table.add_column("parameter", overflow="fold", min_width=12)
+        for head in ("mean", "sd", "2.5 %", "97.5 %", *PRECISION):
+            table.add_column(head, justify="right", no_wrap=True)
+        for row in self.sampled.summaries():
+            label = row.name if row.unit == "1" else f"{row.name} ({row.unit})"
+            table.add_row(label, *numbers(row))
+        return table
 
 
 def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import reproduce
 from reproduce.inference.parts import Store, processes, run_parts
 from reproduce.judge import readings as judged
 from reproduce.papers.niu2024 import images_fusion, readings
 from reproduce.store import studies
-from reproduce.views.facts import fingerprint
+from reproduce.version import __version__
+from reproduce.views.build import fingerprint
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -59,7 +59,7 @@ STUDIES: dict[str, tuple[Callable[[Executor, Path], Arrays], int, int]] = {
 
 def versions() -> str:
     """Return what a study is run with: Python, NumPy and this project."""
-    return f"Python {platform.python_version()}, NumPy {np.__version__}, {reproduce.__version__}"
+    return f"Python {platform.python_version()}, NumPy {np.__version__}, {__version__}"
 
 
 def processor_seconds() -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -95,6 +95,16 @@ class StudyTable(Shown):
         """
         return StudyTable(self.key, {**self._changes, **changes})
 
+    def _row(self, entries: Mapping[Any, Any], shown: Sequence[Column]) -> list[Entry]:
+        forms = {column.name: column.form for column in self._study.columns}
+        row: list[Entry] = []
+        for column in shown:
+            value, error = entries[column.name], entries.get(column.error)
+            text = numbers.entry(value, column, error, forms.get(column.error, ""))
+            bold = column.bold and value < column.bold
+            row.append(Markup("<strong>{}</strong>").format(text) if bold else text)
+        return row
+
     def _caption(self) -> str:
         caption = str(self.frame().attrs["caption"])
         if self._changes:
@@ -107,21 +117,20 @@ class StudyTable(Shown):
     @property
     def grids(self) -> dict[str, Grid]:
         """The table as a reader sees it: whole, or in the parts that it is folded into, by name."""
-        frame, folded = self.frame(), self._study.folded
-        forms = {column.name: column.form for column in self._study.columns}
-        behind = {column.error for column in self._study.columns} | {folded}
-        shown = [column for column in self._study.columns if column.name not in behind]
-        anchor = f"study-{self.key.replace('/', '-')}" + ("-changed" if self._changes else "")
-        parts = [("", frame)] if not folded else frame.groupby(folded, sort=False)
+        frame, study = self.frame(), self._study
+        behind = {column.error for column in study.columns} | {study.folded}
+        shown = [column for column in study.columns if column.name not in behind]
+        parts = [("", frame)] if not study.folded else frame.groupby(study.folded, sort=False)
+        anchor = "-".join(["study", *self.key.split("/"), *(["changed"] if self._changes else [])])
         return {
             str(name): Grid(
                 self._caption(),
                 [column.name for column in shown],
-                [[_entry(row, c, forms) for c in shown] for row in part.to_dict(orient="records")],
-                f"{anchor}-{place}" if place else anchor,
+                [self._row(entries, shown) for entries in part.to_dict(orient="records")],
+                f"{anchor}-{number}" if number else anchor,
                 "rp-study",
             )
-            for place, (name, part) in enumerate(parts)
+            for number, (name, part) in enumerate(parts)
         }
 
     def export(self, form: str) -> str:
@@ -147,11 +156,3 @@ class StudyTable(Shown):
             if name:
                 yield f"\n{name}"
             yield from grid.parts(width)
-
-
-def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:
-    error = (row[column.error], forms[column.error]) if column.error else None
-    text = numbers.entry(row[column.name], column, error)
-    if column.bold and row[column.name] < column.bold:
-        return Markup("<strong>{}</strong>").format(text)
-    return text

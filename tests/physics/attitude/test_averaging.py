@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from reproduce.physics.attitude.averaging import (
     attitude_accuracy,
     averaged_error,
-    block_average,
     moving_average,
     scatter_of_averages,
 )
@@ -28,18 +27,12 @@ def test_a_large_common_value_costs_no_digits():
     np.testing.assert_allclose(shifted, moving_average(series, 100), atol=3e-10)
 
 
-def test_blocks_are_disjoint_and_leave_the_rest():
-    np.testing.assert_array_equal(block_average(np.arange(11.0), 4), [1.5, 5.5])
-    np.testing.assert_array_equal(block_average(np.arange(3.0), 1), [0, 1, 2])
-
-
-@pytest.mark.parametrize("average", [moving_average, block_average])
 @pytest.mark.parametrize("axis", [0, 1, 2, -1, -2])
-def test_any_axis_is_a_loop_over_the_others(average, axis):
+def test_any_axis_is_a_loop_over_the_others(axis):
     series = np.random.default_rng(2).standard_normal((6, 9, 7))
-    together = average(series, 3, axis)
+    together = moving_average(series, 3, axis)
     lanes = np.moveaxis(series, axis, -1).reshape(-1, series.shape[axis])
-    alone = np.array([average(lane, 3) for lane in lanes])
+    alone = np.array([moving_average(lane, 3) for lane in lanes])
     np.testing.assert_allclose(
         np.moveaxis(together, axis, -1).reshape(alone.shape), alone, atol=1e-15
     )
@@ -49,30 +42,24 @@ def test_one_frame_changes_nothing_and_all_frames_give_the_mean():
     series = np.random.default_rng(3).standard_normal((4, 20))
     np.testing.assert_allclose(moving_average(series, 1), series, atol=1e-15)
     np.testing.assert_allclose(moving_average(series, 20)[:, 0], series.mean(axis=1), atol=1e-15)
-    np.testing.assert_allclose(block_average(series, 20)[:, 0], series.mean(axis=1), atol=1e-15)
 
 
-@pytest.mark.parametrize("kind", ["moving", "block"])
-def test_scatter_is_the_standard_deviation_of_the_averages(kind):
+def test_scatter_is_the_standard_deviation_of_the_averages():
     series = np.random.default_rng(4).standard_normal((5, 60, 3))
-    average = {"moving": moving_average, "block": block_average}[kind]
-    found = scatter_of_averages(series, [1, 4, 25], axis=1, kind=kind)
+    found = scatter_of_averages(series, [1, 4, 25], axis=1)
     assert found.shape == (5, 3, 3)
     for index, count in enumerate([1, 4, 25]):
-        expected = np.std(average(series, count, 1), axis=1, ddof=1)
+        expected = np.std(moving_average(series, count, 1), axis=1, ddof=1)
         np.testing.assert_allclose(found[:, index, :], expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["moving", "block"])
-def test_white_noise_falls_with_the_root_of_the_count(kind):
+def test_white_noise_falls_with_the_root_of_the_count():
     series = np.random.default_rng(5).standard_normal((2000, 800))
     counts = [1, 4, 16, 49]
-    mean_square = (scatter_of_averages(series, counts, kind=kind) ** 2).mean(axis=0)
-    # Blocks are unbiased. The sample variance of overlapping averages, which are correlated
-    # over n frames, lacks the variance of their own mean.
-    expected = 1.0 / np.array(counts)
-    if kind == "moving":
-        expected = [variance_of_moving_averages(800, count) for count in counts]
+    mean_square = (scatter_of_averages(series, counts) ** 2).mean(axis=0)
+    # The sample variance of overlapping averages, which are correlated over n frames, lacks the
+    # variance of their own mean.
+    expected = [variance_of_moving_averages(800, count) for count in counts]
     np.testing.assert_allclose(mean_square, expected, rtol=0.03)
 
 
@@ -109,12 +96,10 @@ def test_what_cannot_be_averaged_is_refused():
     with pytest.raises(ValueError, match="count: expected at most 5, the number of frames, got 6"):
         moving_average(np.zeros(5), 6)
     with pytest.raises(TypeError, match="count: expected a whole number"):
-        block_average(np.zeros(5), 2.0)
+        moving_average(np.zeros(5), 2.0)
     with pytest.raises(ValueError, match="axis: expected an axis of the series"):
         moving_average(np.zeros(5), 2, axis=1)
     with pytest.raises(ValueError, match="counts: expected two averages or more"):
         scatter_of_averages(np.zeros(5), [5])
     with pytest.raises(ValueError, match="counts: expected one number of frames or more"):
         scatter_of_averages(np.zeros(5), [])
-    with pytest.raises(ValueError, match="kind: expected one of"):
-        scatter_of_averages(np.zeros(5), [2], kind="Allan")

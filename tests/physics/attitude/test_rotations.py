@@ -5,15 +5,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reproduce.physics.attitude.rotations import (
-    cofactors,
+    _cofactors,
+    _determinant,
+    _rotation_from_quaternion,
     cross_matrix,
-    determinant,
-    rotation_from_quaternion,
     rotation_from_vector,
-    rotations,
     unit,
     vector_from_rotation,
 )
+from reproduce.physics.validate import rotations
 
 RNG = np.random.default_rng(1)
 VECTORS = np.concatenate(
@@ -40,10 +40,10 @@ def test_rotation_vector_comes_back_to_the_last_digits():
 def test_quaternion_has_its_scalar_last():
     quaternions = 7.0 * RNG.standard_normal((40, 4))
     expected = Rotation.from_quat(quaternions).as_matrix()
-    np.testing.assert_allclose(rotation_from_quaternion(quaternions), expected, atol=1e-15)
-    np.testing.assert_allclose(rotation_from_quaternion([0, 0, 0, -2]), np.eye(3))
+    np.testing.assert_allclose(_rotation_from_quaternion(quaternions), expected, atol=1e-15)
+    np.testing.assert_allclose(_rotation_from_quaternion(np.array([0, 0, 0, -2.0])), np.eye(3))
     for length in (1e-180, 1e180):
-        found = rotation_from_quaternion(length * quaternions)
+        found = _rotation_from_quaternion(length * quaternions)
         np.testing.assert_allclose(found, expected, atol=1e-15)
 
 
@@ -57,15 +57,15 @@ def test_cross_matrix_is_the_cross_product():
 def test_cofactors_and_determinant_agree_with_linear_algebra():
     matrices = RNG.standard_normal((30, 3, 3))
     det = np.linalg.det(matrices)
-    np.testing.assert_allclose(determinant(matrices), det, rtol=1e-12)
+    np.testing.assert_allclose(_determinant(matrices), det, rtol=1e-12)
     expected = det[:, None, None] * np.swapaxes(np.linalg.inv(matrices), -1, -2)
-    np.testing.assert_allclose(cofactors(matrices), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(_cofactors(matrices), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_cofactors_of_a_singular_matrix_need_no_inverse():
     rank_two = np.outer([1, 2, 0], [0, 1, 1]) + np.outer([0, 1, 1], [1, 0, 0])
-    np.testing.assert_allclose(rank_two @ cofactors(rank_two).T, 0, atol=1e-15)
-    assert np.abs(cofactors(rank_two)).max() > 0.5
+    np.testing.assert_allclose(rank_two @ _cofactors(rank_two).T, 0, atol=1e-15)
+    assert np.abs(_cofactors(rank_two)).max() > 0.5
 
 
 @pytest.mark.parametrize("length", [1e-300, 1.0, 1e300])
@@ -83,4 +83,4 @@ def test_what_is_no_rotation_is_refused():
     with pytest.raises(ValueError, match=r"got zero at index \(1,\)"):
         unit("v", [[1, 0, 0], [0, 0, 0]])
     with pytest.raises(ValueError, match="quaternion: expected a length above zero"):
-        rotation_from_quaternion([0, 0, 0, 0])
+        _rotation_from_quaternion(np.zeros(4))

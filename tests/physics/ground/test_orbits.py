@@ -5,7 +5,6 @@ import pytest
 
 from reproduce.physics.ground.orbits import (
     Thermal,
-    fourier_columns,
     last_orbits,
     orbital_period,
     thermal_series,
@@ -76,12 +75,6 @@ def test_last_orbits_magnify_noise():
     found = last_orbits(noise, 16)[48:]
     kept = 7 / 16
     assert found.var() == pytest.approx(kept * (4 + 1 + 16) / 9, rel=0.03)
-
-
-def test_columns_are_orthogonal_over_an_orbit():
-    columns = fourier_columns(np.arange(32) / 32, 3)
-    product = columns.T @ columns
-    np.testing.assert_allclose(product, np.diag(product.diagonal()), atol=1e-12)
 
 
 def test_nonsense_is_refused():

@@ -14,32 +14,32 @@ from reproduce.physics.images.centroids import (
     centre_of_gravity,
     cut_windows,
     detect_spots,
-    kept_inside,
     windowed_centre,
 )
 from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import (
-    pixel_share_slopes,
-    pixel_shares,
+    _share_slopes,
+    _shares,
     render_frame,
     spot_windows,
     window_corners,
 )
 from reproduce.physics.validate import DegenerateGeometryError
 
+ROW = np.array([0.3, 0.7, -1.0])  # a spot's place and radius, and the first pixel of a row
 PHASES = np.linspace(-0.5, 0.5, 21)
 
 
 def test_shares_are_the_integral_of_the_gaussian():
-    shares = pixel_shares(0.3, 0.7, -1, 3)
+    shares = _shares(*ROW, 3)
     by_hand = [quad(norm(0.3, 0.7).pdf, p - 0.5, p + 0.5)[0] for p in (-1, 0, 1)]
     np.testing.assert_allclose(shares, by_hand, rtol=1e-10)
 
 
 def test_both_tails_of_a_spot_keep_their_digits():
     """By symmetry; a tail taken from one less nearly one would be lost beyond eight radii."""
-    shares = pixel_shares(0.0, 0.5, -15, 31)
+    shares = _shares(*np.array([0.0, 0.5, -15]), 31)
     np.testing.assert_allclose(shares, shares[::-1], rtol=1e-12)
     assert (shares > 0).all()
     assert shares.sum() == pytest.approx(1.0, abs=1e-15)
@@ -56,8 +56,8 @@ def test_pixels_far_from_the_spot_tell_nothing_of_it():
 
 def test_slopes_are_the_derivative_of_the_shares():
     step = 1e-6
-    moved = pixel_shares(0.3 + step, 0.7, -1, 3) - pixel_shares(0.3 - step, 0.7, -1, 3)
-    np.testing.assert_allclose(pixel_share_slopes(0.3, 0.7, -1, 3), moved / (2 * step), rtol=1e-7)
+    moved = _shares(ROW[0] + step, *ROW[1:], 3) - _shares(ROW[0] - step, *ROW[1:], 3)
+    np.testing.assert_allclose(_share_slopes(*ROW, 3), moved / (2 * step), rtol=1e-7)
 
 
 def test_x_runs_along_columns_and_y_along_rows():
@@ -238,11 +238,3 @@ def test_one_windowed_step_nearly_undoes_what_the_edge_of_the_window_cuts_off():
     left = windowed_centre(window, (0, 0), 1.2, steps=1)[0] - 2.0
     assert cut_off > 0.05
     assert 0 < left < 0.2 * cut_off
-
-
-def test_a_centre_that_ran_out_comes_back_to_the_edge_it_left_by():
-    """Pixels reach half a pixel beyond their centres: three columns from -0.5 to 2.5."""
-    light = np.ones((5, 3))
-    ran_out = np.array([[-9.0, 9.0], [9.0, -9.0], [-0.4, 4.4]])
-    expected = [[-0.5, 4.5], [2.5, -0.5], [-0.4, 4.4]]
-    np.testing.assert_array_equal(kept_inside(ran_out, np.stack([light] * 3)), expected)

@@ -6,11 +6,10 @@ from scipy.constants import c, h, k
 from scipy.integrate import quad
 
 from reproduce.physics.images.spectra import (
-    ZERO_MAGNITUDE,
+    _ZERO_MAGNITUDE,
+    _blackbody_photons,
     blackbody_band,
-    blackbody_photons,
     channel_ratio,
-    tabulated_band,
     tabulated_star,
 )
 
@@ -24,12 +23,12 @@ def planck(wavelength, temperature):
 def test_the_spectrum_is_plancks(temperature):
     for wavelength in (400e-9, 680e-9):
         expected = planck(wavelength, temperature) / planck(550e-9, temperature)
-        assert blackbody_photons(wavelength, temperature) == pytest.approx(expected, rel=1e-8)
+        assert _blackbody_photons(wavelength, temperature) == pytest.approx(expected, rel=1e-8)
 
 
 def test_the_band_is_the_integral():
     value, _ = quad(lambda x: planck(x * 1e-9, 4500) / planck(550e-9, 4500), 580, 680)
-    expected = ZERO_MAGNITUDE * 1e-9 * value
+    expected = _ZERO_MAGNITUDE * 1e-9 * value
     assert blackbody_band(0.0, 4500, 580e-9, 680e-9) == pytest.approx(expected, rel=1e-9)
 
 
@@ -40,7 +39,7 @@ def test_five_magnitudes_are_a_factor_of_a_hundred():
 
 def test_the_zero_point_is_about_a_thousand_photons_per_square_centimetre_and_angstrom():
     """The figure of the textbooks, 1000 photons/(s cm^2 angstrom) at V = 0."""
-    per_square_centimetre_and_angstrom = ZERO_MAGNITUDE * 1e-4 * 1e-10
+    per_square_centimetre_and_angstrom = _ZERO_MAGNITUDE * 1e-4 * 1e-10
     assert per_square_centimetre_and_angstrom == pytest.approx(1000, rel=0.02)
     assert h * c / 550e-9 == pytest.approx(3.6117e-19, rel=1e-4)
 
@@ -54,28 +53,20 @@ def test_hot_stars_are_blue_and_cool_ones_red():
 
 
 def test_very_cool_stars_do_not_overflow():
-    assert 0 <= blackbody_photons(400e-9, 10.0) < 1e-100
-
-
-def test_a_tabulated_blackbody_is_a_blackbody():
-    table = np.linspace(390e-9, 700e-9, 2001)
-    photons = ZERO_MAGNITUDE * blackbody_photons(table, 5000)
-    found = tabulated_band(table, np.stack([photons, 2 * photons]), 400e-9, 500e-9)
-    expected = float(blackbody_band(0, 5000, 400e-9, 500e-9))
-    np.testing.assert_allclose(found, [expected, 2 * expected], rtol=1e-6)
+    assert 0 <= _blackbody_photons(400e-9, 10.0) < 1e-100
 
 
 @pytest.mark.parametrize(
     ("wavelength", "low", "high", "message"),
     [
-        ([500e-9, 400e-9], 410e-9, 420e-9, "rising"),
-        ([400e-9, 450e-9], 410e-9, 500e-9, "extend"),
-        ([400e-9, 450e-9], 450e-9, 410e-9, "lower edge"),
+        ([600e-9, 400e-9], 410e-9, 420e-9, "rising"),
+        ([400e-9, 600e-9], 410e-9, 700e-9, "extend"),
+        ([400e-9, 600e-9], 450e-9, 410e-9, "lower edge"),
     ],
 )
 def test_bad_tables_are_refused(wavelength, low, high, message):
     with pytest.raises(ValueError, match=message):
-        tabulated_band(wavelength, [1.0, 1.0], low, high)
+        tabulated_star(0.0, wavelength, [1.0, 1.0], low, high)
 
 
 def test_the_ratios_error_is_that_of_many_draws():

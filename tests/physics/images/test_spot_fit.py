@@ -6,9 +6,9 @@ from scipy.optimize import least_squares, minimize
 
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import (
-    pixel_share_curvatures,
-    pixel_share_slopes,
-    spot_gradient,
+    _gradient,
+    _share_curvatures,
+    _share_slopes,
     spot_windows,
 )
 
@@ -46,7 +46,7 @@ def least(window):
     size = len(window)
 
     def slopes(state):
-        _, rows = spot_gradient(state, np.array(RADIUS), size, size)
+        _, rows = _gradient(state, np.array(RADIUS), size, size)
         return -rows.reshape(3, -1).T
 
     def left(state):
@@ -125,6 +125,7 @@ def test_a_batch_over_radii_gives_what_each_gives_alone():
 
 def test_curvatures_are_the_derivative_of_the_slopes():
     step = 1e-6
-    ends = [pixel_share_slopes(0.3 + s, 0.7, -1, 3) for s in (step, -step)]
+    place, radius, first = np.array([0.3, 0.7, -1.0])
+    ends = [_share_slopes(place + s, radius, first, 3) for s in (step, -step)]
     numeric = (ends[0] - ends[1]) / (2 * step)
-    np.testing.assert_allclose(pixel_share_curvatures(0.3, 0.7, -1, 3), numeric, rtol=1e-7)
+    np.testing.assert_allclose(_share_curvatures(place, radius, first, 3), numeric, rtol=1e-7)

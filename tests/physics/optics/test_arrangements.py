@@ -9,13 +9,13 @@ import pytest
 
 from reproduce.physics.optics.arrangements import (
     Arrangement,
-    arrangements,
+    _arrangements,
+    _lattices,
     arrangements_with,
-    lattices,
 )
 
 HALF_X, HALF_Y, STEP = np.radians((8.0, 6.0, 0.9))
-FAMILY = list(arrangements(HALF_X, HALF_Y, STEP))
+FAMILY = list(_arrangements(HALF_X, HALF_Y, STEP))
 
 
 def pick(lattice: str, offset: str, window: str) -> Arrangement:
@@ -104,7 +104,7 @@ def test_windows_hold_the_whole_numbers_that_they_should_with_those_on_the_edge(
 ) -> None:
     found = {
         a.window: a.angles
-        for a in arrangements(10.0, 5.0, 1.0)
+        for a in _arrangements(10.0, 5.0, 1.0)
         if (a.lattice, a.offset) == ("square, step between neighbours", "centred")
     }[window]
     expected = [(i, j) for j in range(-5, 6) for i in range(-10, 11) if inside(i, j)]
@@ -134,7 +134,7 @@ def test_points_of_a_row_are_a_step_apart_where_the_name_says_so() -> None:
 
 
 def test_spacings_of_the_fitted_quincunxes_average_to_the_step() -> None:
-    fitted = [found for found in lattices(HALF_X, HALF_Y, STEP) if " by " in found.name]
+    fitted = [found for found in _lattices(HALF_X, HALF_Y, STEP) if " by " in found.name]
     assert [found.name.split(" in ")[1] for found in fitted] == [
         "16 by 15 spacings",
         "20 by 12 spacings",
@@ -144,5 +144,5 @@ def test_spacings_of_the_fitted_quincunxes_average_to_the_step() -> None:
 
 
 def test_the_unit_of_the_angles_does_not_matter() -> None:
-    degrees = [len(found.angles) for found in arrangements(8.0, 6.0, 0.9)]
+    degrees = [len(found.angles) for found in _arrangements(8.0, 6.0, 0.9)]
     assert degrees == [len(found.angles) for found in FAMILY]

@@ -7,10 +7,10 @@ from reproduce.physics.optics.camera import Camera, image_points
 from reproduce.physics.registration.approximations import (
     EFFECTS,
     Channels,
+    _imaged,
     analytic_bias,
     error_field,
     even_positions,
-    imaged,
     second_term_from_share,
     simulated_bias,
 )
@@ -71,7 +71,7 @@ def test_a_wrong_pivot_moves_all_points_alike():
 def test_a_tilted_detector_is_a_plane_cut_by_rays():
     """The same point by solving for the ray's length in three dimensions."""
     tilted = Channels(Camera(25e-3, (0, 0), 0, PITCH), GREEN, tilt=(0.02, 0.0))
-    (found,), _ = imaged(tilted, [[3e-3, 1e-3]])
+    (found,), _ = _imaged(tilted, [[3e-3, 1e-3]])
     # Plane: z = F + 0.02 x; ray: (3, 1, 25) times s.
     s = 25e-3 / (25e-3 - 0.02 * 3e-3)
     assert found[0] * PITCH == pytest.approx(np.hypot(3e-3 * s, 0.02 * 3e-3 * s), rel=1e-12)
@@ -82,7 +82,7 @@ def test_without_tilt_and_second_term_the_camera_images():
     plain = Channels(SOURCE, GREEN, 0.01)
     positions = EVEN[:40]
     directions = np.column_stack([positions, np.full(40, 25.0601e-3)])
-    source, reference = imaged(plain, positions)
+    source, reference = _imaged(plain, positions)
     np.testing.assert_allclose(source, image_points(directions, SOURCE, 0.01), atol=1e-9)
     np.testing.assert_allclose(reference, image_points(directions, GREEN), atol=1e-9)
 

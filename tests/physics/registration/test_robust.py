@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from reproduce.physics.registration._robust import TUKEY
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.robust import TUKEY
 from reproduce.physics.registration.transforms import Registration
 
 PIVOT = np.array([1031.0, 770.0])

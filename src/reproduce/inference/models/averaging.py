@@ -24,23 +24,15 @@ from reproduce.physics.attitude.averaging import averaged_error, scatter_of_aver
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = ["AveragingLikelihood", "averaging_model", "moments", "predicted_error"]
+
 
 @lru_cache(maxsize=8)
 def moments(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Moments of the variances of running averages.
+    """Moments of the variances of running averages over so many of all frames.
 
-    Parameters
-    ----------
-    frames : int
-        Length of the series.
-    counts : tuple of int
-        Frames in each average.
-
-    Returns
-    -------
-    tuple of ndarray
-        Means for white noise of unit size and for the floor, shape (m,); traces of products for
-        the white part and for the mixed part of the covariances, shape (m, m).
+    Means for white noise of unit size and for the floor, (m,); traces of products for the white
+    part and for the mixed part of the covariances, (m, m).
     """
     drift = np.linspace(-1, 1, frames)
     drift = drift / drift.std(ddof=1)
@@ -64,16 +56,10 @@ def moments(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
 class AveragingLikelihood:
     """Printed scatter of running averages; parameters: white noise of one frame, floor.
 
-    Parameters
-    ----------
-    counts : tuple of int
-        Frames in each average.
-    printed : ndarray, shape (m,)
-        Printed standard deviations, one sigma, in radians.
-    half_unit : float
-        Half the last printed digit, in radians.
-    frames : int
-        Length of the series.
+    - `counts`: frames in each average.
+    - `printed`, (m,): printed standard deviations, one sigma, in radians.
+    - `half_unit`: half the last printed digit, in radians.
+    - `frames`: length of the series.
     """
 
     counts: tuple[int, ...]
@@ -154,22 +140,7 @@ def averaging_model(
     shown: float = ARCSEC_PER_RADIAN,
     derived: Derived | None = None,
 ) -> Model:
-    """White noise and floor from printed scatters of running averages.
-
-    Parameters
-    ----------
-    likelihood : AveragingLikelihood
-        With the printed numbers.
-    shown : float
-        Shown units in one SI unit.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Parameters white and floor, in radians, one sigma; white alone without a floor.
-    """
+    """White noise and floor, one sigma in radians, or white noise alone without a floor."""
     least = likelihood.half_unit
     white = LogUniform(10 * least, 10000 * least, "from ten to ten thousand times what the print "
                        "can tell from zero; no scale preferred")  # fmt: skip

@@ -19,19 +19,17 @@ from reproduce.inference.models.rounded import log_box, quasi_random
 from reproduce.inference.priors import LogUniform
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["CentroidNoiseLikelihood", "centroid_noise_model"]
+
 
 @dataclass(frozen=True, eq=False)
 class CentroidNoiseLikelihood:
     """One parameter: standard deviation of a centroid coordinate, in px.
 
-    Parameters
-    ----------
-    expected : ndarray, shape (m,)
-        What noise-free centroids give.
-    cofactor : ndarray, shape (m, m)
-        Covariance of the results per squared noise.
-    printed, half_units : ndarray, shape (m,)
-        The printed results and half their last digits, in the units of `expected`.
+    - `expected`, (m,): what noise-free centroids give.
+    - `cofactor`, (m, m): covariance of the results per squared noise.
+    - `printed`, `half_units`, (m,): the printed results and half their last digits, in the units of
+      `expected`.
     """
 
     expected: FloatArray
@@ -85,20 +83,7 @@ class CentroidNoiseLikelihood:
 
 
 def centroid_noise_model(likelihood: CentroidNoiseLikelihood, stated: float) -> Model:
-    """Effective centroid noise of a simulation.
-
-    Parameters
-    ----------
-    likelihood : CentroidNoiseLikelihood
-        With the printed results.
-    stated : float
-        The noise that the text states, in px.
-
-    Returns
-    -------
-    Model
-        One parameter, in px.
-    """
+    """Effective centroid noise of a simulation whose text states a noise, in px."""
     prior = LogUniform(1e-4, 10.0, "from a ten-thousandth of a pixel to the size of a spot; no "
                        "scale preferred")  # fmt: skip
     parameter = Parameter("noise", r"\sigma", "px", prior)

@@ -22,6 +22,8 @@ from reproduce.inference.priors import LogUniform, Uniform
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["cramer_rao_bound", "polar", "registration_log_evidence", "registration_posterior"]
+
 Flat = Literal["affine", "polar"]
 
 
@@ -29,18 +31,11 @@ Flat = Literal["affine", "polar"]
 class RegistrationPosterior:
     """The exact posterior of one channel's registration.
 
-    Parameters
-    ----------
-    mean : ndarray, shape (4,)
-        Of (k cos theta, k sin theta, shift x, shift y): the least-squares solution.
-    scale : ndarray, shape (4, 4)
-        Scale matrix of the Student-t, or covariance of the Gaussian.
-    freedom : float
-        Degrees of freedom; infinite where the noise is known.
-    squares : float
-        Sum of squared residuals of the least-squares solution, in px^2.
-    count : int
-        Number of points.
+    - `mean`, (4,): of (k cos theta, k sin theta, shift x, shift y): the least-squares solution.
+    - `scale`, (4, 4): scale matrix of the Student-t, or covariance of the Gaussian.
+    - `freedom`: degrees of freedom; infinite where the noise is known.
+    - `squares`: sum of squared residuals of the least-squares solution, in px^2.
+    - `count`: number of points.
     """
 
     mean: FloatArray
@@ -71,13 +66,8 @@ class RegistrationPosterior:
     def log_density(self, parameters: FloatArray, flat: Flat = "affine") -> FloatArray:
         """Log density of (k, theta, shift x, shift y), shape (n,), noise integrated out.
 
-        Parameters
-        ----------
-        parameters : ndarray, shape (n, 4)
-            In rad and px.
-        flat : {"affine", "polar"}
-            Prior flat in (k cos theta, k sin theta), or in (k, theta). The second is normalised
-            with k taken at its mean: exact to the square of its relative width.
+        The prior is flat in (k cos theta, k sin theta), or in (k, theta). The second is normalised
+        with k taken at its mean: exact to the square of its relative width.
         """
         k, theta = parameters[:, 0], parameters[:, 1]
         beta = np.column_stack([k * np.cos(theta), k * np.sin(theta), parameters[:, 2:4]])
@@ -92,18 +82,9 @@ class RegistrationPosterior:
     def log_evidence(self, log_volume: float, log_noise_range: float) -> float:
         """Log evidence under flat priors over a box and a log-uniform noise prior.
 
-        Parameters
-        ----------
-        log_volume : float
-            Log of the volume of the box of (k, theta, shift x, shift y).
-        log_noise_range : float
-            Log of (log upper end - log lower end) of the noise prior.
-
-        Returns
-        -------
-        float
-            Exact but for what the posterior leaves outside the priors' ends, and for k in the
-            Jacobian, which is taken at its mean.
+        Of the logarithms of the box's volume and of log upper end - log lower end of the noise.
+        Exact but for what the posterior leaves outside the priors' ends, and for k in the Jacobian,
+        which is taken at its mean.
         """
         half = self.freedom / 2
         _, logdet = np.linalg.slogdet(self.scale * self.freedom / self.squares)
@@ -120,19 +101,7 @@ def registration_posterior(
 ) -> RegistrationPosterior:
     """Return the exact posterior of a registration, flat in (k cos theta, k sin theta, shift).
 
-    Parameters
-    ----------
-    source, target : array_like, shape (n, 2)
-        In px.
-    pivot : array_like, shape (2,)
-        The source channel's principal point, in px.
-    noise : float, optional
-        Standard deviation of a residual coordinate where it is known, in px.
-
-    Returns
-    -------
-    RegistrationPosterior
-        Student-t, or Gaussian where the noise is known.
+    Student-t, or Gaussian where the noise of a residual coordinate is known, in px.
 
     Examples
     --------
@@ -163,23 +132,9 @@ def polar(beta: FloatArray) -> FloatArray:
 
 
 def cramer_rao_bound(model: Model) -> FloatArray:
-    """Least standard deviation of any unbiased estimate, at the least-squares estimate.
+    """Least standard deviation of any unbiased estimate, at the least-squares estimate, (5,).
 
-    Parameters
-    ----------
-    model : Model
-        From `registration.registration_model`.
-
-    Returns
-    -------
-    ndarray, shape (5,)
-        For scale, rotation (rad), shift x, shift y and noise (px): roots of the diagonal of the
-        inverse Fisher information, the noise unknown.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model is another one.
+    Roots of the diagonal of the inverse Fisher information, the noise unknown; rad and px.
 
     Examples
     --------
@@ -206,23 +161,7 @@ def _plain(model: Model) -> GaussianRegistration:
 
 
 def registration_log_evidence(model: Model) -> float:
-    """Log evidence of the plain registration of one channel in closed form.
-
-    Parameters
-    ----------
-    model : Model
-        From `registration.registration_model`, with its own priors.
-
-    Returns
-    -------
-    float
-        As `RegistrationPosterior.log_evidence`.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model is another one, or has other priors.
-    """
+    """Log evidence of the plain registration of one channel under its own priors, exactly."""
     plain = _plain(model)
     flat, noise = [p.prior for p in model.parameters[:4]], model.parameters[4].prior
     if not isinstance(noise, LogUniform):

@@ -29,6 +29,8 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["CHANNELS", "JointRegistration", "joint_model"]
+
 CHANNELS = ("red", "blue")
 ComplexArray = NDArray[np.complex128]
 
@@ -37,14 +39,9 @@ ComplexArray = NDArray[np.complex128]
 class JointRegistration:
     """Parameters: (k, theta, shift x, shift y) of red, the same of blue, noise.
 
-    Parameters
-    ----------
-    sources : tuple of ndarray, shape (n, 2)
-        Red and blue points, in px.
-    target : ndarray, shape (n, 2)
-        Green points, in px.
-    pivots : tuple of ndarray, shape (2,)
-        Principal points of red and blue, in px.
+    - `sources`, (n, 2): red and blue points, in px.
+    - `target`, (n, 2): green points, in px.
+    - `pivots`, (2,): principal points of red and blue, in px.
     """
 
     sources: tuple[FloatArray, FloatArray]
@@ -80,9 +77,9 @@ class JointRegistration:
             found.append(weights)
         return found[0], found[1]
 
-    def _density(
-        self, parameters: FloatArray, left: ComplexArray, right: ComplexArray
-    ) -> FloatArray:
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        left, right = (weights @ self.root.T for weights in self.weights(parameters))
         red, blue = (1 + parameters[:, i] ** 2 for i in (0, 4))
         determinant = red * blue - 1
         squares = blue * _product(left, left) + red * _product(right, right)
@@ -92,16 +89,6 @@ class JointRegistration:
         constant = -np.log(determinant) - 4 * np.log(noise) - 2 * np.log(2 * np.pi)
         constant += 2 * np.log(parameters[:, 4])
         return np.asarray(count * constant - squares / (2 * noise**2 * determinant))
-
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood, shape (n,)."""
-        left, right = (weights @ self.root.T for weights in self.weights(parameters))
-        return self._density(parameters, left, right)
-
-    def full(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood from all points: what the sufficient statistics must reproduce."""
-        left, right = (weights @ self.columns.T for weights in self.weights(parameters))
-        return self._density(parameters, left, right)
 
     def simulate(
         self, parameters: FloatArray, generator: Generator
@@ -168,24 +155,7 @@ def joint_model(
     pivots: tuple[FloatArray, FloatArray],
     derived: Derived | None = None,
 ) -> Model:
-    """Registration of red and blue together, with one noise in all three channels.
-
-    Parameters
-    ----------
-    sources : tuple of ndarray, shape (n, 2)
-        Red and blue points, in px.
-    target : ndarray, shape (n, 2)
-        Green points, in px.
-    pivots : tuple of ndarray, shape (2,)
-        Principal points of red and blue, in px.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Nine parameters, in rad and px.
-    """
+    """Registration of red and blue over green, with one noise in all channels: nine parameters."""
     likelihood = JointRegistration(sources, target, pivots)
     parameters = []
     for channel, source in zip(CHANNELS, sources, strict=True):

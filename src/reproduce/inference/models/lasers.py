@@ -1,9 +1,13 @@
-"""Laser spots as data: what the likelihoods of the misalignment need of many images.
+"""Laser spots: what the likelihoods of the misalignment need of many images, and QUEST of them.
 
 A group is a run of images of the same lasers. While the camera stands still, the mean of every
 spot and the pooled scatter are sufficient; while it drifts evenly, the slope of every spot joins
 them. Times within a group run as u from -1 to 1. Spots have shape (groups, lasers, 2), in px;
 angles in radians; frames and signs are those of `physics.misalignment` and `physics.lasers`.
+
+chen2023 itself takes the camera for still within a group, the lasers for set as designed and the
+focal length for the nominal one; the standard errors of its method come from the scatter of single
+images. Pieces of its estimate have shape (2, m): estimates, then standard errors.
 """
 
 from __future__ import annotations
@@ -14,26 +18,37 @@ from functools import cached_property
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import laser_transform
-from reproduce.physics.attitude.rotations import rotation_from_vector
+from reproduce.physics.attitude.lasers import (
+    emitted_directions,
+    received_directions,
+    received_jacobian,
+)
+from reproduce.physics.attitude.misalignment import (
+    angle_jacobian,
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+)
+from reproduce.physics.attitude.rotations import (
+    cross_matrix,
+    rotation_from_vector,
+    transpose,
+    vector_from_rotation,
+)
 from reproduce.physics.validate import FloatArray, finite_array
+
+__all__ = ["Platform", "Quest", "SpotStatistics", "none"]
 
 
 @dataclass(frozen=True, eq=False)
 class Platform:
     """The instrument, as designed; lengths in metres.
 
-    Parameters
-    ----------
-    lasers : ndarray, shape (lasers, 2)
-        Positions on the camera's focal plane.
-    camera_focal_length, tracker_focal_length, pixel_pitch : float
-        As designed.
-    principal_point : ndarray, shape (2,)
-        Of the tracker, in px.
-    spots : ndarray, shape (lasers, 2)
-        Rough positions of the spots, in px: they fix the attitude about which angles are small.
+    - `lasers`, (lasers, 2): positions on the camera's focal plane.
+    - `camera_focal_length`, `tracker_focal_length`, `pixel_pitch`: as designed.
+    - `principal_point`, (2,): of the tracker, in px.
+    - `spots`, (lasers, 2): rough positions of the spots, in px: they fix the attitude about which
+      angles are small.
     """
 
     lasers: FloatArray
@@ -54,42 +69,20 @@ class Platform:
     def predicted(
         self, mount: FloatArray, turn: FloatArray, scale: FloatArray, focal: FloatArray | float
     ) -> FloatArray:
-        """Where the spots should lie.
+        """Where the spots should lie, shape (n, groups, lasers, 2), in px.
 
-        Parameters
-        ----------
-        mount : ndarray, shape (n, 3)
-            Rotation vector of the zero attitude against `reference`, in the camera frame.
-        turn : ndarray, shape (n, groups, 3)
-            Misalignment angles of the camera since the zero point.
-        scale : ndarray, shape (n,)
-            Size of the laser pattern over the designed one.
-        focal : ndarray, shape (n,), or float
-            Focal length of the camera, in metres.
-
-        Returns
-        -------
-        ndarray, shape (n, groups, lasers, 2)
-            In px.
+        The mount, (n, 3), is the rotation vector of the zero attitude against `reference`, in the
+        camera frame; the turn, (n, groups, 3), holds the misalignment angles since the zero point;
+        the scale, (n,), is the size of the laser pattern over the designed one.
         """
         return self.landed(mount, turn, scale[:, None, None] * self.lasers, focal)
 
     def landed(
         self, mount: FloatArray, turn: FloatArray, lasers: FloatArray, focal: FloatArray | float
     ) -> FloatArray:
-        """Where the spots of lasers at given positions lie.
+        """Where the spots of lasers at given positions, (n, lasers, 2), in metres, lie.
 
-        Parameters
-        ----------
-        mount, turn, focal
-            As for `predicted`.
-        lasers : ndarray, shape (n, lasers, 2)
-            Positions on the camera's focal plane, in metres.
-
-        Returns
-        -------
-        ndarray, shape (n, groups, lasers, 2)
-            In px.
+        The rest is as for `predicted`.
         """
         count = len(mount)
         rays = np.empty((count, lasers.shape[-2], 3))
@@ -108,16 +101,11 @@ class Platform:
 class SpotStatistics:
     """Sufficient statistics of groups of images.
 
-    Parameters
-    ----------
-    means, slopes : ndarray, shape (groups, lasers, 2)
-        Mean of each coordinate over the images, and its slope against u; in px.
-    counts : ndarray, shape (groups,)
-        Images in each group.
-    levers : ndarray, shape (groups,)
-        Sum of the squared u of each group; zero where no slope was taken.
-    squares : float
-        Sum of all squared deviations from means (and slopes), in px^2.
+    - `means`, `slopes`, (groups, lasers, 2): mean of each coordinate over the images, and its slope
+      against u; in px.
+    - `counts`, (groups,): images in each group.
+    - `levers`, (groups,): sum of the squared u of each group; zero where no slope was taken.
+    - `squares`: sum of all squared deviations from means (and slopes), in px^2.
     """
 
     means: FloatArray
@@ -139,19 +127,9 @@ class SpotStatistics:
 
     @classmethod
     def of(cls, images: list[FloatArray], drifts: tuple[bool, ...]) -> SpotStatistics:
-        """Reduce images to what the likelihood needs.
+        """Reduce images (frames, lasers, 2) of each group, evenly spaced in time, in px.
 
-        Parameters
-        ----------
-        images : list of ndarray, shape (frames, lasers, 2)
-            Spots of each group, evenly spaced in time, in px.
-        drifts : tuple of bool
-            Whether the camera may drift within each group.
-
-        Raises
-        ------
-        ValueError
-            If a group has fewer than three images, or spots are not finite.
+        `drifts` says within which groups the camera may drift.
         """
         means, slopes, levers, squares = [], [], [], 0.0
         for group, (spots, drift) in enumerate(zip(images, drifts, strict=True)):
@@ -176,19 +154,9 @@ class SpotStatistics:
     def log_likelihood(self, start: FloatArray, end: FloatArray, noise: FloatArray) -> FloatArray:
         """Log likelihood of white Gaussian noise about paths that are straight in time.
 
-        Parameters
-        ----------
-        start, end : ndarray, shape (n, groups, lasers, 2)
-            Predicted spots at u = -1 and u = 1, in px.
-        noise : ndarray, shape (n,)
-            Standard deviation of a coordinate in one image, in px.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Exact for straight paths. A path that bends by b px changes it by less than size times
-            b times the misfit over noise^2: nothing near the posterior of a camera that turns by
-            arc seconds.
+        The spots predicted at u = -1 and u = 1 have shape (n, groups, lasers, 2). Exact for
+        straight paths. A path that bends by b px changes it by less than size times b times the
+        misfit over noise^2: nothing near the posterior of a camera that turns by arc seconds.
         """
         off_mean = np.square(self.means - 0.5 * (start + end)).sum(axis=(-2, -1)) @ self.counts
         off_slope = np.square(self.slopes - 0.5 * (end - start)).sum(axis=(-2, -1)) @ self.levers
@@ -210,3 +178,96 @@ class SpotStatistics:
         slopes = 0.5 * (end - start) * moving[:, None, None] + normal[1] / root[:, None, None]
         squares = noise**2 * generator.chisquare(self.freedom)
         return SpotStatistics(means, slopes, self.counts, self.levers, float(squares))
+
+
+def none(count: int) -> FloatArray:
+    """Return the piece for parameters of which the method gives no estimate, shape (2, count)."""
+    return np.full((2, count), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Quest:
+    """Angles of every group against the first one, and their errors.
+
+    - `platform`: the instrument, as designed.
+    - `statistics`: the data; the first group is the zero point.
+    """
+
+    platform: Platform
+    statistics: SpotStatistics
+
+    @cached_property
+    def camera(self) -> FloatArray:
+        """Emitted directions in the camera frame, shape (lasers, 3)."""
+        return emitted_directions(self.platform.lasers, self.platform.camera_focal_length)
+
+    @cached_property
+    def optics(self) -> tuple[FloatArray, float, float]:
+        """Principal point (px), pixel pitch and focal length of the tracker (m)."""
+        platform = self.platform
+        return platform.principal_point, platform.pixel_pitch, platform.tracker_focal_length
+
+    @cached_property
+    def received(self) -> FloatArray:
+        """Received directions of the mean spots in the tracker frame, shape (groups, lasers, 3)."""
+        return received_directions(self.statistics.means, *self.optics)
+
+    @cached_property
+    def zero(self) -> FloatArray:
+        """tracker_from_camera at the zero point, shape (3, 3)."""
+        return laser_transform(self.camera, self.received[0])
+
+    @cached_property
+    def angles(self) -> FloatArray:
+        """Misalignment of every group, shape (groups, 3), in radians; that of the first is zero."""
+        return misalignment_angles(misalignment(self.camera, self.received, self.zero))
+
+    @cached_property
+    def scatter(self) -> tuple[float, int]:
+        """Standard deviation of a coordinate within a group, in px, and degrees of freedom.
+
+        The scatter is about the mean of the group: whatever drifts counts as noise.
+        """
+        data = self.statistics
+        squares = data.squares + float(np.square(data.slopes).sum(axis=(-2, -1)) @ data.levers)
+        freedom = int((data.counts - 1).sum()) * data.means[0].size
+        return float(np.sqrt(squares / freedom)), freedom
+
+    @cached_property
+    def covariances(self) -> FloatArray:
+        """Covariance of the attitude of every group about the camera's axes, (groups, 3, 3)."""
+        moves = received_jacobian(self.statistics.means, *self.optics)
+        camera = np.broadcast_to(self.camera, self.received.shape)
+        response = angle_jacobian(camera, self.received, moves).reshape(len(moves), 3, -1)
+        variance = self.scatter[0] ** 2 / self.statistics.counts
+        return np.asarray(variance[:, None, None] * (response @ transpose(response)))
+
+    @property
+    def mount(self) -> FloatArray:
+        """Rotation vector of the zero attitude against the reference, in radians."""
+        vector = vector_from_rotation(self.platform.reference.T @ self.zero)
+        turn = _after(vector)
+        covariance = turn @ self.covariances[0] @ turn.T
+        return np.stack([vector, np.sqrt(np.diagonal(covariance))])
+
+    def turned(self, group: int) -> FloatArray:
+        """Misalignment angles of a group, in radians; the first group's error adds to its own."""
+        turn = _after(self.angles[group])
+        covariance = turn @ self.covariances[group] @ turn.T
+        covariance += turn.T @ self.covariances[0] @ turn  # (I - [v ×]) goes before the turn
+        return np.stack([self.angles[group], np.sqrt(np.diagonal(covariance))])
+
+    @property
+    def noise(self) -> FloatArray:
+        """Noise of a coordinate in one image, in px."""
+        scatter, freedom = self.scatter
+        return np.array([[scatter], [scatter / np.sqrt(2 * freedom)]])
+
+
+def _after(vector: FloatArray) -> FloatArray:
+    """Response of a rotation vector to a small turn after it, I + [v ×] / 2, shape (3, 3).
+
+    The pattern holds its roll hundreds of times worse than its tilts, so a vector of some arc
+    minutes already carries roll into the errors of the tilts.
+    """
+    return np.eye(3) + 0.5 * cross_matrix(vector)

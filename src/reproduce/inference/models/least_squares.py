@@ -14,6 +14,8 @@ from scipy.optimize import minimize_scalar
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
+__all__ = ["fit_checks", "least_squares", "noise_growth", "robust_similarity"]
+
 # The robust fit takes all pairs of so many stars; its residuals are then those of all stars.
 PAIRED = 300
 # A star further off than so many standard deviations of a coordinate is taken for wrongly matched:
@@ -28,18 +30,10 @@ ROUNDING = 1e-12
 def least_squares(
     source: FloatArray, target: FloatArray, pivot: FloatArray, source_noise: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the least-squares (k, theta, shift x, shift y, noise) and their standard errors.
+    """Return the least-squares (k, theta, shift x, shift y, noise) and their standard errors, (5,).
 
-    Parameters
-    ----------
-    source, target, pivot, source_noise
-        As for `GaussianRegistration`.
-
-    Returns
-    -------
-    tuple of ndarray, shape (5,)
-        Estimates and errors. Those of the similarity take the residuals' own variance, whatever
-        is in it; the noise is the share of one coordinate in it.
+    Those of the similarity take the residuals' own variance, whatever is in it; the noise is the
+    share of one coordinate in it.
     """
     fit = fit_registration(source, target, pivot)
     freedom = float(fit.degrees_of_freedom)
@@ -50,13 +44,10 @@ def least_squares(
 
 
 def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, float]:
-    """What predictive checks compare: the least-squares fit and what it leaves over.
+    """What predictive checks compare: the least-squares fit and what it leaves over, in px.
 
-    Returns
-    -------
-    dict
-        Residuals in px; their mean outwards and around in the outer half of the field is zero
-        only if a similarity is the right model.
+    The mean residuals outwards and around in the outer half of the field are zero only if a
+    similarity is the right model.
     """
     fit = fit_registration(source, target, pivot)
     offsets = source - pivot
@@ -79,18 +70,6 @@ def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> t
 
     The likeliest growth h of a noise sigma exp(h rho^2), rho being the distance from the pivot over
     the largest one, in the residuals of the least-squares similarity.
-
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        In px.
-    pivot : ndarray, shape (2,)
-        The source's principal point, in px.
-
-    Returns
-    -------
-    tuple of float
-        Growth and standard error.
     """
     squares = np.square(fit_registration(source, target, pivot).residuals).sum(axis=1)
     rho = np.square(source - pivot).sum(axis=1)
@@ -108,16 +87,10 @@ def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> t
 class RobustFit:
     """The least-squares similarity of the stars that fit.
 
-    Parameters
-    ----------
-    fit : RegistrationFit
-        Of those alone.
-    noise : float
-        Standard deviation of a residual coordinate of those, in px.
-    off : ndarray, shape (n,)
-        Length of every star's residual in such standard deviations.
-    suspects : ndarray of int
-        The stars that do not fit, the furthest first.
+    - `fit`: of those alone.
+    - `noise`: standard deviation of a residual coordinate of those, in px.
+    - `off`, (n,): length of every star's residual in such standard deviations.
+    - `suspects`: the stars that do not fit, the furthest first.
     """
 
     fit: RegistrationFit
@@ -137,23 +110,7 @@ def robust_similarity(source: FloatArray, target: FloatArray, pivot: FloatArray)
     """Fit the similarity though up to almost half of the stars are wrongly matched.
 
     Where half of them or more coincide there are no medians to start from: least squares starts.
-
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        Four or more stars, in px.
-    pivot : ndarray, shape (2,)
-        The source's principal point, in px.
-
-    Returns
-    -------
-    RobustFit
-        With the stars that do not fit.
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If the points do not fix a similarity, or mirror each other.
+    Points that do not fix a similarity, or mirror each other, are a `DegenerateGeometryError`.
 
     Examples
     --------

@@ -17,12 +17,16 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.models.lasers import Platform, SpotStatistics
-from reproduce.inference.models.quest import Quest, none
+from reproduce.inference.models.lasers import Platform, Quest, SpotStatistics, none
 from reproduce.inference.models.registration import with_priors
 from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
+
+__all__ = [
+    "AXES", "MOUNT", "ConstantLikelihood", "SpotLikelihood", "drift_model",
+    "misalignment_model",
+]  # fmt: skip
 
 AXES = "xyz"
 # Width of the prior of the zero attitude, in radians.
@@ -35,12 +39,8 @@ STEP = 1e-3
 class SpotLikelihood(ABC):
     """Spots of one or more groups; a subclass says how the camera turns in each group.
 
-    Parameters
-    ----------
-    platform : Platform
-        The instrument.
-    statistics : SpotStatistics
-        The data.
+    - `platform`: the instrument.
+    - `statistics`: the data.
 
     Notes
     -----
@@ -80,20 +80,6 @@ class SpotLikelihood(ABC):
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
         return self.statistics.log_likelihood(*self.paths(parameters), parameters[:, -1])
-
-    def full(self, parameters: FloatArray, images: list[FloatArray]) -> FloatArray:
-        """Log likelihood image by image, the camera turning evenly: for comparison."""
-        total = np.zeros(len(parameters))
-        first, last = self.turns(parameters)
-        for group, spots in enumerate(images):
-            for u, frame in zip(np.linspace(0, 1, len(spots)), spots, strict=True):
-                turn = (1 - u) * first[:, group] + u * last[:, group]
-                predicted = self.landed(parameters, turn[:, None])[:, 0]
-                scaled = np.square((frame - predicted) / parameters[:, -1, None, None])
-                total -= 0.5 * scaled.sum(axis=(-2, -1))
-        size = self.statistics.size
-        constant = size * np.log(parameters[:, -1]) + 0.5 * size * np.log(2 * np.pi)
-        return np.asarray(total - constant)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
         """Statistics of as many images for one parameter vector."""
@@ -138,12 +124,8 @@ class SpotLikelihood(ABC):
     def linearised(self, centre: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Response of the weighted statistics to all parameters but the noise, and what is left.
 
-        Returns
-        -------
-        ndarray, shape (m, d - 1)
-            Derivatives of mean times root count, then of slope times root lever.
-        ndarray, shape (m,)
-            Measured less predicted, weighted alike; each has the standard deviation of the noise.
+        Derivatives, (m, d - 1), of mean times root count, then of slope times root lever; measured
+        less predicted, (m,), weighted alike: each has the standard deviation of the noise.
         """
         steps = np.zeros((2 * len(scale), len(centre)))
         steps[::2, :-1], steps[1::2, :-1] = np.diag(STEP * scale), -np.diag(STEP * scale)
@@ -259,21 +241,7 @@ def misalignment_model(
 ) -> Model:
     """A constant misalignment from two groups of images, the first at the zero point.
 
-    Parameters
-    ----------
-    platform : Platform
-        The instrument.
-    statistics : SpotStatistics
-        Two groups.
-    priors : mapping, optional
-        Priors in place of ours, by parameter.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Parameters mount-x..z, angle-x..z (rad), laser-scale, noise (px).
+    Parameters mount-x..z, angle-x..z (rad), laser-scale, noise (px).
     """
     likelihood = ConstantLikelihood(platform, statistics)
     middle = _angles("angle", r"\theta", MISALIGNED)
@@ -287,18 +255,10 @@ def drift_model(
     priors: Mapping[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
-    """A misalignment that drifts evenly through the second group of images.
+    """A misalignment that drifts evenly through the second group, of which there are slopes.
 
-    Parameters
-    ----------
-    platform, statistics, priors, derived
-        As for `misalignment_model`; the statistics hold slopes of the second group.
-
-    Returns
-    -------
-    Model
-        Parameters mount-x..z, angle-x..z (middle of the group), drift-x..z (over the whole
-        group), laser-scale, noise.
+    Parameters mount-x..z, angle-x..z (middle of the group), drift-x..z (over the whole group),
+    laser-scale, noise.
     """
     likelihood = DriftLikelihood(platform, statistics)
     middle = (

@@ -14,16 +14,18 @@ import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Quantity
+from reproduce.inference.model import Consequence
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
+
+__all__ = ["NewStars", "StarModel", "Together", "rmse_at", "true_places"]
 
 # Parameter vectors that are worked on at once: bounds the memory.
 CHUNK = 10_000
 SEED = 52
 
 
-class Stars(Protocol):
+class StarModel(Protocol):
     """What is needed of a registration's likelihood at other stars."""
 
     @property
@@ -44,31 +46,17 @@ class Stars(Protocol):
         """The same model of other stars."""
 
 
-def true_places(stars: Stars, parameters: FloatArray) -> FloatArray:
+def true_places(stars: StarModel, parameters: FloatArray) -> FloatArray:
     """Return where the stars lie in the reference channel without noise, (n, points, 2)."""
     return as_points(as_complex(stars.target) - stars.residuals(parameters))
 
 
 def rmse_at(
-    stars: Stars, registered: FloatArray, parameters: FloatArray, generator: Generator
+    stars: StarModel, registered: FloatArray, parameters: FloatArray, generator: Generator
 ) -> FloatArray:
-    """Root mean square distance between registered and measured stars, as niu2024 (26).
+    """Root mean square distance between registered and measured stars, as niu2024 (26), (n,).
 
-    Parameters
-    ----------
-    stars : Stars
-        The model at the new stars.
-    registered : ndarray, shape (points, 2) or (n, points, 2)
-        Where the transform in use puts them, in px.
-    parameters : ndarray, shape (n, d)
-        True parameters.
-    generator : numpy.random.Generator
-        Of the noise.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In px, both axes together.
+    In px, both axes together; the transform in use puts the stars at `registered`, (points, 2).
     """
     measured = true_places(stars, parameters) + stars.scatter(parameters, generator)
     return np.asarray(np.sqrt(np.square(measured - registered).sum(axis=-1).mean(axis=-1)))
@@ -78,27 +66,20 @@ def rmse_at(
 class NewStars:
     """Consequences of a registration at new stars.
 
-    Parameters
-    ----------
-    stars : Stars
-        The model at the new stars.
-    registered : ndarray, shape (points, 2)
-        Where the least-squares transform puts them, in px.
-    arcsec_per_px : float
-        Of the reference channel.
-    columns : tuple of int
-        Which parameters the model of the stars takes; empty for all, as they stand.
-    prefix : str
-        Stands before the names, where there is more than one channel.
+    - `stars`: the model at the new stars.
+    - `registered`, (points, 2): where the least-squares transform puts them, in px.
+    - `arcsec_per_px`: of the reference channel.
+    - `columns`: which parameters the model of the stars takes; empty for all, as they stand.
+    - `prefix`: stands before the names, where there is more than one channel.
     """
 
-    stars: Stars
+    stars: StarModel
     registered: FloatArray
     arcsec_per_px: float
     columns: tuple[int, ...] = ()
     prefix: str = ""
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """RMSE, the same as an angle, and the error of the transform at the outermost star."""
         generator = Generator(PCG64(SEED))
         parameters = parameters[:, self.columns] if self.columns else parameters
@@ -111,11 +92,13 @@ class NewStars:
         rmse, misplaced = np.concatenate(errors), np.concatenate(moved)
         angle = rmse * self.arcsec_per_px
         return {
-            f"{self.prefix}test points, RMSE": Quantity(rmse, "px", "as (26), both axes together"),
-            f"{self.prefix}test points, pointing error": Quantity(
+            f"{self.prefix}test points, RMSE": Consequence(
+                rmse, "px", "as (26), both axes together"
+            ),
+            f"{self.prefix}test points, pointing error": Consequence(
                 angle, "arcsec", "the same as an angle"
             ),
-            f"{self.prefix}outermost star, misregistration": Quantity(
+            f"{self.prefix}outermost star, misregistration": Consequence(
                 misplaced, "px", "from the error of the transform alone"
             ),
         }
@@ -125,15 +108,12 @@ class NewStars:
 class Together:
     """Consequences of several channels.
 
-    Parameters
-    ----------
-    parts : tuple of NewStars
-        One for each channel.
+    - `parts`: one for each channel.
     """
 
     parts: tuple[NewStars, ...]
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """The consequences of all, one after the other."""
         return {name: found for part in self.parts for name, found in part(parameters).items()}
 

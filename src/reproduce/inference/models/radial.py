@@ -22,6 +22,11 @@ from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.priors import LogUniform, Normal, Uniform
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "TERMS", "WIDTH", "WIDTHS", "affine_model", "linear_log_evidence", "linear_model",
+    "radial_model", "similarity_model",
+]  # fmt: skip
+
 Shape = Literal["similarity", "radial", "affine"]
 # The coefficients: those of the similarity, which all have, then those of the shape.
 SIMILARITY = ("dilation", "turn", "shift-x", "shift-y")
@@ -46,14 +51,9 @@ class LinearRegistration:
     the similarity's dilation, turn and two shifts; beside them one radial term of third order, or
     stretch (x outward, y inward) and shear, which make the affine transform.
 
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        In px.
-    pivot : ndarray, shape (2,)
-        The source channel's principal point, in px.
-    shape : {"similarity", "radial", "affine"}
-        Which columns the design has.
+    - `source`, `target`, (n, 2): in px.
+    - `pivot`, (2,): the source channel's principal point, in px.
+    - `shape`: which columns the design has.
     """
 
     source: FloatArray
@@ -123,22 +123,7 @@ def linear_log_evidence(model: Model) -> float:
 
     With the noise given the flat coefficients integrate to a constant, and the least-squares
     estimates of the shape are Gaussian about nothing, with the covariances of prior and estimate
-    added.
-
-    Parameters
-    ----------
-    model : Model
-        From `similarity_model`, `radial_model` or `affine_model`.
-
-    Returns
-    -------
-    float
-        Exact but for what the posterior leaves outside the ends of the flat priors.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the likelihood is another, or a prior of another kind than `linear_model` gives.
+    added. Exact but for what the posterior leaves outside the ends of the flat priors.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, LinearRegistration):
@@ -200,21 +185,10 @@ def _unexpected(parameter: Parameter, kind: str) -> UnsuitableModelError:
 
 
 def linear_model(base: Model, shape: Shape, width: float = WIDTH) -> Model:
-    """A linear registration of the same data.
+    """A linear registration of the data of a `registration_model`.
 
-    Parameters
-    ----------
-    base : Model
-        From `registration.registration_model`.
-    shape : {"similarity", "radial", "affine"}
-        Its columns.
-    width : float
-        Prior standard deviation of the terms of the shape, in px at the edge of the field.
-
-    Returns
-    -------
-    Model
-        Coefficients as displacements at the edge of the field, in px, and the noise.
+    Coefficients as displacements at the edge of the field, in px, and the noise. `width` is the
+    prior standard deviation of the terms of the shape.
     """
     plain = base.likelihood
     if not isinstance(plain, GaussianRegistration):

@@ -22,6 +22,12 @@ from reproduce.inference.priors import LogNormal, Uniform
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = [
+    "FOCAL_SPREAD", "HYPOTHESES", "NODES", "WEIGHTS", "Printed", "ReferenceAngles",
+    "focal_parameter", "in_radians", "log_rounded", "log_same_hypothesis",
+    "scatter_parameter",
+]  # fmt: skip
+
 Indices = NDArray[np.int64]
 
 HYPOTHESES = ("as printed", "interchanged")
@@ -40,21 +46,8 @@ def log_rounded(
 ) -> FloatArray:
     """Log probability that a noisy value prints so, its mean uniform over a rounding interval.
 
-    Parameters
-    ----------
-    distance : ndarray
-        Printed value less the middle of the mean's interval.
-    half_angle : float
-        Half the last printed digit.
-    half_shift : ndarray
-        Half the width of the mean's interval.
-    noise : ndarray
-        Standard deviation of the Gaussian noise.
-
-    Returns
-    -------
-    ndarray
-        Log of the mean probability of the printed interval.
+    `distance` is the printed value less the middle of the mean's interval, `half_angle` half the
+    last printed digit, `half_shift` half the width of the mean's interval.
 
     Examples
     --------
@@ -85,14 +78,9 @@ def _ordered(angles: FloatArray, which: Indices) -> FloatArray:
 class Printed:
     """Printed angles and how they scatter about the true ones; all angles in radians.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (states, blocks)
-        As printed.
-    bias : ndarray, shape (n, blocks)
-        Added to the true angles of a block.
-    noise : ndarray, shape (n,)
-        Standard deviation.
+    - `angles`, (states, blocks): as printed.
+    - `bias`, (n, blocks): added to the true angles of a block.
+    - `noise`, (n,): standard deviation.
     """
 
     angles: FloatArray
@@ -108,16 +96,10 @@ class Printed:
 class ReferenceAngles:
     """The printed reference angles.
 
-    Parameters
-    ----------
-    positions : ndarray, shape (states + 1, blocks)
-        Printed stage positions, the zero state first, in metres.
-    angles : ndarray, shape (states, blocks)
-        Printed reference angles, in radians.
-    half_position, half_angle : float
-        Half the last printed digits.
-    scatter : tuple of float
-        Ends of the prior of log10 of the scatter in arcsec.
+    - `positions`, (states + 1, blocks): printed stage positions, the zero state first, in metres.
+    - `angles`, (states, blocks): printed reference angles, in radians.
+    - `half_position`, `half_angle`: half the last printed digits.
+    - `scatter`: ends of the prior of log10 of the scatter in arcsec.
     """
 
     positions: FloatArray
@@ -248,14 +230,7 @@ def in_radians(logarithm: FloatArray) -> FloatArray:
 def log_same_hypothesis(both: FloatArray) -> FloatArray:
     """Log probability of the same digits again, the hypothesis being the one of the digits.
 
-    Parameters
-    ----------
-    both : ndarray, shape (n, 2)
-        Log probability of the digits under both hypotheses, equally probable beforehand.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The two, weighted with what the digits say of the hypotheses.
+    Of those under both hypotheses, (n, 2), equally probable beforehand; weighted with what the
+    digits say of the hypotheses.
     """
     return np.asarray(np.logaddexp(*(2 * both.T)) - np.logaddexp(*both.T))

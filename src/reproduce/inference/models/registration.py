@@ -21,13 +21,18 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.models.least_squares import fit_checks, least_squares
+from reproduce.inference.models.least_squares import fit_checks, least_squares, robust_similarity
 from reproduce.inference.priors import LogUniform, Prior, Uniform
 from reproduce.physics.registration.closed_form import paired_points
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration, as_complex, as_points
+from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
+
+__all__ = [
+    "GaussianRegistration", "free_priors", "registration_model", "registration_parameters",
+    "triangular", "with_priors",
+]  # fmt: skip
 
 
 def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -46,16 +51,11 @@ def squared_residuals(root: NDArray[np.complex128], weights: NDArray[np.complex1
 class GaussianRegistration:
     """Gaussian noise of one size; parameters (k, theta, shift x, shift y, noise).
 
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        The same stars in the channel and in the reference channel, in px.
-    pivot : ndarray, shape (2,)
-        The channel's principal point, in px.
-    source_noise : bool
-        False: `noise` is that of a residual coordinate, the source noise neglected or included in
-        it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2 times
-        its variance.
+    - `source`, `target`, (n, 2): the same stars in the channel and in the reference channel, in px.
+    - `pivot`, (2,): the channel's principal point, in px.
+    - `source_noise`: false: `noise` is that of a residual coordinate, the source noise neglected or
+      included in it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2
+      times its variance.
     """
 
     source: FloatArray
@@ -87,13 +87,6 @@ class GaussianRegistration:
         variance, count = self.variance(parameters), len(self.source)
         squares = squared_residuals(self.root, self.weights(parameters))
         return np.asarray(-count * np.log(2 * np.pi * variance) - squares / (2 * variance))
-
-    def full(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood point by point: what the sufficient statistics must reproduce."""
-        variance = self.variance(parameters)[:, None]
-        residual = self.residuals(parameters)
-        squares = residual.real**2 + residual.imag**2
-        return np.asarray((-np.log(2 * np.pi * variance) - squares / (2 * variance)).sum(axis=-1))
 
     def residuals(self, parameters: FloatArray) -> NDArray[np.complex128]:
         """Target minus transformed source, shape (n, points)."""
@@ -142,18 +135,7 @@ class GaussianRegistration:
 
 
 def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
-    """Parameters (k, theta, shift x, shift y, noise) with priors on the scale of the data alone.
-
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        In px.
-
-    Returns
-    -------
-    tuple of Parameter
-        The five parameters.
-    """
+    """Parameters (k, theta, shift x, shift y, noise), priors on the scale of the data alone."""
     source, target = paired_points(source, target)
     extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
     field = "the field itself: with a larger shift the channels would share no star"
@@ -177,28 +159,10 @@ def registration_model(
     priors: dict[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
-    """Registration of one channel with Gaussian noise.
+    """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
-    Parameters
-    ----------
-    source, target : array_like, shape (n, 2)
-        The same stars in the channel and in the reference channel, in px.
-    pivot : array_like, shape (2,)
-        The channel's principal point, in px.
-    priors : dict, optional
-        Priors in place of those on the scale of the data.
-    derived : Derived, optional
-        Consequences.
-
-    Returns
-    -------
-    Model
-        Parameters scale, rotation (rad), shift-x, shift-y, noise (px).
-
-    Raises
-    ------
-    ValueError, DegenerateGeometryError
-        As for `physics.registration.fit_registration`; also with fewer than four points.
+    Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
+    `physics.registration.fit_registration`, and a ValueError for fewer than four points.
 
     Examples
     --------
@@ -230,13 +194,7 @@ def registration_model(
 def with_priors(
     parameters: tuple[Parameter, ...], priors: dict[str, Prior] | None
 ) -> tuple[Parameter, ...]:
-    """Return parameters with some priors replaced.
-
-    Raises
-    ------
-    ValueError
-        If a prior is for a parameter that does not exist.
-    """
+    """Return parameters with some priors replaced, by name; an unknown name is a ValueError."""
     unknown = set(priors or ()) - {p.name for p in parameters}
     if unknown:
         raise ValueError(
@@ -246,6 +204,56 @@ def with_priors(
     return tuple(replace(p, prior=(priors or {}).get(p.name, p.prior)) for p in parameters)
 
 
-def as_similarity(parameters: FloatArray, pivot: FloatArray) -> Registration:
-    """The transforms that parameter vectors stand for, batch shape (n,)."""
-    return Registration.similarity(parameters[:, 0], parameters[:, 1], parameters[:, 2:4], pivot)
+# Of the residual of least squares: ends of the noise, as good as none.
+NOISE = (1e-9, 1e3)
+# The shift may lie so many fields or standard errors, the scale so many times, from the fit.
+FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
+# Residuals below this share of the coordinates are rounding.
+ROUNDING = 1e-11
+
+
+def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, Prior]:
+    """Return flat priors whose ends are as far from the fit as the data's own scale allows.
+
+    By parameter. Few or mirrored points, or points that fit without any error, are refused.
+
+    Examples
+    --------
+    >>> points = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
+    >>> moved = points + [[1, 0], [0, 1], [1, 1], [0, 0]]
+    >>> print(free_priors(points, moved, np.zeros(2))["rotation"])
+    uniform from -3.14159 to 3.14159
+    """
+    largest = float(np.abs([source, target]).max())
+    if len(source) < 4:
+        raise ValueError(f"expected four or more stars, got {len(source)}; add some")
+    robust = robust_similarity(source, target, pivot)
+    fit = fit_registration(source, target, pivot)
+    residual = _residual(fit)
+    k, theta, x, y = fit.parameters.tolist()
+    if residual < ROUNDING * max(largest, float(np.abs(pivot).max())):
+        raise ValueError(
+            "the points fit without any error, so there is no noise to sample; exactly: scale "
+            f"{k:.10g}, rotation {np.degrees(theta):.10g} deg, shift {x:.10g} and {y:.10g} px"
+        )
+    # No least-squares scale exceeds the ratio of both patterns' sizes.
+    size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() * fit.cofactor[0, 0]))
+    size = max(size, float(robust.fit.parameters[0]))
+    error = residual * float(np.sqrt(fit.cofactor[2, 2]))
+    reach = max(FIELDS * float(np.ptp(target, axis=0).max()), ERRORS * error)
+    place = "ten fields, or a thousand standard errors, on both sides of least squares"
+    return {
+        "scale": Uniform(0.0, SCALES * size, "up to ten times the ratio of the sizes of both "
+                         "patterns; flat"),
+        "rotation": Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to "
+                            "least squares"),
+        "shift-x": Uniform(x - reach, x + reach, place),
+        "shift-y": Uniform(y - reach, y + reach, place),
+        "noise": LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
+                            "billionth of the residuals of least squares to a thousand times them"),
+    }  # fmt: skip
+
+
+def _residual(fit: RegistrationFit) -> float:
+    """Standard deviation of a residual coordinate, in px."""
+    return float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))

@@ -20,6 +20,8 @@ from scipy.stats import qmc
 
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["AT_ONCE", "BoxRule", "log_box", "log_box_by_rule", "log_interval", "quasi_random"]
+
 # Below this a probability is not told from zero: the walker stands far outside.
 SMALLEST = 1e-300
 # A difference smaller than this share has lost too many digits.
@@ -35,17 +37,7 @@ AT_ONCE = 2**15
 
 
 def log_interval(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Log probability of an interval under a standard normal, safe in both tails.
-
-    Parameters
-    ----------
-    low, high : ndarray
-        The ends, low below high.
-
-    Returns
-    -------
-    ndarray
-        log(Phi(high) - Phi(low)).
+    """Log of Phi(high) - Phi(low), the probability of an interval, safe in both tails.
 
     Examples
     --------
@@ -65,28 +57,14 @@ def quasi_random(dimension: int, points: int = POINTS, seed: int = 1) -> FloatAr
 def log_box(
     mean: FloatArray, root: FloatArray, low: FloatArray, high: FloatArray, points: FloatArray
 ) -> FloatArray:
-    """Log probability of a box under multivariate normals, by Genz's sequential conditioning.
+    """Log probability of a box under multivariate normals, by Genz's sequential conditioning, (n,).
 
-    The points are fixed, so the result is a smooth function of its arguments: a likelihood that is
-    the same at each call. Few points do where the box, given the numbers before, is narrow against
-    the scatter, or where numbers hardly depend on each other: only then does the integrand hardly
-    vary. A few strongly correlated numbers are the business of `rounded.log_box_by_rule`.
-
-    Parameters
-    ----------
-    mean : ndarray, shape (n, m)
-        Means.
-    root : ndarray, shape (n, m, m)
-        Lower triangular roots of the covariances.
-    low, high : ndarray, shape (m,) or (n, m)
-        The box.
-    points : ndarray, shape (points, m)
-        From `quasi_random`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Log probabilities.
+    Of means (n, m), lower triangular roots of covariances (n, m, m), ends (m,) or (n, m), and
+    points from `quasi_random`. These are fixed, so the result is a smooth function of its
+    arguments: a likelihood that is the same at each call. Few points do where the box, given the
+    numbers before, is narrow against the scatter, or where numbers hardly depend on each other:
+    only then does the integrand hardly vary. A few strongly correlated numbers are the business of
+    `log_box_by_rule`.
 
     Examples
     --------
@@ -156,16 +134,13 @@ class BoxRule:
 
     A rule belongs to data, not to parameters, so that a likelihood is smooth in its parameters.
 
-    Parameters
-    ----------
-    order : ndarray of int, shape (m,)
-        Each number is conditioned on those before it.
-    nodes : tuple of int, length m - 1
-        Gauss-Legendre nodes in this order; the last number is integrated exactly.
-    wide : tuple of bool, length m - 1
-        Where nodes share the probability between the ends evenly rather than the interval.
-    points : ndarray, shape (count, m), optional
-        Quasi-random points to use instead, where the nodes would be too many.
+    - `order`, (m,): each number is conditioned on those before it.
+    - `nodes`, length m - 1: Gauss-Legendre nodes in this order; the last number is integrated
+      exactly.
+    - `wide`, length m - 1: where nodes share the probability between the ends evenly rather than
+      the interval.
+    - `points`, (count, m), optional: quasi-random points to use instead, where the nodes would be
+      too many.
     """
 
     order: NDArray[np.intp]
@@ -183,20 +158,9 @@ class BoxRule:
         """Make the rule for a box: narrow numbers first, few nodes where it is narrow.
 
         The next number is the one whose box is narrowest against its scatter given those chosen
-        already: the pivots of a Cholesky decomposition. The density bends little along a narrow
-        box, and the widest is left to the exact integral.
-
-        Parameters
-        ----------
-        covariance : ndarray, shape (m, m)
-            At parameters typical of the data.
-        width : ndarray, shape (m,)
-            Of the box.
-
-        Returns
-        -------
-        BoxRule
-            With at most `MOST` nodes altogether, or else with points.
+        already: the pivots of a Cholesky decomposition of the covariance at parameters typical of
+        the data. The density bends little along a narrow box, and the widest is left to the exact
+        integral. At most `MOST` nodes altogether, or else points.
         """
         root, pivots, _, _ = dpstrf(covariance / np.outer(width, width), lower=1)
         # Width of the box over the scatter given the numbers before.
@@ -210,30 +174,15 @@ class BoxRule:
 def log_box_by_rule(
     mean: FloatArray, covariance: FloatArray, low: FloatArray, high: FloatArray, rule: BoxRule
 ) -> FloatArray:
-    """Log probability of a box under multivariate normals, by sequential conditioning.
+    """Log probability of a box under multivariate normals, by sequential conditioning, (n,).
 
-    The density is summed over a product of Gauss-Legendre rules in all numbers but the last, each
-    standardised given those before it; the last is integrated exactly. Where the box is wide the
-    nodes follow the probability instead (Genz, 1992), and where they would be too many, points do
-    as in `log_box`. The rule is fixed, so the result is a smooth function of parameters. How good
-    it is depends on the widths of the box over the scatter given the numbers before: thousandths
-    of the logarithm or far less while few are above one, hundredths where most are.
-
-    Parameters
-    ----------
-    mean : ndarray, shape (n, m)
-        Means.
-    covariance : ndarray, shape (n, m, m)
-        Covariances.
-    low, high : ndarray, shape (m,)
-        The box.
-    rule : BoxRule
-        For this box.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Log probabilities.
+    Of means (n, m) and covariances (n, m, m). The density is summed over a product of
+    Gauss-Legendre rules in all numbers but the last, each standardised given those before it; the
+    last is integrated exactly. Where the box is wide the nodes follow the probability instead
+    (Genz, 1992), and where they would be too many, points do as in `log_box`. The rule is fixed, so
+    the result is a smooth function of parameters. How good it is depends on the widths of the box
+    over the scatter given the numbers before: thousandths of the logarithm or far less while few
+    are above one, hundredths where most are.
 
     Examples
     --------

@@ -19,6 +19,11 @@ from reproduce.inference.models.misalignment import ConstantLikelihood, SpotLike
 from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 
+__all__ = [
+    "errors_with_free_lasers", "small_angle_log_evidence", "small_angle_posterior",
+    "spot_bound",
+]  # fmt: skip
+
 # Points over the noise, and how many of its own errors they reach.
 POINTS, REACH = 401, 9.0
 
@@ -27,16 +32,11 @@ POINTS, REACH = 401, 9.0
 class SmallAnglePosterior:
     """The posterior, as a mixture of Gaussians over the noise.
 
-    Parameters
-    ----------
-    noise, weight : ndarray, shape (m,)
-        Values of the noise, in px, and their probabilities.
-    means : ndarray, shape (m, d - 1)
-        Means of all other parameters, given the noise; SI.
-    roots : ndarray, shape (m, d - 1, d - 1)
-        Roots of their covariances: any matrix whose product with its transpose is the covariance.
-    log_evidence : float
-        Natural logarithm of the evidence of the model.
+    - `noise`, `weight`, (m,): values of the noise, in px, and their probabilities.
+    - `means`, (m, d - 1): means of all other parameters, given the noise; SI.
+    - `roots`, (m, d - 1, d - 1): roots of their covariances: any matrix whose product with its
+      transpose is the covariance.
+    - `log_evidence`: natural logarithm of the evidence of the model.
     """
 
     noise: FloatArray
@@ -70,20 +70,7 @@ class SmallAnglePosterior:
 def small_angle_posterior(model: Model) -> SmallAnglePosterior:
     """Return the posterior of a misalignment whose prediction is replaced by its tangent.
 
-    Parameters
-    ----------
-    model : Model
-        A misalignment; every prior but that of the noise is a `Normal`.
-
-    Returns
-    -------
-    SmallAnglePosterior
-        Exact in the limit of small angles.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model is no misalignment or has other priors.
+    Exact in the limit of small angles; every prior but that of the noise has to be a `Normal`.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
@@ -126,23 +113,10 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
 
 
 def spot_bound(model: Model) -> FloatArray:
-    """Cramér-Rao bound of a misalignment: the least standard deviation without any prior.
+    """Cramér-Rao bound of a misalignment: the least standard deviations without any prior, (d,).
 
-    Parameters
-    ----------
-    model : Model
-        A misalignment.
-
-    Returns
-    -------
-    ndarray, shape (d,)
-        In SI units and px, the noise last: roots of the diagonal of the inverse Fisher
-        information at the best fit.
-
-    Raises
-    ------
-    UnsuitableModelError
-        If the model is no misalignment.
+    In SI units and px, the noise last: roots of the diagonal of the inverse Fisher information at
+    the best fit.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, SpotLikelihood):
@@ -163,20 +137,10 @@ def small_angle_log_evidence(model: Model) -> float:
 
 
 def errors_with_free_lasers(likelihood: ConstantLikelihood) -> FloatArray:
-    """Standard errors of the misalignment if the direction of every laser were free, shape (3,).
+    """Standard errors of the misalignment if the direction of every laser were free, (3,), radians.
 
     The first group then measures where each laser points, and only the motion of its spot from
     group to group tells of the misalignment: the noise of both groups is in it, and no prior.
-
-    Parameters
-    ----------
-    likelihood : ConstantLikelihood
-        Two groups of spots.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        In radians.
     """
     centre, spread = likelihood.start()
     first, second = likelihood.statistics.counts

@@ -30,6 +30,8 @@ from reproduce.inference.priors import LogUniform, Normal
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = ["StageTableLikelihood", "table_model"]
+
 # Ends of the prior of the noise, and the width of that of the biases, in radians.
 NOISE = (1e-3 / ARCSEC_PER_RADIAN, 1 / ARCSEC_PER_RADIAN)
 LOG_NOISE = (float(np.log(NOISE[0])), float(np.log(NOISE[1])))
@@ -40,16 +42,10 @@ BIAS_SPREAD = 0.2 / ARCSEC_PER_RADIAN
 class StageTableLikelihood:
     """Parameters: focal length, noise, bias about X and Y, log10 of the reference scatter (arcsec).
 
-    Parameters
-    ----------
-    reference : ReferenceAngles
-        Positions and reference angles.
-    monitored : ndarray, shape (states, blocks)
-        Printed monitored angles, in radians.
-    hypothesis : int, optional
-        0: as printed, 1: interchanged, None: both, summed with equal weights.
-    log_noise : tuple of float
-        Ends of the prior of the noise, as logarithms of radians.
+    - `reference`: positions and reference angles.
+    - `monitored`, (states, blocks): printed monitored angles, in radians.
+    - `hypothesis`, optional: 0: as printed, 1: interchanged, None: both, summed with equal weights.
+    - `log_noise`: ends of the prior of the noise, as logarithms of radians.
     """
 
     reference: ReferenceAngles
@@ -165,10 +161,7 @@ class StageTableCoordinates:
     biases given all of these, standardised; normal score of the scatter. Where the scatter hides
     which block the columns belong to, the biases have a second mode: interchanged.
 
-    Parameters
-    ----------
-    likelihood : StageTableLikelihood
-        With its data.
+    - `likelihood`: with its data.
     """
 
     likelihood: StageTableLikelihood
@@ -256,20 +249,7 @@ class StageTableCoordinates:
 
 
 def table_model(likelihood: StageTableLikelihood, nominal: float) -> Model:
-    """Focal length, bias and noise from Table V.
-
-    Parameters
-    ----------
-    likelihood : StageTableLikelihood
-        With the printed numbers.
-    nominal : float
-        Nominal focal length, in metres.
-
-    Returns
-    -------
-    Model
-        Five parameters, in metres and radians.
-    """
+    """Focal length, bias and noise from Table V: five parameters, in metres and radians."""
     bias = Normal(0.0, BIAS_SPREAD, "the zero state is averaged over hundreds of images: its "
                   "error stays well below an arc second")  # fmt: skip
     return Model(

@@ -22,6 +22,8 @@ from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.inference.priors import LogUniform, Normal, Uniform
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["CROSSED", "PRINTED", "TableReading", "TableResult", "hypotheses", "read"]
+
 PRINTED, CROSSED = (0, 1), (1, 0)
 # Reach of the focal length: its relative error times sinh of this, and the points up to there.
 REACH, POINTS, EVERY, SPLINE = 7.0, 240, 4, 5
@@ -31,17 +33,12 @@ BIAS_REACH = 6.5
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class TableReading:
     """One way to read the table.
 
-    Parameters
-    ----------
-    name : str
-        In a few words.
-    reference, monitored : tuple of int
-        The printed columns that belong to motions along X and along Y.
-    positions : ndarray, shape (states + 1, 2), optional
-        Positions in place of the printed ones, in metres.
+    - `name`: in a few words.
+    - `reference`, `monitored`: the printed columns that belong to motions along X and along Y.
+    - `positions`, (states + 1, 2), optional: positions in place of the printed ones, in metres.
     """
 
     name: str
@@ -51,17 +48,13 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Read:
+class TableResult:
     """What a reading comes to.
 
-    Parameters
-    ----------
-    name : str
-        The reading.
-    log_evidence : float
-        Natural logarithm.
-    means, deviations : tuple of float
-        Of focal length (m), noise, bias of the angles about X and about Y as printed (rad).
+    - `name`: the reading.
+    - `log_evidence`: natural logarithm.
+    - `means`, `deviations`: of focal length (m), noise, bias of the angles about X and about Y as
+      printed (rad).
     """
 
     name: str
@@ -70,22 +63,15 @@ class Read:
     deviations: tuple[float, ...]
 
 
-def hypotheses(printed: FloatArray, from_motions: FloatArray, half_unit: float) -> list[Reading]:
-    """Return the readings that tell themselves apart.
+def hypotheses(
+    printed: FloatArray, from_motions: FloatArray, half_unit: float
+) -> list[TableReading]:
+    """Return the readings that tell themselves apart, of positions (states + 1, 2), in metres.
 
-    Parameters
-    ----------
-    printed, from_motions : ndarray, shape (states + 1, 2)
-        Positions as printed, and as the printed motions and the first positions give them, in
-        metres. They differ where a digit of one of the two is wrong.
-    half_unit : float
-        Half the last printed digit of a motion, in metres.
-
-    Returns
-    -------
-    list of Reading
-        Both positions with every order of the angle columns. To interchange positions and motions
-        is to interchange both angle columns, but for the names of the two biases.
+    Those as printed, and those that the printed motions and the first positions give, differ where
+    a digit of one of the two is wrong. Both come with every order of the angle columns. To
+    interchange positions and motions is to interchange both angle columns, but for the names of the
+    two biases.
     """
     orders = {
         "as printed": (PRINTED, PRINTED),
@@ -93,36 +79,26 @@ def hypotheses(printed: FloatArray, from_motions: FloatArray, half_unit: float) 
         "reference columns interchanged": (CROSSED, PRINTED),
         "monitored columns interchanged": (PRINTED, CROSSED),
     }
-    found = [Reading(f"{name}, positions hold", *pair) for name, pair in orders.items()]
+    found = [TableReading(f"{name}, positions hold", *pair) for name, pair in orders.items()]
     # Position less position rounds twice: within three halves of a digit it is no slip.
     slip = np.abs(printed - from_motions) > 3.5 * half_unit
     if slip.any():
         other = np.where(slip, from_motions, printed)
-        found += [Reading(f"{name}, motions hold", *pair, other) for name, pair in orders.items()]
+        found += [
+            TableReading(f"{name}, motions hold", *pair, other) for name, pair in orders.items()
+        ]
     return found
 
 
-def read(model: Model, reading: Reading, finer: float = 1) -> Read:
-    """Evidence and moments of the table model under one reading, by quadrature.
+def read(model: Model, reading: TableReading, finer: float = 1) -> TableResult:
+    """Evidence and moments of a `table_model` under one reading, by quadrature.
 
-    Parameters
-    ----------
-    model : Model
-        From `stage_table.table_model`; its own hypothesis plays no part.
-    reading : Reading
-        Which columns stand where.
-    finer : float
-        Multiplies the points of every grid.
-
-    Returns
-    -------
-    Read
-        Log evidence and the moments of the parameters.
+    The model's own hypothesis plays no part; `finer` multiplies the points of every grid.
     """
     likelihood = model.likelihood
     if not isinstance(likelihood, StageTableLikelihood):
         raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
-    table = Table.of(model, likelihood, reading)
+    table = StageTable.of(model, likelihood, reading)
     points = EVERY * round(finer * POINTS / EVERY) + 1
     orders = [round(finer * order) for order in ORDERS]
     u = np.linspace(-REACH, REACH, points)
@@ -154,21 +130,15 @@ class Parts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class StageTable:
     """The table as one reading has it.
 
-    Parameters
-    ----------
-    positions : ndarray, shape (states + 1, 2)
-        In metres.
-    reference, monitored : ndarray, shape (states, 2)
-        Angles in the blocks of the motions, in radians.
-    half_position, half_angle : float
-        Half the last printed digits.
-    bias : float
-        Standard deviation of the prior of the biases, about zero.
-    scatter_ends, noise_ends : tuple of float
-        Ends of the priors: log10 of the scatter in arcsec, natural logarithm of the noise in rad.
+    - `positions`, (states + 1, 2): in metres.
+    - `reference`, `monitored`, (states, 2): angles in the blocks of the motions, in radians.
+    - `half_position`, `half_angle`: half the last printed digits.
+    - `bias`: standard deviation of the prior of the biases, about zero.
+    - `scatter_ends`, `noise_ends`: ends of the priors: log10 of the scatter in arcsec, natural
+      logarithm of the noise in rad.
     """
 
     positions: FloatArray
@@ -181,7 +151,9 @@ class Table:
     noise_ends: tuple[float, float]
 
     @classmethod
-    def of(cls, model: Model, likelihood: StageTableLikelihood, reading: Reading) -> Table:
+    def of(
+        cls, model: Model, likelihood: StageTableLikelihood, reading: TableReading
+    ) -> StageTable:
         """Put the columns where the reading has them, and take the priors apart."""
         noise, first, second, scatter = (p.prior for p in model.parameters[1:])
         if not (
@@ -257,12 +229,12 @@ def _gauss(order: int, ends: tuple[float, float]) -> tuple[FloatArray, FloatArra
 
 
 def _summed(
-    reading: Reading,
+    reading: TableReading,
     weights: FloatArray,
     held: FloatArray,
     parts: Parts,
     values: tuple[FloatArray, FloatArray],
-) -> Read:
+) -> TableResult:
     """Sum over zero positions, then over focal length, scatter and noise."""
     logs = weights.copy()
     biases = []
@@ -284,4 +256,4 @@ def _summed(
     means = [float((density * first).sum()) for first, _ in moments]
     squares = [float((density * second).sum()) for _, second in moments]
     deviations = [float(np.sqrt(max(s - m**2, 0))) for s, m in zip(squares, means, strict=True)]
-    return Read(reading.name, evidence, tuple(means), tuple(deviations))
+    return TableResult(reading.name, evidence, tuple(means), tuple(deviations))

@@ -21,6 +21,8 @@ from reproduce.inference.priors import Normal, Uniform
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["PointwiseRegistration", "distortion_model", "student_model"]
+
 # Steps of Newton's method for the inverse distortion; each doubles the digits.
 NEWTON_STEPS = 4
 
@@ -29,16 +31,10 @@ NEWTON_STEPS = 4
 class PointwiseRegistration:
     """A registration evaluated point by point; a subclass adds one idea and its parameters.
 
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        In px.
-    pivot : ndarray, shape (2,)
-        The source channel's principal point, in px.
-    edge : float, optional
-        Radius of the field, in px; by default that of the outermost star.
-    robust : bool
-        Whether the start is that of the stars that fit, for data with wrong matches.
+    - `source`, `target`, (n, 2): in px.
+    - `pivot`, (2,): the source channel's principal point, in px.
+    - `edge`, optional: radius of the field, in px; by default that of the outermost star.
+    - `robust`: whether the start is that of the stars that fit, for data with wrong matches.
     """
 
     source: FloatArray
@@ -193,15 +189,7 @@ def _shift(parameters: FloatArray) -> NDArray[np.complex128]:
 def student_model(base: Model) -> Model:
     """The registration with Student-t noise, for centroids that go astray now and then.
 
-    Parameters
-    ----------
-    base : Model
-        From `registration.registration_model`.
-
-    Returns
-    -------
-    Model
-        With one more parameter, the decimal logarithm of the degrees of freedom.
+    With one more parameter, the decimal logarithm of the degrees of freedom.
     """
     prior = Uniform(0.3, 2.3, "from two degrees, tails that barely have a variance, to two "
                     "hundred, which no sample of this size tells from Gaussian")  # fmt: skip
@@ -212,15 +200,7 @@ def student_model(base: Model) -> Model:
 def distortion_model(base: Model) -> Model:
     """The registration with the radial distortion of both channels free.
 
-    Parameters
-    ----------
-    base : Model
-        From `registration.registration_model`.
-
-    Returns
-    -------
-    Model
-        With two more parameters, the displacement at the edge of the field in source and target.
+    With two more parameters, the displacement at the edge of the field in source and target.
     """
     prior = Normal(
         0.0, 2.0, "a corrected star camera moves its outermost stars by a few px at most"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.inference.model import Quantity
+from reproduce.inference.model import Consequence
 from reproduce.inference.models.averaging import predicted_error
 from reproduce.papers.chen2023.platform import SIGMAS
 from reproduce.physics.attitude.misalignment import stage_angles
@@ -30,18 +30,20 @@ class OnTheGround:
     altitude: float
     first: int = 3
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Errors about the posterior mean: pointing in arcsec, position in metres."""
         angles = parameters[:, self.first : self.first + 2]
         error = np.hypot(*(angles - angles.mean(axis=0)).T)
         metres = ground_error(self.altitude, error)
         shift = ground_error(self.altitude, np.hypot(*angles.T))
         return {
-            "pointing error": Quantity(
+            "pointing error": Consequence(
                 error * ARCSEC_PER_RADIAN, "arcsec", "boresight, both axes together"
             ),
-            "position error": Quantity(metres, "m", "on the ground, misalignment corrected"),
-            "position error uncorrected": Quantity(shift, "m", "if the misalignment were ignored"),
+            "position error": Consequence(metres, "m", "on the ground, misalignment corrected"),
+            "position error uncorrected": Consequence(
+                shift, "m", "if the misalignment were ignored"
+            ),
         }
 
 
@@ -63,7 +65,7 @@ class StageTest:
     motion: FloatArray
     nominal: float
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Error of one monitored state, and of the last state's angle with the nominal length."""
         noise, bias = parameters[:, 1], parameters[:, 2:4]
         # Rms over repeats of the noise about both axes; the bias stays.
@@ -73,11 +75,11 @@ class StageTest:
         believed = stage_angles(motions, np.full(len(parameters), self.nominal))
         wrong = np.linalg.norm(believed - true, axis=-1)
         return {
-            "pointing error": Quantity(
+            "pointing error": Consequence(
                 error * ARCSEC_PER_RADIAN, "arcsec", "one state, rms, both axes"
             ),
-            "position error": Quantity(ground_error(self.altitude, error), "m", "on the ground"),
-            "last state, nominal focal length": Quantity(
+            "position error": Consequence(ground_error(self.altitude, error), "m", "on the ground"),
+            "last state, nominal focal length": Consequence(
                 wrong * ARCSEC_PER_RADIAN,
                 "arcsec",
                 "error of its angle, were the focal length nominal",
@@ -100,14 +102,14 @@ class Averaged:
     counts: tuple[int, ...]
     altitude: float
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Three-sigma errors, as the table prints them: in arcsec, and in metres on the ground."""
         found = {}
         for count in self.counts:
             error = SIGMAS * predicted_error(parameters, count)
             name = f"error of {count} frame{'s' if count > 1 else ''}"
-            found[name] = Quantity(error * ARCSEC_PER_RADIAN, "arcsec", "three sigma")
-            found[f"{name}, position"] = Quantity(
+            found[name] = Consequence(error * ARCSEC_PER_RADIAN, "arcsec", "three sigma")
+            found[f"{name}, position"] = Consequence(
                 ground_error(self.altitude, error), "m", "three sigma, on the ground"
             )
         return found

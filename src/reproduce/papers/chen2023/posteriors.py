@@ -27,7 +27,7 @@ from reproduce.inference.models.small_angle import (
     spot_bound,
 )
 from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
-from reproduce.inference.models.table_readings import Read, Reading, hypotheses, read
+from reproduce.inference.models.table_readings import TableReading, TableResult, hypotheses, read
 from reproduce.inference.priors import HalfNormal
 from reproduce.inference.quadrature import small_log_evidence, summed
 from reproduce.papers.chen2023 import published, simulated_spots, users_spots, users_tables
@@ -110,33 +110,33 @@ def _last_motion(given: Given) -> FloatArray:
     return np.asarray(positions[-1] - positions[0])
 
 
-def frame_averaging(given: Given, column: str = COLUMNS[0], floor: bool = True) -> Model:
+def frame_averaging(given: Given, column: str = COLUMNS[0]) -> Model:
     """White noise and floor of one column of Table IV."""
     counts = tuple(int(n) for n in given.array(f"{AVERAGES}#*.frames"))
     addresses = [f"{AVERAGES}#{count}.{column}" for count in counts]
     printed = np.array([given[a] for a in addresses]) / SIGMAS
     half = given.half_unit(addresses[0]) / SIGMAS
-    likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), floor)
-    derived = Averaged(SHOWN_COUNTS, _ground(given).altitude) if floor else None
-    return averaging_model(likelihood, derived=derived)
+    likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES))
+    return averaging_model(likelihood, derived=Averaged(SHOWN_COUNTS, _ground(given).altitude))
+
+
+def without_floor(model: Model) -> Model:
+    """The same column with white noise alone."""
+    likelihood = model.likelihood
+    if not isinstance(likelihood, AveragingLikelihood):
+        raise TypeError(f"model: expected averages, got {type(likelihood).__name__}")
+    return averaging_model(replace(likelihood, floor=False))
 
 
 @dataclass(frozen=True)
 class SummedColumn:
     """One column of Table IV, summed without sampling; one sigma, in arcsec.
 
-    Parameters
-    ----------
-    column : str
-        Which.
-    white, white_error : float
-        White noise of one frame: mean and standard deviation.
-    floor : float
-        The floor is below it with a probability of 97.5 %.
-    prior : float
-        Scale of the floor's prior.
-    gains : tuple of float
-        Log evidence of a floor less that of none, for every scale of `FLOORS`.
+    - `column`: which.
+    - `white`, `white_error`: white noise of one frame: mean and standard deviation.
+    - `floor`: the floor is below it with a probability of 97.5 %.
+    - `prior`: scale of the floor's prior.
+    - `gains`: log evidence of a floor less that of none, for every scale of `FLOORS`.
     """
 
     column: str
@@ -153,9 +153,9 @@ def summed_columns() -> tuple[SummedColumn, ...]:
     return tuple(map(_summed_column, COLUMNS))
 
 
-def column_model(column: str, floor: bool = True) -> Model:
+def column_model(column: str) -> Model:
     """Return the model of any column of Table IV, with its data."""
-    return frame_averaging(given((*AVERAGE_READS, f"{AVERAGES}#*.{column}")), column, floor)
+    return frame_averaging(given((*AVERAGE_READS, f"{AVERAGES}#*.{column}")), column)
 
 
 def _summed_column(column: str) -> SummedColumn:
@@ -173,7 +173,7 @@ def _summed_column(column: str) -> SummedColumn:
     # The widest prior reaches furthest; the others only weigh its nodes otherwise.
     wide = summed(under[-1])
     ours = replace(wide, model=model)
-    plain = small_log_evidence(column_model(column, floor=False))
+    plain = small_log_evidence(without_floor(model))
     return SummedColumn(
         column,
         float(ours.means[0]) * ARCSEC_PER_RADIAN,
@@ -195,19 +195,29 @@ def reference_angles(given: Given) -> ReferenceAngles:
     )
 
 
-def table_5(given: Given, hypothesis: int | None = None) -> Model:
+def table_5(given: Given) -> Model:
     """Focal length, bias and noise from Table V."""
     monitored = np.stack([given.array(f"{STAGE}#*.monitoring-{a}") for a in "yx"], axis=-1)
-    likelihood = StageTableLikelihood(reference_angles(given), monitored, hypothesis)
     nominal = given[TELESCOPE]
-    model = table_model(likelihood, nominal)
-    if hypothesis is None:
-        consequences = StageTest(_ground(given).altitude, _last_motion(given), nominal)
-        return replace(model, derived=consequences)
-    return replace(model, name=f"{model.name}, {HYPOTHESES[hypothesis]}")
+    model = table_model(StageTableLikelihood(reference_angles(given), monitored), nominal)
+    consequences = StageTest(_ground(given).altitude, _last_motion(given), nominal)
+    return replace(model, derived=consequences)
 
 
-def readings() -> list[Reading]:
+def of_hypothesis(model: Model, hypothesis: int) -> Model:
+    """The same table under one hypothesis alone."""
+    likelihood = model.likelihood
+    if not isinstance(likelihood, StageTableLikelihood):
+        raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
+    return replace(
+        model,
+        name=f"{model.name}, {HYPOTHESES[hypothesis]}",
+        likelihood=replace(likelihood, hypothesis=hypothesis),
+        derived=None,
+    )
+
+
+def readings() -> list[TableReading]:
     """Return the readings of Table V: the orders of its columns, positions or motions that hold.
 
     The motions, which no model reads, reach the readings alone.
@@ -219,10 +229,16 @@ def readings() -> list[Reading]:
 
 
 @cache
-def table_reads() -> tuple[Read, ...]:
+def table_reads() -> tuple[TableResult, ...]:
     """Return what every reading of Table V comes to, summed once in a process."""
     model = table_5(given(STAGE_READS))
     return tuple(read(model, reading) for reading in readings())
+
+
+def table_shares() -> list[float]:
+    """Return the probability of every reading of Table V, all equally probable beforehand."""
+    logs = np.array([one.log_evidence for one in table_reads()])
+    return [float(share) for share in np.exp(logs - np.logaddexp.reduce(logs))]
 
 
 def table_log_evidence(model: Model) -> float:
@@ -261,12 +277,12 @@ POSTERIORS = (
         "frame-averaging", "White noise of one frame and the floor that averaging leaves",
         "chen2023", (*AVERAGE_READS, f"{AVERAGES}#*.{COLUMNS[0]}"), frame_averaging,
         users_tables.AVERAGES, published=partial(published.averaged, column=COLUMNS[0]),
-        rivals=(partial(frame_averaging, floor=False),), evidence=small_log_evidence, steps=300,
+        rivals=(without_floor,), evidence=small_log_evidence, steps=300,
     ),
     Declaration(
         "table-5", "Effective focal length, angle bias and noise from the stage test", "chen2023",
         STAGE_READS, table_5, users_tables.STAGE, published=published.stage_table,
-        rivals=(partial(table_5, hypothesis=0), partial(table_5, hypothesis=1)),
+        rivals=(partial(of_hypothesis, hypothesis=0), partial(of_hypothesis, hypothesis=1)),
         evidence=table_log_evidence, steps=450,
     ),
 )  # fmt: skip

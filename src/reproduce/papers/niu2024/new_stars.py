@@ -11,9 +11,9 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from reproduce.inference.checks import Published
-from reproduce.inference.model import Model, Quantity
+from reproduce.inference.model import Consequence, Model
 from reproduce.inference.models.joint import JointRegistration
-from reproduce.inference.models.new_stars import NewStars, Stars, rmse_at
+from reproduce.inference.models.new_stars import NewStars, StarModel, rmse_at
 from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.models.variants import PointwiseRegistration
 from reproduce.papers.declare import ROOT_SEED
@@ -87,13 +87,13 @@ class NoiseAlone:
 
     arcsec_per_px: float
 
-    def __call__(self, parameters: FloatArray) -> dict[str, Quantity]:
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Root mean square distance of the two images: two noisy axes of two noisy stars."""
         rmse = 2 * parameters[:, 0]
         angle = rmse * self.arcsec_per_px
         return {
-            "registered star, RMSE": Quantity(rmse, "px", "both axes, the transform exact"),
-            "registered star, pointing error": Quantity(angle, "arcsec", "the same as an angle"),
+            "registered star, RMSE": Consequence(rmse, "px", "both axes, the transform exact"),
+            "registered star, pointing error": Consequence(angle, "arcsec", "the same as an angle"),
         }
 
 
@@ -140,7 +140,7 @@ def _calibrated(
     likelihood: Registration,
     source: FloatArray,
     target: FloatArray,
-    stars: Stars,
+    stars: StarModel,
     parameters: FloatArray,
     generator: Generator,
 ) -> FloatArray:

@@ -19,6 +19,13 @@ from reproduce.inference.models.closed_form import cramer_rao_bound, registratio
 from reproduce.inference.models.joint import JointRegistration, joint_model
 from reproduce.inference.models.least_squares import noise_growth
 from reproduce.inference.models.new_stars import Together
+from reproduce.inference.models.radial import (
+    WIDTHS,
+    affine_model,
+    linear_log_evidence,
+    radial_model,
+    similarity_model,
+)
 from reproduce.inference.models.registration import GaussianRegistration, registration_model
 from reproduce.inference.models.variants import (
     PointwiseRegistration,
@@ -54,6 +61,7 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
+from reproduce.printed.given import given as door
 
 DATA_SEED = SeedSequence(ROOT_SEED, spawn_key=(1,))
 # How well a laboratory may know a principal point, in px.
@@ -194,6 +202,18 @@ def beside_the_registration(model: Model) -> dict[str, Aside]:
     }
 
 
+def transforms() -> dict[str, list[float]]:
+    """Return the log evidence of similarity, radial term and affine transform of the red channel.
+
+    By the name of the model; one number for each prior width of `WIDTHS`.
+    """
+    base = registration(door(READS))
+    return {
+        rival(base).name: [linear_log_evidence(rival(base, width)) for width in WIDTHS]
+        for rival in (similarity_model, radial_model, affine_model)
+    }
+
+
 _red = partial(
     Declaration, paper="niu2024", given=READS, truth=partial(truth, channels=("red",)),
     published=partial(one_channel, channel="red"), compared=COMPARED,
@@ -201,7 +221,7 @@ _red = partial(
 POSTERIORS = (
     _red(
         "registration", "Registration of one channel: similarity and Gaussian noise",
-        build=registration, file=users_stars.PLAIN, rivals=(student,),
+        build=registration, file=users_stars.PLAIN, rivals=(student_model,),
         evidence=registration_log_evidence, bound=cramer_rao_bound,
         asides=beside_the_registration, steps=400, walkers=160,
     ),

@@ -11,10 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from reproduce.inference.model import Model
-from reproduce.inference.models.free_priors import free_priors
 from reproduce.inference.models.joint import CHANNELS, joint_model
 from reproduce.inference.models.least_squares import robust_similarity
-from reproduce.inference.models.registration import registration_model, with_priors
+from reproduce.inference.models.registration import (
+    free_priors,
+    registration_model,
+    with_priors,
+)
 from reproduce.inference.models.variants import (
     PointwiseRegistration,
     distortion_model,

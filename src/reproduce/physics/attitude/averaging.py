@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import (
+    NON_NEGATIVE,
+    POSITIVE,
     FloatArray,
-    common_batch,
     finite_array,
-    non_negative,
-    positive,
+    together,
     whole_number,
 )
+
+__all__ = ["attitude_accuracy", "averaged_error", "moving_average", "scatter_of_averages"]
 
 
 def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
@@ -31,7 +33,6 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     count : int
         How many frames make one average.
     axis : int
-        The axis of the frames.
 
     Returns
     -------
@@ -40,62 +41,20 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
 
     Raises
     ------
-    TypeError, ValueError
-        If `count` is not a whole number from 1 to the number of frames, the axis does not
-        exist, or a value is not finite.
+    ValueError
+        If `count` is more than the number of frames, or the axis does not exist.
 
     Examples
     --------
     >>> moving_average([1, 2, 6, 10], 2)
     array([1.5, 4. , 8. ])
     """
-    frames, runs = _frames_last(series, count, axis)
-    # Sums of deviations from the first frame: a large common value would cost digits.
-    first = frames[..., :1]
-    sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
-    np.cumsum(frames - first, axis=-1, out=sums[..., 1:])
-    averages = first + (sums[..., runs:] - sums[..., :-runs]) / runs
-    return np.moveaxis(averages, -1, axis)
+    frames = _frames_last(series, axis)
+    return np.moveaxis(_averages(frames, _run("count", count, frames)), -1, axis)
 
 
-def block_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
-    """Return the averages over disjoint blocks of `count` consecutive frames.
-
-    Parameters
-    ----------
-    series : array_like
-        Values frame by frame, along `axis`.
-    count : int
-        How many frames make one block.
-    axis : int
-        The axis of the frames.
-
-    Returns
-    -------
-    ndarray
-        As the series, with frames // count averages along `axis`; frames left over at the
-        end are not used.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `moving_average`.
-
-    Examples
-    --------
-    >>> block_average([1, 2, 6, 10, 99], 2)
-    array([1.5, 8. ])
-    """
-    frames, size = _frames_last(series, count, axis)
-    blocks = frames.shape[-1] // size
-    kept = frames[..., : blocks * size].reshape(*frames.shape[:-1], blocks, size)
-    return np.moveaxis(kept.mean(axis=-1), -1, axis)
-
-
-def scatter_of_averages(
-    series: ArrayLike, counts: Sequence[int], axis: int = -1, kind: str = "moving"
-) -> FloatArray:
-    """Return the standard deviation of averages over n frames of the same series, for each n.
+def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
+    """Return the standard deviation of moving averages over n frames of a series, for each n.
 
     The values for different n come from the same frames, so they are strongly correlated;
     for n close to the number of frames few averages are independent and the value itself is
@@ -106,11 +65,8 @@ def scatter_of_averages(
     series : array_like
         Values frame by frame, along `axis`.
     counts : sequence of int
-        The numbers n of frames in an average; each must leave two averages at least.
+        The numbers n of frames in an average.
     axis : int
-        The axis of the frames.
-    kind : {"moving", "block"}
-        Whether runs overlap or are disjoint.
 
     Returns
     -------
@@ -120,29 +76,26 @@ def scatter_of_averages(
 
     Raises
     ------
-    TypeError, ValueError
-        As for `moving_average`; also if no count is given, a count leaves a single average,
-        or the kind is unknown.
+    ValueError
+        If no count is given, a count leaves a single average, or the axis does not exist.
 
     Examples
     --------
     >>> scatter_of_averages([0, 2, 0, 2, 0, 2, 0, 2, 0, 2], [2])
     array([0.])
     """
-    averages_of = {"moving": moving_average, "block": block_average}
-    if kind not in averages_of:
-        raise ValueError(f"kind: expected one of {sorted(averages_of)}, got {kind!r}; choose one")
     if len(counts) == 0:
         raise ValueError("counts: expected one number of frames or more, got none; pass [1]")
+    frames = _frames_last(series, axis)
     scatters = []
     for count in counts:
-        averages = averages_of[kind](series, count, axis)
-        if averages.shape[axis] < 2:
+        averages = _averages(frames, _run("counts", count, frames))
+        if averages.shape[-1] < 2:
             raise ValueError(
                 f"counts: expected two averages or more for each count, got one for {count} "
                 "frames; average fewer frames or pass a longer series"
             )
-        scatters.append(averages.std(axis=axis, ddof=1))
+        scatters.append(averages.std(axis=-1, ddof=1))
     return np.stack(scatters, axis=axis)
 
 
@@ -153,29 +106,22 @@ def averaged_error(count: ArrayLike, single: ArrayLike, floor: ArrayLike = 0.0) 
     ----------
     count : array_like
         n, how many independent frames are averaged; above zero.
-    single : array_like
-        a, the error of a single frame that averaging reduces.
-    floor : array_like
-        b, the error that averaging does not reduce, in the unit of `single`.
+    single, floor : array_like, in one unit
+        a, the error of a single frame that averaging reduces, and b, what it does not reduce.
 
     Returns
     -------
     ndarray
         E, in the unit of `single`.
 
-    Raises
-    ------
-    ValueError
-        If a value is not finite, the count is not above zero, or an error is negative.
-
     Examples
     --------
     >>> float(averaged_error(4, single=6.0, floor=4.0))
     5.0
     """
-    number = positive("count", count)
-    noise, base = non_negative("single", single), non_negative("floor", floor)
-    common_batch(count=number.shape, single=noise.shape, floor=base.shape)
+    number, noise, base = together(
+        count=(count, POSITIVE), single=(single, NON_NEGATIVE), floor=(floor, NON_NEGATIVE)
+    )
     return np.asarray(np.hypot(noise / np.sqrt(number), base))
 
 
@@ -203,34 +149,43 @@ def attitude_accuracy(
     ndarray
         E = delta / sqrt(N) theta_pixel, in radians, at the same number of sigmas as delta.
 
-    Raises
-    ------
-    ValueError
-        If a value is not finite, delta is negative, or N or the angle is not above zero.
-
     Examples
     --------
     >>> float(attitude_accuracy(0.5, count=4, pixel_angle=8.0))
     2.0
     """
-    delta = non_negative("centroid_sigma", centroid_sigma)
-    number, angle = positive("count", count), positive("pixel_angle", pixel_angle)
-    common_batch(centroid_sigma=delta.shape, count=number.shape, pixel_angle=angle.shape)
+    delta, number, angle = together(
+        centroid_sigma=(centroid_sigma, NON_NEGATIVE),
+        count=(count, POSITIVE),
+        pixel_angle=(pixel_angle, POSITIVE),
+    )
     return np.asarray(delta / np.sqrt(number) * angle)
 
 
-def _frames_last(series: ArrayLike, count: int, axis: int) -> tuple[FloatArray, int]:
-    """Return the series with its frames along the last axis, and the checked count."""
+def _frames_last(series: ArrayLike, axis: int) -> FloatArray:
+    """Return a checked series with its frames along the last axis."""
     array = finite_array("series", series, shape=(None,))
     if not -array.ndim <= axis < array.ndim:
         raise ValueError(
             f"axis: expected an axis of the series, from {-array.ndim} to {array.ndim - 1}, "
             f"got {axis}; name the axis along which the frames follow each other"
         )
-    size = whole_number("count", count)
-    if size > array.shape[axis]:
+    return np.moveaxis(array, axis, -1)
+
+
+def _run(name: str, count: int, frames: FloatArray) -> int:
+    size = whole_number(name, count)
+    if size > frames.shape[-1]:
         raise ValueError(
-            f"count: expected at most {array.shape[axis]}, the number of frames, got {size}; "
+            f"{name}: expected at most {frames.shape[-1]}, the number of frames, got {size}; "
             "average fewer frames or pass a longer series"
         )
-    return np.moveaxis(array, axis, -1), size
+    return size
+
+
+def _averages(frames: FloatArray, runs: int) -> FloatArray:
+    # Sums of deviations from the first frame: a large common value would cost digits.
+    first = frames[..., :1]
+    sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
+    np.cumsum(frames - first, axis=-1, out=sums[..., 1:])
+    return first + (sums[..., runs:] - sums[..., :-runs]) / runs

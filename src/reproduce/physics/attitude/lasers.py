@@ -16,8 +16,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import unit
-from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
+from reproduce.physics.attitude.rotations import _unit
+from reproduce.physics.validate import POSITIVE, FloatArray, together
+
+__all__ = ["emitted_directions", "received_directions", "received_jacobian", "received_spots"]
 
 
 def emitted_directions(
@@ -41,11 +43,6 @@ def emitted_directions(
     ndarray, shape (..., n, 3)
         Unit vectors v_i,cam in the camera frame, pointing outwards.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a value is not finite, or the focal length is not above zero.
-
     Examples
     --------
     A laser at three quarters of the focal length from the centre.
@@ -53,8 +50,12 @@ def emitted_directions(
     >>> emitted_directions([[3.0, 0.0]], focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    offsets, focal = _offsets("points", points, principal_point, focal_length)
-    return unit("points", _outward(offsets, focal))
+    rows, focal, centre = together(
+        points=(points, (None, 2)),
+        focal_length=(focal_length, POSITIVE),
+        principal_point=(principal_point, (2,)),
+    )
+    return _unit("points", _outward(centre[..., np.newaxis, :] - rows, focal))
 
 
 def received_directions(
@@ -83,20 +84,13 @@ def received_directions(
     ndarray, shape (..., n, 3)
         Unit vectors w_i in the tracker frame, pointing to where the light comes from.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a value is not finite, or a length is not above zero.
-
     Examples
     --------
     >>> received_directions([[13.0, 10.0]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    offsets, focal = _offsets("spots", spots, principal_point, focal_length)
-    pitch = positive("pixel_pitch", pixel_pitch)
-    common_batch(spots=offsets.shape[:-2], pixel_pitch=pitch.shape)
-    return unit("spots", _outward(offsets * pitch[..., np.newaxis, np.newaxis], focal))
+    rays, _ = _received_rays(spots, principal_point, pixel_pitch, focal_length)
+    return _unit("spots", rays)
 
 
 def received_spots(
@@ -107,45 +101,34 @@ def received_spots(
 ) -> FloatArray:
     """Return where light from given directions makes spots: `received_directions` turned round.
 
+    Other arguments are those of `received_directions`.
+
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
         Tracker directions, of any length, pointing to where the light comes from.
-    principal_point, pixel_pitch, focal_length
-        As for `received_directions`.
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        Spots, in px.
+    ndarray, shape (..., n, 2), in px
 
     Raises
     ------
     ValueError
-        If a direction does not point in front of the tracker, a shape does not fit, a value is
-        not finite, or a length is not above zero.
+        If a direction does not point in front of the tracker.
 
     Examples
     --------
     >>> received_spots([[-0.6, 0.0, 0.8]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[13., 10.]])
     """
-    rays = finite_array("directions", directions, shape=(None, 3))
-    centre = finite_array("principal_point", principal_point, shape=(2,))
-    pitch, focal = positive("pixel_pitch", pixel_pitch), positive("focal_length", focal_length)
-    common_batch(
-        directions=rays.shape[:-2],
-        principal_point=centre.shape[:-1],
-        pixel_pitch=pitch.shape,
-        focal_length=focal.shape,
+    rays, centre, pitch, focal = together(
+        directions=(directions, (None, 3)),
+        principal_point=(principal_point, (2,)),
+        pixel_pitch=(pixel_pitch, POSITIVE),
+        focal_length=(focal_length, POSITIVE),
     )
-    if (rays[..., 2] <= 0).any():
-        raise ValueError(
-            "directions: expected light from in front of the tracker, got a third component of "
-            f"{rays[..., 2].min():g}; the tracker looks along its Z axis"
-        )
-    scale = (focal / pitch)[..., np.newaxis, np.newaxis]
-    return np.asarray(centre[..., np.newaxis, :] - scale * rays[..., :2] / rays[..., 2:])
+    return _spots(rays, centre, focal / pitch)
 
 
 def received_jacobian(
@@ -156,20 +139,12 @@ def received_jacobian(
 ) -> FloatArray:
     """Return how a received direction moves with its spot.
 
-    Parameters
-    ----------
-    spots, principal_point, pixel_pitch, focal_length
-        As for `received_directions`.
+    Arguments are those of `received_directions`.
 
     Returns
     -------
     ndarray, shape (..., n, 3, 2)
         Derivative of each tracker direction by (x, y) of its spot, in 1/px.
-
-    Raises
-    ------
-    ValueError
-        As for `received_directions`.
 
     Examples
     --------
@@ -178,30 +153,26 @@ def received_jacobian(
     >>> float(received_jacobian([[0, 0]], (0, 0), pixel_pitch=1.0, focal_length=4.0)[0, 0, 0])
     -0.25
     """
-    offsets, focal = _offsets("spots", spots, principal_point, focal_length)
-    pitch = positive("pixel_pitch", pixel_pitch)
-    common_batch(spots=offsets.shape[:-2], pixel_pitch=pitch.shape)
-    rays = _outward(offsets * pitch[..., np.newaxis, np.newaxis], focal)
+    rays, pitch = _received_rays(spots, principal_point, pixel_pitch, focal_length)
     lengths = np.linalg.norm(rays, axis=-1)[..., np.newaxis, np.newaxis]
     directions = rays[..., np.newaxis] / lengths
     # Only the part of the ray's motion across the ray turns the direction.
-    across = np.eye(3) - directions * np.swapaxes(directions, -1, -2)
-    scale = -pitch[..., np.newaxis, np.newaxis, np.newaxis] / lengths
-    result: FloatArray = scale * across[..., :, :2]
-    return result
+    across = np.eye(3) - directions * directions.mT
+    return -pitch[..., np.newaxis, np.newaxis, np.newaxis] / lengths * across[..., :, :2]
 
 
-def _offsets(
-    name: str, points: ArrayLike, principal_point: ArrayLike, focal_length: ArrayLike
+def _received_rays(
+    spots: ArrayLike, principal_point: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return points relative to the principal point, inverted by the lens, and the focal length."""
-    rows = finite_array(name, points, shape=(None, 2))
-    centre = finite_array("principal_point", principal_point, shape=(2,))
-    focal = positive("focal_length", focal_length)
-    common_batch(
-        **{name: rows.shape[:-2], "principal_point": centre.shape[:-1], "focal_length": focal.shape}
+    """Check a tracker's spots; return their rays outwards, in metres, and the pixel pitch."""
+    rows, centre, pitch, focal = together(
+        spots=(spots, (None, 2)),
+        principal_point=(principal_point, (2,)),
+        pixel_pitch=(pixel_pitch, POSITIVE),
+        focal_length=(focal_length, POSITIVE),
     )
-    return centre[..., np.newaxis, :] - rows, focal
+    offsets = centre[..., np.newaxis, :] - rows
+    return _outward(offsets * pitch[..., np.newaxis, np.newaxis], focal), pitch
 
 
 def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:
@@ -212,3 +183,14 @@ def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:
     rays[..., :2] = offsets
     rays[..., 2] = depth
     return rays
+
+
+def _spots(rays: FloatArray, centre: FloatArray, focal_length: FloatArray) -> FloatArray:
+    """Return where rays meet the detector, in the unit of the focal length and the centre."""
+    if (rays[..., 2] <= 0).any():
+        raise ValueError(
+            "directions: expected light from in front of the tracker, got a third component of "
+            f"{rays[..., 2].min():g}; the tracker looks along its Z axis"
+        )
+    scale = focal_length[..., np.newaxis, np.newaxis]
+    return centre[..., np.newaxis, :] - scale * rays[..., :2] / rays[..., 2:]

@@ -26,15 +26,34 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import rotations, transpose, unit, vector_from_rotation
-from reproduce.physics.attitude.wahba import attitude
+from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation
+from reproduce.physics.attitude.wahba import _rotation
 from reproduce.physics.validate import (
+    POSITIVE,
+    ROTATION,
     FloatArray,
     common_batch,
     finite_array,
-    positive,
+    rotations,
+    together,
     weights_for,
 )
+
+__all__ = [
+    "angle_jacobian",
+    "corrected_installation",
+    "inertial_attitude",
+    "laser_transform",
+    "misalignment",
+    "misalignment_angles",
+    "misalignment_between",
+    "misalignment_in_tracker",
+    "moved_laser_transform",
+    "stage_angle",
+    "stage_angle_printed",
+    "stage_angles",
+    "transform_error_printed",
+]
 
 
 def laser_transform(
@@ -71,7 +90,7 @@ def laser_transform(
     DegenerateGeometryError
         If there are not two lasers in different directions.
     ValueError
-        If shapes do not fit, or values or weights are out of range.
+        If the counts differ, or a direction has length zero.
 
     Examples
     --------
@@ -79,8 +98,8 @@ def laser_transform(
     >>> np.allclose(laser_transform(directions, directions), np.eye(3))
     True
     """
-    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
-    return attitude(tracker, camera, factors, method)
+    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, pooled)
+    return _rotation(tracker, camera, kept, method)
 
 
 def misalignment(
@@ -94,26 +113,14 @@ def misalignment(
 
     Implements: chen2023 (7).
 
-    Parameters
-    ----------
-    camera_directions : array_like, shape (..., n, 3)
-        Emitted directions v_i,cam; constant in the camera frame.
-    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
-        Received directions w_i,t^k in the tracker frame at the present.
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        T_cam,0^st, the laser transform at the zero point.
-    weights, pooled
-        As for `laser_transform`.
+    Arguments and errors are those of `laser_transform`, with the directions in the tracker those at
+    the present, w_i,t^k, and the laser transform at the zero point, T_cam,0^st, of shape (..., 3,
+    3).
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         camera_now_from_camera_zero; `misalignment_angles` reads its angles.
-
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `laser_transform`; also if the zero point is not a rotation.
 
     Examples
     --------
@@ -121,11 +128,16 @@ def misalignment(
     >>> np.allclose(misalignment(directions, directions, np.eye(3)), np.eye(3))
     True
     """
-    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, pooled)
+    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, pooled)
     zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
-    common_batch(tracker_directions=tracker.shape[:-2], tracker_from_camera_zero=zero.shape[:-2])
+    common_batch(
+        camera_directions=camera.shape[:-2],
+        tracker_directions=tracker.shape[:-2],
+        weights=kept.shape[:-1],
+        tracker_from_camera_zero=zero.shape[:-2],
+    )
     # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
-    return attitude(camera, tracker @ zero, factors, "quest")
+    return _rotation(camera, tracker @ zero, kept, "quest")
 
 
 def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
@@ -134,7 +146,7 @@ def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
     Parameters
     ----------
     camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        The misalignment R_cam,0^cam,t; less than half a turn.
+        The misalignment R_cam,0^cam,t.
 
     Returns
     -------
@@ -145,7 +157,7 @@ def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If a matrix is not a rotation, or turns by half a turn.
+        If a matrix turns by half a turn.
 
     Examples
     --------
@@ -156,7 +168,7 @@ def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
     array([0. , 0. , 0.5])
     """
     matrix = rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
-    return vector_from_rotation(transpose(matrix))
+    return _vector_from_rotation(matrix.mT)
 
 
 def angle_jacobian(
@@ -169,7 +181,7 @@ def angle_jacobian(
 
     At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
     Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
-    H = trace(P) I - P and P = sum w v b^T.
+    H = trace(P) I - P and P = sum w v b^T. Errors are those of `laser_transform`.
 
     Parameters
     ----------
@@ -186,11 +198,6 @@ def angle_jacobian(
     ndarray, shape (..., 3, n, k)
         Derivative of (theta_X, theta_Y, theta_Z), in radians per unit of the parameters.
 
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `laser_transform`.
-
     Examples
     --------
     Two directions along X and Y hold the turn about Z together, half each. A tracker
@@ -201,22 +208,20 @@ def angle_jacobian(
     >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
     array([0. , 0. , 0.5])
     """
-    camera, tracker, factors = _paired(camera_directions, tracker_directions, weights, False)
+    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, False)
     count = tracker.shape[-2]
     moves = finite_array("direction_jacobian", direction_jacobian, shape=(count, 3, None))
-    camera_from_tracker = attitude(camera, tracker, factors)
-    batch = camera_from_tracker.shape[:-2]
-    common_batch(directions=batch, direction_jacobian=moves.shape[:-3])
-    camera = unit("camera_directions", camera)
-    carried = unit("tracker_directions", tracker) @ transpose(camera_from_tracker)
-    shares = weights_for(factors, count)
-    product = transpose(shares[..., np.newaxis] * camera) @ carried
+    camera_from_tracker = _rotation(camera, tracker, kept)
+    common_batch(directions=camera_from_tracker.shape[:-2], direction_jacobian=moves.shape[:-3])
+    camera = _unit("camera_directions", camera)
+    carried = _unit("tracker_directions", tracker) @ camera_from_tracker.mT
+    product = (kept[..., np.newaxis] * camera).mT @ carried
     trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
-    stiffness = trace * np.eye(3) - 0.5 * (product + transpose(product))
+    stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
     moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, moves)
-    torque = np.cross(camera[..., np.newaxis, :], np.swapaxes(moved, -1, -2))
-    weighted = shares[..., np.newaxis, np.newaxis] * torque
-    return np.asarray(np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted))
+    torque = np.cross(camera[..., np.newaxis, :], moved.mT)
+    weighted = kept[..., np.newaxis, np.newaxis] * torque
+    return np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted)
 
 
 def _paired(
@@ -224,8 +229,8 @@ def _paired(
     tracker_directions: ArrayLike,
     weights: ArrayLike | None,
     pooled: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return directions and weights row by row; pooled frames become rows of one set."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Check directions and weights row by row; pooled frames become rows of one set."""
     camera = finite_array("camera_directions", camera_directions, shape=(None, 3))
     leading = (None, None, 3) if pooled else (None, 3)
     tracker = finite_array("tracker_directions", tracker_directions, shape=leading)
@@ -236,16 +241,22 @@ def _paired(
             f"{tracker.shape[-2]}; row i of both must be the same laser"
         )
     factors = None if weights is None else finite_array("weights", weights, shape=(count,))
-    if not pooled:
-        return camera, tracker, factors
-    frames = tracker.shape[-3]
-    flat = (*tracker.shape[:-3], frames * count)
-    if factors is not None:
-        common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
-        factors = np.broadcast_to(factors, tracker.shape[:-1]).reshape(flat)
-    repeated = np.repeat(camera[..., np.newaxis, :, :], frames, axis=-3)
-    camera = repeated.reshape(*camera.shape[:-2], frames * count, 3)
-    return camera, tracker.reshape(*flat, 3), factors
+    if pooled:
+        frames = tracker.shape[-3]
+        flat = (*tracker.shape[:-3], frames * count)
+        if factors is not None:
+            common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
+            factors = np.broadcast_to(factors, tracker.shape[:-1]).reshape(flat)
+        repeated = np.repeat(camera[..., np.newaxis, :, :], frames, axis=-3)
+        camera = repeated.reshape(*camera.shape[:-2], frames * count, 3)
+        tracker = tracker.reshape(*flat, 3)
+    kept = weights_for(factors, camera.shape[-2])
+    common_batch(
+        camera_directions=camera.shape[:-2],
+        tracker_directions=tracker.shape[:-2],
+        weights=kept.shape[:-1],
+    )
+    return camera, tracker, kept
 
 
 def moved_laser_transform(
@@ -257,33 +268,24 @@ def moved_laser_transform(
 
     Parameters
     ----------
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        T_cam,0^st, the laser transform at the zero point.
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
+    tracker_from_camera_zero, camera_now_from_camera_zero : array_like, shape (..., 3, 3)
+        T_cam,0^st, the laser transform at the zero point, and R_cam,0^cam,t, the misalignment.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         T_cam,t^st, tracker_from_camera_now.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> moved_laser_transform(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
-        tracker_from_camera_zero=tracker_from_camera_zero,
-        camera_zero_from_camera_now=transpose(
-            rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
-        ),
+    zero, moved = together(
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
     )
+    return zero @ moved.mT
 
 
 def misalignment_between(
@@ -304,23 +306,16 @@ def misalignment_between(
     ndarray, shape (..., 3, 3)
         camera_now_from_camera_zero.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> misalignment_between(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
-        camera_now_from_tracker=transpose(
-            rotations("tracker_from_camera_now", tracker_from_camera_now)
-        ),
-        tracker_from_camera_zero=tracker_from_camera_zero,
+    now, zero = together(
+        tracker_from_camera_now=(tracker_from_camera_now, ROTATION),
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
     )
+    return now.mT @ zero
 
 
 def transform_error_printed(
@@ -343,23 +338,16 @@ def transform_error_printed(
     ndarray, shape (..., 3, 3)
         A small rotation within the tracker frame.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> transform_error_printed(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
-        tracker_from_camera=tracker_from_camera,
-        camera_reference_from_tracker=transpose(
-            rotations("tracker_from_camera_reference", tracker_from_camera_reference)
-        ),
+    found, reference = together(
+        tracker_from_camera=(tracker_from_camera, ROTATION),
+        tracker_from_camera_reference=(tracker_from_camera_reference, ROTATION),
     )
+    return found @ reference.mT
 
 
 def corrected_installation(
@@ -371,31 +359,24 @@ def corrected_installation(
 
     Parameters
     ----------
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
-    camera_zero_from_tracker : array_like, shape (..., 3, 3)
-        R_st^cam,0, the installation calibrated at the zero point.
+    camera_now_from_camera_zero, camera_zero_from_tracker : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment, and R_st^cam,0, the installation at the zero point.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         R_st^cam,t, camera_now_from_tracker.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> corrected_installation(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
-        camera_now_from_camera_zero=camera_now_from_camera_zero,
-        camera_zero_from_tracker=camera_zero_from_tracker,
+    moved, installed = together(
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
+        camera_zero_from_tracker=(camera_zero_from_tracker, ROTATION),
     )
+    return moved @ installed
 
 
 def inertial_attitude(
@@ -407,30 +388,24 @@ def inertial_attitude(
 
     Parameters
     ----------
-    camera_from_tracker : array_like, shape (..., 3, 3)
-        R_st^cam,t, the corrected installation.
-    tracker_from_inertial : array_like, shape (..., 3, 3)
-        R_inertial^st,t, the attitude that the tracker finds from its stars.
+    camera_from_tracker, tracker_from_inertial : array_like, shape (..., 3, 3)
+        R_st^cam,t, the corrected installation, and R_inertial^st,t, the tracker's attitude.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         R_inertial^cam,t, camera_from_inertial.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> inertial_attitude(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return _product(
-        camera_from_tracker=camera_from_tracker, tracker_from_inertial=tracker_from_inertial
+    installed, seen = together(
+        camera_from_tracker=(camera_from_tracker, ROTATION),
+        tracker_from_inertial=(tracker_from_inertial, ROTATION),
     )
+    return installed @ seen
 
 
 def misalignment_in_tracker(
@@ -444,41 +419,24 @@ def misalignment_in_tracker(
 
     Parameters
     ----------
-    camera_now_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment.
-    tracker_from_camera_zero : array_like, shape (..., 3, 3)
-        R_cam,0^st, the installation at the zero point.
+    camera_now_from_camera_zero, tracker_from_camera_zero : array_like, shape (..., 3, 3)
+        R_cam,0^cam,t, the misalignment, and R_cam,0^st, the installation at the zero point.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         R_U = R_cam,0^st (R_cam,0^cam,t)' (R_cam,0^st)'.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
-    >>> import numpy as np
     >>> misalignment_in_tracker(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
-    return _product(
-        tracker_from_camera_now=moved_laser_transform(zero, camera_now_from_camera_zero),
-        camera_zero_from_tracker=transpose(zero),
+    moved, zero = together(
+        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
+        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
     )
-
-
-def _product(**factors: ArrayLike) -> FloatArray:
-    """Return the product of two named rotations in the order given."""
-    checked = {name: rotations(name, matrix) for name, matrix in factors.items()}
-    common_batch(**{name: matrix.shape[:-2] for name, matrix in checked.items()})
-    left, right = checked.values()
-    result: FloatArray = left @ right
-    return result
+    return zero @ moved.mT @ zero.mT
 
 
 def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
@@ -491,27 +449,20 @@ def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    shift : array_like
-        L, the motion of the focal plane along X (or Y), in metres.
-    focal_length : array_like
-        Of the camera, in metres; broadcasts against the shift.
+    shift, focal_length : array_like, in metres
+        L, the motion of the focal plane along X (or Y), and the camera's focal length f.
 
     Returns
     -------
     ndarray
         theta = -atan(L / f) about Y (or X), in radians.
 
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the focal length is not above zero.
-
     Examples
     --------
     >>> float(stage_angle(1.0, 1.0)) / np.pi
     -0.25
     """
-    motion, focal = _checked(shift, focal_length)
+    motion, focal = together(shift=(shift, ()), focal_length=(focal_length, POSITIVE))
     return np.asarray(-np.arctan2(motion, focal))
 
 
@@ -520,31 +471,19 @@ def stage_angle_printed(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray
 
     Printed form of chen2023 (10). It takes the tangent of a length and multiplies where it
     should divide: for small shifts the result is -L f, in square metres, larger than the
-    angle by the square of the focal length in metres.
-
-    Parameters
-    ----------
-    shift : array_like
-        L, in metres, taken for radians.
-    focal_length : array_like
-        In metres.
+    angle by the square of the focal length in metres. Arguments are those of `stage_angle`.
 
     Returns
     -------
     ndarray
-        -tan(L) f; a number that is no angle.
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the focal length is not above zero.
+        A number that is no angle.
 
     Examples
     --------
     >>> round(float(stage_angle_printed(1e-6, 2.0)), 12)
     -2e-06
     """
-    motion, focal = _checked(shift, focal_length)
+    motion, focal = together(shift=(shift, ()), focal_length=(focal_length, POSITIVE))
     return np.asarray(-np.tan(motion) * focal)
 
 
@@ -559,35 +498,18 @@ def stage_angles(shifts: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     ----------
     shifts : array_like, shape (..., 2)
         Motion of the lasers along X and Y of the camera frame, in metres.
-    focal_length : array_like, shape (...)
-        In metres.
+    focal_length : array_like, shape (...), in metres
 
     Returns
     -------
     ndarray, shape (..., 3)
         (theta_X, theta_Y, theta_Z) = (atan(L_Y / f), -atan(L_X / f), 0), in radians.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a value is not finite, or the focal length is not above zero.
-
     Examples
     --------
     >>> stage_angles([1.0, 1.0], 1.0) / np.pi
     array([ 0.25, -0.25,  0.  ])
     """
-    motion = finite_array("shifts", shifts, shape=(2,))
-    focal = positive("focal_length", focal_length)
-    batch = common_batch(shifts=motion.shape[:-1], focal_length=focal.shape)
-    result = np.zeros((*batch, 3))
-    result[..., 0] = np.arctan2(motion[..., 1], focal)
-    result[..., 1] = -np.arctan2(motion[..., 0], focal)
-    return result
-
-
-def _checked(shift: ArrayLike, focal_length: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    motion = finite_array("shift", shift)
-    focal = positive("focal_length", focal_length)
-    common_batch(shift=motion.shape, focal_length=focal.shape)
-    return motion, focal
+    motion, focal = together(shifts=(shifts, (2,)), focal_length=(focal_length, POSITIVE))
+    about_x = np.arctan2(motion[..., 1], focal)
+    return np.stack([about_x, -np.arctan2(motion[..., 0], focal), np.zeros_like(about_x)], axis=-1)

@@ -15,6 +15,8 @@ from reproduce.physics.attitude.misalignment import (
 )
 from reproduce.physics.validate import FloatArray
 
+__all__ = ["monitored_angles"]
+
 
 def monitored_angles(
     zero_spots: ArrayLike,
@@ -27,14 +29,11 @@ def monitored_angles(
 
     Parameters
     ----------
-    zero_spots : array_like, shape (frames, n, 2)
-        Images at the zero point, in px; the laser transform of the zero point pools them.
-    spots : array_like, shape (frames, n, 2)
-        Images at the present, in px.
+    zero_spots, spots : array_like, shape (frames, n, 2)
+        Images at the zero point, which are pooled, and at the present, in px.
     lasers : array_like, shape (n, 2)
         Positions on the camera's focal plane, in metres.
-    camera_focal_length : float
-        In metres.
+    camera_focal_length : float, in metres
     tracker : tuple
         Principal point (px), pixel pitch and focal length (metres) of the tracker.
 

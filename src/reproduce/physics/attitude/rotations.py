@@ -10,12 +10,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, finite_array
+from reproduce.physics.validate import FloatArray, finite_array, rotations
 
-# A matrix this far from orthogonal is a transcription error, not a rounding error.
-ORTHOGONALITY_TOLERANCE = 1e-6
+__all__ = [
+    "cross_matrix",
+    "rotation_from_vector",
+    "transpose",
+    "unit",
+    "vector_from_rotation",
+]
+
 # Below this a squared length loses digits to underflow; beyond its inverse it may overflow.
-SHORTEST_SQUARE = 1e-200
+_SHORTEST_SQUARE = 1e-200
 
 
 def unit(name: str, vectors: ArrayLike) -> FloatArray:
@@ -31,92 +37,22 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 3)
-        The same directions, of length one.
 
     Raises
     ------
     ValueError
-        If a vector is zero, not finite or has not three components.
+        If a vector is zero.
 
     Examples
     --------
     >>> unit("axis", [0, 0, 2])
     array([0., 0., 1.])
     """
-    array = finite_array(name, vectors, shape=(3,))
-    square = np.einsum("...i,...i->...", array, array)[..., np.newaxis]
-    if (square < SHORTEST_SQUARE).any() or (square > 1.0 / SHORTEST_SQUARE).any():
-        array = _scaled(name, array)
-        square = np.einsum("...i,...i->...", array, array)[..., np.newaxis]
-    result: FloatArray = array / np.sqrt(square)
-    return result
-
-
-def _scaled(name: str, array: FloatArray) -> FloatArray:
-    """Return vectors whose largest component is one, so that their squares are safe."""
-    largest = np.abs(array).max(axis=-1, keepdims=True)
-    if (largest == 0).any():
-        first = tuple(int(i) for i in np.argwhere(largest[..., 0] == 0)[0])
-        raise ValueError(
-            f"{name}: expected a length above zero, got zero at index {first}; remove this row, "
-            "or give it weight zero and any direction"
-        )
-    result: FloatArray = array / largest
-    return result
-
-
-def rotations(name: str, matrices: ArrayLike) -> FloatArray:
-    """Return rotation matrices after checking that they are rotations.
-
-    Parameters
-    ----------
-    name : str
-        What the caller calls the matrices; it opens the error message.
-    matrices : array_like, shape (..., 3, 3)
-        Proper rotations.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        The matrices as floats.
-
-    Raises
-    ------
-    ValueError
-        If a matrix is not orthogonal to 1e-6, or is a reflection.
-
-    Examples
-    --------
-    >>> rotations("camera_from_tracker", np.eye(3)).shape
-    (3, 3)
-    """
-    array = finite_array(name, matrices, shape=(3, 3))
-    excess = np.abs(array @ np.swapaxes(array, -1, -2) - np.eye(3)).max()
-    if excess > ORTHOGONALITY_TOLERANCE:
-        raise ValueError(
-            f"{name}: expected rotation matrices, got one whose rows miss unit length or right "
-            f"angles by {excess:.2g}; check for a missing normalisation or a typing error"
-        )
-    if (determinant(array) < 0).any():
-        raise ValueError(
-            f"{name}: expected rotation matrices, got a reflection (determinant -1); "
-            "one axis is flipped or two are swapped"
-        )
-    return array
+    return _unit(name, finite_array(name, vectors, shape=(3,)))
 
 
 def transpose(matrices: FloatArray) -> FloatArray:
-    """Return the transposes of the last two axes: for rotations, the inverses.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (..., 3, 3)
-        For example `camera_from_tracker`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        For example `tracker_from_camera`.
+    """Return the transposes, (..., 3, 3), of matrices (...): for rotations, the inverses.
 
     Examples
     --------
@@ -124,96 +60,18 @@ def transpose(matrices: FloatArray) -> FloatArray:
     array([[1., 3.],
            [2., 4.]])
     """
-    return np.swapaxes(matrices, -1, -2)
-
-
-def cofactors(matrices: FloatArray) -> FloatArray:
-    """Return the cofactors of 3 × 3 matrices; the transpose is the adjugate.
-
-    Nothing is divided, so singular matrices are as good as any.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (..., 3, 3)
-        Any matrices.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        The cofactors; `matrices @ cofactors^T = det(matrices) I`.
-
-    Examples
-    --------
-    >>> cofactors(np.diag([2.0, 3.0, 5.0]))
-    array([[15.,  0.,  0.],
-           [ 0., 10.,  0.],
-           [ 0.,  0.,  6.]])
-    """
-    result = np.empty_like(matrices)
-    for i in range(3):
-        one, two = matrices[..., (i + 1) % 3, :], matrices[..., (i + 2) % 3, :]
-        for j in range(3):
-            k, m = (j + 1) % 3, (j + 2) % 3
-            result[..., i, j] = one[..., k] * two[..., m] - one[..., m] * two[..., k]
-    return result
-
-
-def determinant(matrices: FloatArray) -> FloatArray:
-    """Return the determinants of 3 × 3 matrices.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (..., 3, 3)
-        Any matrices.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        The determinants.
-
-    Examples
-    --------
-    >>> float(determinant(np.diag([2.0, 3.0, 5.0])))
-    30.0
-    """
-    a, b, c = (matrices[..., i, :] for i in range(3))
-    result: FloatArray = (
-        a[..., 0] * (b[..., 1] * c[..., 2] - b[..., 2] * c[..., 1])
-        + a[..., 1] * (b[..., 2] * c[..., 0] - b[..., 0] * c[..., 2])
-        + a[..., 2] * (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0])
-    )
-    return result
+    return matrices.mT
 
 
 def cross_matrix(vectors: ArrayLike) -> FloatArray:
-    """Return the matrices [v×] that turn a cross product into a matrix product.
-
-    Parameters
-    ----------
-    vectors : array_like, shape (..., 3)
-        Any vectors.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        `cross_matrix(v) @ u` is the cross product v × u.
-
-    Raises
-    ------
-    ValueError
-        If the vectors are not finite or have not three components.
+    """Return the matrices [v×], shape (..., 3, 3), of vectors v (...): [v×] u = v × u.
 
     Examples
     --------
     >>> cross_matrix([1, 0, 0]) @ [0, 1, 0]
     array([0., 0., 1.])
     """
-    array = finite_array("vectors", vectors, shape=(3,))
-    result = np.zeros((*array.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        result[..., k, j] = array[..., i]
-        result[..., j, k] = -array[..., i]
-    return result
+    return _cross_matrix(finite_array("vectors", vectors, shape=(3,)))
 
 
 def rotation_from_vector(rotation_vector: ArrayLike) -> FloatArray:
@@ -229,11 +87,6 @@ def rotation_from_vector(rotation_vector: ArrayLike) -> FloatArray:
     ndarray, shape (..., 3, 3)
         The matrix that turns a column vector by this angle.
 
-    Raises
-    ------
-    ValueError
-        If the vector is not finite or has not three components.
-
     Examples
     --------
     A quarter turn about Z carries X to Y.
@@ -242,14 +95,7 @@ def rotation_from_vector(rotation_vector: ArrayLike) -> FloatArray:
     >>> np.allclose(R @ [1, 0, 0], [0, 1, 0])
     True
     """
-    vector = finite_array("rotation_vector", rotation_vector, shape=(3,))
-    angle = np.sqrt(np.einsum("...i,...i->...", vector, vector))[..., np.newaxis, np.newaxis]
-    generator = cross_matrix(vector)
-    # numpy.sinc is sin(pi x) / (pi x): no division by a vanishing angle.
-    first = np.sinc(angle / np.pi)
-    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    result: FloatArray = np.eye(3) + first * generator + second * (generator @ generator)
-    return result
+    return _rotation_from_vector(finite_array("rotation_vector", rotation_vector, shape=(3,)))
 
 
 def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
@@ -268,14 +114,74 @@ def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If a matrix is not a rotation, or turns by more than 179.9 degrees.
+        If a matrix turns by more than 179.9 degrees.
 
     Examples
     --------
     >>> vector_from_rotation([[0, -1, 0], [1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    matrix = rotations("rotation", rotation)
+    return _vector_from_rotation(rotations("rotation", rotation))
+
+
+def _unit(name: str, vectors: FloatArray) -> FloatArray:
+    square = np.einsum("...i,...i->...", vectors, vectors)[..., np.newaxis]
+    if (square < _SHORTEST_SQUARE).any() or (square > 1.0 / _SHORTEST_SQUARE).any():
+        vectors = _scaled(name, vectors)
+        square = np.einsum("...i,...i->...", vectors, vectors)[..., np.newaxis]
+    return vectors / np.sqrt(square)
+
+
+def _scaled(name: str, array: FloatArray) -> FloatArray:
+    """Return vectors whose largest component is one, so that their squares are safe."""
+    largest = np.abs(array).max(axis=-1, keepdims=True)
+    if (largest == 0).any():
+        first = tuple(int(i) for i in np.argwhere(largest[..., 0] == 0)[0])
+        raise ValueError(
+            f"{name}: expected a length above zero, got zero at index {first}; remove this row, "
+            "or give it weight zero and any direction"
+        )
+    return array / largest
+
+
+def _cofactors(matrices: FloatArray) -> FloatArray:
+    """Return cofactors, the adjugate transposed, of 3 × 3 matrices, singular ones too."""
+    result = np.empty_like(matrices)
+    for i in range(3):
+        one, two = matrices[..., (i + 1) % 3, :], matrices[..., (i + 2) % 3, :]
+        for j in range(3):
+            k, m = (j + 1) % 3, (j + 2) % 3
+            result[..., i, j] = one[..., k] * two[..., m] - one[..., m] * two[..., k]
+    return result
+
+
+def _determinant(matrices: FloatArray) -> FloatArray:
+    a, b, c = (matrices[..., i, :] for i in range(3))
+    return (
+        a[..., 0] * (b[..., 1] * c[..., 2] - b[..., 2] * c[..., 1])
+        + a[..., 1] * (b[..., 2] * c[..., 0] - b[..., 0] * c[..., 2])
+        + a[..., 2] * (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0])
+    )
+
+
+def _cross_matrix(vectors: FloatArray) -> FloatArray:
+    result = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[..., k, j] = vectors[..., i]
+        result[..., j, k] = -vectors[..., i]
+    return result
+
+
+def _rotation_from_vector(vector: FloatArray) -> FloatArray:
+    angle = np.sqrt(np.einsum("...i,...i->...", vector, vector))[..., np.newaxis, np.newaxis]
+    generator = _cross_matrix(vector)
+    # numpy.sinc is sin(pi x) / (pi x): no division by a vanishing angle.
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    return np.eye(3) + first * generator + second * (generator @ generator)
+
+
+def _vector_from_rotation(matrix: FloatArray) -> FloatArray:
     twist = np.empty(matrix.shape[:-1])
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         twist[..., i] = 0.5 * (matrix[..., k, j] - matrix[..., j, k])
@@ -287,45 +193,17 @@ def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
             f"rotation: expected turns below 179.9 deg, got {np.degrees(angle.max()):.4g} deg; "
             "the axis of a half turn has no sign, use a quaternion instead"
         )
-    scale = 1.0 / np.sinc(angle / np.pi)
-    result: FloatArray = twist * scale[..., np.newaxis]
-    return result
+    return twist * (1.0 / np.sinc(angle / np.pi))[..., np.newaxis]
 
 
-def rotation_from_quaternion(quaternion: ArrayLike) -> FloatArray:
-    """Return the rotation matrix of a quaternion, scalar last.
-
-    Parameters
-    ----------
-    quaternion : array_like, shape (..., 4)
-        (sin(a/2) n, cos(a/2)) for a turn by a about the axis n; any length but zero.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        The matrix that turns a column vector by a about n, right-handed.
-
-    Raises
-    ------
-    ValueError
-        If a quaternion is zero, not finite or has not four components.
-
-    Examples
-    --------
-    Half a turn about Z.
-
-    >>> rotation_from_quaternion([0, 0, 1, 0])
-    array([[-1.,  0.,  0.],
-           [ 0., -1.,  0.],
-           [ 0.,  0.,  1.]])
-    """
-    array = finite_array("quaternion", quaternion, shape=(4,))
-    length = np.einsum("...i,...i->...", array, array)
-    if (length < SHORTEST_SQUARE).any() or (length > 1.0 / SHORTEST_SQUARE).any():
-        array = _scaled("quaternion", array)
-        length = np.einsum("...i,...i->...", array, array)
-    x, y, z, w = np.moveaxis(array, -1, 0)
-    result = np.empty((*array.shape[:-1], 3, 3))
+def _rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:
+    """Return the rotation of (sin(a/2) n, cos(a/2)), of any length but zero: by a about n."""
+    length = np.einsum("...i,...i->...", quaternion, quaternion)
+    if (length < _SHORTEST_SQUARE).any() or (length > 1.0 / _SHORTEST_SQUARE).any():
+        quaternion = _scaled("quaternion", quaternion)
+        length = np.einsum("...i,...i->...", quaternion, quaternion)
+    x, y, z, w = np.moveaxis(quaternion, -1, 0)
+    result = np.empty((*quaternion.shape[:-1], 3, 3))
     result[..., 0, 0] = w * w + x * x - y * y - z * z
     result[..., 1, 1] = w * w - x * x + y * y - z * z
     result[..., 2, 2] = w * w - x * x - y * y + z * z

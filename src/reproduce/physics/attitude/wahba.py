@@ -21,31 +21,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc
 
-from reproduce.physics.attitude import wahba_direct, wahba_solvers
-from reproduce.physics.attitude.rotations import rotations, transpose, unit
+from reproduce.physics.attitude import wahba_solvers
+from reproduce.physics.attitude.rotations import _unit
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
     common_batch,
     finite_array,
-    non_negative,
     positive,
+    rotations,
     weights_for,
 )
 
+__all__ = ["METHODS", "Taste", "WahbaSolution", "attitude", "mean_rotation", "solve", "taste"]
+
 # From the profile matrix; "direct" takes the directions themselves.
-SOLVERS = {
+_SOLVERS = {
     "svd": wahba_solvers.by_svd,
     "q-method": wahba_solvers.by_q_method,
     "quest": wahba_solvers.by_quest,
 }
-METHODS = (*SOLVERS, "direct")
+METHODS = (*_SOLVERS, "direct")
 
 # Relative eigenvalue gap below which rounding in the profile matrix alone turns the answer by a
 # milliradian. It belongs to directions about a microradian apart, or to a share of the weights.
-SMALLEST_GAP = 1e-12
+_SMALLEST_GAP = 1e-12
 # For the direct solver, which knows what rounding does to its answer: radians.
-LARGEST_BLUR = 1e-3
+_LARGEST_BLUR = 1e-3
+# How far weights may be from inverse variances, relative, and still count as proportional.
+_ALIKE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,69 +61,18 @@ class WahbaSolution:
     rotation : ndarray, shape (..., 3, 3)
         target_from_source.
     loss : ndarray, shape (...)
-        ``sum w |target - rotation @ source|^2`` over unit vectors. With weights 1/sigma^2, sigma
-        the error of a direction about each axis across it, its expectation is 2n - 3 and it
-        follows the chi-square law with that many degrees of freedom; `taste` tests that.
-    attitude_profile : ndarray, shape (..., 3, 3)
-        B = sum w target source^T.
+        ``sum w |target - rotation @ source|^2`` over unit vectors.
     eigenvalue_gap : ndarray, shape (...)
         Distance between the two largest eigenvalues of Davenport's matrix, in the unit of
         the weights. Zero means that one rotation is free.
-    directions : ndarray, shape (..., n, 3)
-        The source directions carried into the target frame.
     weights : ndarray, shape (..., n)
         The weights used.
-
-    Examples
-    --------
-    >>> float(solve(np.eye(3), np.eye(3)).loss)
-    0.0
     """
 
     rotation: FloatArray
     loss: FloatArray
-    attitude_profile: FloatArray
     eigenvalue_gap: FloatArray
-    directions: FloatArray
     weights: FloatArray
-
-    def covariance(self, sigma: ArrayLike, frame: str = "target") -> FloatArray:
-        """Return the covariance of the solution's error as a rotation vector.
-
-        Parameters
-        ----------
-        sigma : array_like, scalar or shape (..., n)
-            1 sigma error of each direction about each axis across it, in radians; errors
-            of target and source added in quadrature.
-        frame : {"target", "source"}
-            The frame whose axes the error is resolved about.
-
-        Returns
-        -------
-        ndarray, shape (..., 3, 3)
-            Covariance in square radians.
-
-        Raises
-        ------
-        ValueError
-            If sigma is negative or not finite, or the frame has another name.
-
-        Examples
-        --------
-        >>> solution = solve(np.eye(3), np.eye(3))
-        >>> np.round(np.sqrt(solution.covariance(2e-6).diagonal()) * 1e6, 3)
-        array([1.414, 1.414, 1.414])
-        """
-        if frame not in ("target", "source"):
-            raise ValueError(
-                f'frame: expected "target" or "source", got {frame!r}; name the frame whose '
-                "axes the error is resolved about"
-            )
-        in_target = attitude_covariance(self.directions, sigma, self.weights)
-        if frame == "target":
-            return in_target
-        result: FloatArray = transpose(self.rotation) @ in_target @ self.rotation
-        return result
 
 
 def attitude(
@@ -134,7 +87,7 @@ def attitude(
     ----------
     target_vectors, source_vectors : array_like, shape (..., n, 3)
         The same directions seen in two frames; they count as unit vectors, whatever their
-        length. Leading axes broadcast.
+        length.
     weights : array_like, shape (..., n), optional
         Relative weights, such as inverse variances; all one where none are given.
     method : {"direct", "svd", "q-method", "quest"}
@@ -154,8 +107,7 @@ def attitude(
         If a rotation is left free: fewer than two directions of weight above zero that are
         not parallel, or a set that mirrors its partner.
     ValueError
-        If shapes do not fit, values are not finite, a direction has length zero, weights
-        are negative or all zero, or the method is unknown.
+        If the counts differ, a direction has length zero, or all weights are zero.
 
     Examples
     --------
@@ -165,9 +117,7 @@ def attitude(
     >>> np.allclose(target_from_source @ [1, 0, 0], [0, 1, 0])
     True
     """
-    target, source, share = _prepared(target_vectors, source_vectors, weights)
-    rotation, _ = _best(target, source, share, method)
-    return rotation
+    return _rotation(*_prepared(target_vectors, source_vectors, weights), method)
 
 
 def solve(
@@ -176,97 +126,28 @@ def solve(
     weights: ArrayLike | None = None,
     method: str = "direct",
 ) -> WahbaSolution:
-    """Return the best rotation with its loss, attitude profile, gap and covariance.
+    """Return the best rotation with its loss, its eigenvalue gap and its weights.
 
-    Parameters
-    ----------
-    target_vectors, source_vectors, weights, method
-        As for `attitude`.
+    Arguments and errors are those of `attitude`.
 
     Returns
     -------
     WahbaSolution
-        The rotation target_from_source and what is known about it.
-
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `attitude`.
 
     Examples
     --------
     >>> solution = solve(np.eye(3), np.eye(3), weights=[1, 2, 3])
-    >>> solution.attitude_profile.diagonal(), round(float(solution.eigenvalue_gap), 12)
-    (array([1., 2., 3.]), 6.0)
+    >>> float(solution.loss), round(float(solution.eigenvalue_gap), 12)
+    (0.0, 6.0)
     """
-    target, source, share = _prepared(target_vectors, source_vectors, weights)
-    profile = _profile(target, source, share)
-    rotation, gap = _best(target, source, share, method)
-    kept = weights_for(weights, target.shape[-2])
+    target, source, kept = _prepared(target_vectors, source_vectors, weights)
+    target, source = _unit("target_vectors", target), _unit("source_vectors", source)
     total = kept.sum(axis=-1)
-    carried = source @ transpose(rotation)
-    misses = target - carried
-    return WahbaSolution(
-        rotation=rotation,
-        loss=total * np.einsum("...n,...ni,...ni->...", share, misses, misses),
-        attitude_profile=total[..., np.newaxis, np.newaxis] * profile,
-        eigenvalue_gap=total * gap,
-        directions=carried,
-        weights=kept,
-    )
-
-
-def attitude_covariance(
-    directions: ArrayLike, sigma: ArrayLike, weights: ArrayLike | None = None
-) -> FloatArray:
-    """Return the covariance of an attitude found from noisy directions.
-
-    First order in sigma. It holds for any weights; inverse variances give the smallest one.
-
-    Parameters
-    ----------
-    directions : array_like, shape (..., n, 3)
-        The observed directions, in the frame in which the covariance is wanted.
-    sigma : array_like, scalar or shape (..., n)
-        1 sigma error of each direction about each axis across it, in radians.
-    weights : array_like, shape (..., n), optional
-        The weights used in the solution; all one where none are given.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        Covariance of the small rotation vector about the axes of that frame, in rad^2.
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If all directions of weight above zero are parallel.
-    ValueError
-        If shapes do not fit, values are not finite, sigma is negative.
-
-    Examples
-    --------
-    Each axis is held by the two directions across it.
-
-    >>> np.round(attitude_covariance(np.eye(3), 1.0), 12).diagonal()
-    array([0.5, 0.5, 0.5])
-    """
-    rows = unit("directions", finite_array("directions", directions, shape=(None, 3)))
-    count = rows.shape[-2]
-    share = _shares(weights, count)
-    error = non_negative("sigma", sigma)
-    if error.ndim and error.shape[-1] != count:
-        raise ValueError(
-            f"sigma: expected one value or shape (..., {count}), one for each direction, "
-            f"got {error.shape}; give the error of every direction"
-        )
-    common_batch(directions=rows.shape[:-2], weights=share.shape[:-1], sigma=error.shape[:-1])
-    stiffness = _across(rows, share)
-    softest = np.asarray(np.linalg.eigvalsh(stiffness)[..., 0])
-    _refuse_free_rotation(softest, softest < SMALLEST_GAP)
-    freedom = np.linalg.inv(stiffness)
-    result: FloatArray = freedom @ _across(rows, (share * error) ** 2) @ freedom
-    return result
+    share = kept / kept.sum(axis=-1, keepdims=True)
+    rotation, gap = _best(target, source, share, method)
+    misses = target - source @ rotation.mT
+    loss = total * np.einsum("...n,...ni,...ni->...", share, misses, misses)
+    return WahbaSolution(rotation, loss, total * gap, kept)
 
 
 def mean_rotation(matrices: ArrayLike) -> FloatArray:
@@ -286,86 +167,16 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     ------
     DegenerateGeometryError
         If the rotations cancel, such as the identity and half a turn.
-    ValueError
-        If a matrix is not a rotation, or the shape does not fit.
 
     Examples
     --------
     >>> mean_rotation([np.eye(3), np.eye(3)]).diagonal()
     array([1., 1., 1.])
     """
-    array = rotations("matrices", finite_array("matrices", matrices, shape=(None, 3, 3)))
-    mean, gap = SOLVERS["svd"](array.mean(axis=-3))
-    _refuse_free_rotation(gap, gap < SMALLEST_GAP)
+    array = rotations("matrices", matrices, shape=(None, 3, 3))
+    mean, gap = wahba_solvers.by_svd(array.mean(axis=-3))
+    _refuse_free_rotation(gap, gap < _SMALLEST_GAP)
     return mean
-
-
-def _prepared(
-    target_vectors: ArrayLike, source_vectors: ArrayLike, weights: ArrayLike | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return unit vectors and weights that sum to one, after checking that they pair."""
-    target = finite_array("target_vectors", target_vectors, shape=(None, 3))
-    source = finite_array("source_vectors", source_vectors, shape=(None, 3))
-    count = target.shape[-2]
-    if source.shape[-2] != count:
-        raise ValueError(
-            f"target_vectors and source_vectors: expected as many rows, got {count} and "
-            f"{source.shape[-2]}; row i of both must be the same direction"
-        )
-    share = _shares(weights, count)
-    common_batch(
-        target_vectors=target.shape[:-2],
-        source_vectors=source.shape[:-2],
-        weights=share.shape[:-1],
-    )
-    return unit("target_vectors", target), unit("source_vectors", source), share
-
-
-def _shares(weights: ArrayLike | None, count: int) -> FloatArray:
-    checked = weights_for(weights, count)
-    shares: FloatArray = checked / checked.sum(axis=-1, keepdims=True)
-    return shares
-
-
-def _profile(target: FloatArray, source: FloatArray, share: FloatArray) -> FloatArray:
-    result: FloatArray = transpose(share[..., np.newaxis] * target) @ source
-    return result
-
-
-def _across(rows: FloatArray, factors: FloatArray) -> FloatArray:
-    """Return sum f (I - d d^T): how strongly directions resist a turn about each axis."""
-    trace = factors.sum(axis=-1)[..., np.newaxis, np.newaxis] * np.eye(3)
-    result: FloatArray = trace - transpose(factors[..., np.newaxis] * rows) @ rows
-    return result
-
-
-def _best(
-    target: FloatArray, source: FloatArray, share: FloatArray, method: str
-) -> tuple[FloatArray, FloatArray]:
-    if method not in METHODS:
-        raise ValueError(f"method: expected one of {sorted(METHODS)}, got {method!r}; choose one")
-    if method == "direct":
-        rotation, gap, blur = wahba_direct.by_turning(target, source, share)
-        _refuse_free_rotation(gap, blur > LARGEST_BLUR)
-    else:
-        rotation, gap = SOLVERS[method](_profile(target, source, share))
-        _refuse_free_rotation(gap, gap < SMALLEST_GAP)
-    return rotation, gap
-
-
-def _refuse_free_rotation(gap: FloatArray, free: NDArray[np.bool_]) -> None:
-    if free.any():
-        first = tuple(int(i) for i in np.argwhere(free)[0])
-        where = f"in {int(free.sum())} of {free.size} sets, the first at index {first}, "
-        raise DegenerateGeometryError(
-            "expected directions that fix all three axes, got a set that leaves a rotation free "
-            f"({where if free.ndim else ''}relative eigenvalue gap {gap[free].min():.1e}); add "
-            "a direction that is not parallel to the others, with a weight above zero"
-        )
-
-
-# How far weights may be from inverse variances, relative, and still count as proportional.
-ALIKE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -381,11 +192,6 @@ class Taste:
     probability : ndarray, shape (...)
         Of a statistic at least as large under the measurement model: uniform from 0 to 1 if the
         model holds, near 0 if it does not.
-
-    Examples
-    --------
-    >>> Taste(np.array(1.0), np.array(1.0), np.array(0.32)).freedom
-    array(1.)
     """
 
     statistic: FloatArray
@@ -399,28 +205,26 @@ def taste(solution: WahbaSolution, sigma: ArrayLike) -> Taste:
     Parameters
     ----------
     solution : WahbaSolution
-        From `wahba.solve`, with weights in proportion to 1/sigma^2 or zero; equal weights for
-        equal sigma.
+        From `solve`, with weights in proportion to 1/sigma^2 or zero; equal weights for equal
+        sigma.
     sigma : array_like, scalar or shape (..., n)
-        1 sigma error of each direction about each axis across it, in radians; errors of target
-        and source added in quadrature. Above zero.
+        1 sigma error of each direction about each axis across it, in radians, above zero; errors
+        of target and source added in quadrature.
 
     Returns
     -------
     Taste
-        Statistic, degrees of freedom and probability, for each set of the batch.
+        Of each set of the batch.
 
     Raises
     ------
     ValueError
-        If sigma is not above zero, its shape does not fit, or the weights are not in proportion
-        to 1/sigma^2: the loss then follows another law.
+        If the weights are not in proportion to 1/sigma^2: the loss then follows another law.
 
     Examples
     --------
     Two directions that are one sigma too far apart share it; half of its square is left.
 
-    >>> from reproduce.physics.attitude.wahba import solve
     >>> excess = 1e-4
     >>> found = solve([[1, 0, 0], [-np.sin(excess), np.cos(excess), 0]], np.eye(3)[:2])
     >>> check = taste(found, sigma=1e-4)
@@ -440,7 +244,7 @@ def taste(solution: WahbaSolution, sigma: ArrayLike) -> Taste:
     used = weights > 0
     # The factor from the weights used to inverse variances, the same for all directions.
     factor = np.where(used, inverse, 0.0).sum(axis=-1) / weights.sum(axis=-1)
-    wrong = np.abs(factor[..., np.newaxis] * weights - inverse) > ALIKE * inverse
+    wrong = np.abs(factor[..., np.newaxis] * weights - inverse) > _ALIKE * inverse
     if (wrong & used).any():
         raise ValueError(
             "weights: expected inverse variances 1/sigma^2, up to one common factor, got others; "
@@ -449,3 +253,60 @@ def taste(solution: WahbaSolution, sigma: ArrayLike) -> Taste:
     statistic = np.asarray(factor * solution.loss)
     freedom = np.broadcast_to(2.0 * used.sum(axis=-1) - 3.0, statistic.shape)
     return Taste(statistic, freedom, np.asarray(chdtrc(freedom, statistic)))
+
+
+def _prepared(
+    target_vectors: ArrayLike, source_vectors: ArrayLike, weights: ArrayLike | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return directions and weights after checking that they pair."""
+    target = finite_array("target_vectors", target_vectors, shape=(None, 3))
+    source = finite_array("source_vectors", source_vectors, shape=(None, 3))
+    count = target.shape[-2]
+    if source.shape[-2] != count:
+        raise ValueError(
+            f"target_vectors and source_vectors: expected as many rows, got {count} and "
+            f"{source.shape[-2]}; row i of both must be the same direction"
+        )
+    kept = weights_for(weights, count)
+    common_batch(
+        target_vectors=target.shape[:-2],
+        source_vectors=source.shape[:-2],
+        weights=kept.shape[:-1],
+    )
+    return target, source, kept
+
+
+def _rotation(
+    target: FloatArray, source: FloatArray, weights: FloatArray, method: str = "direct"
+) -> FloatArray:
+    """Return what `attitude` does, from directions of any length that are checked already."""
+    share = weights / weights.sum(axis=-1, keepdims=True)
+    target, source = _unit("target_vectors", target), _unit("source_vectors", source)
+    rotation, _ = _best(target, source, share, method)
+    return rotation
+
+
+def _best(
+    target: FloatArray, source: FloatArray, share: FloatArray, method: str
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotation and gap from unit vectors and weights that sum to one."""
+    if method not in METHODS:
+        raise ValueError(f"method: expected one of {sorted(METHODS)}, got {method!r}; choose one")
+    if method == "direct":
+        rotation, gap, blur = wahba_solvers.by_turning(target, source, share)
+        _refuse_free_rotation(gap, blur > _LARGEST_BLUR)
+    else:
+        rotation, gap = _SOLVERS[method]((share[..., np.newaxis] * target).mT @ source)
+        _refuse_free_rotation(gap, gap < _SMALLEST_GAP)
+    return rotation, gap
+
+
+def _refuse_free_rotation(gap: FloatArray, free: NDArray[np.bool_]) -> None:
+    if free.any():
+        first = tuple(int(i) for i in np.argwhere(free)[0])
+        where = f"in {int(free.sum())} of {free.size} sets, the first at index {first}, "
+        raise DegenerateGeometryError(
+            "expected directions that fix all three axes, got a set that leaves a rotation free "
+            f"({where if free.ndim else ''}relative eigenvalue gap {gap[free].min():.1e}); add "
+            "a direction that is not parallel to the others, with a weight above zero"
+        )

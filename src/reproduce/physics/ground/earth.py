@@ -16,10 +16,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.ground.imaging import WGS84, Ellipsoid
-from reproduce.physics.validate import FloatArray, common_batch, finite_array
+from reproduce.physics.validate import FloatArray, finite_array, together
+
+__all__ = [
+    "EarthOrientation",
+    "earth_fixed",
+    "earth_from_inertial",
+    "local_axes",
+    "satellite_from_inertial",
+]
 
 # Beyond a second a value of UT1 - UTC is a mistake: leap seconds keep it below 0.9 s.
-LARGEST_UT1_UTC = 1.0
+_LARGEST_UT1_UTC = 1.0
 
 
 @dataclass(frozen=True)
@@ -34,11 +42,6 @@ class EarthOrientation:
         Polar motion x_p, y_p, in radians.
     celestial_pole : (float, float)
         Offsets dX, dY of the celestial pole from IAU 2006/2000A, in radians.
-
-    Examples
-    --------
-    >>> EarthOrientation(ut1_utc=-0.1).pole
-    (0.0, 0.0)
     """
 
     ut1_utc: float
@@ -49,7 +52,7 @@ class EarthOrientation:
         values = (self.ut1_utc, *self.pole, *self.celestial_pole)
         if not np.isfinite(values).all():
             raise ValueError(f"expected finite Earth orientation, got {values}")
-        if abs(self.ut1_utc) > LARGEST_UT1_UTC:
+        if abs(self.ut1_utc) > _LARGEST_UT1_UTC:
             raise ValueError(
                 f"ut1_utc: expected seconds between -1 and 1, got {self.ut1_utc}; IERS prints "
                 "UT1 - UTC in seconds, other files in milliseconds"
@@ -97,58 +100,26 @@ def earth_from_inertial(utc: ArrayLike, orientation: EarthOrientation) -> FloatA
     intermediate = erfa.c2ixys(x + dx, y + dy, s)
     rotation = erfa.era00(*ut1)
     polar = erfa.pom00(*orientation.pole, erfa.sp00(*tt))
-    return np.asarray(erfa.c2tcio(intermediate, rotation, polar), dtype=np.float64)
-
-
-def geodetic(positions: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
-    """Return longitude, latitude and height of Earth-fixed positions.
-
-    Parameters
-    ----------
-    positions : array_like, shape (..., 3)
-        In metres.
-    ellipsoid : Ellipsoid
-        The surface that heights count from.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Longitude and geodetic latitude in radians, height in metres.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a value is not finite.
-
-    Examples
-    --------
-    >>> geodetic([6378137.0 + 500.0, 0.0, 0.0]).round(6) + 0.0
-    array([  0.,   0., 500.])
-    """
-    points = finite_array("positions", positions, shape=(3,))
-    found = erfa.gc2gde(ellipsoid.equatorial_radius, ellipsoid.flattening, points)
-    return np.stack(found, axis=-1)
+    return erfa.c2tcio(intermediate, rotation, polar)
 
 
 def earth_fixed(coordinates: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
-    """Return Earth-fixed positions of longitude, latitude and height: `geodetic` turned round.
+    """Return Earth-fixed positions of longitude, latitude and height.
 
     Parameters
     ----------
     coordinates : array_like, shape (..., 3)
-        Longitude and geodetic latitude in radians, height in metres.
+        Longitude and geodetic latitude in radians, height above the ellipsoid in metres.
     ellipsoid : Ellipsoid
-        The surface that heights count from.
 
     Returns
     -------
-    ndarray, shape (..., 3)
-        In metres.
+    ndarray, shape (..., 3), in metres
 
     Raises
     ------
     ValueError
-        If a shape does not fit, a value is not finite, or a latitude is beyond a pole.
+        If a latitude is beyond a pole.
 
     Examples
     --------
@@ -161,16 +132,7 @@ def earth_fixed(coordinates: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatAr
             "coordinates: expected latitudes from -pi/2 to pi/2 in the second column, got "
             f"{np.abs(rows[..., 1]).max():g}; angles are in radians, longitude first"
         )
-    return np.asarray(
-        erfa.gd2gce(
-            ellipsoid.equatorial_radius,
-            ellipsoid.flattening,
-            rows[..., 0],
-            rows[..., 1],
-            rows[..., 2],
-        ),
-        dtype=np.float64,
-    )
+    return erfa.gd2gce(ellipsoid.equatorial_radius, ellipsoid.flattening, *np.moveaxis(rows, -1, 0))
 
 
 def local_axes(positions: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
@@ -188,11 +150,6 @@ def local_axes(positions: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray
     ndarray, shape (..., 3, 3)
         local_from_earth; its rows are east, north and up.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a value is not finite.
-
     Examples
     --------
     On the equator at zero longitude: east is Y, north is Z, up is X.
@@ -202,8 +159,8 @@ def local_axes(positions: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray
            [0., 0., 1.],
            [1., 0., 0.]])
     """
-    places = geodetic(positions, ellipsoid)
-    longitude, latitude = places[..., 0], places[..., 1]
+    places = finite_array("positions", positions, shape=(3,))
+    longitude, latitude, _ = erfa.gc2gde(ellipsoid.equatorial_radius, ellipsoid.flattening, places)
     zero = np.zeros_like(longitude)
     east = np.stack([-np.sin(longitude), np.cos(longitude), zero], axis=-1)
     up = np.stack(
@@ -233,7 +190,7 @@ def satellite_from_inertial(position: ArrayLike, velocity: ArrayLike) -> FloatAr
     Raises
     ------
     ValueError
-        If a shape does not fit, a value is not finite, or the satellite falls straight down.
+        If the satellite falls straight down.
 
     Examples
     --------
@@ -242,9 +199,7 @@ def satellite_from_inertial(position: ArrayLike, velocity: ArrayLike) -> FloatAr
            [-0., -0., -1.],
            [-1., -0., -0.]])
     """
-    place = finite_array("position", position, shape=(3,))
-    motion = finite_array("velocity", velocity, shape=(3,))
-    common_batch(position=place.shape[:-1], velocity=motion.shape[:-1])
+    place, motion = together(position=(position, (3,)), velocity=(velocity, (3,)))
     normal = np.cross(place, motion)
     size = np.linalg.norm(normal, axis=-1, keepdims=True)
     if (size <= 0).any():

@@ -15,7 +15,21 @@ from scipy.special import ndtr
 
 from reproduce.physics.ground.earth import local_axes
 from reproduce.physics.ground.imaging import WGS84, Ellipsoid
-from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
+from reproduce.physics.validate import POSITIVE, FloatArray, common_batch, finite_array, together
+
+__all__ = [
+    "Ellipse",
+    "altitude_for_resolution",
+    "circular_error",
+    "ellipse",
+    "ground_covariance",
+    "ground_error",
+    "ground_resolution",
+]
+
+# Strips over which a normal law in the plane is integrated; enough for five digits.
+_SECTORS = 256
+_HALVINGS = 60
 
 
 def ground_resolution(
@@ -25,26 +39,22 @@ def ground_resolution(
 
     Parameters
     ----------
-    focal_length, pixel_pitch, altitude : array_like
-        In metres, above zero.
+    focal_length, pixel_pitch, altitude : array_like, in metres
 
     Returns
     -------
     ndarray
         pitch × altitude / focal length, in metres.
 
-    Raises
-    ------
-    ValueError
-        If a length is not finite or not above zero.
-
     Examples
     --------
     >>> float(ground_resolution(focal_length=10.0, pixel_pitch=1e-5, altitude=500e3))
     0.5
     """
-    focal, pitch, height = _lengths(
-        focal_length=focal_length, pixel_pitch=pixel_pitch, altitude=altitude
+    focal, pitch, height = together(
+        focal_length=(focal_length, POSITIVE),
+        pixel_pitch=(pixel_pitch, POSITIVE),
+        altitude=(altitude, POSITIVE),
     )
     return np.asarray(pitch * height / focal)
 
@@ -54,28 +64,22 @@ def altitude_for_resolution(
 ) -> FloatArray:
     """Return the altitude from which a pixel has a given size on the ground at nadir.
 
-    Parameters
-    ----------
-    focal_length, pixel_pitch, resolution : array_like
-        In metres, above zero.
+    Arguments are those of `ground_resolution`, the size in place of the altitude.
 
     Returns
     -------
     ndarray
         resolution × focal length / pitch, in metres.
 
-    Raises
-    ------
-    ValueError
-        If a length is not finite or not above zero.
-
     Examples
     --------
     >>> round(float(altitude_for_resolution(10.0, 1e-5, resolution=0.5)))
     500000
     """
-    focal, pitch, size = _lengths(
-        focal_length=focal_length, pixel_pitch=pixel_pitch, resolution=resolution
+    focal, pitch, size = together(
+        focal_length=(focal_length, POSITIVE),
+        pixel_pitch=(pixel_pitch, POSITIVE),
+        resolution=(resolution, POSITIVE),
     )
     return np.asarray(size * focal / pitch)
 
@@ -85,8 +89,7 @@ def ground_error(altitude: ArrayLike, angle: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    altitude : array_like
-        In metres, above zero.
+    altitude : array_like, in metres
     angle : array_like
         Pointing error about an axis across the boresight, in radians, small; keeps its sign.
 
@@ -95,31 +98,13 @@ def ground_error(altitude: ArrayLike, angle: ArrayLike) -> FloatArray:
     ndarray
         altitude × angle, in metres.
 
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the altitude is not above zero.
-
     Examples
     --------
     >>> float(ground_error(500e3, 2e-6))
     1.0
     """
-    (height,) = _lengths(altitude=altitude)
-    turn = finite_array("angle", angle)
-    common_batch(altitude=height.shape, angle=turn.shape)
+    height, turn = together(altitude=(altitude, POSITIVE), angle=(angle, ()))
     return np.asarray(height * turn)
-
-
-def _lengths(**values: ArrayLike) -> tuple[FloatArray, ...]:
-    checked = {name: positive(name, value) for name, value in values.items()}
-    common_batch(**{name: array.shape for name, array in checked.items()})
-    return tuple(checked.values())
-
-
-# Strips over which a normal law in the plane is integrated; enough for five digits.
-SECTORS = 256
-HALVINGS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,11 +117,6 @@ class Ellipse:
         Semi-axes, in metres.
     azimuth : ndarray, shape (...)
         Of the major axis, from north towards east, in radians, from 0 to pi.
-
-    Examples
-    --------
-    >>> float(ellipse(np.diag([4.0, 1.0])).azimuth / np.pi)
-    0.5
     """
 
     major: FloatArray
@@ -165,13 +145,7 @@ def ground_covariance(
 
     Returns
     -------
-    ndarray, shape (..., 2, 2)
-        In square metres.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a value is not finite.
+    ndarray, shape (..., 2, 2), in square metres
 
     Examples
     --------
@@ -185,27 +159,17 @@ def ground_covariance(
         position=local.shape[:-2], jacobian=slopes.shape[:-2], covariance=spread.shape[:-2]
     )
     onto = local @ slopes
-    result: FloatArray = onto @ spread @ np.swapaxes(onto, -1, -2)
-    return result
+    return onto @ spread @ onto.mT
 
 
 def ellipse(covariance: ArrayLike) -> Ellipse:
     """Return the one-sigma ellipse of a covariance.
 
-    Parameters
-    ----------
-    covariance : array_like, shape (..., 2, 2)
-        Of east and north, in square metres.
+    Arguments and errors are those of `circular_error`.
 
     Returns
     -------
     Ellipse
-        Semi-axes and azimuth.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, or the matrix is not a covariance.
 
     Examples
     --------
@@ -214,9 +178,8 @@ def ellipse(covariance: ArrayLike) -> Ellipse:
     """
     values, vectors = _eigen(covariance)
     azimuth = np.arctan2(vectors[..., 0, 1], vectors[..., 1, 1]) % np.pi
-    return Ellipse(
-        np.asarray(np.sqrt(values[..., 1])), np.asarray(np.sqrt(values[..., 0])), azimuth
-    )
+    minor, major = np.moveaxis(np.sqrt(values), -1, 0)
+    return Ellipse(major, minor, azimuth)
 
 
 def circular_error(covariance: ArrayLike, share: float = 0.9) -> FloatArray:
@@ -231,13 +194,12 @@ def circular_error(covariance: ArrayLike, share: float = 0.9) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (...)
-        In metres.
+    ndarray, shape (...), in metres
 
     Raises
     ------
     ValueError
-        If a shape does not fit, the matrix is not a covariance, or the share is out of range.
+        If the matrix is not a covariance, or the share is out of range.
 
     Examples
     --------
@@ -254,23 +216,23 @@ def circular_error(covariance: ArrayLike, share: float = 0.9) -> FloatArray:
     # Thinner than a millionth is a line for every purpose, and keeps the integral regular.
     ratio = np.maximum(np.sqrt(values[..., 0]) / scale, 0.0)
     low, high = np.zeros_like(scale), np.full_like(scale, np.sqrt(-2.0 * np.log1p(-share)))
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         inside = _held(middle, ratio) < share
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    return np.asarray(np.where(large > 0, high * scale, 0.0))
+    return np.where(large > 0, high * scale, 0.0)
 
 
 def _held(radius: FloatArray, ratio: FloatArray) -> FloatArray:
     """Return the share of a normal law with semi-axes 1 and `ratio` inside a circle."""
     # Across the long axis: x from -R to R, and |y| below the circle's edge there.
-    turn: FloatArray = (np.arange(SECTORS) + 0.5) / SECTORS * np.pi - np.pi / 2
+    turn = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi - np.pi / 2
     x = radius[..., np.newaxis] * np.sin(turn)
     edge = radius[..., np.newaxis] * np.cos(turn)
     thin = np.maximum(ratio, 1e-12)[..., np.newaxis]
     within = 2.0 * ndtr(edge / thin) - 1.0
     density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
-    return np.asarray((density * within * edge).mean(axis=-1) * np.pi)
+    return (density * within * edge).mean(axis=-1) * np.pi
 
 
 def _eigen(covariance: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -18,8 +18,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import cross_matrix, rotations, unit
-from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
+from reproduce.physics.attitude.rotations import _cross_matrix, _unit
+from reproduce.physics.validate import (
+    POSITIVE,
+    ROTATION,
+    FloatArray,
+    common_batch,
+    finite_array,
+    together,
+)
+
+__all__ = [
+    "WGS84",
+    "EarthMissedError",
+    "Ellipsoid",
+    "GroundJacobian",
+    "ImagedPoint",
+    "distance_to_ground",
+    "ground_jacobian",
+    "image_vectors",
+    "imaged_position",
+    "imaging_chain",
+]
 
 
 class EarthMissedError(ValueError):
@@ -32,8 +52,7 @@ class Ellipsoid:
 
     Attributes
     ----------
-    equatorial_radius : float
-        In metres.
+    equatorial_radius : float, in metres
     flattening : float
         (equatorial - polar radius) / equatorial radius.
 
@@ -77,11 +96,6 @@ class ImagedPoint:
         Earth-fixed, in metres.
     scale : ndarray, shape (..., n)
         The scale factor m: the length along the image vector, in units of its length.
-
-    Examples
-    --------
-    >>> ImagedPoint(np.zeros((1, 3)), np.ones(1)).scale
-    array([1.])
     """
 
     position: FloatArray
@@ -113,20 +127,18 @@ def image_vectors(
         [X - X_0 - Delta X, Y - Y_0 - Delta Y, -f_cam] in the camera frame, in metres. It
         points from the lens into the camera, against the line of sight.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a value is not finite, or the focal length is not above zero.
-
     Examples
     --------
     >>> image_vectors([[0.03, 0.0]], focal_length=4.0)
     array([[ 0.03,  0.  , -4.  ]])
     """
-    rows = finite_array("points", points, shape=(None, 2))
-    centre = finite_array("principal_point", principal_point, shape=(2,))[..., np.newaxis, :]
+    rows, centre, focal = together(
+        points=(points, (None, 2)),
+        principal_point=(principal_point, (2,)),
+        focal_length=(focal_length, POSITIVE),
+    )
     shift = finite_array("distortion", distortion, shape=(2,))
-    focal = positive("focal_length", focal_length)[..., np.newaxis]
+    centre, focal = centre[..., np.newaxis, :], focal[..., np.newaxis]
     batch = common_batch(
         points=rows.shape[:-1],
         principal_point=centre.shape[:-1],
@@ -149,10 +161,8 @@ def imaging_chain(
 
     Parameters
     ----------
-    earth_from_inertial : array_like, shape (..., 3, 3)
-        R_J2000^WGS84.
-    inertial_from_tracker : array_like, shape (..., 3, 3)
-        R_star^J2000.
+    earth_from_inertial, inertial_from_tracker : array_like, shape (..., 3, 3)
+        R_J2000^WGS84 and R_star^J2000.
     tracker_misalignment : array_like, shape (..., 3, 3)
         R_U, the misalignment resolved in the tracker; see
         `attitude.misalignment.misalignment_in_tracker`.
@@ -164,27 +174,18 @@ def imaging_chain(
     ndarray, shape (..., 3, 3)
         earth_from_camera.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is not a rotation.
-
     Examples
     --------
     >>> imaging_chain(np.eye(3), np.eye(3), np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    chain = {
-        "earth_from_inertial": earth_from_inertial,
-        "inertial_from_tracker": inertial_from_tracker,
-        "tracker_misalignment": tracker_misalignment,
-        "tracker_from_camera": tracker_from_camera,
-    }
-    factors = {name: rotations(name, matrix) for name, matrix in chain.items()}
-    common_batch(**{name: matrix.shape[:-2] for name, matrix in factors.items()})
-    first, second, third, fourth = factors.values()
-    result: FloatArray = first @ second @ third @ fourth
-    return result
+    first, second, third, fourth = together(
+        earth_from_inertial=(earth_from_inertial, ROTATION),
+        inertial_from_tracker=(inertial_from_tracker, ROTATION),
+        tracker_misalignment=(tracker_misalignment, ROTATION),
+        tracker_from_camera=(tracker_from_camera, ROTATION),
+    )
+    return first @ second @ third @ fourth
 
 
 def imaged_position(
@@ -221,7 +222,7 @@ def imaged_position(
     EarthMissedError
         If a line of sight passes the Earth, or looks away from it.
     ValueError
-        If a shape does not fit, a value is not finite, or the satellite is not outside.
+        If the satellite is not outside.
 
     Examples
     --------
@@ -232,18 +233,10 @@ def imaged_position(
     >>> np.round(imaged.position), imaged.scale
     (array([[6378137.,       0.,       0.]]), array([-2000000.]))
     """
-    rows = finite_array("vectors", vectors, shape=(None, 3))
-    origin = finite_array("satellite", satellite, shape=(3,))
-    chain = rotations("earth_from_camera", earth_from_camera)
-    common_batch(
-        vectors=rows.shape[:-2], satellite=origin.shape[:-1], earth_from_camera=chain.shape[:-2]
-    )
-    outgoing = -(rows @ np.swapaxes(chain, -1, -2))
-    start = origin[..., np.newaxis, :]
-    reach = distance_to_ground(start, outgoing, ellipsoid)
-    sight = unit("vectors", outgoing)
-    lengths = np.linalg.norm(rows, axis=-1)
-    return ImagedPoint(position=start + reach[..., np.newaxis] * sight, scale=-reach / lengths)
+    rows, origin, chain = _checked(vectors, satellite, earth_from_camera)
+    sight, reach = _lines_of_sight(rows, origin, chain, ellipsoid)
+    position = origin[..., np.newaxis, :] + reach[..., np.newaxis] * sight
+    return ImagedPoint(position, -reach / np.linalg.norm(rows, axis=-1))
 
 
 def distance_to_ground(
@@ -270,16 +263,36 @@ def distance_to_ground(
     EarthMissedError
         If a line passes the ellipsoid, or meets it only backwards.
     ValueError
-        If a shape does not fit, a value is not finite, or an origin is not outside.
+        If an origin is not outside.
 
     Examples
     --------
     >>> float(distance_to_ground([0, 0, 5.0], [0, 0, -1], Ellipsoid(2.0, 0.5)))
     4.0
     """
-    start = finite_array("origin", origin, shape=(3,))
-    sight = unit("directions", directions)
-    common_batch(origin=start.shape[:-1], directions=sight.shape[:-1])
+    start, sight = together(origin=(origin, (3,)), directions=(directions, (3,)))
+    return _distance(start, _unit("directions", sight), ellipsoid)
+
+
+def _checked(
+    vectors: ArrayLike, satellite: ArrayLike, earth_from_camera: ArrayLike
+) -> tuple[FloatArray, ...]:
+    return together(
+        vectors=(vectors, (None, 3)),
+        satellite=(satellite, (3,)),
+        earth_from_camera=(earth_from_camera, ROTATION),
+    )
+
+
+def _lines_of_sight(
+    vectors: FloatArray, satellite: FloatArray, chain: FloatArray, ellipsoid: Ellipsoid
+) -> tuple[FloatArray, FloatArray]:
+    """Return unit lines of sight, Earth-fixed, and the distances along them to the ground."""
+    sight = _unit("vectors", -(vectors @ chain.mT))
+    return sight, _distance(satellite[..., np.newaxis, :], sight, ellipsoid)
+
+
+def _distance(start: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> FloatArray:
     axes = np.array([ellipsoid.equatorial_radius] * 2 + [ellipsoid.polar_radius])
     # In units of the axes the ellipsoid is a sphere of radius one.
     start, sight = start / axes, sight / axes
@@ -295,7 +308,7 @@ def distance_to_ground(
     moment = np.cross(start, sight)
     discriminant = square - np.einsum("...i,...i->...", moment, moment)
     _refuse_misses(discriminant, approach)
-    return np.asarray(height / (approach + np.sqrt(discriminant)))
+    return height / (approach + np.sqrt(discriminant))
 
 
 def _refuse_misses(discriminant: FloatArray, approach: FloatArray) -> None:
@@ -326,28 +339,12 @@ class GroundJacobian:
         By the image vector's X, Y and Z, per metre. A shift of the principal point or of the
         distortion enters with the opposite sign of the first two columns, a longer focal length
         with that of the third.
-
-    Examples
-    --------
-    >>> still = np.zeros((1, 3, 3))
-    >>> GroundJacobian(np.zeros((1, 3)), still, still, still).by_turn.shape
-    (1, 3, 3)
     """
 
     position: FloatArray
     by_satellite: FloatArray
     by_turn: FloatArray
     by_image: FloatArray
-
-    @property
-    def by_principal_point(self) -> FloatArray:
-        """By (X_0, Y_0), shape (..., n, 3, 2), without unit."""
-        return np.asarray(-self.by_image[..., :2])
-
-    @property
-    def by_focal_length(self) -> FloatArray:
-        """By f_cam, shape (..., n, 3, 1), without unit."""
-        return np.asarray(-self.by_image[..., 2:])
 
 
 def ground_jacobian(
@@ -358,20 +355,12 @@ def ground_jacobian(
 ) -> GroundJacobian:
     """Return ground positions with their derivatives by all terms of the imaging model.
 
-    Parameters
-    ----------
-    vectors, satellite, earth_from_camera, ellipsoid
-        As for `imaging.imaged_position`.
+    Arguments and errors are those of `imaged_position`.
 
     Returns
     -------
     GroundJacobian
         Exact to rounding.
-
-    Raises
-    ------
-    EarthMissedError, ValueError
-        As for `imaging.imaged_position`.
 
     Examples
     --------
@@ -382,19 +371,15 @@ def ground_jacobian(
     >>> found.by_turn[0, :, 1].round(3) + 0.0
     array([      0.,       0., 1000000.])
     """
-    rows = finite_array("vectors", vectors, shape=(None, 3))
-    origin = finite_array("satellite", satellite, shape=(3,))
-    chain = rotations("earth_from_camera", earth_from_camera)
-    imaged = imaged_position(rows, origin, chain, ellipsoid)
-    position = imaged.position
-    sight = unit("vectors", -(rows @ np.swapaxes(chain, -1, -2)))
+    rows, origin, chain = _checked(vectors, satellite, earth_from_camera)
+    sight, reach = _lines_of_sight(rows, origin, chain, ellipsoid)
+    position = origin[..., np.newaxis, :] + reach[..., np.newaxis] * sight
     lengths = np.linalg.norm(rows, axis=-1)
-    reach = np.abs(imaged.scale) * lengths
     slide = _slide(position, sight, ellipsoid)
     far = slide * reach[..., np.newaxis, np.newaxis]
     matrix = chain[..., np.newaxis, :, :]
     # A turn by t moves the line by t × u, so du = -[u ×] R t for a turn about camera axes.
-    by_turn = -far @ cross_matrix(sight) @ matrix
+    by_turn = -far @ _cross_matrix(sight) @ matrix
     across = np.eye(3) - sight[..., :, np.newaxis] * sight[..., np.newaxis, :]
     by_image = -far @ across @ matrix / lengths[..., np.newaxis, np.newaxis]
     return GroundJacobian(position, slide, by_turn, by_image)
@@ -406,4 +391,4 @@ def _slide(position: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> Flo
     normal = position / axes**2
     steep = np.einsum("...i,...i->...", normal, sight)[..., np.newaxis, np.newaxis]
     outer = sight[..., :, np.newaxis] * normal[..., np.newaxis, :]
-    return np.asarray(np.eye(3) - outer / steep)
+    return np.eye(3) - outer / steep

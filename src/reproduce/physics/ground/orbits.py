@@ -16,8 +16,18 @@ from scipy.signal import lfilter
 from reproduce.physics.ground.imaging import WGS84
 from reproduce.physics.validate import FloatArray, finite_array, positive, whole_number
 
+__all__ = [
+    "DAY",
+    "YEAR_DAYS",
+    "Thermal",
+    "last_orbits",
+    "orbital_period",
+    "thermal_series",
+    "trend_and_fourier",
+]
+
 # Gravitational constant of the Earth, m^3/s^2 (WGS84).
-EARTH_GM = 3.986004418e14
+_EARTH_GM = 3.986004418e14
 DAY = 86400.0
 YEAR_DAYS = 365.25
 
@@ -32,13 +42,7 @@ def orbital_period(altitude: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray
-        In seconds.
-
-    Raises
-    ------
-    ValueError
-        If an altitude is not finite or not above zero.
+    ndarray, in seconds
 
     Examples
     --------
@@ -48,7 +52,7 @@ def orbital_period(altitude: ArrayLike) -> FloatArray:
     23.93
     """
     radius = WGS84.equatorial_radius + positive("altitude", altitude)
-    return np.asarray(2.0 * np.pi * np.sqrt(radius**3 / EARTH_GM))
+    return np.asarray(2.0 * np.pi * np.sqrt(radius**3 / _EARTH_GM))
 
 
 @dataclass(frozen=True)
@@ -71,11 +75,6 @@ class Thermal:
         Drift over a year, relative to the amplitude.
     jumps : float
         Jumps per year, each with a standard deviation of half the amplitude.
-
-    Examples
-    --------
-    >>> Thermal(1e-4).harmonics[0]
-    1.0
     """
 
     amplitude: float
@@ -99,27 +98,18 @@ def thermal_series(
     Parameters
     ----------
     thermal : Thermal
-        What heat does.
     period : float
         Of the orbit, in seconds.
     per_orbit : int
         Samples in an orbit, evenly spaced.
     orbits : int
-        How many.
     generator : numpy.random.Generator
         Draws phases, wander and jumps.
 
     Returns
     -------
-    times : ndarray, shape (samples,)
-        In days.
-    angles : ndarray, shape (samples, 2)
-        In radians.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a number is out of range.
+    times : ndarray, shape (samples,), in days
+    angles : ndarray, shape (samples, 2), in radians
 
     Examples
     --------
@@ -152,47 +142,14 @@ def _wander(steps: int, step: float, days: float, generator: Generator) -> Float
     keep = float(np.exp(-step / days))
     noise = generator.standard_normal(steps)
     noise[1:] *= np.sqrt(1.0 - keep**2)
-    return np.asarray(lfilter([1.0], [1.0, -keep], noise), dtype=np.float64)
+    return lfilter([1.0], [1.0, -keep], noise)
 
 
 def _jumps(times: FloatArray, rate: float, generator: Generator) -> FloatArray:
     count = int(generator.poisson(rate * times[-1] / YEAR_DAYS))
     moments = generator.uniform(0.0, times[-1], count)
     sizes = generator.normal(0.0, 0.5, count)
-    result: FloatArray = (times[:, np.newaxis] >= moments) @ sizes
-    return result
-
-
-def fourier_columns(phase: ArrayLike, degree: int) -> FloatArray:
-    """Return one, cosines and sines of an orbit's harmonics.
-
-    Parameters
-    ----------
-    phase : array_like, shape (n,)
-        In orbits.
-    degree : int
-        Of the highest harmonic.
-
-    Returns
-    -------
-    ndarray, shape (n, 2 degree + 1)
-        Columns of a least-squares fit.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the degree is not a whole number above zero, or a phase is not finite.
-
-    Examples
-    --------
-    >>> fourier_columns([0.0, 0.25], 1).round(12) + 0.0
-    array([[1., 1., 0.],
-           [1., 0., 1.]])
-    """
-    turns = finite_array("phase", phase, shape=(None,))
-    order = np.arange(1, whole_number("degree", degree) + 1)
-    angle = 2.0 * np.pi * turns[:, np.newaxis] * order
-    return np.hstack([np.ones((len(turns), 1)), np.cos(angle), np.sin(angle)])
+    return (times[:, np.newaxis] >= moments) @ sizes
 
 
 def trend_and_fourier(
@@ -202,14 +159,12 @@ def trend_and_fourier(
 
     Parameters
     ----------
-    times : ndarray, shape (samples,)
-        In days.
-    phase : ndarray, shape (samples,)
-        In orbits.
+    times : ndarray, shape (samples,), in days
+    phase : ndarray, shape (samples,), in orbits
     measured : ndarray, shape (samples, 2)
-        Misalignment as calibrated; only the first `known` samples are looked at.
+        Misalignment as calibrated.
     known : int
-        How many samples are fitted.
+        How many samples, the first ones, are fitted.
     degree : int
         Of the Fourier series.
 
@@ -230,14 +185,15 @@ def trend_and_fourier(
     >>> np.allclose(trend_and_fourier(t, t / 7, line, 50), line)
     True
     """
-    columns = np.hstack([times[:, np.newaxis], fourier_columns(phase, degree)])
+    turns = finite_array("phase", phase, shape=(None,))
+    columns = np.hstack([times[:, np.newaxis], _fourier_columns(turns, degree)])
     if not columns.shape[1] <= known <= len(times):
         raise ValueError(
             f"known: expected from {columns.shape[1]} samples, as many as the fit has terms, to "
             f"{len(times)}, got {known}; calibrate longer or lower the degree"
         )
     fitted = np.linalg.lstsq(columns[:known], measured[:known], rcond=None)[0]
-    return np.asarray(columns @ fitted)
+    return columns @ fitted
 
 
 def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatArray:
@@ -279,10 +235,17 @@ def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatA
             f"{len(measured)} samples; cut the series after a whole orbit"
         )
     orbits = measured.reshape(-1, per_orbit, 2)
-    columns = fourier_columns(np.arange(per_orbit) / per_orbit, degree)
+    columns = _fourier_columns(np.arange(per_orbit) / per_orbit, degree)
     fits = np.einsum("kp,opa->oka", np.linalg.pinv(columns), orbits)
     # The line through values at -3, -2, -1, taken at 0.
     ahead = (-2.0 * fits[:-3] + fits[1:-2] + 4.0 * fits[2:-1]) / 3.0
     foretold = np.full_like(orbits, np.nan)
     foretold[3:] = np.einsum("pk,oka->opa", columns, ahead)
     return foretold.reshape(-1, 2)
+
+
+def _fourier_columns(phase: FloatArray, degree: int) -> FloatArray:
+    """Return one, cosines and sines of an orbit's harmonics, shape (n, 2 degree + 1)."""
+    order = np.arange(1, whole_number("degree", degree) + 1)
+    angle = 2.0 * np.pi * phase[:, np.newaxis] * order
+    return np.hstack([np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)])

@@ -11,16 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.spots import spot_gradient, spot_windows
+from reproduce.physics.images.centroids import _centre_of_gravity
+from reproduce.physics.images.spots import _gradient, _windows
 from reproduce.physics.validate import (
+    NON_NEGATIVE,
+    POSITIVE,
     FloatArray,
-    common_batch,
-    finite_array,
-    non_negative,
-    positive,
+    together,
     whole_number,
 )
+
+__all__ = ["CentroidError", "centre_of_gravity_error", "cramer_rao_variance", "s_curve_bias"]
 
 
 def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatArray:
@@ -31,10 +32,8 @@ def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatA
 
     Parameters
     ----------
-    phase : array_like
-        Position of the spot relative to the centre of a pixel, in px.
-    radius : array_like
-        Standard deviation of the spot, in px.
+    phase, radius : array_like, in px
+        Position relative to the centre of a pixel, and standard deviation of the spot.
     terms : int
         Harmonics of the series.
 
@@ -43,11 +42,6 @@ def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatA
     ndarray
         Found less true position, in px.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If a value is not finite, or the radius or the number of terms not above zero.
-
     Examples
     --------
     A spot that is wide against a pixel has none; a narrow one is drawn to the pixel's centre.
@@ -55,8 +49,7 @@ def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatA
     >>> s_curve_bias(0.25, [2.0, 0.2]).round(3)
     array([-0.   , -0.144])
     """
-    offset, width = finite_array("phase", phase), positive("radius", radius)
-    common_batch(phase=offset.shape, radius=width.shape)
+    offset, width = together(phase=(phase, ()), radius=(radius, POSITIVE))
     order = np.arange(1, whole_number("terms", terms) + 1)
     damping = np.exp(-2.0 * (np.pi * order * width[..., np.newaxis]) ** 2)
     waves = np.sin(2.0 * np.pi * order * offset[..., np.newaxis])
@@ -75,12 +68,6 @@ class CentroidError:
         Of the scatter about the expected position, in px squared.
     slope : ndarray, shape (..., 2)
         How far the expected position moves for one px of the true one; 1 without bias.
-
-    Examples
-    --------
-    >>> error = CentroidError(np.array([0.3, 0.0]), np.array([0.16, 0.0]), np.ones(2))
-    >>> error.mean_square
-    array([0.25, 0.  ])
     """
 
     bias: FloatArray
@@ -90,7 +77,7 @@ class CentroidError:
     @property
     def mean_square(self) -> FloatArray:
         """Bias squared plus variance, in px squared."""
-        return np.asarray(self.bias**2 + self.variance)
+        return self.bias**2 + self.variance
 
 
 def centre_of_gravity_error(
@@ -112,8 +99,7 @@ def centre_of_gravity_error(
         True centres of the spots, in px.
     light : array_like, shape (...)
         Of a whole spot, in electrons.
-    radius : array_like, shape (...)
-        In px.
+    radius : array_like, shape (...), in px
     corners : array_like, shape (..., 2)
         First pixel of each window.
     size : int
@@ -124,12 +110,11 @@ def centre_of_gravity_error(
     Returns
     -------
     CentroidError
-        Of each spot.
 
     Raises
     ------
-    TypeError, ValueError
-        If a shape does not fit or a value is out of range.
+    DegenerateGeometryError
+        If a window holds no light.
 
     Examples
     --------
@@ -140,24 +125,7 @@ def centre_of_gravity_error(
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    points = finite_array("positions", positions, shape=(2,))
-    noise = non_negative("read_noise", read_noise)
-    common_batch(positions=points.shape[:-1], read_noise=noise.shape)
-    windows = spot_windows(points, light, radius, corners, size)
-    first = finite_array("corners", corners, shape=(2,))
-    centre = centre_of_gravity(windows, first)
-    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
-    pixel = np.arange(size)
-    # Offsets of columns and rows from the centre of gravity, x before y.
-    offsets = pixel - (centre - first)[..., np.newaxis]
-    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
-    read = noise[..., np.newaxis] ** 2
-    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
-    # The denominator's own noise, which is correlated with the numerator's: second order.
-    push = -read * size * offsets.sum(axis=-1) / total**2
-    slopes = _moved(points, light, radius, first, size)
-    slope = (offsets * slopes).sum(axis=-1) / total
-    return CentroidError(np.asarray(centre + push - points), np.asarray(variance), slope)
+    return _error(size, *_checked(positions, light, radius, corners, read_noise))
 
 
 def cramer_rao_variance(
@@ -174,21 +142,13 @@ def cramer_rao_variance(
     information of a pixel is taken as that of a normal variable with the pixel's variance, which
     is exact for photon noise alone.
 
-    Parameters
-    ----------
-    positions, light, radius, corners, size, read_noise
-        As for `centre_of_gravity_error`.
+    Arguments are those of `centre_of_gravity_error`, the light above zero.
 
     Returns
     -------
     ndarray, shape (..., 2)
         Along x and y, in px squared. A biased estimator is bounded by this times the square of
         its slope (`CentroidError.slope`).
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `centre_of_gravity_error`.
 
     Examples
     --------
@@ -197,21 +157,61 @@ def cramer_rao_variance(
     >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
     array([9.08, 9.08])
     """
-    points = finite_array("positions", positions, shape=(2,))
-    flux, width = positive("light", light), positive("radius", radius)
-    noise = non_negative("read_noise", read_noise)
-    first = finite_array("corners", corners, shape=(2,))
-    batch = common_batch(
-        positions=points.shape[:-1],
-        light=flux.shape,
-        radius=width.shape,
-        corners=first.shape[:-1],
-        read_noise=noise.shape,
+    checked = _checked(positions, light, radius, corners, read_noise, POSITIVE)
+    return _least_variance(size, *checked)
+
+
+def _checked(
+    positions: ArrayLike,
+    light: ArrayLike,
+    radius: ArrayLike,
+    corners: ArrayLike,
+    read_noise: ArrayLike,
+    sign: str = NON_NEGATIVE,
+) -> tuple[FloatArray, ...]:
+    return together(
+        positions=(positions, (2,)),
+        light=(light, sign),
+        radius=(radius, POSITIVE),
+        corners=(corners, (2,)),
+        read_noise=(read_noise, NON_NEGATIVE),
     )
-    state = np.empty((*batch, 3))
-    state[..., :2] = points - first
-    state[..., 2] = flux
-    model, slopes = spot_gradient(state, np.broadcast_to(width, batch), size, size)
+
+
+def _error(
+    size: int,
+    points: FloatArray,
+    flux: FloatArray,
+    width: FloatArray,
+    first: FloatArray,
+    noise: FloatArray,
+) -> CentroidError:
+    windows = _windows(points, flux, width, first, (whole_number("size", size), size))
+    centre = _centre_of_gravity(windows) + first
+    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
+    # Offsets of columns and rows from the centre of gravity, x before y.
+    offsets = np.arange(size) - (centre - first)[..., np.newaxis]
+    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
+    read = noise[..., np.newaxis] ** 2
+    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
+    # The denominator's own noise, which is correlated with the numerator's: second order.
+    push = -read * size * offsets.sum(axis=-1) / total**2
+    _, slopes = _gradient(*_state(points, flux, width, first), size, size)
+    # How the sums of columns and rows change with x and y.
+    moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
+    return CentroidError(centre + push - points, variance, (offsets * moved).sum(axis=-1) / total)
+
+
+def _least_variance(
+    size: int,
+    points: FloatArray,
+    flux: FloatArray,
+    width: FloatArray,
+    first: FloatArray,
+    noise: FloatArray,
+) -> FloatArray:
+    size = whole_number("size", size)
+    model, slopes = _gradient(*_state(points, flux, width, first, noise), size, size)
     variance = model + noise[..., np.newaxis, np.newaxis] ** 2
     trust = 1.0 / np.maximum(variance, np.finfo(float).tiny)
     weighted = slopes * trust[..., np.newaxis, :, :]
@@ -219,14 +219,13 @@ def cramer_rao_variance(
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
 
-def _moved(
-    points: FloatArray, light: ArrayLike, radius: ArrayLike, first: FloatArray, size: int
-) -> FloatArray:
-    """Return how the sums of columns and rows change with x and y, shape (..., 2, size)."""
-    flux, width = non_negative("light", light), positive("radius", radius)
-    batch = np.broadcast_shapes(points.shape[:-1], first.shape[:-1], flux.shape, width.shape)
+def _state(
+    points: FloatArray, flux: FloatArray, width: FloatArray, first: FloatArray, *others: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return x, y in the window and light as rows, (..., 3), and the radius of each."""
+    shapes = (array.shape for array in (flux, width, *others))
+    batch = np.broadcast_shapes(points.shape[:-1], first.shape[:-1], *shapes)
     state = np.empty((*batch, 3))
     state[..., :2] = points - first
     state[..., 2] = flux
-    _, slopes = spot_gradient(state, np.broadcast_to(width, batch), size, size)
-    return np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
+    return state, np.broadcast_to(width, batch)

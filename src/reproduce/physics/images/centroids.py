@@ -14,16 +14,18 @@ from scipy.ndimage import label, maximum_filter
 
 from reproduce.physics.images.spots import IntArray
 from reproduce.physics.validate import (
+    POSITIVE,
     DegenerateGeometryError,
     FloatArray,
-    common_batch,
     finite_array,
-    positive,
+    together,
     whole_number,
 )
 
+__all__ = ["centre_of_gravity", "cut_windows", "detect_spots", "windowed_centre"]
+
 # Steps after which every spot of sensible brightness has come to rest.
-STEPS = 30
+_STEPS = 30
 
 
 def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> IntArray:
@@ -49,8 +51,8 @@ def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> Int
 
     Raises
     ------
-    TypeError, ValueError
-        If the frame is not a finite image, or the separation not a whole number above zero.
+    ValueError
+        If the frame is more than one image, or the threshold more than one number.
 
     Examples
     --------
@@ -135,7 +137,7 @@ def cut_windows(frames: ArrayLike, corners: ArrayLike, size: int | tuple[int, in
         )
     y = (first[:, 1, np.newaxis] + np.arange(rows))[:, :, np.newaxis]
     x = (first[:, 0, np.newaxis] + np.arange(columns))[:, np.newaxis, :]
-    return np.asarray(images[..., y, x])
+    return images[..., y, x]
 
 
 def centre_of_gravity(windows: ArrayLike, corners: ArrayLike) -> FloatArray:
@@ -157,15 +159,18 @@ def centre_of_gravity(windows: ArrayLike, corners: ArrayLike) -> FloatArray:
     ------
     DegenerateGeometryError
         If a window holds no light in sum.
-    ValueError
-        If a shape does not fit or a value is not finite.
 
     Examples
     --------
     >>> centre_of_gravity([[0, 0, 0], [0, 1, 3], [0, 0, 0]], (10, 20))
     array([11.75, 21.  ])
     """
-    light, first = checked_windows(windows, corners)
+    light, first = together(windows=(windows, (None, None)), corners=(corners, (2,)))
+    return _centre_of_gravity(light) + first
+
+
+def _centre_of_gravity(light: FloatArray) -> FloatArray:
+    """Return centres of gravity relative to the first pixels."""
     rows, columns = light.shape[-2:]
     y, x = np.mgrid[:rows, :columns]
     # One matrix product for all windows: sums over short axes are slow.
@@ -173,23 +178,20 @@ def centre_of_gravity(windows: ArrayLike, corners: ArrayLike) -> FloatArray:
         [np.ones(rows * columns), x.ravel(), y.ravel()], axis=-1
     )
     _refuse_dark(moments[:, 0])
-    centres = (moments[:, 1:] / moments[:, :1]).reshape(*light.shape[:-2], 2)
-    return np.asarray(centres + first)
+    return (moments[:, 1:] / moments[:, :1]).reshape(*light.shape[:-2], 2)
 
 
 def windowed_centre(
-    windows: ArrayLike, corners: ArrayLike, radius: ArrayLike, steps: int = STEPS
+    windows: ArrayLike, corners: ArrayLike, radius: ArrayLike, steps: int = _STEPS
 ) -> FloatArray:
     """Return the centre of gravity under a Gaussian weight that follows the spot.
 
     The weight has the spot's own radius, so each step doubles the weighted offset: the product of
     two equal Gaussians lies halfway between them. Far pixels, which hold noise and no light, lose
-    their weight.
+    their weight. Other arguments and errors are those of `centre_of_gravity`.
 
     Parameters
     ----------
-    windows, corners
-        As for `centre_of_gravity`.
     radius : array_like, shape (...)
         Standard deviation of the weight, in px.
     steps : int
@@ -197,13 +199,7 @@ def windowed_centre(
 
     Returns
     -------
-    ndarray, shape (..., 2)
-        Centroids, in px.
-
-    Raises
-    ------
-    DegenerateGeometryError, TypeError, ValueError
-        As for `centre_of_gravity`; also if the radius is not above zero.
+    ndarray, shape (..., 2), in px
 
     Examples
     --------
@@ -211,10 +207,12 @@ def windowed_centre(
     >>> windowed_centre(even, (0, 0), 0.6)
     array([1., 1.])
     """
-    light, first = checked_windows(windows, corners)
-    width = positive("radius", radius)
-    common_batch(windows=light.shape[:-2], radius=width.shape)
-    centre = centre_of_gravity(light, first) - first
+    light, first, width = together(
+        windows=(windows, (None, None)), corners=(corners, (2,)), radius=(radius, POSITIVE)
+    )
+    # Those that run out of their window are put back on its edge.
+    edge = np.array([light.shape[-1], light.shape[-2]]) - 0.5
+    centre = _centre_of_gravity(light)
     y, x = np.arange(light.shape[-2]), np.arange(light.shape[-1])
     scale = width[..., np.newaxis]
     for _ in range(whole_number("steps", steps)):
@@ -226,39 +224,8 @@ def windowed_centre(
         _refuse_dark(total)
         offset_x = (weighted.sum(axis=-2) * across).sum(axis=-1) / total
         offset_y = (weighted.sum(axis=-1) * down).sum(axis=-1) / total
-        centre = kept_inside(centre + 2.0 * np.stack([offset_x, offset_y], axis=-1), light)
-    return np.asarray(centre + first)
-
-
-def checked_windows(windows: ArrayLike, corners: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return windows and corners as arrays, after checking that they fit together.
-
-    Parameters
-    ----------
-    windows : array_like, shape (..., height, width)
-        Light.
-    corners : array_like, shape (..., 2)
-        First pixel of each window.
-
-    Returns
-    -------
-    windows, corners : ndarray
-        As float arrays.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a value is not finite.
-
-    Examples
-    --------
-    >>> checked_windows([[1]], (0, 0))[0]
-    array([[1.]])
-    """
-    light = finite_array("windows", windows, shape=(None, None))
-    first = finite_array("corners", corners, shape=(2,))
-    common_batch(windows=light.shape[:-2], corners=first.shape[:-1])
-    return light, first
+        centre = np.clip(centre + 2.0 * np.stack([offset_x, offset_y], axis=-1), -0.5, edge)
+    return centre + first
 
 
 def _refuse_dark(total: FloatArray) -> None:
@@ -268,27 +235,3 @@ def _refuse_dark(total: FloatArray) -> None:
             f"windows: expected light in every window, got {int(dark.sum())} of {dark.size} with "
             "none in sum; take less background away, or drop these windows"
         )
-
-
-def kept_inside(centre: FloatArray, light: FloatArray) -> FloatArray:
-    """Return centres that ran out of their window, put back on its edge.
-
-    Parameters
-    ----------
-    centre : ndarray, shape (..., 2)
-        x and y relative to the window's first pixel, in px.
-    light : ndarray, shape (..., height, width)
-        The windows.
-
-    Returns
-    -------
-    ndarray, shape (..., 2)
-        In px.
-
-    Examples
-    --------
-    >>> kept_inside(np.array([9.0, 1.0]), np.ones((3, 3)))
-    array([2.5, 1. ])
-    """
-    last = np.array([light.shape[-1], light.shape[-2]]) - 0.5
-    return np.clip(centre, -0.5, last)

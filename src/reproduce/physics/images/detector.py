@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import FloatArray, finite_array, non_negative
 
+__all__ = ["Detector", "electrons", "expose"]
+
 # What rounding to whole digital numbers adds: the variance of a number spread over one step.
-ROUNDING_VARIANCE = 1.0 / 12.0
+_ROUNDING_VARIANCE = 1.0 / 12.0
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,6 @@ class Detector:
     bits : int, optional
         Width of the digital output, which is then rounded to whole numbers and clipped; None for
         an output that is neither.
-
-    Examples
-    --------
-    >>> Detector(gain=0.5, offset=10).mean_output(100.0)
-    array(60.)
     """
 
     quantum_efficiency: float = 1.0
@@ -78,28 +75,6 @@ class Detector:
         """The largest digital number; infinite without `bits`."""
         return np.inf if self.bits is None else float(2**self.bits - 1)
 
-    def mean_output(self, photons: ArrayLike) -> FloatArray:
-        """Return the expected output below saturation: K (eta photons + dark) + offset.
-
-        Parameters
-        ----------
-        photons : array_like
-            Mean photons per pixel and exposure.
-
-        Returns
-        -------
-        ndarray
-            In DN.
-
-        Raises
-        ------
-        ValueError
-            If a value is negative or not finite.
-        """
-        light = non_negative("photons", photons)
-        charge = self.quantum_efficiency * light + self.dark_signal
-        return np.asarray(self.gain * charge + self.offset)
-
     def output_variance(self, photons: ArrayLike) -> FloatArray:
         """Return the variance of the output below saturation: the photon transfer curve.
 
@@ -112,13 +87,7 @@ class Detector:
 
         Returns
         -------
-        ndarray
-            In DN squared.
-
-        Raises
-        ------
-        ValueError
-            If a value is negative or not finite.
+        ndarray, in DN squared
 
         Examples
         --------
@@ -127,7 +96,7 @@ class Detector:
         """
         light = non_negative("photons", photons)
         charge = self.quantum_efficiency * light + self.dark_signal
-        rounding = 0.0 if self.bits is None else ROUNDING_VARIANCE
+        rounding = 0.0 if self.bits is None else _ROUNDING_VARIANCE
         return np.asarray(self.gain**2 * (charge + self.read_noise**2) + rounding)
 
     def noise_electrons(self) -> float:
@@ -143,7 +112,6 @@ def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> Floa
     photons : array_like
         Mean photons per pixel and exposure, of any shape.
     detector : Detector
-        The sensor.
     generator : numpy.random.Generator
         Draws the noise.
 
@@ -156,8 +124,6 @@ def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> Floa
     ------
     TypeError
         If the generator is not a numpy.random.Generator.
-    ValueError
-        If a value is negative or not finite.
 
     Examples
     --------
@@ -174,7 +140,7 @@ def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> Floa
     light = non_negative("photons", photons)
     # Light and dark charge are both Poisson, and so is their sum.
     mean = detector.quantum_efficiency * light + detector.dark_signal
-    charge = np.asarray(generator.poisson(mean), dtype=np.float64)
+    charge = np.asarray(generator.poisson(mean), dtype=np.float64)  # an array, even of one pixel
     if np.isfinite(detector.full_well):
         np.minimum(charge, detector.full_well, out=charge)
     if detector.read_noise:
@@ -194,20 +160,13 @@ def electrons(output: ArrayLike, detector: Detector) -> FloatArray:
 
     Parameters
     ----------
-    output : array_like
-        In DN.
+    output : array_like, in DN
     detector : Detector
-        The sensor.
 
     Returns
     -------
     ndarray
         (output - offset) / K - dark signal, in electrons; noise may push it below zero.
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite.
 
     Examples
     --------

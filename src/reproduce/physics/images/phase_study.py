@@ -13,12 +13,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from reproduce.physics.images.centroid_theory import (
-    CentroidError,
-    centre_of_gravity_error,
-    cramer_rao_variance,
-)
-from reproduce.physics.images.spots import pixel_shares
+from reproduce.physics.images.centroid_theory import CentroidError, _error, _least_variance
+from reproduce.physics.images.spots import _shares
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
@@ -27,6 +23,18 @@ from reproduce.physics.validate import (
     positive,
     whole_number,
 )
+
+__all__ = [
+    "Light",
+    "Scatter",
+    "biased_bound",
+    "bound",
+    "even_phases",
+    "observed_scatter",
+    "predicted_errors",
+    "predicted_scatter",
+    "simulated_errors",
+]
 
 
 @dataclass(frozen=True)
@@ -39,11 +47,6 @@ class Light:
         Light of the whole spot, in electrons.
     read_noise : float
         Noise of a pixel without light, in electrons.
-
-    Examples
-    --------
-    >>> Light(1000.0).read_noise
-    0.0
     """
 
     signal: float
@@ -66,11 +69,6 @@ class Scatter:
         Root mean square of the standard deviations within each phase: bias does not count.
     bias : ndarray
         Root mean square of the mean errors of the phases.
-
-    Examples
-    --------
-    >>> Scatter(np.array(5.0), np.array(4.0), np.array(3.0)).total
-    array(5.)
     """
 
     total: FloatArray
@@ -79,22 +77,16 @@ class Scatter:
 
 
 def even_phases(count: int) -> FloatArray:
-    """Return the middles of equal parts of one pixel.
+    """Return the middles of so many equal parts of one pixel, shape (count,), in px.
 
     Parameters
     ----------
     count : int
-        How many parts.
 
     Returns
     -------
     ndarray, shape (count,)
         From -1/2 to 1/2 px, symmetric.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the count is not a whole number above zero.
 
     Examples
     --------
@@ -123,9 +115,7 @@ def simulated_errors(
     phases : array_like, shape (n,)
         Positions of the spot relative to the middle of the window, in px.
     light : Light
-        Signal and read noise.
-    radius : float
-        In px.
+    radius : float, in px
     size : int
         Width and height of the window, in px; odd.
     trials : int
@@ -142,8 +132,6 @@ def simulated_errors(
     ------
     DegenerateGeometryError
         If noise leaves a window without light.
-    TypeError, ValueError
-        If a value is out of range.
 
     Examples
     --------
@@ -151,9 +139,9 @@ def simulated_errors(
     (2, 1)
     """
     offsets = finite_array("phases", phases, shape=(None,))
-    first = -(whole_number("size", size) // 2)
-    columns = light.signal * pixel_shares(offsets, radius, first, size)
-    columns = columns * pixel_shares(0.0, radius, first, size).sum()
+    width, first = positive("radius", radius), np.array(-(whole_number("size", size) // 2))
+    columns = light.signal * _shares(offsets, width, first, size)
+    columns = columns * _shares(np.zeros(()), width, first, size).sum()
     shape = (whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
     if light.read_noise:
@@ -166,7 +154,7 @@ def simulated_errors(
         raise DegenerateGeometryError(
             "light: expected light in every window, got one with none; ask for more signal"
         )
-    return np.asarray((moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets)
+    return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets
 
 
 def predicted_errors(
@@ -174,54 +162,31 @@ def predicted_errors(
 ) -> CentroidError:
     """Return the closed-form error of the same centroids.
 
-    Parameters
-    ----------
-    phases : array_like, shape (n,)
-        As for `simulated_errors`.
-    light : Light
-        Signal and read noise.
-    radius : array_like, shape (...)
-        In px.
-    size : int
-        Width and height of the window, in px.
+    Arguments are those of `simulated_errors`, with radii of shape (...).
 
     Returns
     -------
     CentroidError
         bias, variance and slope along x only, of shape (..., n).
 
-    Raises
-    ------
-    TypeError, ValueError
-        If a value is out of range.
-
     Examples
     --------
     >>> predicted_errors([0.0], Light(1e4), 0.5, 5).bias
     array([0.])
     """
-    points, width, corner = _laid_out(phases, radius, size)
-    law = centre_of_gravity_error(points, light.signal, width, corner, size, light.read_noise)
+    law = _error(size, *_laid_out(phases, light, radius, size))
     return CentroidError(law.bias[..., 0], law.variance[..., 0], law.slope[..., 0])
 
 
 def bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
     """Return the least standard deviation of an unbiased centroid, over all phases.
 
-    Parameters
-    ----------
-    phases, light, radius, size
-        As for `predicted_errors`.
+    Arguments are those of `predicted_errors`.
 
     Returns
     -------
     ndarray, shape (...)
         Root mean square over the phases of the Cramér-Rao bound along x, in px.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a value is out of range.
 
     Examples
     --------
@@ -230,31 +195,19 @@ def bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> Floa
     >>> float(bound([0.0], Light(1e4), 4.0, 41).round(3))
     0.04
     """
-    points, width, corner = _laid_out(phases, radius, size)
-    least = cramer_rao_variance(points, light.signal, width, corner, size, light.read_noise)
+    least = _least_variance(size, *_laid_out(phases, light, radius, size))
     return np.asarray(np.sqrt(least[..., 0].mean(axis=-1)))
 
 
 def biased_bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
     """Return the least standard deviation of a centroid with the bias of the centre of gravity.
 
-    The bound of each phase counts with the square of the slope: how far the expected centroid
-    moves when the spot does.
-
-    Parameters
-    ----------
-    phases, light, radius, size
-        As for `predicted_errors`.
+    It is that of `bound`, each phase with the square of the slope: how far the expected centroid
+    moves when the spot does. Arguments are those of `bound`.
 
     Returns
     -------
-    ndarray, shape (...)
-        Root mean square over the phases, along x, in px.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a value is out of range.
+    ndarray, shape (...), in px
 
     Examples
     --------
@@ -263,24 +216,13 @@ def biased_bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) 
     >>> [round(float(one([0.2], Light(1e4), 1.5, 31)), 5) for one in (bound, biased_bound)]
     [0.01528, 0.01528]
     """
-    points, width, corner = _laid_out(phases, radius, size)
-    least = cramer_rao_variance(points, light.signal, width, corner, size, light.read_noise)
-    slope = predicted_errors(phases, light, radius, size).slope
-    return np.asarray(np.sqrt((slope**2 * least[..., 0]).mean(axis=-1)))
+    laid_out = _laid_out(phases, light, radius, size)
+    least, slope = _least_variance(size, *laid_out), _error(size, *laid_out).slope
+    return np.asarray(np.sqrt((slope[..., 0] ** 2 * least[..., 0]).mean(axis=-1)))
 
 
 def predicted_scatter(law: CentroidError) -> Scatter:
-    """Return the scatter over all phases that a closed-form error amounts to.
-
-    Parameters
-    ----------
-    law : CentroidError
-        From `predicted_errors`, phases last.
-
-    Returns
-    -------
-    Scatter
-        Of shape (...).
+    """Return the scatter (...) over all phases that an error from `predicted_errors` amounts to.
 
     Examples
     --------
@@ -298,17 +240,7 @@ def predicted_scatter(law: CentroidError) -> Scatter:
 
 
 def observed_scatter(errors: ArrayLike) -> Scatter:
-    """Return the scatter of simulated errors, of shape (...).
-
-    Parameters
-    ----------
-    errors : array_like, shape (..., trials, phases)
-        From `simulated_errors`.
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite.
+    """Return the scatter (...) of errors (..., trials, phases) from `simulated_errors`.
 
     Examples
     --------
@@ -324,9 +256,11 @@ def observed_scatter(errors: ArrayLike) -> Scatter:
 
 
 def _laid_out(
-    phases: ArrayLike, radius: ArrayLike, size: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
+) -> tuple[FloatArray, ...]:
+    """Return positions, light, radii, corner and read noise, with the phases last."""
     offsets = finite_array("phases", phases, shape=(None,))
     points = np.stack([offsets, np.zeros_like(offsets)], axis=-1)
+    width = positive("radius", radius)[..., np.newaxis]
     corner = np.full(2, -float(whole_number("size", size) // 2))
-    return points, positive("radius", radius)[..., np.newaxis], corner
+    return points, np.asarray(light.signal), width, corner, np.asarray(light.read_noise)

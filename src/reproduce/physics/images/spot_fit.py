@@ -11,12 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.images.spots import (
-    pixel_share_curvatures,
-    pixel_share_slopes,
-    pixel_shares,
-    spot_gradient,
-)
+from reproduce.physics.images.spots import _gradient, _share_curvatures, _share_slopes, _shares
 from reproduce.physics.validate import (
     FloatArray,
     common_batch,
@@ -27,19 +22,21 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-WEIGHTINGS = ("likelihood", "uniform")
-STEPS = 200
+__all__ = ["CentreFit", "fitted_centre"]
+
+_WEIGHTINGS = ("likelihood", "uniform")
+_STEPS = 200
 # Steps of scoring; fits that are not at rest by then, as between two spots, go on by Newton's.
-SCORING = 20
+_SCORING = 20
 # A movement of the centre, in px, below which a fit has come to rest.
-AT_REST = 1e-8
+_AT_REST = 1e-8
 # How far beyond the edge of its last pixel a spot may be centred, in px.
-BEYOND = 1.0
+_BEYOND = 1.0
 # Light below which a pixel's variance is not taken smaller, in electrons squared: a pixel that
 # should be dark must not count without limit.
-DARKEST = 1e-3
+_DARKEST = 1e-3
 # Windows fitted at a time, so that what is computed of them stays in the processor's cache.
-TOGETHER = 2048
+_TOGETHER = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +65,7 @@ def fitted_centre(
     radius: ArrayLike,
     read_noise: float = 0.0,
     weighting: str = "likelihood",
-    steps: int = STEPS,
+    steps: int = _STEPS,
 ) -> CentreFit:
     """Return the centre of the pixel-integrated Gaussian that fits each window best.
 
@@ -95,23 +92,23 @@ def fitted_centre(
     Returns
     -------
     CentreFit
-        Centroids in px, light, and which fits converged; the others are not a number.
 
     Raises
     ------
-    TypeError, ValueError
-        If a shape does not fit, the radius is not above zero, or the weighting is unknown.
+    ValueError
+        If the weighting is unknown.
 
     Examples
     --------
-    >>> from reproduce.physics.images.spots import spot_windows
-    >>> window = spot_windows([0.2, -0.3], 1e4, 0.6, [-2, -2], 5)
-    >>> fit = fitted_centre([window, 0 * window], (-2, -2), 0.6)
+    A spot spread evenly about the pixel (4, 7), and a dark window.
+
+    >>> spot = np.array([[0, 1, 0], [1, 6, 1], [0, 1, 0.0]])
+    >>> fit = fitted_centre([spot, 0 * spot], (3, 6), 0.6)
     >>> fit.converged, fit.centre[0].round(6)
-    (array([ True, False]), array([ 0.2, -0.3]))
+    (array([ True, False]), array([4., 7.]))
     """
-    if weighting not in WEIGHTINGS:
-        raise ValueError(f"weighting: expected one of {WEIGHTINGS}, got {weighting!r}; choose one")
+    if weighting not in _WEIGHTINGS:
+        raise ValueError(f"weighting: expected one of {_WEIGHTINGS}, got {weighting!r}; choose one")
     light = number_array("windows", windows, shape=(None, None))
     first = finite_array("corners", corners, shape=(2,))
     width = positive("radius", radius)
@@ -123,8 +120,8 @@ def fitted_centre(
     widths = np.broadcast_to(width, batch).reshape(-1)
     state = np.full((len(flat), 3), np.nan)
     usable = np.flatnonzero(np.isfinite(flat).all(axis=(-2, -1)))
-    for begin in range(0, len(usable), TOGETHER):
-        part = usable[begin : begin + TOGETHER]
+    for begin in range(0, len(usable), _TOGETHER):
+        part = usable[begin : begin + _TOGETHER]
         fit = _Fit(flat[part], widths[part], variance if weighting == "likelihood" else None)
         state[part] = fit.optimum(most)
     found = state.reshape(*batch, 3)
@@ -148,7 +145,7 @@ class _Fit:
         for taken in range(steps):
             # Close to the optimum a gain is lost in the last digits of the cost.
             blur = 1e-13 * np.abs(cost)
-            rest = (_movement(matrix, score) < AT_REST) & np.isfinite(cost)
+            rest = (_movement(matrix, score) < _AT_REST) & np.isfinite(cost)
             found[index[rest]] = state[rest]
             kept = ~rest & np.isfinite(cost) & (damping < 1e12)
             index, state, cost, blur = index[kept], state[kept], cost[kept], blur[kept]
@@ -156,10 +153,10 @@ class _Fit:
             if not len(index):
                 break
             part = _Fit(self.light[index], self.radius[index], self.variance)
-            if taken == SCORING:
+            if taken == _SCORING:
                 _, score, matrix = part.look(state, newton=True)
             trial = state + _step(matrix, score, damping)
-            then, pulled, turned = part.look(trial, newton=taken >= SCORING)
+            then, pulled, turned = part.look(trial, newton=taken >= _SCORING)
             nearer = _movement(turned, pulled) < _movement(matrix, score)
             better = (then < cost - blur) | ((then <= cost + blur) & nearer)
             state[better], cost[better] = trial[better], then[better]
@@ -172,7 +169,7 @@ class _Fit:
         rows, columns = self.light.shape[-2:]
         y, x = np.divmod(self.light.reshape(len(self.light), -1).argmax(axis=-1), columns)
         state = np.stack([x, y, np.ones(len(x))], axis=-1)
-        shape, _ = spot_gradient(state, self.radius, columns, rows)
+        shape, _ = _gradient(state, self.radius, columns, rows)
         state[:, 2] = (self.light * shape).sum(axis=(-2, -1)) / (shape**2).sum(axis=(-2, -1))
         return state
 
@@ -183,22 +180,22 @@ class _Fit:
         Newton's step the second derivatives where these make a bowl.
         """
         rows, columns = self.light.shape[-2:]
-        last = np.array([columns, rows]) - 0.5 + BEYOND
-        inside = ((state[:, :2] > -0.5 - BEYOND) & (state[:, :2] < last)).all(axis=-1)
+        last = np.array([columns, rows]) - 0.5 + _BEYOND
+        inside = ((state[:, :2] > -0.5 - _BEYOND) & (state[:, :2] < last)).all(axis=-1)
         allowed = inside & (state[:, 2] > 0)
         safe = np.where(allowed[:, np.newaxis], state, 1.0)
-        model, slopes = spot_gradient(safe, self.radius, columns, rows)
+        model, slopes = _gradient(safe, self.radius, columns, rows)
         pull = self.light - model
         trust = steep = np.ones_like(model)
         if self.variance is None:
             each = 0.5 * pull**2
         else:
             level, seen = model + self.variance, self.light + self.variance
-            bright = np.maximum(level, DARKEST)
+            bright = np.maximum(level, _DARKEST)
             # Below the least variance, the parabola that goes on with the same slope.
-            low = np.minimum(level - DARKEST, 0.0)
+            low = np.minimum(level - _DARKEST, 0.0)
             each = bright - seen * np.log(bright)
-            each += low * (DARKEST - seen) / DARKEST + low**2 / (2 * DARKEST)
+            each += low * (_DARKEST - seen) / _DARKEST + low**2 / (2 * _DARKEST)
             trust = 1.0 / bright
             steep = np.where(low < 0, trust, seen * trust**2)
         pull = pull * trust
@@ -214,7 +211,7 @@ class _Fit:
         """Return the second derivatives of the spots, added up with `pull`, (n, 3, 3)."""
         x, y = (
             [form(state[:, axis], self.radius, np.zeros(len(state)), count)
-             for form in (pixel_shares, pixel_share_slopes, pixel_share_curvatures)]
+             for form in (_shares, _share_slopes, _share_curvatures)]
             for axis, count in ((0, pull.shape[-1]), (1, pull.shape[-2]))
         )  # fmt: skip
         # Sums of the pull with the m-th derivative along x and the n-th along y.
@@ -229,7 +226,7 @@ class _Fit:
 
 def _normal(slopes: FloatArray, weights: FloatArray) -> FloatArray:
     flat = slopes.reshape(*slopes.shape[:2], -1)
-    return (flat * weights.reshape(len(flat), 1, -1)) @ np.swapaxes(flat, -1, -2)
+    return (flat * weights.reshape(len(flat), 1, -1)) @ flat.mT
 
 
 def _step(matrix: FloatArray, score: FloatArray, damping: FloatArray) -> FloatArray:
@@ -237,10 +234,10 @@ def _step(matrix: FloatArray, score: FloatArray, damping: FloatArray) -> FloatAr
     size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
     scaled = matrix / (size[..., :, np.newaxis] * size[..., np.newaxis, :])
     scaled = scaled + (damping + 1e-12)[..., np.newaxis, np.newaxis] * np.eye(3)
-    return np.asarray(np.linalg.solve(scaled, (score / size)[..., np.newaxis])[..., 0] / size)
+    return np.linalg.solve(scaled, (score / size)[..., np.newaxis])[..., 0] / size
 
 
 def _movement(matrix: FloatArray, score: FloatArray) -> FloatArray:
     """Return how far a step without damping moves the centre along x or y, in px."""
     step = _step(matrix, score, np.zeros(len(score)))
-    return np.asarray(np.abs(step[:, :2]).max(axis=-1, initial=0.0))
+    return np.abs(step[:, :2]).max(axis=-1, initial=0.0)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.lasers import emitted_directions, received_spots
+from reproduce.physics.attitude.lasers import _spots, emitted_directions
 from reproduce.physics.attitude.rotations import rotation_from_vector, unit
 from reproduce.physics.light.raytrace import CORNER, ROOF, cone_path, fold_mirror_tilt
 from reproduce.physics.validate import (
@@ -25,9 +25,11 @@ from reproduce.physics.validate import (
     finite_array,
 )
 
+__all__ = ["RETROREFLECTORS", "STILL", "Cone", "LightPath", "Mirrors", "light_path"]
+
 STILL = (0.0, 0.0, 0.0)
 # Planes nearer than this are those just left.
-NOWHERE = 1e-12
+_NOWHERE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +44,6 @@ class Mirrors:
         Of the mirrors, of any length.
     turn : array_like, shape (3,)
         Rotation vector by which all have turned about that point.
-
-    Examples
-    --------
-    >>> flat = Mirrors(np.zeros(3), np.array([[0, 0, 1.0]]))
-    >>> flat.send(np.array([0, 0, 5.0]), np.array([0, 0.6, -0.8]))[1]
-    array([0. , 0.6, 0.8])
     """
 
     point: FloatArray
@@ -55,22 +51,10 @@ class Mirrors:
     turn: ArrayLike = STILL
 
     def send(self, places: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where rays leave the last mirror, and their directions.
+        """Return places and directions, (..., 3), of rays as they leave the last mirror.
 
-        Parameters
-        ----------
-        places, ways : ndarray, shape (..., 3)
-            Of the rays that come in.
-
-        Returns
-        -------
-        places, ways : ndarray, shape (..., 3)
-            Of the rays that go out.
-
-        Raises
-        ------
-        DegenerateGeometryError
-            If a ray misses a mirror.
+        Places and ways are those of the rays that come in; one that misses a mirror raises a
+        DegenerateGeometryError.
         """
         normals = unit("normals", self.normals) @ rotation_from_vector(self.turn).T
         left = np.ones((*ways.shape[:-1], len(normals)), dtype=bool)
@@ -78,7 +62,7 @@ class Mirrors:
             with np.errstate(divide="ignore", invalid="ignore"):
                 ahead = ((self.point - places) @ normals.T) / (ways @ normals.T)
             # Each mirror is met once; of those that are left the nearest comes first.
-            ahead = np.where(left & (ahead > NOWHERE), ahead, np.inf)
+            ahead = np.where(left & (ahead > _NOWHERE), ahead, np.inf)
             first = ahead.argmin(axis=-1)
             length = np.take_along_axis(ahead, first[..., np.newaxis], axis=-1)
             if not np.isfinite(length).all():
@@ -103,35 +87,13 @@ class Cone:
         Its tip, in metres.
     turn : array_like, shape (3,)
         Rotation vector by which it has turned about its tip.
-
-    Examples
-    --------
-    >>> cone = Cone(np.array([0, 0, 3.0]))
-    >>> cone.send(np.array([0.2, 0, 0]), np.array([0, 0, 1.0]))[1].round(12) + 0.0
-    array([ 0.,  0., -1.])
     """
 
     point: FloatArray
     turn: ArrayLike = STILL
 
     def send(self, places: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where rays leave the cone, and their directions; as `Mirrors.send`.
-
-        Parameters
-        ----------
-        places, ways : ndarray, shape (..., 3)
-            Of the rays that come in.
-
-        Returns
-        -------
-        places, ways : ndarray, shape (..., 3)
-            Of the rays that go out.
-
-        Raises
-        ------
-        DegenerateGeometryError
-            If a ray misses the cone or meets its tip.
-        """
+        """Return places and directions of rays as they leave the cone; as `Mirrors.send`."""
         # The cone of `cone_path` opens towards +Z: half a turn about X turns it over.
         over = np.array([1.0, -1.0, -1.0])
         turn = np.asarray(self.turn, dtype=np.float64) * over
@@ -148,8 +110,7 @@ class LightPath:
 
     Attributes
     ----------
-    camera_focal_length, tracker_focal_length : float
-        In metres.
+    camera_focal_length, tracker_focal_length : float, in metres
     boresight_angle : float
         Between the two boresights, both outwards, in radians.
     retroreflector : Mirrors or Cone
@@ -160,10 +121,6 @@ class LightPath:
         Rotation vector by which the dichroic mirror has turned about that point.
     camera_turn : array_like, shape (3,)
         Rotation vector by which the camera, lasers and lens, has turned about its lens.
-
-    Examples
-    --------
-    See `light_path`.
     """
 
     camera_focal_length: float
@@ -199,15 +156,12 @@ class LightPath:
 
         Returns
         -------
-        places, ways : ndarray, shape (n, rays, 3)
-            In the frame of the camera at rest.
+        places, ways : ndarray, shape (n, rays, 3), in the frame of the camera at rest
 
         Raises
         ------
         DegenerateGeometryError
             If a ray misses a mirror.
-        ValueError
-            If a shape does not fit or a value is not finite.
         """
         camera = rotation_from_vector(self.camera_turn)
         light = emitted_directions(lasers, self.camera_focal_length) @ camera.T
@@ -221,25 +175,16 @@ class LightPath:
     def spots(self, lasers: ArrayLike, aperture: ArrayLike) -> FloatArray:
         """Return where the rays of each laser meet the tracker's detector.
 
-        Parameters
-        ----------
-        lasers, aperture
-            As for `arriving`.
+        Arguments and errors are those of `arriving`.
 
         Returns
         -------
-        ndarray, shape (n, rays, 2)
-            In metres from the principal point.
-
-        Raises
-        ------
-        DegenerateGeometryError, ValueError
-            As for `arriving`.
+        ndarray, shape (n, rays, 2), in metres from the principal point
         """
         _, ways = self.arriving(lasers, aperture)
         # The tracker counts directions to where the light comes from.
         sources = -ways @ self.tracker_axes.T
-        return received_spots(sources, (0.0, 0.0), 1.0, self.tracker_focal_length)
+        return _spots(sources, np.zeros(2), np.asarray(self.tracker_focal_length))
 
 
 def light_path(
@@ -256,10 +201,8 @@ def light_path(
     ----------
     kind : str
         A key of `RETROREFLECTORS`, or ``conical mirror``.
-    camera_focal_length, tracker_focal_length : float
-        In metres.
-    boresight_angle : float
-        Between the boresights, both outwards, in radians.
+    camera_focal_length, tracker_focal_length, boresight_angle : float
+        As of `LightPath`, in metres and radians.
     distance : float
         Of the retro-reflector in front of the camera's lens, in metres.
     aside : float
@@ -269,7 +212,6 @@ def light_path(
     Returns
     -------
     LightPath
-        All mirrors in place and nothing turned.
 
     Raises
     ------

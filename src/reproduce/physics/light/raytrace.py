@@ -11,13 +11,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.rotations import cross_matrix, rotation_from_vector, unit
+from reproduce.physics.attitude.rotations import _cross_matrix, _rotation_from_vector, _unit
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
-    common_batch,
     finite_array,
+    together,
 )
+
+__all__ = [
+    "CORNER",
+    "ROOF",
+    "cone_path",
+    "fold_mirror_tilt",
+    "mirror_train",
+    "reflection",
+    "turn_response",
+    "turned_train",
+]
 
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
 CORNER = np.array([[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]])
@@ -40,15 +51,14 @@ def reflection(normal: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If a normal has length zero or is not finite.
+        If a normal has length zero.
 
     Examples
     --------
     >>> reflection([0, 0, 2.0]) @ [1.0, 0.0, 1.0]
     array([ 1.,  0., -1.])
     """
-    across = unit("normal", finite_array("normal", normal, shape=(3,)))
-    return np.asarray(np.eye(3) - 2.0 * across[..., :, np.newaxis] * across[..., np.newaxis, :])
+    return _reflection(finite_array("normal", normal, shape=(3,)))
 
 
 def mirror_train(normals: ArrayLike) -> FloatArray:
@@ -57,17 +67,12 @@ def mirror_train(normals: ArrayLike) -> FloatArray:
     Parameters
     ----------
     normals : array_like, shape (..., n, 3)
-        In the order in which the light meets them.
+        In the order in which the light meets them, as for `reflection`.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         Product of the reflections.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, or a normal has length zero.
 
     Examples
     --------
@@ -77,42 +82,34 @@ def mirror_train(normals: ArrayLike) -> FloatArray:
     array([-0.6,  0. , -0.8])
     """
     rows = finite_array("normals", normals, shape=(None, 3))
-    result: FloatArray = np.broadcast_to(np.eye(3), (*rows.shape[:-2], 3, 3))
+    result = np.broadcast_to(np.eye(3), (*rows.shape[:-2], 3, 3))
     for index in range(rows.shape[-2]):
-        result = reflection(rows[..., index, :]) @ result
+        result = _reflection(rows[..., index, :]) @ result
     return result
 
 
 def turned_train(train: ArrayLike, turn: ArrayLike) -> FloatArray:
-    """Return a train of mirrors that has turned as a whole.
+    """Return a train of mirrors that has turned as a whole: R M R^T.
 
     Parameters
     ----------
     train : array_like, shape (..., 3, 3)
-        From `mirror_train`.
+        M, from `mirror_train`.
     turn : array_like, shape (..., 3)
         Rotation vector, in radians.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        R M R^T.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a value is not finite.
 
     Examples
     --------
     >>> np.allclose(turned_train(mirror_train(np.eye(3)), [0.1, 0.2, 0.3]), -np.eye(3))
     True
     """
-    matrix = finite_array("train", train, shape=(3, 3))
-    rotation = rotation_from_vector(turn)
-    common_batch(train=matrix.shape[:-2], turn=rotation.shape[:-2])
-    result: FloatArray = rotation @ matrix @ np.swapaxes(rotation, -1, -2)
-    return result
+    matrix, vector = together(train=(train, (3, 3)), turn=(turn, (3,)))
+    rotation = _rotation_from_vector(vector)
+    return rotation @ matrix @ rotation.mT
 
 
 def turn_response(train: ArrayLike, direction: ArrayLike) -> FloatArray:
@@ -131,50 +128,16 @@ def turn_response(train: ArrayLike, direction: ArrayLike) -> FloatArray:
         Derivative of the outgoing direction by the turn about X, Y and Z (columns): for a plane
         mirror met head-on, two radians for one.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a value is not finite.
-
     Examples
     --------
     >>> turn_response(reflection([0, 0, 1.0]), [0, 0, -1.0])[:, 1]
     array([2., 0., 0.])
     """
-    matrix = finite_array("train", train, shape=(3, 3))
-    coming = unit("direction", finite_array("direction", direction, shape=(3,)))
-    common_batch(train=matrix.shape[:-2], direction=coming.shape[:-1])
+    matrix, coming = together(train=(train, (3, 3)), direction=(direction, (3,)))
+    coming = _unit("direction", coming)
     going = np.einsum("...ij,...j->...i", matrix, coming)
     # d/da of R M R' d at no turn: a × (M d) - M (a × d).
-    return np.asarray(-cross_matrix(going) + matrix @ cross_matrix(coming))
-
-
-def cone_return(
-    origins: ArrayLike, directions: ArrayLike, turn: ArrayLike = (0.0, 0.0, 0.0)
-) -> FloatArray:
-    """Return the directions of light that a right-angled conical mirror sends back.
-
-    Parameters
-    ----------
-    origins, directions, turn
-        As for `cone_path`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Unit vectors after two reflections.
-
-    Raises
-    ------
-    DegenerateGeometryError, ValueError
-        As for `cone_path`.
-
-    Examples
-    --------
-    >>> cone_return([0.5, 0, 9.0], [0, 0, -1.0]).round(12) + 0.0
-    array([0., 0., 1.])
-    """
-    return cone_path(origins, directions, turn)[1]
+    return -_cross_matrix(going) + matrix @ _cross_matrix(coming)
 
 
 def cone_path(
@@ -206,8 +169,6 @@ def cone_path(
     ------
     DegenerateGeometryError
         If a ray meets the tip or leaves the cone without a second reflection.
-    ValueError
-        If a shape does not fit or a value is not finite.
 
     Examples
     --------
@@ -215,17 +176,21 @@ def cone_path(
     >>> places.round(12) + 0.0
     array([-0.5,  0. ,  0.5])
     """
-    start = finite_array("origins", origins, shape=(3,))
-    sight = unit("directions", finite_array("directions", directions, shape=(3,)))
-    common_batch(origins=start.shape[:-1], directions=sight.shape[:-1])
-    rotation = rotation_from_vector(finite_array("turn", turn, shape=(3,)))
+    start, sight = together(origins=(origins, (3,)), directions=(directions, (3,)))
+    sight = _unit("directions", sight)
+    rotation = _rotation_from_vector(finite_array("turn", turn, shape=(3,)))
     # Work in the cone's own frame; rows times R are the columns R' x.
     place, way = start @ rotation, sight @ rotation
     for _ in range(2):
         place = place + _to_cone(place, way)[..., np.newaxis] * way
-        normal = unit("normal", place * np.array([-1.0, -1.0, 1.0]))
+        normal = _unit("normal", place * np.array([-1.0, -1.0, 1.0]))
         way = way - 2.0 * np.einsum("...i,...i->...", way, normal)[..., np.newaxis] * normal
-    return np.asarray(place @ rotation.T), np.asarray(way @ rotation.T)
+    return place @ rotation.T, way @ rotation.T
+
+
+def _reflection(normal: FloatArray) -> FloatArray:
+    across = _unit("normal", normal)
+    return np.eye(3) - 2.0 * across[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
 def _to_cone(place: FloatArray, way: FloatArray) -> FloatArray:
@@ -249,7 +214,7 @@ def _to_cone(place: FloatArray, way: FloatArray) -> FloatArray:
             "origins: expected rays that meet the cone twice, got one that does not; let it come "
             "in next to the axis, not through the tip, and nearly along the axis"
         )
-    return np.asarray(found)
+    return found
 
 
 def fold_mirror_tilt(boresight_angle: ArrayLike) -> FloatArray:
@@ -273,7 +238,7 @@ def fold_mirror_tilt(boresight_angle: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If the angle is not finite or not between 0 and pi.
+        If the angle is not above 0 and at most pi.
 
     Examples
     --------

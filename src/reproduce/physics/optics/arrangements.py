@@ -20,23 +20,15 @@ import numpy as np
 
 from reproduce.physics.validate import FloatArray, positive, whole_number
 
-EDGE = 1e-9
-LARGEST_SIDE = 2000
+__all__ = ["Arrangement", "arrangements_with"]
+
+_EDGE = 1e-9
+_LARGEST_SIDE = 2000
 
 
 @dataclass(frozen=True)
-class Lattice:
-    """A regular pattern of points without bounds.
-
-    Attributes
-    ----------
-    name : str
-        Says what the step measures.
-    spacing_x, spacing_y : float
-        Of the fine grid, in radians.
-    chequered : bool
-        Whether every second node of the fine grid is left out.
-    """
+class _Lattice:
+    """A pattern without bounds: what its step measures, spacings of the fine grid (rad), nodes."""
 
     name: str
     spacing_x: float
@@ -52,8 +44,7 @@ class Arrangement:
     ----------
     lattice, offset, window : str
         The choices that made it.
-    angles : ndarray, shape (n, 2)
-        In radians, x before y.
+    angles : ndarray, shape (n, 2), in radians, x before y
     """
 
     lattice: str
@@ -67,132 +58,78 @@ class Arrangement:
         return f"{self.lattice}; {self.offset}; {self.window}"
 
 
-Window = Callable[[FloatArray, FloatArray], FloatArray]
+_Window = Callable[[FloatArray, FloatArray], FloatArray]
 
 
-def lattices(half_x: float, half_y: float, step: float) -> list[Lattice]:
-    """Every lattice of the family for the given half ranges and step.
-
-    Parameters
-    ----------
-    half_x, half_y : float
-        Half the range in x and in y, in radians.
-    step : float
-        The step of the angles, in radians.
-
-    Returns
-    -------
-    list of Lattice
-        Square, quincunx and hexagonal, by what the step can mean; and those stretched to fill the
-        range from edge to edge.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not a finite number above zero, or the step is too small for the range.
-
-    Examples
-    --------
-    >>> lattices(1.0, 1.0, 0.5)[0]
-    Lattice(name='square, step between neighbours', spacing_x=0.5, spacing_y=0.5, chequered=False)
-    """
-    half_x, half_y, step = _checked(half_x, half_y, step)
+def _lattices(half_x: float, half_y: float, step: float) -> list[_Lattice]:
+    """Every lattice by what the step can mean, and those stretched to fill the range."""
     root2, root3 = np.sqrt(2.0), np.sqrt(3.0)
     fixed = [
-        Lattice("square, step between neighbours", step, step, False),
-        Lattice("quincunx, step between rows", step, step, True),
-        Lattice("quincunx, step between neighbours", step / root2, step / root2, True),
-        Lattice("quincunx, step along a row", step / 2, step / 2, True),
-        Lattice("hexagonal, rows along x", step / 2, step * root3 / 2, True),
-        Lattice("hexagonal, rows along y", step * root3 / 2, step / 2, True),
+        _Lattice("square, step between neighbours", step, step, False),
+        _Lattice("quincunx, step between rows", step, step, True),
+        _Lattice("quincunx, step between neighbours", step / root2, step / root2, True),
+        _Lattice("quincunx, step along a row", step / 2, step / 2, True),
+        _Lattice("hexagonal, rows along x", step / 2, step * root3 / 2, True),
+        _Lattice("hexagonal, rows along y", step * root3 / 2, step / 2, True),
     ]
     a, b = _nearest_division(half_x, step), _nearest_division(half_y, step)
     return [
         *fixed,
-        Lattice("square, stretched to the edges", a, b, False),
-        Lattice("quincunx, stretched to the edges, spacings nearest the step", a, b, True),
+        _Lattice("square, stretched to the edges", a, b, False),
+        _Lattice("quincunx, stretched to the edges, spacings nearest the step", a, b, True),
         *(
-            Lattice(f"quincunx, stretched to the edges in {m} by {n} spacings", dx, dy, True)
+            _Lattice(f"quincunx, stretched to the edges in {m} by {n} spacings", dx, dy, True)
             for m, n, dx, dy in _stretched_to_mean(half_x, half_y, step)
         ),
     ]
 
 
-def arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrangement]:
-    """Every different arrangement of the family: lattices by offsets by windows.
-
-    Offsets: a point at the middle of the range; half a spacing away from it along the rows, across
-    them, or both; a point at the lower left corner. Windows: the rectangle with and without its
-    border, the ellipse that touches its sides, the circle of the smaller half range, that of the
-    larger one cut by the rectangle, the diamond through the middles of its sides. An arrangement
-    equal to an earlier one is left out. (The circle through the corners cuts nothing off.)
-
-    Parameters
-    ----------
-    half_x, half_y : float
-        Half the range in x and in y, in radians.
-    step : float
-        The step of the angles, in radians.
-
-    Yields
-    ------
-    Arrangement
-        Empty ones are left out.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not a finite number above zero, or the step is too small for the range.
-
-    Examples
-    --------
-    >>> first = next(arrangements(1.0, 1.0, 1.0))
-    >>> first.name, len(first.angles)
-    ('square, step between neighbours; centred; rectangle', 9)
-    """
-    half_x, half_y, step = _checked(half_x, half_y, step)
-    seen: set[bytes] = set()
-    for lattice in lattices(half_x, half_y, step):
-        for offset, origin in _offsets(lattice, half_x, half_y).items():
-            nodes = _nodes(lattice, origin, half_x, half_y)
-            for window, inside in _windows(half_x, half_y).items():
-                angles = nodes[inside(nodes[:, 0], nodes[:, 1])]
-                key = np.rint(angles / (EDGE * step)).astype(np.int64).tobytes()
-                if len(angles) and key not in seen:
-                    seen.add(key)
-                    yield Arrangement(lattice.name, offset, window, angles)
-
-
 def arrangements_with(count: int, half_x: float, half_y: float, step: float) -> list[Arrangement]:
     """Every arrangement of the family that has exactly so many angles.
+
+    The family is lattices by offsets by windows. Offsets: a point at the middle of the range; half
+    a spacing away from it along the rows, across them, or both; a point at the lower left corner.
+    Windows: the rectangle with and without its border, the ellipse that touches its sides, the
+    circle of the smaller half range, that of the larger one cut by the rectangle, the diamond
+    through the middles of its sides. (The circle through the corners cuts nothing off.)
 
     Parameters
     ----------
     count : int
-        The number of angles wanted.
-    half_x, half_y : float
-        Half the range in x and in y, in radians.
-    step : float
-        The step of the angles, in radians.
+    half_x, half_y, step : float
+        Half the range in x and in y, and the step of the angles, in radians, above zero.
 
     Returns
     -------
     list of Arrangement
-        In the order of `arrangements`; empty if none fits.
+        All different; empty if none fits.
 
     Raises
     ------
-    TypeError, ValueError
-        If `count` is not a whole number above zero, or another argument is not a finite number
-        above zero.
+    ValueError
+        If the step is too small for the range.
 
     Examples
     --------
     >>> [found.name for found in arrangements_with(9, 1.0, 1.0, 1.0)][0]
     'square, step between neighbours; centred; rectangle'
     """
-    count = whole_number("count", count)
-    return [found for found in arrangements(half_x, half_y, step) if len(found.angles) == count]
+    count, ranges = whole_number("count", count), _checked(half_x, half_y, step)
+    return [found for found in _arrangements(*ranges) if len(found.angles) == count]
+
+
+def _arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrangement]:
+    """Every arrangement of the family but empty ones and those equal to an earlier one."""
+    seen: set[bytes] = set()
+    for lattice in _lattices(half_x, half_y, step):
+        for offset, origin in _offsets(lattice, half_x, half_y).items():
+            nodes = _nodes(lattice, origin, half_x, half_y)
+            for window, inside in _windows(half_x, half_y).items():
+                angles = nodes[inside(nodes[:, 0], nodes[:, 1])]
+                key = np.rint(angles / (_EDGE * step)).astype(np.int64).tobytes()
+                if len(angles) and key not in seen:
+                    seen.add(key)
+                    yield Arrangement(lattice.name, offset, window, angles)
 
 
 def _checked(half_x: float, half_y: float, step: float) -> tuple[float, float, float]:
@@ -204,9 +141,9 @@ def _checked(half_x: float, half_y: float, step: float) -> tuple[float, float, f
                 f"{name}: expected one number, got shape {array.shape}; call once per value"
             )
         checked.append(float(array))
-    if max(checked[:2]) > LARGEST_SIDE * checked[2]:
+    if max(checked[:2]) > _LARGEST_SIDE * checked[2]:
         raise ValueError(
-            f"step: expected at least 1/{LARGEST_SIDE} of the half range, got {checked[2]:g} for "
+            f"step: expected at least 1/{_LARGEST_SIDE} of the half range, got {checked[2]:g} for "
             f"{max(checked[:2]):g}; are all three in radians?"
         )
     return checked[0], checked[1], checked[2]
@@ -224,14 +161,14 @@ def _stretched_to_mean(
     for m in range(1, largest + 1):
         a = 2 * half_x / m
         b = 2 * step - a
-        if not step * (2 / 3 - EDGE) <= a <= step * (4 / 3 + EDGE):
+        if not step * (2 / 3 - _EDGE) <= a <= step * (4 / 3 + _EDGE):
             continue
         n = 2 * half_y / b
-        if n >= 1 - EDGE and abs(n - round(n)) < EDGE * n:
+        if n >= 1 - _EDGE and abs(n - round(n)) < _EDGE * n:
             yield m, round(n), a, 2 * half_y / round(n)
 
 
-def _offsets(lattice: Lattice, half_x: float, half_y: float) -> dict[str, tuple[float, float]]:
+def _offsets(lattice: _Lattice, half_x: float, half_y: float) -> dict[str, tuple[float, float]]:
     along = lattice.spacing_x * (1.0 if lattice.chequered else 0.5)
     across = lattice.spacing_y / 2
     return {
@@ -244,7 +181,7 @@ def _offsets(lattice: Lattice, half_x: float, half_y: float) -> dict[str, tuple[
 
 
 def _nodes(
-    lattice: Lattice, origin: tuple[float, float], half_x: float, half_y: float
+    lattice: _Lattice, origin: tuple[float, float], half_x: float, half_y: float
 ) -> FloatArray:
     """All points of the lattice within the closed rectangle, sorted by y, then x."""
     reach_x = int(2 * half_x / lattice.spacing_x) + 2
@@ -253,19 +190,19 @@ def _nodes(
     kept = (i + j) % (2 if lattice.chequered else 1) == 0
     x = origin[0] + lattice.spacing_x * i[kept]
     y = origin[1] + lattice.spacing_y * j[kept]
-    inside = (np.abs(x) <= half_x * (1 + EDGE)) & (np.abs(y) <= half_y * (1 + EDGE))
+    inside = (np.abs(x) <= half_x * (1 + _EDGE)) & (np.abs(y) <= half_y * (1 + _EDGE))
     return np.stack([x[inside], y[inside]], axis=-1)
 
 
-def _windows(half_x: float, half_y: float) -> dict[str, Window]:
+def _windows(half_x: float, half_y: float) -> dict[str, _Window]:
     small, large = min(half_x, half_y), max(half_x, half_y)
     return {
         "rectangle": lambda x, y: np.ones(x.shape, dtype=bool),
         "rectangle without its border": lambda x, y: (
-            np.maximum(np.abs(x) / half_x, np.abs(y) / half_y) < 1 - EDGE
+            np.maximum(np.abs(x) / half_x, np.abs(y) / half_y) < 1 - _EDGE
         ),
-        "inscribed ellipse": lambda x, y: (x / half_x) ** 2 + (y / half_y) ** 2 <= 1 + EDGE,
-        "circle of the smaller half range": lambda x, y: np.hypot(x, y) <= small * (1 + EDGE),
-        "circle of the larger half range": lambda x, y: np.hypot(x, y) <= large * (1 + EDGE),
-        "diamond": lambda x, y: np.abs(x) / half_x + np.abs(y) / half_y <= 1 + EDGE,
+        "inscribed ellipse": lambda x, y: (x / half_x) ** 2 + (y / half_y) ** 2 <= 1 + _EDGE,
+        "circle of the smaller half range": lambda x, y: np.hypot(x, y) <= small * (1 + _EDGE),
+        "circle of the larger half range": lambda x, y: np.hypot(x, y) <= large * (1 + _EDGE),
+        "diamond": lambda x, y: np.abs(x) / half_x + np.abs(y) / half_y <= 1 + _EDGE,
     }

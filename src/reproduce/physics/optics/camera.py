@@ -19,13 +19,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
+from reproduce.physics.validate import (
+    POSITIVE,
+    FloatArray,
+    common_batch,
+    finite_array,
+    positive,
+    together,
+)
+
+__all__ = [
+    "Camera",
+    "angle_from_pixels",
+    "detector_centre",
+    "field_of_view",
+    "ideal_positions",
+    "image_points",
+    "radial_displacements",
+    "turned_onto_detector",
+]
 
 
 def detector_centre(pixels: ArrayLike) -> FloatArray:
-    """The middle of a detector whose first pixel has its centre at (0, 0).
-
-    It stands in for a principal point that is not printed.
+    """The middle of a detector, (..., 2) in px; it stands in for an unprinted principal point.
 
     Parameters
     ----------
@@ -34,43 +50,29 @@ def detector_centre(pixels: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (..., 2)
-        In px: half a pixel less than half of their number.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite and above zero, or the shape does not fit.
+    ndarray, shape (..., 2), in px
 
     Examples
     --------
     >>> detector_centre((3, 4))
     array([1. , 1.5])
     """
-    return (positive("pixels", finite_array("pixels", pixels, shape=(2,))) - 1) / 2
+    return (positive("pixels", pixels, shape=(2,)) - 1) / 2
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Camera:
-    """The imaging parameters of one channel, checked when it is made.
-
-    Every parameter may carry leading batch axes, so that one object holds many cameras.
+    """The imaging parameters of one channel, or of a batch of them; checked when it is made.
 
     Parameters
     ----------
-    focal_length : array_like, shape (...)
-        In metres, above zero.
+    focal_length : array_like, shape (...), in metres
     principal_point : array_like, shape (..., 2)
         Where the boresight meets the detector, in px.
     radial_distortion : array_like, shape (...)
         First radial coefficient, in m^-2 (1e-5 per square millimetre is 10 per square metre).
     pixel_pitch : array_like, shape (...)
-        Distance between the centres of neighbouring pixels, in metres, above zero.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite, has the wrong shape, or a length is not above zero.
+        Distance between the centres of neighbouring pixels, in metres.
 
     Examples
     --------
@@ -91,15 +93,13 @@ class Camera:
         radial_distortion: ArrayLike,
         pixel_pitch: ArrayLike,
     ) -> None:
-        checked = {
-            "focal_length": positive("focal_length", focal_length),
-            "principal_point": finite_array("principal_point", principal_point, shape=(2,)),
-            "radial_distortion": finite_array("radial_distortion", radial_distortion),
-            "pixel_pitch": positive("pixel_pitch", pixel_pitch),
-        }
-        batches = {name: array.shape for name, array in checked.items()}
-        common_batch(**batches | {"principal_point": batches["principal_point"][:-1]})
-        for name, array in checked.items():
+        checked = together(
+            focal_length=(focal_length, POSITIVE),
+            principal_point=(principal_point, (2,)),
+            radial_distortion=(radial_distortion, ()),
+            pixel_pitch=(pixel_pitch, POSITIVE),
+        )
+        for name, array in zip(self.__dataclass_fields__, checked, strict=True):
             object.__setattr__(self, name, array)
 
     @property
@@ -113,17 +113,6 @@ class Camera:
         )
 
 
-def per_point(parameter: FloatArray) -> FloatArray:
-    """Return a parameter of shape (...) with two axes more, to go with points (..., n, 2).
-
-    Examples
-    --------
-    >>> per_point(np.ones(5)).shape
-    (5, 1, 1)
-    """
-    return parameter[..., None, None]
-
-
 def ideal_positions(directions: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     """Where an ideal pinhole camera images the given directions.
 
@@ -132,9 +121,8 @@ def ideal_positions(directions: ArrayLike, focal_length: ArrayLike) -> FloatArra
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
-        Towards the stars, in the camera frame, of any length, in front of the camera (z > 0).
-    focal_length : array_like, shape (...)
-        In metres.
+        Towards the stars, in the camera frame, of any length.
+    focal_length : array_like, shape (...), in metres
 
     Returns
     -------
@@ -144,26 +132,17 @@ def ideal_positions(directions: ArrayLike, focal_length: ArrayLike) -> FloatArra
     Raises
     ------
     ValueError
-        If a direction does not point in front of the camera, or an argument has the wrong shape
-        or is not finite.
+        If a direction does not point in front of the camera (z > 0).
 
     Examples
     --------
     >>> ideal_positions([[1, 2, 10]], 20e-3)
     array([[0.002, 0.004]])
     """
-    directions = finite_array("directions", directions, shape=(None, 3))
-    focal_length = positive("focal_length", focal_length)
-    common_batch(directions=directions.shape[:-2], focal_length=focal_length.shape)
-    across, along = directions[..., :2], directions[..., 2:]
-    # Below this slope the tangent is so large that the position means nothing any more.
-    behind = along[..., 0] <= 1e-9 * np.abs(across).max(axis=-1)
-    if behind.any():
-        raise ValueError(
-            f"directions: expected stars in front of the camera (z > 0), got {int(behind.sum())} "
-            "beside or behind it; check the frame and its sign, or drop these stars"
-        )
-    return per_point(focal_length) * (across / along)
+    stars, focal = together(
+        directions=(directions, (None, 3)), focal_length=(focal_length, POSITIVE)
+    )
+    return _ideal(stars, focal)
 
 
 def radial_displacements(ideal: ArrayLike, radial_distortion: ArrayLike) -> FloatArray:
@@ -183,21 +162,15 @@ def radial_displacements(ideal: ArrayLike, radial_distortion: ArrayLike) -> Floa
     ndarray, shape (..., n, 2)
         Displacements, in metres: position times coefficient times squared radius.
 
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
-
     Examples
     --------
     >>> radial_displacements([[3.0, 4.0]], 2.0)
     array([[150., 200.]])
     """
-    ideal = finite_array("ideal", ideal, shape=(None, 2))
-    radial_distortion = finite_array("radial_distortion", radial_distortion)
-    common_batch(ideal=ideal.shape[:-2], radial_distortion=radial_distortion.shape)
-    squared_radius = np.square(ideal).sum(axis=-1, keepdims=True)
-    return np.asarray(ideal * (per_point(radial_distortion) * squared_radius))
+    spots, coefficient = together(
+        ideal=(ideal, (None, 2)), radial_distortion=(radial_distortion, ())
+    )
+    return _displacements(spots, coefficient)
 
 
 def turned_onto_detector(positions: ArrayLike, rotation: ArrayLike) -> FloatArray:
@@ -215,25 +188,14 @@ def turned_onto_detector(positions: ArrayLike, rotation: ArrayLike) -> FloatArra
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In the same unit.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
+    ndarray, shape (..., n, 2), in the same unit
 
     Examples
     --------
     >>> turned_onto_detector([[1, 0]], np.pi / 2).round(12)
     array([[ 0., -1.]])
     """
-    positions = finite_array("positions", positions, shape=(None, 2))
-    rotation = finite_array("rotation", rotation)
-    common_batch(positions=positions.shape[:-2], rotation=rotation.shape)
-    cosine, sine = np.cos(rotation)[..., None], np.sin(rotation)[..., None]
-    x, y = positions[..., 0], positions[..., 1]
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
+    return _turned(*together(positions=(positions, (None, 2)), rotation=(rotation, ())))
 
 
 def image_points(directions: ArrayLike, camera: Camera, rotation: ArrayLike = 0.0) -> FloatArray:
@@ -259,8 +221,7 @@ def image_points(directions: ArrayLike, camera: Camera, rotation: ArrayLike = 0.
     Raises
     ------
     ValueError
-        If a direction does not point in front of the camera, or an argument has the wrong shape
-        or is not finite.
+        If a direction does not point in front of the camera (z > 0).
 
     Examples
     --------
@@ -269,33 +230,21 @@ def image_points(directions: ArrayLike, camera: Camera, rotation: ArrayLike = 0.
     >>> image_points([[1, 0, 10]], Camera(20e-3, (50, 60), 0, 10e-6)).round(9)
     array([[250.,  60.]])
     """
-    ideal = ideal_positions(directions, camera.focal_length)
-    rotation = finite_array("rotation", rotation)
-    common_batch(directions=ideal.shape[:-2], camera=camera.batch, rotation=rotation.shape)
-    displaced = ideal + radial_displacements(ideal, camera.radial_distortion)
-    turned = turned_onto_detector(displaced, rotation)
-    return turned / per_point(camera.pixel_pitch) + camera.principal_point[..., None, :]
+    stars = finite_array("directions", directions, shape=(None, 3))
+    turn = finite_array("rotation", rotation)
+    common_batch(directions=stars.shape[:-2], camera=camera.batch, rotation=turn.shape)
+    return _imaged(stars, camera, turn)
 
 
 def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     """The full angle that a row of pixels sees, the boresight at its middle.
 
-    Parameters
-    ----------
-    pixels : array_like
-        Number of pixels, above zero.
-    pixel_pitch, focal_length : array_like
-        In metres, above zero.
+    Arguments are those of `angle_from_pixels`, with the pixels their number, above zero.
 
     Returns
     -------
     ndarray
         Full angle, in radians: 2 atan(pixels * pixel_pitch / (2 * focal_length)).
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite and above zero.
 
     Examples
     --------
@@ -304,8 +253,7 @@ def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: Array
     >>> float(np.degrees(field_of_view(2000, 1e-5, 10e-3)).round(9))
     90.0
     """
-    pixels = positive("pixels", pixels)
-    return 2 * angle_from_pixels(pixels / 2, positive("pixel_pitch", pixel_pitch), focal_length)
+    return 2 * angle_from_pixels(positive("pixels", pixels) / 2, pixel_pitch, focal_length)
 
 
 def angle_from_pixels(
@@ -317,68 +265,51 @@ def angle_from_pixels(
     ----------
     pixels : array_like
         Signed distance, in px.
-    pixel_pitch, focal_length : array_like
-        In metres, above zero.
+    pixel_pitch, focal_length : array_like, in metres
 
     Returns
     -------
     ndarray
-        Signed angle, in radians: atan(pixels * pixel_pitch / focal_length). Multiply by
-        `ARCSEC_PER_RADIAN` for arcseconds.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, or a length is not above zero.
+        Signed angle, in radians: atan(pixels * pixel_pitch / focal_length).
 
     Examples
     --------
     >>> float(np.degrees(angle_from_pixels(1000, 1e-5, 10e-3)).round(9))
     45.0
     """
-    pixels = finite_array("pixels", pixels)
-    pixel_pitch = positive("pixel_pitch", pixel_pitch)
-    focal_length = positive("focal_length", focal_length)
-    common_batch(
-        pixels=pixels.shape, pixel_pitch=pixel_pitch.shape, focal_length=focal_length.shape
+    distance, pitch, focal = together(
+        pixels=(pixels, ()),
+        pixel_pitch=(pixel_pitch, POSITIVE),
+        focal_length=(focal_length, POSITIVE),
     )
-    return np.asarray(np.arctan(pixels * pixel_pitch / focal_length))
+    return np.asarray(np.arctan(distance * pitch / focal))
 
 
-def pixels_from_angle(
-    angle: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike
-) -> FloatArray:
-    """The distance from the principal point of a spot at that angle from the boresight.
-
-    Parameters
-    ----------
-    angle : array_like
-        Signed angle, in radians, between -pi/2 and pi/2.
-    pixel_pitch, focal_length : array_like
-        In metres, above zero.
-
-    Returns
-    -------
-    ndarray
-        Signed distance, in px: the inverse of `angle_from_pixels`.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, a length is not above zero, or an angle reaches 90 degrees.
-
-    Examples
-    --------
-    >>> float(pixels_from_angle(np.pi / 4, 1e-5, 10e-3).round(9))
-    1000.0
-    """
-    angle = finite_array("angle", angle)
-    pixel_pitch = positive("pixel_pitch", pixel_pitch)
-    focal_length = positive("focal_length", focal_length)
-    if (np.abs(angle) >= np.pi / 2).any():
+def _ideal(directions: FloatArray, focal_length: FloatArray) -> FloatArray:
+    """Project checked directions; those beside and behind the camera are refused."""
+    across, along = directions[..., :2], directions[..., 2:]
+    # Below this slope the tangent is so large that the position means nothing any more.
+    behind = along[..., 0] <= 1e-9 * np.abs(across).max(axis=-1)
+    if behind.any():
         raise ValueError(
-            f"angle: expected between -pi/2 and pi/2, got {np.abs(angle).max():g} rad; "
-            "angles are in radians, not degrees"
+            f"directions: expected stars in front of the camera (z > 0), got {int(behind.sum())} "
+            "beside or behind it; check the frame and its sign, or drop these stars"
         )
-    common_batch(angle=angle.shape, pixel_pitch=pixel_pitch.shape, focal_length=focal_length.shape)
-    return np.asarray(np.tan(angle) * focal_length / pixel_pitch)
+    return focal_length[..., None, None] * (across / along)
+
+
+def _displacements(ideal: FloatArray, radial_distortion: FloatArray) -> FloatArray:
+    squared_radius = np.square(ideal).sum(axis=-1, keepdims=True)
+    return ideal * (radial_distortion[..., None, None] * squared_radius)
+
+
+def _turned(positions: FloatArray, rotation: FloatArray) -> FloatArray:
+    cosine, sine = np.cos(rotation)[..., None], np.sin(rotation)[..., None]
+    x, y = positions[..., 0], positions[..., 1]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
+
+
+def _imaged(directions: FloatArray, camera: Camera, rotation: FloatArray) -> FloatArray:
+    ideal = _ideal(directions, camera.focal_length)
+    turned = _turned(ideal + _displacements(ideal, camera.radial_distortion), rotation)
+    return turned / camera.pixel_pitch[..., None, None] + camera.principal_point[..., None, :]

@@ -12,12 +12,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.optics.camera import per_point
-from reproduce.physics.validate import FloatArray, common_batch, finite_array, positive
+from reproduce.physics.validate import POSITIVE, FloatArray, common_batch, positive, together
+
+__all__ = [
+    "distortion_ratio",
+    "distortion_ratio_equal_coefficients",
+    "distortion_ratio_linear",
+    "offsets_from_principal_point",
+    "reference_ideal_positions",
+    "reference_points_from_ideal",
+    "reference_points_scaled",
+    "scale_factor",
+]
 
 
 def scale_factor(reference_focal_length: ArrayLike, focal_length: ArrayLike) -> FloatArray:
-    """The scale factor k that lays a channel over the reference: the ratio of focal lengths.
+    """The scale factor k that lays a channel over the reference: the definition before (6).
 
     Parameters
     ----------
@@ -27,24 +37,18 @@ def scale_factor(reference_focal_length: ArrayLike, focal_length: ArrayLike) -> 
     Returns
     -------
     ndarray
-        k = reference / other, without unit; the definition that precedes (6).
-
-    Raises
-    ------
-    ValueError
-        If a focal length is not finite and above zero.
+        k = reference / other, without unit.
 
     Examples
     --------
     >>> float(scale_factor(30e-3, 20e-3))
     1.5
     """
-    reference_focal_length = positive("reference_focal_length", reference_focal_length)
-    focal_length = positive("focal_length", focal_length)
-    common_batch(
-        reference_focal_length=reference_focal_length.shape, focal_length=focal_length.shape
+    reference, other = together(
+        reference_focal_length=(reference_focal_length, POSITIVE),
+        focal_length=(focal_length, POSITIVE),
     )
-    return np.asarray(reference_focal_length / focal_length)
+    return np.asarray(reference / other)
 
 
 def reference_ideal_positions(ideal: ArrayLike, scale: ArrayLike) -> FloatArray:
@@ -57,27 +61,19 @@ def reference_ideal_positions(ideal: ArrayLike, scale: ArrayLike) -> FloatArray:
     ideal : array_like, shape (..., n, 2)
         From the principal point, in any unit of length.
     scale : array_like, shape (...)
-        Scale factor k.
+        Scale factor k, above zero.
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In the same unit.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, has the wrong shape, or `scale` is not above zero.
+    ndarray, shape (..., n, 2), in the same unit
 
     Examples
     --------
     >>> reference_ideal_positions([[2, 4]], 1.5)
     array([[3., 6.]])
     """
-    ideal = finite_array("ideal", ideal, shape=(None, 2))
-    scale = positive("scale", scale)
-    common_batch(ideal=ideal.shape[:-2], scale=scale.shape)
-    return per_point(scale) * ideal
+    positions, k = together(ideal=(ideal, (None, 2)), scale=(scale, POSITIVE))
+    return k[..., None, None] * positions
 
 
 def distortion_ratio(
@@ -90,7 +86,7 @@ def distortion_ratio(
     Parameters
     ----------
     scale : array_like
-        Scale factor k.
+        Scale factor k, above zero.
     reference_distortion, distortion : array_like
         First radial coefficients of the reference channel and of the other, in the same unit.
 
@@ -102,48 +98,39 @@ def distortion_ratio(
     Raises
     ------
     ValueError
-        If an argument is not finite, `scale` is not above zero, or `distortion` is zero.
+        If `distortion` is zero.
 
     Examples
     --------
     >>> float(distortion_ratio(2.0, 3.0, 4.0))
     6.0
     """
-    cube = distortion_ratio_equal_coefficients(scale)
-    reference_distortion = finite_array("reference_distortion", reference_distortion)
-    distortion = finite_array("distortion", distortion)
-    if (distortion == 0).any():
+    k, reference, other = together(
+        scale=(scale, POSITIVE),
+        reference_distortion=(reference_distortion, ()),
+        distortion=(distortion, ()),
+    )
+    if (other == 0).any():
         raise ValueError(
             "distortion: expected a coefficient other than zero, got zero; "
             "a channel without distortion has no ratio"
         )
-    common_batch(
-        scale=cube.shape,
-        reference_distortion=reference_distortion.shape,
-        distortion=distortion.shape,
-    )
-    return np.asarray(cube * (reference_distortion / distortion))
+    return np.asarray(k**3 * (reference / other))
 
 
 def distortion_ratio_equal_coefficients(scale: ArrayLike) -> FloatArray:
-    """The ratio (7) under the approximation that all channels share one distortion coefficient.
+    """The ratio (7) if all channels share one distortion coefficient: k^3.
 
     Implements: niu2024 (8).
 
     Parameters
     ----------
     scale : array_like
-        Scale factor k.
+        Scale factor k, above zero.
 
     Returns
     -------
     ndarray
-        k^3.
-
-    Raises
-    ------
-    ValueError
-        If `scale` is not finite and above zero.
 
     Examples
     --------
@@ -158,20 +145,12 @@ def distortion_ratio_linear(scale: ArrayLike) -> FloatArray:
 
     Implements: niu2024 (9).
 
-    Parameters
-    ----------
-    scale : array_like
-        Scale factor k.
+    Near k = 1 its relative error is 2 (1 - k). Arguments are those of
+    `distortion_ratio_equal_coefficients`.
 
     Returns
     -------
     ndarray
-        k. Near k = 1 its relative error is 2 (1 - k).
-
-    Raises
-    ------
-    ValueError
-        If `scale` is not finite and above zero.
 
     Examples
     --------
@@ -188,35 +167,31 @@ def reference_points_from_ideal(
 
     Implements: niu2024 (10).
 
+    Scale and principal point are those of `reference_points_scaled`; the displacements are scaled
+    by k too, which is approximation (9).
+
     Parameters
     ----------
     ideal, displacements : array_like, shape (..., n, 2)
         Ideal positions and displacements by distortion of the other channel, both in px.
-    scale : array_like, shape (...)
-        Scale factor k; the displacements are scaled by k too, which is approximation (9).
-    principal_point : array_like, shape (..., 2)
-        Shared by both channels here, in px.
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In px.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, has the wrong shape, or `scale` is not above zero.
+    ndarray, shape (..., n, 2), in px
 
     Examples
     --------
     >>> reference_points_from_ideal([[10, 0]], [[1, 0]], 2.0, (5, 5))
     array([[27.,  5.]])
     """
-    displacements = finite_array("displacements", displacements, shape=(None, 2))
-    ideal = finite_array("ideal", ideal, shape=(None, 2))
-    common_batch(ideal=ideal.shape[:-1], displacements=displacements.shape[:-1])
-    scaled = reference_ideal_positions(ideal + displacements, scale)
-    return scaled + _pivot(principal_point, scaled)
+    positions, moved, k, pivot = together(
+        ideal=(ideal, (None, 2)),
+        displacements=(displacements, (None, 2)),
+        scale=(scale, POSITIVE),
+        principal_point=(principal_point, (2,)),
+    )
+    common_batch(ideal=positions.shape[:-1], displacements=moved.shape[:-1])
+    return k[..., None, None] * (positions + moved) + pivot[..., None, :]
 
 
 def offsets_from_principal_point(points: ArrayLike, principal_point: ArrayLike) -> FloatArray:
@@ -226,28 +201,20 @@ def offsets_from_principal_point(points: ArrayLike, principal_point: ArrayLike) 
 
     Parameters
     ----------
-    points : array_like, shape (..., n, 2)
-        Image points, in px.
-    principal_point : array_like, shape (..., 2)
-        In px.
+    points : array_like, shape (..., n, 2), in px
+    principal_point : array_like, shape (..., 2), in px
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In px.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
+    ndarray, shape (..., n, 2), in px
 
     Examples
     --------
     >>> offsets_from_principal_point([[7, 9]], (5, 5))
     array([[2., 4.]])
     """
-    points = finite_array("points", points, shape=(None, 2))
-    return points - _pivot(principal_point, points)
+    spots, pivot = together(points=(points, (None, 2)), principal_point=(principal_point, (2,)))
+    return spots - pivot[..., None, :]
 
 
 def reference_points_scaled(
@@ -262,7 +229,7 @@ def reference_points_scaled(
     points : array_like, shape (..., n, 2)
         Image points of the other channel, in px.
     scale : array_like, shape (...)
-        Scale factor k.
+        Scale factor k, above zero.
     principal_point : array_like, shape (..., 2)
         Shared by both channels here, in px.
 
@@ -271,21 +238,15 @@ def reference_points_scaled(
     ndarray, shape (..., n, 2)
         In px: k * points - k * principal_point + principal_point.
 
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, has the wrong shape, or `scale` is not above zero.
-
     Examples
     --------
     >>> reference_points_scaled([[7, 9]], 2.0, (5, 5))
     array([[ 9., 13.]])
     """
-    offsets = offsets_from_principal_point(points, principal_point)
-    return reference_ideal_positions(offsets, scale) + _pivot(principal_point, offsets)
-
-
-def _pivot(principal_point: ArrayLike, points: FloatArray) -> FloatArray:
-    principal_point = finite_array("principal_point", principal_point, shape=(2,))
-    common_batch(points=points.shape[:-2], principal_point=principal_point.shape[:-1])
-    return principal_point[..., None, :]
+    spots, k, pivot = together(
+        points=(points, (None, 2)),
+        scale=(scale, POSITIVE),
+        principal_point=(principal_point, (2,)),
+    )
+    pivot = pivot[..., None, :]
+    return k[..., None, None] * (spots - pivot) + pivot

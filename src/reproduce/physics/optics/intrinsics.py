@@ -17,16 +17,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.optics.camera import Camera, ideal_positions, turned_onto_detector
+from reproduce.physics.optics.camera import Camera, _ideal, _turned
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
-    common_batch,
-    finite_array,
     positive,
+    together,
 )
 
-PARAMETERS = 4
+__all__ = ["CameraFit", "fit_camera"]
+
+_PARAMETERS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +58,14 @@ class CameraFit:
     @property
     def covariance(self) -> FloatArray:
         """The cofactor matrix scaled by the residuals' own variance, shape (..., 4, 4)."""
-        freedom = 2 * self.residuals.shape[-2] - PARAMETERS
+        freedom = 2 * self.residuals.shape[-2] - _PARAMETERS
         if freedom <= 0:
             raise DegenerateGeometryError(
                 "covariance: expected at least three points, got two; add points, or multiply "
                 "`cofactor` by a known variance"
             )
         variance = np.square(self.residuals).sum(axis=(-2, -1)) / freedom
-        return np.asarray(variance[..., None, None] * self.cofactor)
+        return variance[..., None, None] * self.cofactor
 
 
 def fit_camera(
@@ -78,21 +79,19 @@ def fit_camera(
         Known starlight, in the frame of the reference channel.
     points : array_like, shape (..., n, 2)
         Where the channel images it, in px.
-    pixel_pitch : float
-        In metres, above zero.
+    pixel_pitch : float, in metres
     rotation : array_like, shape (...)
         Angle of the detector against the reference, in radians; zero for the reference itself.
 
     Returns
     -------
     CameraFit
-        Estimate, residuals, cofactor and covariance.
 
     Raises
     ------
     ValueError
-        If an argument is not finite or has the wrong shape, the counts differ, or the points leave
-        the focal length zero or negative (a mirrored axis does).
+        If the counts differ, a direction does not point in front of the camera, or the points
+        leave the focal length zero or negative (a mirrored axis does).
     DegenerateGeometryError
         If the directions do not fix all four parameters: the same slope throughout.
 
@@ -103,7 +102,18 @@ def fit_camera(
     >>> float(fit.camera.focal_length.round(9)), fit.camera.principal_point.round(9)
     (0.02, array([50., 60.]))
     """
-    slopes, points, pitch = _checked(directions, points, pixel_pitch, rotation)
+    stars, points, turn = together(
+        directions=(directions, (None, 3)), points=(points, (None, 2)), rotation=(rotation, ())
+    )
+    if stars.shape[-2] != points.shape[-2]:
+        raise ValueError(
+            f"expected as many directions as points, got {stars.shape[-2]} and "
+            f"{points.shape[-2]}; row i of both must be the same star"
+        )
+    pitch = positive("pixel_pitch", pixel_pitch)
+    if pitch.ndim:
+        raise ValueError(f"pixel_pitch: expected one number, got shape {pitch.shape}; give one")
+    slopes = _turned(_ideal(stars, np.ones(())), turn)
     squared = np.square(slopes).sum(axis=-1, keepdims=True)
     columns = np.stack([slopes, slopes * squared], axis=-1) / pitch
     # About the means, so that the principal point need not be solved for with the others.
@@ -111,8 +121,7 @@ def fit_camera(
     observed = points - points.mean(axis=-2, keepdims=True)
     normal = np.einsum("...nij,...nik->...jk", centred, centred)
     pull = np.einsum("...nij,...ni->...j", centred, observed)
-    inverse = _inverse(normal)
-    linear = np.einsum("...jk,...k->...j", inverse, pull)
+    linear = np.einsum("...jk,...k->...j", _inverse(normal), pull)
     modelled = np.einsum("...nij,...j->...ni", columns, linear)
     origin = (points - modelled).mean(axis=-2)
     if (linear[..., 0] <= 0).any():
@@ -125,23 +134,6 @@ def fit_camera(
     return CameraFit(camera, residuals, _cofactor(camera, columns, normal))
 
 
-def _checked(
-    directions: ArrayLike, points: ArrayLike, pixel_pitch: float, rotation: ArrayLike
-) -> tuple[FloatArray, FloatArray, float]:
-    slopes = turned_onto_detector(ideal_positions(directions, 1.0), rotation)
-    points = finite_array("points", points, shape=(None, 2))
-    if slopes.shape[-2] != points.shape[-2]:
-        raise ValueError(
-            f"expected as many directions as points, got {slopes.shape[-2]} and "
-            f"{points.shape[-2]}; row i of both must be the same star"
-        )
-    common_batch(directions=slopes.shape[:-2], points=points.shape[:-2])
-    pitch = positive("pixel_pitch", pixel_pitch)
-    if pitch.ndim:
-        raise ValueError(f"pixel_pitch: expected one number, got shape {pitch.shape}; give one")
-    return slopes, points, float(pitch)
-
-
 def _inverse(normal: FloatArray) -> FloatArray:
     a, b, d = normal[..., 0, 0], normal[..., 0, 1], normal[..., 1, 1]
     determinant = a * d - b**2
@@ -151,7 +143,7 @@ def _inverse(normal: FloatArray) -> FloatArray:
             "throughout or two points alone; turn the table to angles near and far from zero"
         )
     rows = [np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)]
-    return np.asarray(np.stack(rows, axis=-2) / determinant[..., None, None])
+    return np.stack(rows, axis=-2) / determinant[..., None, None]
 
 
 def _cofactor(camera: Camera, columns: FloatArray, normal: FloatArray) -> FloatArray:
@@ -160,14 +152,14 @@ def _cofactor(camera: Camera, columns: FloatArray, normal: FloatArray) -> FloatA
     inner = _inverse(normal)
     mean = columns.mean(axis=-3)
     batch = np.broadcast_shapes(inner.shape[:-2], focal.shape)
-    linear = np.zeros((*batch, PARAMETERS, PARAMETERS))
+    linear = np.zeros((*batch, _PARAMETERS, _PARAMETERS))
     linear[..., :2, :2] = inner
     linear[..., 2:, :2] = -mean @ inner
-    linear[..., :2, 2:] = np.swapaxes(linear[..., 2:, :2], -1, -2)
-    linear[..., 2:, 2:] = np.eye(2) / count + mean @ inner @ np.swapaxes(mean, -1, -2)
+    linear[..., :2, 2:] = linear[..., 2:, :2].mT
+    linear[..., 2:, 2:] = np.eye(2) / count + mean @ inner @ mean.mT
     # Rows: F, x, y, m; columns: F, m F^3, x, y.
     change = np.zeros_like(linear)
     change[..., 0, 0] = change[..., 1, 2] = change[..., 2, 3] = 1
     change[..., 3, 0] = -3 * camera.radial_distortion / focal
     change[..., 3, 1] = 1 / focal**3
-    return np.asarray(change @ linear @ np.swapaxes(change, -1, -2))
+    return change @ linear @ change.mT

@@ -12,7 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, common_batch, finite_array
+from reproduce.physics.validate import FloatArray, together
+
+__all__ = ["rotary_matrix", "rotary_matrix_printed", "starlight"]
 
 
 def rotary_matrix(external: ArrayLike, middle: ArrayLike) -> FloatArray:
@@ -33,11 +35,6 @@ def rotary_matrix(external: ArrayLike, middle: ArrayLike) -> FloatArray:
     ndarray, shape (..., 3, 3)
         Proper rotations: transpose is inverse, determinant +1.
 
-    Raises
-    ------
-    ValueError
-        If an angle is not finite, or the shapes do not broadcast.
-
     Examples
     --------
     >>> rotary_matrix(0.0, np.pi / 2).round(12) + 0.0
@@ -45,7 +42,7 @@ def rotary_matrix(external: ArrayLike, middle: ArrayLike) -> FloatArray:
            [ 0.,  1.,  0.],
            [ 1.,  0.,  0.]])
     """
-    external, middle = _angles(external, middle)
+    external, middle = together(external=(external, ()), middle=(middle, ()))
     return _external_frame(external) @ _middle_frame(middle, bottom_left=np.sin(middle))
 
 
@@ -56,22 +53,11 @@ def rotary_matrix_printed(external: ArrayLike, middle: ArrayLike) -> FloatArray:
 
     It is not a rotation: its determinant is cos(2 * middle), and its first column is not
     orthogonal to its third. Its third column is the right one, so starlight that starts along z
-    comes out the same; any other starting vector does not.
-
-    Parameters
-    ----------
-    external, middle : array_like, shape (...)
-        Angles of the two frames, in radians.
+    comes out the same; any other starting vector does not. Arguments are those of `rotary_matrix`.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        The printed product.
-
-    Raises
-    ------
-    ValueError
-        If an angle is not finite, or the shapes do not broadcast.
 
     Examples
     --------
@@ -79,7 +65,7 @@ def rotary_matrix_printed(external: ArrayLike, middle: ArrayLike) -> FloatArray:
     >>> float(np.linalg.det(matrix).round(12))
     -1.0
     """
-    external, middle = _angles(external, middle)
+    external, middle = together(external=(external, ()), middle=(middle, ()))
     return _external_frame(external) @ _middle_frame(middle, bottom_left=-np.sin(middle))
 
 
@@ -88,11 +74,8 @@ def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
 
     Implements: niu2024 (19).
 
-    Parameters
-    ----------
-    external, middle : array_like, shape (...)
-        Angles of the two frames, in radians. Angles of shape (n,) give directions (n, 3), as
-        `camera.image_points` takes them.
+    Arguments are those of `rotary_matrix`; angles of shape (n,) give directions (n, 3), as
+    `camera.image_points` takes them.
 
     Returns
     -------
@@ -100,29 +83,21 @@ def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
         Unit vectors (-sin m, sin e cos m, cos e cos m): the third column of `rotary_matrix`,
         because the star starts along z.
 
-    Raises
-    ------
-    ValueError
-        If an angle is not finite, or the shapes do not broadcast.
-
     Examples
     --------
     >>> starlight(np.pi / 2, 0.0).round(12) + 0.0
     array([0., 1., 0.])
     """
-    external, middle = _angles(external, middle)
+    external, middle = np.broadcast_arrays(*together(external=(external, ()), middle=(middle, ())))
+    return _starlight(external, middle)
+
+
+def _starlight(external: FloatArray, middle: FloatArray) -> FloatArray:
     # Written out instead of multiplied: many thousand angles are turned into starlight at once.
     return np.stack(
         [-np.sin(middle), np.sin(external) * np.cos(middle), np.cos(external) * np.cos(middle)],
         axis=-1,
     )
-
-
-def _angles(external: ArrayLike, middle: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    external = finite_array("external", external)
-    middle = finite_array("middle", middle)
-    batch = common_batch(external=external.shape, middle=middle.shape)
-    return np.broadcast_to(external, batch), np.broadcast_to(middle, batch)
 
 
 def _external_frame(external: FloatArray) -> FloatArray:

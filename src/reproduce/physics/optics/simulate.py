@@ -6,7 +6,8 @@ pixel at (0, 0); channels stand on the axis before them, replicates in front.
 
 Every replicate draws from a stream of its own, the child of a seed sequence with the replicate's
 number. A result therefore depends neither on how replicates are grouped into batches, nor on how
-many there are.
+many there are: `first` is the number of the first replicate, where a long run is done in parts.
+The seed sequence is not changed; use it for nothing else.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import ArrayLike
 
-from reproduce.physics.optics.camera import Camera, image_points
-from reproduce.physics.optics.rotary import starlight
+from reproduce.physics.optics.camera import Camera, _imaged
+from reproduce.physics.optics.rotary import _starlight
 from reproduce.physics.validate import (
     FloatArray,
     common_batch,
@@ -27,32 +28,35 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
+__all__ = [
+    "channel_centroids",
+    "noisy_centroids",
+    "spawned_angles",
+    "spawned_normals",
+    "spawned_streams",
+    "table_starlight",
+]
+
 
 def table_starlight(angles: ArrayLike) -> FloatArray:
     """Starlight for rotation angles given as rows of x (middle frame) and y (external frame).
 
     Parameters
     ----------
-    angles : array_like, shape (..., n, 2)
-        In radians.
+    angles : array_like, shape (..., n, 2), in radians
 
     Returns
     -------
     ndarray, shape (..., n, 3)
         Unit vectors in the sensor's frame.
 
-    Raises
-    ------
-    ValueError
-        If `angles` is not finite or has the wrong shape.
-
     Examples
     --------
     >>> table_starlight([[0.0, 0.0]])
     array([[-0.,  0.,  1.]])
     """
-    angles = finite_array("angles", angles, shape=(None, 2))
-    return starlight(angles[..., 1], angles[..., 0])
+    rows = finite_array("angles", angles, shape=(None, 2))
+    return _starlight(rows[..., 1], rows[..., 0])
 
 
 def channel_centroids(
@@ -77,8 +81,7 @@ def channel_centroids(
     Raises
     ------
     ValueError
-        If there is no camera, the counts differ, an argument is not finite or has the wrong
-        shape, or an angle turns the star behind the sensor.
+        If there is no camera, the counts differ, or an angle turns the star behind the sensor.
 
     Examples
     --------
@@ -86,19 +89,17 @@ def channel_centroids(
     >>> channel_centroids([camera], [0.0], [[0.0, np.pi / 4]]).round(6)
     array([[[  50., 2060.]]])
     """
-    rotations = finite_array("rotations", rotations, shape=(None,))
-    if rotations.shape != (len(cameras),):
+    turns = finite_array("rotations", rotations, shape=(None,))
+    if turns.shape != (len(cameras),):
         raise ValueError(
             f"expected one rotation per camera, got {len(cameras)} cameras and rotations of shape "
-            f"{rotations.shape}; give zero for the reference channel"
+            f"{turns.shape}; give zero for the reference channel"
         )
     directions = table_starlight(angles)
+    for camera in cameras:
+        common_batch(angles=directions.shape[:-2], camera=camera.batch)
     return np.stack(
-        [
-            image_points(directions, camera, rotation)
-            for camera, rotation in zip(cameras, rotations, strict=True)
-        ],
-        axis=-3,
+        [_imaged(directions, *channel) for channel in zip(cameras, turns, strict=True)], axis=-3
     )
 
 
@@ -113,32 +114,20 @@ def noisy_centroids(
 ) -> FloatArray:
     """Replicates of measured centroids: the true ones plus Gaussian noise, averaged over repeats.
 
+    Other arguments and errors are those of `spawned_streams`.
+
     Parameters
     ----------
     centroids : array_like, shape (channels, n, 2) or (replicates, channels, n, 2)
         True positions, in px; the same for all replicates, or their own for each.
     sigma : array_like, shape () or (channels,)
         Standard deviation of one coordinate of one draw, in px; zero for a channel without noise.
-    seeds : numpy.random.SeedSequence
-        One that is used for nothing else; it is not changed.
-    replicates : int
-        How many replicates.
     repeats : int
         How many draws are averaged into each replicate.
-    first : int
-        Number of the first replicate, where a long run is done in parts.
 
     Returns
     -------
-    ndarray, shape (replicates, channels, n, 2)
-        In px.
-
-    Raises
-    ------
-    TypeError
-        If `seeds` is not a SeedSequence, or a count is not a whole number.
-    ValueError
-        If an argument is not finite, negative, or has the wrong shape.
+    ndarray, shape (replicates, channels, n, 2), in px
 
     Examples
     --------
@@ -155,8 +144,9 @@ def noisy_centroids(
             f"sigma: expected one number or one per channel ({centroids.shape[-3]}), got shape "
             f"{sigma.shape}; give one, or as many as there are channels"
         )
+    streams = spawned_streams(seeds, replicates, first)
     noise = np.empty((replicates, *centroids.shape[-3:]))
-    for row, stream in zip(noise, spawned_streams(seeds, replicates, first), strict=True):
+    for row, stream in zip(noise, streams, strict=True):
         draws = stream.standard_normal((repeats, *row.shape))
         # Averaged here, not later: ten repeats of many replicates would not fit in memory.
         row[...] = draws[0] if repeats == 1 else draws.mean(axis=0)
@@ -170,28 +160,12 @@ def spawned_normals(
 ) -> FloatArray:
     """Standard normal numbers, every replicate from its own stream.
 
-    Parameters
-    ----------
-    seeds : numpy.random.SeedSequence
-        One that is used for nothing else; it is not changed.
-    replicates : int
-        How many replicates.
-    shape : tuple of int
-        Shape of one replicate.
-    first : int
-        Number of the first replicate, where a long run is done in parts.
+    Arguments and errors are those of `spawned_streams`, and the shape of one replicate.
 
     Returns
     -------
     ndarray, shape (replicates, *shape)
         Row r is the same for whatever `replicates` and `first` it was drawn with.
-
-    Raises
-    ------
-    TypeError
-        If `seeds` is not a SeedSequence, or a count is not a whole number.
-    ValueError
-        If a count is below what makes sense.
 
     Examples
     --------
@@ -199,8 +173,9 @@ def spawned_normals(
     >>> bool((all_at_once[2:] == spawned_normals(SeedSequence(1), 1, (2,), first=2)).all())
     True
     """
-    numbers = _table(replicates, shape)
-    for row, stream in zip(numbers, spawned_streams(seeds, replicates, first), strict=True):
+    streams = spawned_streams(seeds, replicates, first)
+    numbers = np.empty((replicates, *(whole_number("shape", side) for side in shape)))
+    for row, stream in zip(numbers, streams, strict=True):
         row[...] = stream.standard_normal(row.shape)
     return numbers
 
@@ -215,30 +190,18 @@ def spawned_angles(
 ) -> FloatArray:
     """Rotation angles at random, uniform over a rectangle, every replicate from its own stream.
 
+    Other arguments and errors are those of `spawned_streams`.
+
     Parameters
     ----------
-    seeds : numpy.random.SeedSequence
-        One that is used for nothing else; it is not changed.
-    replicates : int
-        How many replicates.
     count : int
         How many angles each.
     half_range : array_like, shape (2,)
         Half the range in x and in y, in radians; zero or more.
-    first : int
-        Number of the first replicate, where a long run is done in parts.
 
     Returns
     -------
-    ndarray, shape (replicates, count, 2)
-        In radians, x before y.
-
-    Raises
-    ------
-    TypeError
-        If `seeds` is not a SeedSequence, or a count is not a whole number.
-    ValueError
-        If `half_range` is not finite, negative, or not of shape (2,).
+    ndarray, shape (replicates, count, 2), in radians, x before y
 
     Examples
     --------
@@ -246,18 +209,14 @@ def spawned_angles(
     >>> angles.shape, bool((abs(angles) <= (0.2, 0.1)).all())
     ((5, 52, 2), True)
     """
-    half = non_negative("half_range", finite_array("half_range", half_range, shape=(2,)))
+    half = non_negative("half_range", half_range, shape=(2,))
     if half.shape != (2,):
         raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
-    numbers = _table(replicates, (whole_number("count", count), 2))
-    for row, stream in zip(numbers, spawned_streams(seeds, replicates, first), strict=True):
+    streams = spawned_streams(seeds, replicates, first)
+    angles = np.empty((replicates, whole_number("count", count), 2))
+    for row, stream in zip(angles, streams, strict=True):
         row[...] = stream.uniform(-half, half, row.shape)
-    return numbers
-
-
-def _table(replicates: int, shape: tuple[int, ...]) -> FloatArray:
-    sides = [whole_number("shape", side) for side in shape]
-    return np.empty((whole_number("replicates", replicates), *sides))
+    return angles
 
 
 def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Iterator[Generator]:
@@ -268,14 +227,13 @@ def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Ite
     seeds : numpy.random.SeedSequence
         One that is used for nothing else; it is not changed.
     replicates : int
-        How many replicates.
     first : int
         Number of the first replicate, where a long run is done in parts.
 
-    Yields
-    ------
-    numpy.random.Generator
-        The stream of one replicate, the same in whatever part of the run it is asked for.
+    Returns
+    -------
+    iterator of numpy.random.Generator
+        The stream of a replicate is the same in whatever part of the run it is asked for.
 
     Raises
     ------
@@ -293,7 +251,9 @@ def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Ite
             "pass SeedSequence(your_number)"
         )
     first = whole_number("first", first, least=0)
-    for number in range(first, first + whole_number("replicates", replicates)):
-        # spawn() would count up inside `seeds`, and a second call would draw other numbers.
-        child = SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, number))
-        yield Generator(PCG64(child))
+    numbers = range(first, first + whole_number("replicates", replicates))
+    # spawn() would count up inside `seeds`, and a second call would draw other numbers.
+    return (
+        Generator(PCG64(SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, number))))
+        for number in numbers
+    )

@@ -19,10 +19,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.optics.camera import Camera, turned_onto_detector
+from reproduce.physics.optics.camera import Camera, _turned
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray, finite_array, positive
+
+__all__ = [
+    "EFFECTS",
+    "Channels",
+    "analytic_bias",
+    "error_field",
+    "even_positions",
+    "second_term_from_share",
+    "simulated_bias",
+]
 
 EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")
 
@@ -70,7 +80,6 @@ class Channels:
         Returns
         -------
         Channels
-            What to image.
 
         Raises
         ------
@@ -99,19 +108,12 @@ def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
     Parameters
     ----------
     channels : Channels
-        What is imaged.
     positions : array_like, shape (n, 2)
         Ideal positions in the source channel, in metres.
 
     Returns
     -------
-    ndarray, shape (n, 2)
-        In px.
-
-    Raises
-    ------
-    ValueError
-        If `positions` is not finite or has the wrong shape.
+    ndarray, shape (n, 2), in px
 
     Examples
     --------
@@ -121,17 +123,12 @@ def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
     >>> error_field(Channels(camera, camera), [[1e-3, 2e-3]])
     array([[0., 0.]])
     """
-    source, reference = imaged(channels, positions)
+    source, reference = _imaged(channels, positions)
     truth = similarity_between(channels.source, channels.rotation, channels.reference)
+    # True parameters, but about the pivot that is assumed.
     pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
-    return reference - replaced_pivot(truth.parameters, source, pivot)
-
-
-def replaced_pivot(parameters: FloatArray, points: FloatArray, pivot: FloatArray) -> FloatArray:
-    """Return points laid over the reference with true parameters but about another pivot."""
-    scale, rotation, *shift = parameters
-    turned = turned_onto_detector(points - pivot, -rotation)
-    return np.asarray(scale * turned + pivot - np.asarray(shift))
+    turned = _turned(source - pivot, -truth.rotation)
+    return reference - (truth.scale * turned + pivot - truth.shift)
 
 
 def simulated_bias(channels: Channels, positions: ArrayLike) -> FloatArray:
@@ -149,42 +146,19 @@ def simulated_bias(channels: Channels, positions: ArrayLike) -> FloatArray:
     ndarray, shape (4,)
         Fitted minus true (k, theta, shift x, shift y), in rad and px.
 
-    Raises
-    ------
-    ValueError
-        If `positions` is not finite or has the wrong shape.
+    Examples
+    --------
+    A pivot that is off by 10 px, at a scale of 1.1: a tenth of it goes into the shift.
+
+    >>> source = Camera(20e-3, (0, 0), 0, 1e-5)
+    >>> wrong = Channels(source, Camera(22e-3, (0, 0), 0, 1e-5), pivot_error=(10, 0))
+    >>> simulated_bias(wrong, even_positions((1e-3, 1e-3), 9)).round(9) + 0.0
+    array([ 0.,  0., -1.,  0.])
     """
-    source, reference = imaged(channels, positions)
+    source, reference = _imaged(channels, positions)
     truth = similarity_between(channels.source, channels.rotation, channels.reference)
     pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
     return fit_registration(source, reference, pivot).parameters - truth.parameters
-
-
-def imaged(channels: Channels, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Image the same stars in both channels, with tilt and second radial terms.
-
-    Parameters
-    ----------
-    channels : Channels
-        What is imaged.
-    positions : array_like, shape (n, 2)
-        Ideal positions in the source channel, in metres.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (n, 2)
-        Image points in source and reference, in px.
-    """
-    ideal = finite_array("positions", positions, shape=(None, 2))
-    source = _displaced(ideal, channels.source, channels.second_term[0])
-    # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
-    focal = float(channels.source.focal_length)
-    lean = (source @ np.asarray(channels.tilt))[:, None] / focal
-    along = np.sqrt(1 + np.square(channels.tilt))
-    tilted = source / (1 - lean) * along
-    turned = turned_onto_detector(tilted, channels.rotation)
-    reference = _displaced(ideal * channels.scale, channels.reference, channels.second_term[1])
-    return _in_pixels(turned, channels.source), _in_pixels(reference, channels.reference)
 
 
 def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> FloatArray:
@@ -210,11 +184,11 @@ def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> Floa
     Raises
     ------
     ValueError
-        If the effect is unknown, or an argument is not finite or has the wrong shape.
+        If the effect is unknown.
 
     Examples
     --------
-    A pivot that is off by 10 px, at a scale of 1.1: a tenth of it goes into the shift.
+    The same as from `simulated_bias`.
 
     >>> source = Camera(20e-3, (0, 0), 0, 1e-5)
     >>> wrong = Channels(source, Camera(22e-3, (0, 0), 0, 1e-5), pivot_error=(10, 0))
@@ -222,7 +196,7 @@ def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> Floa
     array([ 0.,  0., -1.,  0.])
     """
     alone, k = channels.only(effect), channels.scale
-    sides = positive("half_size", finite_array("half_size", half_size, shape=(2,)))
+    sides = positive("half_size", half_size, shape=(2,))
     source, reference = (float(c.radial_distortion) for c in (alone.source, alone.reference))
     bias = np.zeros(4)
     if effect == "coefficients":
@@ -237,7 +211,7 @@ def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> Floa
         bias[2:] = k * lever / float(alone.source.focal_length * alone.source.pixel_pitch)
     else:
         moved = np.asarray([alone.pivot_error])
-        bias[2:] = (moved - k * turned_onto_detector(moved, -alone.rotation))[0]
+        bias[2:] = (moved - k * _turned(moved, np.asarray(-alone.rotation)))[0]
     return bias
 
 
@@ -264,7 +238,7 @@ def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
            [-1. ,  0.5],
            [ 1. ,  0.5]])
     """
-    sides = positive("half_size", finite_array("half_size", half_size, shape=(2,)))
+    sides = positive("half_size", half_size, shape=(2,))
     steps = (np.arange(across) + 0.5) / across * 2 - 1
     x, y = np.meshgrid(sides[0] * steps, sides[1] * steps)
     return np.stack([x.ravel(), y.ravel()], axis=-1)
@@ -284,13 +258,12 @@ def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> f
 
     Returns
     -------
-    float
-        In m^-4.
+    float, in m^-4
 
     Raises
     ------
     ValueError
-        If the share is not above 0 and at most 1, or the radius not above zero.
+        If the share is not above 0 and at most 1.
 
     Examples
     --------
@@ -301,6 +274,20 @@ def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> f
         raise ValueError(f"share: expected above 0 and at most 1, got {share}; pass a fraction")
     squared = float(positive("radius", radius)) ** 2
     return round(float(camera.radial_distortion) * (1 / share - 1) / squared, 12)
+
+
+def _imaged(channels: Channels, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Image the same stars in both channels, in px, with tilt and second radial terms."""
+    ideal = finite_array("positions", positions, shape=(None, 2))
+    source = _displaced(ideal, channels.source, channels.second_term[0])
+    # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
+    focal = float(channels.source.focal_length)
+    lean = (source @ np.asarray(channels.tilt))[:, None] / focal
+    along = np.sqrt(1 + np.square(channels.tilt))
+    tilted = source / (1 - lean) * along
+    turned = _turned(tilted, np.asarray(channels.rotation))
+    reference = _displaced(ideal * channels.scale, channels.reference, channels.second_term[1])
+    return _in_pixels(turned, channels.source), _in_pixels(reference, channels.reference)
 
 
 def _moment(sides: FloatArray, power: int) -> float:
@@ -320,8 +307,8 @@ def _with_distortion(camera: Camera, coefficient: float) -> Camera:
 def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:
     squared = np.square(ideal).sum(axis=-1, keepdims=True)
     first = float(camera.radial_distortion)
-    return np.asarray(ideal * (1 + first * squared + second * squared**2))
+    return ideal * (1 + first * squared + second * squared**2)
 
 
 def _in_pixels(positions: FloatArray, camera: Camera) -> FloatArray:
-    return np.asarray(positions / camera.pixel_pitch + camera.principal_point)
+    return positions / camera.pixel_pitch + camera.principal_point

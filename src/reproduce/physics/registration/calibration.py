@@ -19,30 +19,45 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.closed_form import paired_points
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import (
-    Registration,
-    as_complex,
-    as_points,
-    principal_point_shift,
-)
+from reproduce.physics.registration.closed_form import _checked, _closed_similarity
+from reproduce.physics.registration.transforms import Registration, as_complex, as_points
 from reproduce.physics.validate import (
+    NON_NEGATIVE,
     DegenerateGeometryError,
     FloatArray,
     common_batch,
     finite_array,
     non_negative,
     positive,
+    together,
     whole_number,
 )
 
+__all__ = [
+    "Calibration",
+    "ConvergenceError",
+    "Stopping",
+    "calibrate",
+    "calibrate_from_all",
+    "constraint",
+    "constraint_printed",
+    "deviations",
+    "gauss_newton_step",
+    "gauss_newton_step_printed",
+    "jacobian",
+    "model_points",
+    "random_starts",
+    "registration_bound",
+    "starting_values",
+    "two_line_rotation",
+]
+
 BoolArray = NDArray[np.bool_]
 
-PARAMETERS = 4
+_PARAMETERS = 4
 # Below this share of the spread about the centroid in the spread about the pivot, squared, the
 # columns of J are too close to dependent for double precision.
-SINGULAR_SPREAD = 1e-7
+_SINGULAR_SPREAD = 1e-7
 
 
 def model_points(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> FloatArray:
@@ -53,31 +68,20 @@ def model_points(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> 
     Parameters
     ----------
     parameters : array_like, shape (..., 4)
-        The vector u.
-    source : array_like, shape (..., n, 2)
-        In px.
+    source : array_like, shape (..., n, 2), in px
     pivot : array_like, shape (..., 2)
         The source channel's principal point, in px.
 
     Returns
     -------
-    ndarray, shape (..., n, 2)
-        In the target channel, in px.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
+    ndarray, shape (..., n, 2), in the target channel, in px
 
     Examples
     --------
     >>> model_points((2, 0, 1, 0), [[6, 5]], (5, 5))
     array([[6., 5.]])
     """
-    parameters, source, pivot = _checked(parameters, source, pivot)
-    origin = as_complex(pivot)[..., None]
-    shift = as_complex(parameters[..., 2:])[..., None]
-    return as_points(_factor(parameters) * (as_complex(source) - origin) + (origin - shift))
+    return _model(*_together(parameters, source, pivot))
 
 
 def jacobian(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> FloatArray:
@@ -85,24 +89,12 @@ def jacobian(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> Floa
 
     Implements: niu2024 (25).
 
-    Parameters
-    ----------
-    parameters : array_like, shape (..., 4)
-        The vector u.
-    source : array_like, shape (..., n, 2)
-        In px.
-    pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
+    Arguments are those of `model_points`.
 
     Returns
     -------
     ndarray, shape (..., 2n, 4)
         J = [A_1 ... A_n B_1 ... B_n]^T, in px per unit of the parameter.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
 
     Examples
     --------
@@ -110,16 +102,7 @@ def jacobian(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> Floa
     array([[ 2.,  0., -1.,  0.],
            [ 0.,  2.,  0., -1.]])
     """
-    parameters, source, pivot = _checked(parameters, source, pivot)
-    n = source.shape[-2]
-    turn = np.exp(1j * parameters[..., 1])[..., None]
-    by_scale = turn * (as_complex(source) - as_complex(pivot)[..., None])
-    by_rotation = 1j * parameters[..., :1] * by_scale
-    rows = np.zeros((*by_rotation.shape[:-1], 2 * n, PARAMETERS))
-    rows[..., :n, 0], rows[..., n:, 0] = by_scale.real, by_scale.imag
-    rows[..., :n, 1], rows[..., n:, 1] = by_rotation.real, by_rotation.imag
-    rows[..., :n, 2] = rows[..., n:, 3] = -1
-    return rows
+    return _jacobian(*_together(parameters, source, pivot))
 
 
 def deviations(
@@ -129,14 +112,7 @@ def deviations(
 
     Implements: niu2024 (25).
 
-    Parameters
-    ----------
-    parameters : array_like, shape (..., 4)
-        The vector u.
-    source, target : array_like, shape (..., n, 2)
-        The same spots in both channels, in px.
-    pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
+    Arguments are those of `model_points`, and the target points, as many, in px.
 
     Returns
     -------
@@ -146,18 +122,14 @@ def deviations(
     Raises
     ------
     ValueError
-        If an argument is not finite, has the wrong shape, or the counts differ.
+        If the counts differ.
 
     Examples
     --------
     >>> deviations((1, 0, 0, 0), [[7, 5]], [[8, 3]], (5, 5))
     array([ 1., -2.])
     """
-    source, target = paired_points(source, target)
-    model = model_points(parameters, source, pivot)
-    common_batch(model=model.shape[:-2], target=target.shape[:-2])
-    left = target - model
-    return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
+    return _deviations(*_step_arguments(parameters, source, target, pivot))
 
 
 def gauss_newton_step(
@@ -165,7 +137,7 @@ def gauss_newton_step(
     source: ArrayLike,
     target: ArrayLike,
     pivot: ArrayLike,
-    free: int = PARAMETERS,
+    free: int = _PARAMETERS,
 ) -> FloatArray:
     """One Gauss-Newton update, u + (J^T J)^-1 J^T T, with the sign that converges.
 
@@ -174,16 +146,8 @@ def gauss_newton_step(
     T is observed minus modelled and J the derivative of the model, as (25) prints both; then the
     correction must be added. As extracted it is subtracted, see `gauss_newton_step_printed`.
 
-    Parameters
-    ----------
-    parameters : array_like, shape (..., 4)
-        The vector u.
-    source, target : array_like, shape (..., n, 2)
-        The same spots in both channels, in px.
-    pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
-    free : int
-        How many leading parameters move: 2 for scale and rotation alone, 4 for all.
+    Arguments are those of `deviations`, and the number of leading parameters that are `free` to
+    move: 2 for scale and rotation alone, 4 for all.
 
     Returns
     -------
@@ -193,8 +157,7 @@ def gauss_newton_step(
     Raises
     ------
     ValueError
-        If an argument is not finite, has the wrong shape, the counts differ, or `free` is not
-        between 1 and 4.
+        If the counts differ, or `free` is not between 1 and 4.
     DegenerateGeometryError
         If the points, or a scale of zero, leave a parameter undetermined.
 
@@ -204,9 +167,8 @@ def gauss_newton_step(
     >>> step.round(9) + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    step, _, regular = correction(parameters, source, target, pivot, free)
-    _refuse_singular(regular)
-    return np.asarray(parameters, dtype=np.float64) + step
+    given = _step_arguments(parameters, source, target, pivot)
+    return given[0] + _regular_step(given, free)
 
 
 def gauss_newton_step_printed(
@@ -214,7 +176,7 @@ def gauss_newton_step_printed(
     source: ArrayLike,
     target: ArrayLike,
     pivot: ArrayLike,
-    free: int = PARAMETERS,
+    free: int = _PARAMETERS,
 ) -> FloatArray:
     """One update with the sign as extracted from the print, u - (J^T J)^-1 J^T T.
 
@@ -224,7 +186,7 @@ def gauss_newton_step_printed(
     itself stays where it is. It would be right with T as model minus observation, but (25) prints
     observation minus model.
 
-    Parameters and errors are those of `gauss_newton_step`.
+    Arguments and errors are those of `gauss_newton_step`.
 
     Examples
     --------
@@ -234,108 +196,8 @@ def gauss_newton_step_printed(
     >>> step.round(9) + 0.0
     array([0., 0., 3., 0.])
     """
-    step, _, regular = correction(parameters, source, target, pivot, free)
-    _refuse_singular(regular)
-    return np.asarray(parameters, dtype=np.float64) - step
-
-
-def correction(
-    parameters: ArrayLike,
-    source: ArrayLike,
-    target: ArrayLike,
-    pivot: ArrayLike,
-    free: int = PARAMETERS,
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """The correction (J^T J)^-1 J^T T, how far it moves the points, and where it exists.
-
-    Parameters are those of `gauss_newton_step`.
-
-    Returns
-    -------
-    step : ndarray, shape (..., 4)
-        Zero where a parameter is held or the normal matrix is singular.
-    movement : ndarray, shape (...)
-        Root mean square movement of the modelled points under the step, in px.
-    regular : ndarray of bool, shape (...)
-        False where the normal matrix is singular.
-
-    Examples
-    --------
-    >>> step, movement, regular = correction((1, 0, 0, 0), [[7, 5]], [[9, 5]], (5, 5), free=1)
-    >>> step, float(movement), bool(regular)
-    (array([1., 0., 0., 0.]), 2.0, True)
-    """
-    if whole_number("free", free) > PARAMETERS:
-        raise ValueError(f"free: expected 1 to {PARAMETERS} parameters, got {free}; leave it out")
-    left = deviations(parameters, source, target, pivot)
-    rows = jacobian(parameters, source, pivot)[..., :free]
-    transposed = np.swapaxes(rows, -1, -2)
-    normal = transposed @ rows
-    size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
-    regular = np.asarray((size > 0).all(axis=-1))
-    size = np.where(regular[..., None], size, 1.0)
-    # With columns of length one the determinant says how far they are from dependent.
-    scaled = normal / (size[..., :, None] * size[..., None, :])
-    regular &= np.linalg.det(scaled) > SINGULAR_SPREAD**2
-    scaled = np.where(regular[..., None, None], scaled, np.eye(free))
-    pull = (transposed @ left[..., None])[..., 0] / size
-    solved = np.linalg.solve(scaled, pull[..., None])[..., 0] * regular[..., None]
-    step = np.zeros((*solved.shape[:-1], PARAMETERS))
-    step[..., :free] = solved / size
-    squared = (solved * pull).sum(axis=-1)
-    movement = np.sqrt(np.maximum(squared, 0) * (2 / left.shape[-1]))
-    return step, np.asarray(movement), np.broadcast_to(regular, movement.shape)
-
-
-def _factor(parameters: FloatArray) -> FloatArray:
-    return np.asarray(parameters[..., :1] * np.exp(1j * parameters[..., 1:2]))
-
-
-def _checked(
-    parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    parameters = finite_array("parameters", parameters, shape=(PARAMETERS,))
-    source = finite_array("source", source, shape=(None, 2))
-    pivot = finite_array("pivot", pivot, shape=(2,))
-    common_batch(parameters=parameters.shape[:-1], source=source.shape[:-2], pivot=pivot.shape[:-1])
-    return parameters, source, pivot
-
-
-def _refuse_singular(regular: BoolArray) -> None:
-    if not regular.all():
-        raise DegenerateGeometryError(
-            f"expected points that fix every free parameter, got {int((~regular).sum())} singular "
-            "normal matrices; give two or more different points (far from a distant pivot use "
-            "fit_registration) and a starting scale other than zero"
-        )
-
-
-def line_direction(points: ArrayLike) -> FloatArray:
-    """The direction of the straight line that fits points best, by perpendicular distance.
-
-    Parameters
-    ----------
-    points : array_like, shape (..., n, 2)
-        Centroids of spots along a line, in px.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Angle from the x axis towards y, in radians, within (-pi/2, pi/2]: a line has no sense.
-
-    Raises
-    ------
-    ValueError
-        If `points` is not finite or has the wrong shape.
-    DegenerateGeometryError
-        If the points coincide, or spread alike in all directions.
-
-    Examples
-    --------
-    >>> float(np.degrees(line_direction([[0, 0], [1, 1], [2, 2]])).round(9))
-    45.0
-    """
-    return _direction("points", points)
+    given = _step_arguments(parameters, source, target, pivot)
+    return given[0] - _regular_step(given, free)
 
 
 def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatArray:
@@ -351,11 +213,6 @@ def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatAr
     -------
     ndarray, shape (...)
         Direction in the target minus direction in the source, in radians, within (-pi/2, pi/2].
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
     DegenerateGeometryError
         If the spots of a channel fix no line.
 
@@ -364,10 +221,10 @@ def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatAr
     >>> float(np.degrees(two_line_rotation([[0, 0], [1, 0]], [[0, 0], [1, 1]])).round(9))
     45.0
     """
-    source = _direction("source_line", source_line)
-    target = _direction("target_line", target_line)
-    common_batch(source_line=source.shape, target_line=target.shape)
-    return np.asarray(np.angle(np.exp(2j * (target - source))) / 2)
+    source, target = together(
+        source_line=(source_line, (None, 2)), target_line=(target_line, (None, 2))
+    )
+    return _line_rotation(source, target)
 
 
 def starting_values(
@@ -378,7 +235,7 @@ def starting_values(
     Parameters
     ----------
     source_line, target_line : array_like, shape (..., n, 2)
-        Centroids while the middle frame of the rotary table turns alone, in px.
+        As for `two_line_rotation`.
     source_zero, target_zero : array_like, shape (..., 2)
         Centroids at the table's zero position, in px: each channel's principal point, nearly.
 
@@ -389,8 +246,6 @@ def starting_values(
 
     Raises
     ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
     DegenerateGeometryError
         If the spots of a channel fix no line.
 
@@ -399,12 +254,14 @@ def starting_values(
     >>> starting_values([[0, 0], [1, 0]], [[0, 0], [1, 0]], (7, 9), (5, 10))
     array([ 1.,  0.,  2., -1.])
     """
-    rotation = two_line_rotation(source_line, target_line)
-    source_zero = finite_array("source_zero", source_zero, shape=(2,))
-    target_zero = finite_array("target_zero", target_zero, shape=(2,))
-    shift = principal_point_shift(source_zero, target_zero)
-    batch = common_batch(lines=rotation.shape, zero_positions=shift.shape[:-1])
-    values = np.ones((*batch, PARAMETERS))
+    source, target, source_zero, target_zero = together(
+        source_line=(source_line, (None, 2)),
+        target_line=(target_line, (None, 2)),
+        source_zero=(source_zero, (2,)),
+        target_zero=(target_zero, (2,)),
+    )
+    rotation, shift = _line_rotation(source, target), source_zero - target_zero
+    values = np.ones((*np.broadcast_shapes(rotation.shape, shift.shape[:-1]), _PARAMETERS))
     values[..., 1] = rotation
     values[..., 2:] = shift
     return values
@@ -418,23 +275,16 @@ def random_starts(
     Parameters
     ----------
     start : array_like, shape (..., 4)
-        The centre of the box, a vector u.
+        The centre of the box.
     half_widths : array_like, shape (4,)
         Half the box in k, theta (radians), shift x and shift y (px); zero or more.
     count : int
-        How many starts.
     generator : numpy.random.Generator
-        The source of randomness.
 
     Returns
     -------
     ndarray, shape (count, ..., 4)
         Starts for `calibrate_from_all`.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape, or a half width is negative.
 
     Examples
     --------
@@ -442,25 +292,9 @@ def random_starts(
     array([[1., 0., 0., 0.],
            [1., 0., 0., 0.]])
     """
-    start = finite_array("start", start, shape=(PARAMETERS,))
-    half_widths = non_negative("half_widths", finite_array("half_widths", half_widths, shape=(4,)))
-    count = whole_number("count", count)
-    return start + half_widths * generator.uniform(-1, 1, (count, *start.shape))
-
-
-def _direction(name: str, points: ArrayLike) -> FloatArray:
-    points = finite_array(name, points, shape=(None, 2))
-    numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
-    # Squaring doubles the angle, so that both senses of the line add up.
-    doubled = (numbers**2).sum(axis=-1)
-    spread = (np.abs(numbers) ** 2).sum(axis=-1)
-    rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
-    if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
-        raise DegenerateGeometryError(
-            f"{name}: expected spots along a line, got coincident points or points that spread "
-            "alike in all directions; rotate the middle frame alone, over a wider range"
-        )
-    return np.asarray(np.angle(doubled) / 2)
+    centre = finite_array("start", start, shape=(_PARAMETERS,))
+    box = non_negative("half_widths", half_widths, shape=(_PARAMETERS,))
+    return centre + box * generator.uniform(-1, 1, (whole_number("count", count), *centre.shape))
 
 
 class ConvergenceError(ArithmeticError):
@@ -552,12 +386,11 @@ def calibrate(
     Returns
     -------
     Calibration
-        Final parameters and the path to them.
 
     Raises
     ------
     ValueError
-        If an argument is not finite, has the wrong shape, or the counts differ.
+        If the counts differ.
     DegenerateGeometryError
         If the points coincide or mirror each other, or cluster too far from the pivot.
     ConvergenceError
@@ -587,26 +420,14 @@ def calibrate_from_all(
 ) -> Calibration:
     """Calibrate from every start and keep, for each calibration, the end of lowest cost.
 
-    Parameters
-    ----------
-    source, target, pivot, stopping
-        As for `calibrate`.
-    starts : array_like, shape (s, ..., 4)
-        Starting vectors, from `random_starts` for one; s of them for each calibration.
+    Arguments and errors are those of `calibrate`, with s starting vectors for each calibration,
+    shape (s, ..., 4), from `random_starts` for one. Ends that have not settled are never chosen; if
+    all ends of a calibration have not, a ConvergenceError says so.
 
     Returns
     -------
     Calibration
-        The best of the s calibrations; those that have not settled are never chosen.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, has the wrong shape, or the counts differ.
-    DegenerateGeometryError
-        If the points coincide or mirror each other, or cluster too far from the pivot.
-    ConvergenceError
-        If no start of some calibration has settled.
+        The best of the s calibrations.
 
     Examples
     --------
@@ -615,7 +436,7 @@ def calibrate_from_all(
     >>> best.parameters.round(9) + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    starts = finite_array("starts", starts, shape=(None, PARAMETERS))
+    starts = finite_array("starts", starts, shape=(None, _PARAMETERS))
     every = _two_stages(source, target, pivot, starts, stopping or Stopping())
     if not every.converged.any(axis=0).all():
         raise ConvergenceError(
@@ -641,110 +462,33 @@ def constraint(rotation: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (...)
-        Zero, up to rounding.
-
-    Raises
-    ------
-    ValueError
-        If `rotation` is not finite.
 
     Examples
     --------
     >>> float(constraint(0.0))
     0.0
     """
-    rotation = finite_array("rotation", rotation)
-    return np.asarray(np.cos(rotation) ** 2 + np.sin(rotation) ** 2 - 1)
+    angle = finite_array("rotation", rotation)
+    return np.asarray(np.cos(angle) ** 2 + np.sin(angle) ** 2 - 1)
 
 
 def constraint_printed(rotation: ArrayLike) -> FloatArray:
     """The constraint as extracted from section 3.2: cos^2 + cos^2 - 1, which is cos(2 theta).
 
     It is zero at odd multiples of 45 degrees alone; a detector turned by a fraction of a degree
-    misses it by almost one.
-
-    Parameters
-    ----------
-    rotation : array_like, shape (...)
-        Angle theta, in radians.
+    misses it by almost one. Arguments are those of `constraint`.
 
     Returns
     -------
     ndarray, shape (...)
-        cos(2 theta).
-
-    Raises
-    ------
-    ValueError
-        If `rotation` is not finite.
 
     Examples
     --------
     >>> float(constraint_printed(0.0))
     1.0
     """
-    rotation = finite_array("rotation", rotation)
-    return np.asarray(np.cos(rotation) ** 2 + np.cos(rotation) ** 2 - 1)
-
-
-def _two_stages(
-    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, start: ArrayLike, stopping: Stopping
-) -> Calibration:
-    source, target = paired_points(source, target)
-    pivot = finite_array("pivot", pivot, shape=(2,))
-    start = finite_array("start", start, shape=(PARAMETERS,))
-    batch = common_batch(
-        source=source.shape[:-2],
-        target=target.shape[:-2],
-        pivot=pivot.shape[:-1],
-        start=start.shape[:-1],
-    )
-    # The closed form refuses what has no unique answer; the iteration would settle anywhere.
-    fit_registration(source, target, pivot)
-    _refuse_narrow(source, pivot)
-    start = np.broadcast_to(start, (*batch, PARAMETERS))
-    first, _ = _iterate(source, target, pivot, start, (2, stopping))
-    second, settled = _iterate(source, target, pivot, first[-1], (PARAMETERS, stopping))
-    history = np.stack(first + second[1:])
-    left = deviations(history, source, target, pivot)
-    cost = np.square(left).sum(axis=-1)
-    return Calibration(history, cost, len(first) - 1, settled, pivot)
-
-
-def _refuse_narrow(source: FloatArray, pivot: FloatArray) -> None:
-    offsets = as_complex(source) - as_complex(pivot)[..., None]
-    about_pivot = np.square(np.abs(offsets)).sum(axis=-1)
-    centred = offsets - offsets.mean(axis=-1, keepdims=True)
-    spread = np.square(np.abs(centred)).sum(axis=-1)
-    if (spread <= SINGULAR_SPREAD * about_pivot).any():
-        raise DegenerateGeometryError(
-            "source: expected points spread over more than a three-thousandth of their distance "
-            "from the pivot, got a narrow cluster; add spots across the field of view, or use "
-            "fit_registration"
-        )
-
-
-def _iterate(
-    source: FloatArray,
-    target: FloatArray,
-    pivot: FloatArray,
-    start: FloatArray,
-    stage: tuple[int, Stopping],
-) -> tuple[list[FloatArray], BoolArray]:
-    """Repeat the step with `free` parameters until every calibration has settled."""
-    free, stopping = stage
-    path, moving = [start], np.ones(start.shape[:-1], dtype=bool)
-    settled = ~moving
-    for _ in range(stopping.steps):
-        step, movement, regular = correction(path[-1], source, target, pivot, free)
-        regular = regular & np.isfinite(step).all(axis=-1)
-        # Those that have settled are held, so that a batch gives what each would give alone.
-        path.append(path[-1] + np.where((moving & regular)[..., None], step, 0.0))
-        settled |= moving & regular & (movement < stopping.movement)
-        moving &= regular & ~settled
-        if not moving.any():
-            break
-    return path, settled
+    angle = finite_array("rotation", rotation)
+    return np.asarray(np.cos(angle) ** 2 + np.cos(angle) ** 2 - 1)
 
 
 def registration_bound(
@@ -775,7 +519,7 @@ def registration_bound(
     Raises
     ------
     ValueError
-        If an argument is not finite or has the wrong shape, or both noises are zero.
+        If both noises are zero.
     DegenerateGeometryError
         If the points coincide.
 
@@ -787,13 +531,16 @@ def registration_bound(
     >>> registration_bound([[-1, 0], [1, 0]], identity, 0.0, 1.0).diagonal()
     array([0.5, 0.5, 0.5, 0.5])
     """
-    source_sigma = non_negative("source_sigma", source_sigma)
-    target_sigma = non_negative("target_sigma", target_sigma)
-    variance = target_sigma**2 + (similarity.scale * source_sigma) ** 2
+    points = finite_array("source", source, shape=(None, 2))
+    first, second = together(
+        source_sigma=(source_sigma, NON_NEGATIVE), target_sigma=(target_sigma, NON_NEGATIVE)
+    )
+    common_batch(source=points.shape[:-2], similarity=similarity.batch)
+    variance = second**2 + (similarity.scale * first) ** 2
     if (variance == 0).any():
         raise ValueError("sigma: expected noise in one channel at least, got none; give one")
-    rows = jacobian(similarity.parameters, source, similarity.pivot)
-    normal = np.swapaxes(rows, -1, -2) @ rows
+    rows = _jacobian(similarity.parameters, points, similarity.pivot)
+    normal = rows.mT @ rows
     size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
     scaled = normal / (size[..., :, None] * size[..., None, :])
     if (np.linalg.det(scaled) < 1e-14).any():
@@ -801,4 +548,172 @@ def registration_bound(
             "source: expected points that fix scale and rotation, got coincident ones; spread them"
         )
     inverse = np.linalg.inv(scaled) / (size[..., :, None] * size[..., None, :])
-    return np.asarray(variance[..., None, None] * inverse)
+    return variance[..., None, None] * inverse
+
+
+def _together(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> tuple[FloatArray, ...]:
+    return together(
+        parameters=(parameters, (_PARAMETERS,)), source=(source, (None, 2)), pivot=(pivot, (2,))
+    )
+
+
+def _step_arguments(
+    parameters: ArrayLike,
+    source: ArrayLike,
+    target: ArrayLike,
+    pivot: ArrayLike,
+    name: str = "parameters",
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Check vectors u and the points that they are to lay over each other."""
+    points, landed, about, _ = _checked(source, target, pivot, None)
+    vectors = finite_array(name, parameters, shape=(_PARAMETERS,))
+    common_batch(
+        **{name: vectors.shape[:-1]},
+        source=points.shape[:-2],
+        target=landed.shape[:-2],
+        pivot=about.shape[:-1],
+    )
+    return vectors, points, landed, about
+
+
+def _model(parameters: FloatArray, source: FloatArray, pivot: FloatArray) -> FloatArray:
+    origin = as_complex(pivot)[..., None]
+    shift = as_complex(parameters[..., 2:])[..., None]
+    factor = parameters[..., :1] * np.exp(1j * parameters[..., 1:2])
+    return as_points(factor * (as_complex(source) - origin) + (origin - shift))
+
+
+def _jacobian(parameters: FloatArray, source: FloatArray, pivot: FloatArray) -> FloatArray:
+    n = source.shape[-2]
+    turn = np.exp(1j * parameters[..., 1])[..., None]
+    by_scale = turn * (as_complex(source) - as_complex(pivot)[..., None])
+    by_rotation = 1j * parameters[..., :1] * by_scale
+    rows = np.zeros((*by_rotation.shape[:-1], 2 * n, _PARAMETERS))
+    rows[..., :n, 0], rows[..., n:, 0] = by_scale.real, by_scale.imag
+    rows[..., :n, 1], rows[..., n:, 1] = by_rotation.real, by_rotation.imag
+    rows[..., :n, 2] = rows[..., n:, 3] = -1
+    return rows
+
+
+def _deviations(
+    parameters: FloatArray, source: FloatArray, target: FloatArray, pivot: FloatArray
+) -> FloatArray:
+    left = target - _model(parameters, source, pivot)
+    return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
+
+
+def _regular_step(
+    given: tuple[FloatArray, FloatArray, FloatArray, FloatArray], free: int
+) -> FloatArray:
+    """Return the correction of the leading `free` parameters; a singular one is refused."""
+    if whole_number("free", free) > _PARAMETERS:
+        raise ValueError(f"free: expected 1 to {_PARAMETERS} parameters, got {free}; leave it out")
+    step, _, regular = _correction(*given, free)
+    if not regular.all():
+        raise DegenerateGeometryError(
+            f"expected points that fix every free parameter, got {int((~regular).sum())} singular "
+            "normal matrices; give two or more different points (far from a distant pivot use "
+            "fit_registration) and a starting scale other than zero"
+        )
+    return step
+
+
+def _correction(
+    parameters: FloatArray, source: FloatArray, target: FloatArray, pivot: FloatArray, free: int
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return (J^T J)^-1 J^T T, how far it moves the points (RMS, px), and where it exists.
+
+    The correction is zero where a parameter is held or the normal matrix is singular.
+    """
+    left = _deviations(parameters, source, target, pivot)
+    rows = _jacobian(parameters, source, pivot)[..., :free]
+    transposed = rows.mT
+    normal = transposed @ rows
+    size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
+    regular = np.asarray((size > 0).all(axis=-1))
+    size = np.where(regular[..., None], size, 1.0)
+    # With columns of length one the determinant says how far they are from dependent.
+    scaled = normal / (size[..., :, None] * size[..., None, :])
+    regular = regular & (np.linalg.det(scaled) > _SINGULAR_SPREAD**2)
+    scaled = np.where(regular[..., None, None], scaled, np.eye(free))
+    pull = (transposed @ left[..., None])[..., 0] / size
+    solved = np.linalg.solve(scaled, pull[..., None])[..., 0] * regular[..., None]
+    step = np.zeros((*solved.shape[:-1], _PARAMETERS))
+    step[..., :free] = solved / size
+    squared = (solved * pull).sum(axis=-1)
+    movement = np.sqrt(np.maximum(squared, 0) * (2 / left.shape[-1]))
+    return step, movement, np.broadcast_to(regular, movement.shape)
+
+
+def _line_rotation(source: FloatArray, target: FloatArray) -> FloatArray:
+    between = _direction("target_line", target) - _direction("source_line", source)
+    return np.asarray(np.angle(np.exp(2j * between)) / 2)
+
+
+def _direction(name: str, points: FloatArray) -> FloatArray:
+    """Return the angle of the straight line that fits best, within (-pi/2, pi/2]."""
+    numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
+    # Squaring doubles the angle, so that both senses of the line add up.
+    doubled = (numbers**2).sum(axis=-1)
+    spread = (np.abs(numbers) ** 2).sum(axis=-1)
+    rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
+    if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
+        raise DegenerateGeometryError(
+            f"{name}: expected spots along a line, got coincident points or points that spread "
+            "alike in all directions; rotate the middle frame alone, over a wider range"
+        )
+    return np.angle(doubled) / 2
+
+
+def _two_stages(
+    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, start: ArrayLike, stopping: Stopping
+) -> Calibration:
+    begin, points, landed, about = _step_arguments(start, source, target, pivot, name="start")
+    # The closed form refuses what has no unique answer; the iteration would settle anywhere.
+    _closed_similarity(points, landed, about)
+    _refuse_narrow(points, about)
+    batch = np.broadcast_shapes(
+        begin.shape[:-1], points.shape[:-2], landed.shape[:-2], about.shape[:-1]
+    )
+    begin = np.broadcast_to(begin, (*batch, _PARAMETERS))
+    first, _ = _iterate(points, landed, about, begin, (2, stopping))
+    second, settled = _iterate(points, landed, about, first[-1], (_PARAMETERS, stopping))
+    history = np.stack(first + second[1:])
+    cost = np.square(_deviations(history, points, landed, about)).sum(axis=-1)
+    return Calibration(history, cost, len(first) - 1, settled, about)
+
+
+def _refuse_narrow(source: FloatArray, pivot: FloatArray) -> None:
+    offsets = as_complex(source) - as_complex(pivot)[..., None]
+    about_pivot = np.square(np.abs(offsets)).sum(axis=-1)
+    centred = offsets - offsets.mean(axis=-1, keepdims=True)
+    spread = np.square(np.abs(centred)).sum(axis=-1)
+    if (spread <= _SINGULAR_SPREAD * about_pivot).any():
+        raise DegenerateGeometryError(
+            "source: expected points spread over more than a three-thousandth of their distance "
+            "from the pivot, got a narrow cluster; add spots across the field of view, or use "
+            "fit_registration"
+        )
+
+
+def _iterate(
+    source: FloatArray,
+    target: FloatArray,
+    pivot: FloatArray,
+    start: FloatArray,
+    stage: tuple[int, Stopping],
+) -> tuple[list[FloatArray], BoolArray]:
+    """Repeat the step with `free` parameters until every calibration has settled."""
+    free, stopping = stage
+    path, moving = [start], np.ones(start.shape[:-1], dtype=bool)
+    settled = ~moving
+    for _ in range(stopping.steps):
+        step, movement, regular = _correction(path[-1], source, target, pivot, free)
+        regular = regular & np.isfinite(step).all(axis=-1)
+        # Those that have settled are held, so that a batch gives what each would give alone.
+        path.append(path[-1] + np.where((moving & regular)[..., None], step, 0.0))
+        settled |= moving & regular & (movement < stopping.movement)
+        moving &= regular & ~settled
+        if not moving.any():
+            break
+    return path, settled

@@ -21,13 +21,16 @@ from reproduce.physics.validate import (
     common_batch,
     finite_array,
     number_array,
+    together,
     weights_for,
 )
 
-ROUNDING = 64 * float(np.finfo(np.float64).eps)
+__all__ = ["paired_points", "rmse", "rmse_per_axis"]
+
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # How often noise alone may be taken for a mirror image.
-CHANCE = 1e-6
-MIRRORED = (
+_CHANCE = 1e-6
+_MIRRORED = (
     "the target points are a mirror image of the source points, as behind a mirror or with a "
     "reversed readout; flip one axis of one of the two: take the width less x in place of x, or "
     "fit the affine model, which may mirror"
@@ -35,13 +38,13 @@ MIRRORED = (
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class _Solution:
     """Where a fit ended.
 
     Attributes
     ----------
     parameters : ndarray, shape (..., p)
-        In the order of `MODELS`.
+        In the order of `transforms.MODELS`.
     residuals : ndarray, shape (..., n, 2)
         Target minus transformed source, in px.
     chi_square : ndarray, shape (...)
@@ -59,70 +62,32 @@ class Solution:
     points: FloatArray
 
 
-def closed_similarity(
-    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None = None
-) -> Solution:
-    """Return the weighted least-squares similarity.
+def _closed_similarity(
+    source: FloatArray, target: FloatArray, pivot: FloatArray, weights: FloatArray | None = None
+) -> _Solution:
+    """Return the weighted least-squares similarity of checked points.
 
     The model (17), (18) is linear in k cos(theta), k sin(theta) and the shift, so its
-    least-squares solution needs no iteration and no starting value.
-
-    Parameters
-    ----------
-    source, target, pivot, weights
-        As for `fit.fit_registration`.
-
-    Returns
-    -------
-    Solution
-        Parameters (k, theta, shift x, shift y), residuals, chi-square, cofactor.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape, or a weight is negative.
-    MirroredPointsError
-        If the target mirrors the source; see `refuse_mirrored`.
-    DegenerateGeometryError
-        If fewer than two different source points have weight, or the target leaves the scale zero:
-        its points coincide.
-
-    Examples
-    --------
-    >>> found = closed_similarity([[0, 0], [1, 0]], [[3, 0], [5, 0]], np.zeros(2))
-    >>> found.parameters + 0.0
-    array([ 2.,  0., -3.,  0.])
+    least-squares solution needs no iteration and no starting value. Points that mirror each
+    other or leave the scale free or zero are refused.
     """
-    if weights is None:
-        single = _single(source, target, number_array("pivot", pivot))
-        if single is not None:
-            return single
-    source, target = paired_points(source, target)
-    pivot = finite_array("pivot", pivot, shape=(2,))
-    checked = None if weights is None else weights_for(weights, source.shape[-2])
-    common_batch(
-        source=source.shape[:-2],
-        target=target.shape[:-2],
-        pivot=pivot.shape[:-1],
-        weights=() if checked is None else checked.shape[:-1],
-    )
-    total = _total(checked, source.shape[-2])
+    total = _total(weights, source.shape[-2])
     # Sums of squares about the centroids lose no digits, wherever the pivot lies.
-    offsets, centroid = _centred(as_complex(source), checked, total)
-    targets, target_centroid = _centred(as_complex(target), checked, total)
-    row = (offsets if checked is None else checked * offsets).conj()[..., None, :]
+    offsets, centroid = _centred(as_complex(source), weights, total)
+    targets, target_centroid = _centred(as_complex(target), weights, total)
+    row = (offsets if weights is None else weights * offsets).conj()[..., None, :]
     spread = (row @ offsets[..., None])[..., 0, 0].real
     _refuse_vanished("source", spread, total, centroid)
     factor = (row @ targets[..., None])[..., 0, 0] / spread
-    refuse_mirrored(offsets, targets, checked)
+    _refuse_mirrored(offsets, targets, weights)
     _refuse_vanished("target", _squared(factor) * spread, total, target_centroid)
     origin = as_complex(pivot)
     shift = factor * (centroid - origin) + (origin - target_centroid)
     scale, turn = np.abs(factor), np.arctan2(factor.imag, factor.real)
     columns = np.broadcast_arrays(scale, turn, shift.real, shift.imag)
     left = targets - factor[..., None] * offsets
-    squares = _squared(left) if checked is None else checked * _squared(left)
-    return Solution(
+    squares = _squared(left) if weights is None else weights * _squared(left)
+    return _Solution(
         np.stack(columns, axis=-1),
         as_points(left),
         np.asarray(squares.sum(axis=-1)),
@@ -131,31 +96,14 @@ def closed_similarity(
     )
 
 
-def refuse_mirrored(
+def _refuse_mirrored(
     offsets: ComplexArray, targets: ComplexArray, weights: FloatArray | None
 ) -> None:
-    """Refuse target points that are a mirror image of the source points.
+    """Refuse target points that are a mirror image of the source points; all less their means.
 
     They are if a similarity of the mirrored source leaves so much less than one of the source
     itself that chance does not explain it: for noise alone, and a source that is its own mirror
     image, the ratio of what the two leave follows the F law. Two points never tell.
-
-    Parameters
-    ----------
-    offsets, targets : ndarray of complex, shape (..., n)
-        Points as x + iy, less their weighted means.
-    weights : ndarray, shape (..., n), or None
-        Inverse variances; None where all are alike.
-
-    Raises
-    ------
-    MirroredPointsError
-        If they are.
-
-    Examples
-    --------
-    >>> points = np.array([0, 1, 2 + 1j]) - (1 + 1j / 3)
-    >>> refuse_mirrored(points, 2j * points, None)
     """
     weighted = targets if weights is None else weights * targets
     along, across = (np.abs((side * weighted).sum(axis=-1)) for side in (offsets.conj(), offsets))
@@ -168,13 +116,13 @@ def refuse_mirrored(
     spread = (size * _squared(offsets)).sum(axis=-1)
     whole = (size * _squared(targets)).sum(axis=-1)
     freedom = 2 * np.count_nonzero(size, axis=-1) - 4
-    limit = fdtri(np.maximum(freedom, 1), np.maximum(freedom, 1), 1 - CHANCE)
+    limit = fdtri(np.maximum(freedom, 1), np.maximum(freedom, 1), 1 - _CHANCE)
     # What is lost in rounding counts as left over.
-    left, mirrored = (whole - part**2 / spread + ROUNDING * whole for part in (along, across))
+    left, mirrored = (whole - part**2 / spread + _ROUNDING * whole for part in (along, across))
     found = suspect & (freedom > 0) & (left > limit * mirrored)
     if found.any():
         where = f"in {int(found.sum())} of {found.size} sets: " if found.ndim else ""
-        raise MirroredPointsError(where + MIRRORED)
+        raise MirroredPointsError(where + _MIRRORED)
 
 
 def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
@@ -182,20 +130,12 @@ def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
 
     Implements: niu2024 (26).
 
-    Parameters
-    ----------
-    points, reference : array_like, shape (..., n, 2)
-        Transformed points and those they should meet, in px.
+    Arguments and errors are those of `rmse_per_axis`.
 
     Returns
     -------
     ndarray, shape (...)
         In px. Noise of standard deviation s per coordinate in one set gives s * sqrt(2).
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, has the wrong shape, or the counts differ.
 
     Examples
     --------
@@ -215,13 +155,12 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (..., 2)
-        In px.
+    ndarray, shape (..., 2), in px
 
     Raises
     ------
     ValueError
-        If an argument is not finite, has the wrong shape, or the counts differ.
+        If the counts differ.
 
     Examples
     --------
@@ -235,42 +174,41 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
 def paired_points(
     source: ArrayLike, target: ArrayLike, *, names: tuple[str, str] = ("source", "target")
 ) -> tuple[FloatArray, FloatArray]:
-    """Check two sets of points that belong together row by row.
+    """Check two sets of points, (..., n, 2), that belong together row by row.
 
-    Parameters
-    ----------
-    source, target : array_like, shape (..., n, 2)
-        In px.
-    names : tuple of str
-        What to call them in a message.
-
-    Returns
-    -------
-    tuple of ndarray
-        Both as float arrays.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite, has the wrong shape, or the counts differ.
+    They are called by the `names` in a message; a ValueError says so if the counts differ.
 
     Examples
     --------
     >>> paired_points([[1, 2]], [[3, 4]])
     (array([[1., 2.]]), array([[3., 4.]]))
     """
-    source = finite_array(names[0], source, shape=(None, 2))
-    target = finite_array(names[1], target, shape=(None, 2))
-    if source.shape[-2] != target.shape[-2]:
+    first, second = together(**{names[0]: (source, (None, 2)), names[1]: (target, (None, 2))})
+    if first.shape[-2] != second.shape[-2]:
         raise ValueError(
-            f"expected as many {names[0]} points as {names[1]} points, got {source.shape[-2]} and "
-            f"{target.shape[-2]}; row i of both must be the same star"
+            f"expected as many {names[0]} points as {names[1]} points, got {first.shape[-2]} and "
+            f"{second.shape[-2]}; row i of both must be the same star"
         )
-    common_batch(**{names[0]: source.shape[:-2], names[1]: target.shape[:-2]})
-    return source, target
+    return first, second
 
 
-def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> Solution | None:
+def _checked(
+    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+    """Check what every fit is given."""
+    first, second = paired_points(source, target)
+    about = finite_array("pivot", pivot, shape=(2,))
+    kept = None if weights is None else weights_for(weights, first.shape[-2])
+    common_batch(
+        source=first.shape[:-2],
+        target=second.shape[:-2],
+        pivot=about.shape[:-1],
+        weights=() if kept is None else kept.shape[:-1],
+    )
+    return first, second, about, kept
+
+
+def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> _Solution | None:
     """Return the least-squares similarity of one set of points, or None where a check is due.
 
     For a hundred points the checks and batches of the general form cost more than the fit. Here
@@ -285,14 +223,14 @@ def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> Solution
     target_centre = complex(np.add.reduce(landed)) / count
     offsets, targets = rows - centre, landed - target_centre
     spread = float(np.vdot(offsets, offsets).real)
-    if not spread > count * ROUNDING**2 * abs(centre) ** 2:
+    if not spread > count * _ROUNDING**2 * abs(centre) ** 2:
         return None
     factor = complex(np.vdot(offsets, targets)) / spread
     if abs(complex(np.dot(offsets, targets))) > abs(factor) * spread:
         return None  # perhaps a mirror image
     # Products overflow to infinity, where the power of a float would raise an error.
     size = abs(factor) * abs(factor) * spread
-    if not count * ROUNDING**2 * abs(target_centre) * abs(target_centre) < size < np.inf:
+    if not count * _ROUNDING**2 * abs(target_centre) * abs(target_centre) < size < np.inf:
         return None
     origin = complex(pivot[0], pivot[1])
     shift = factor * (centre - origin) + (origin - target_centre)
@@ -300,7 +238,7 @@ def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> Solution
         return None
     left = targets - factor * offsets
     scale, turn = abs(factor), cmath.phase(factor)
-    return Solution(
+    return _Solution(
         np.array([scale, turn, shift.real, shift.imag]),
         left[:, None].view(np.float64),
         np.asarray(np.vdot(left, left).real),
@@ -364,15 +302,14 @@ def _centred(
 
 
 def _squared(numbers: ComplexArray) -> FloatArray:
-    squared: FloatArray = numbers.real**2 + numbers.imag**2
-    return squared
+    return numbers.real**2 + numbers.imag**2
 
 
 def _refuse_vanished(
     name: str, spread: FloatArray, total: FloatArray | float, centroid: ComplexArray
 ) -> None:
     # What rounding leaves of coincident points grows with their distance from the origin.
-    if not (spread > total * ROUNDING**2 * _squared(centroid)).all():
+    if not (spread > total * _ROUNDING**2 * _squared(centroid)).all():
         raise DegenerateGeometryError(
             f"{name}: expected at least two different points of weight above zero whose pattern "
             "fixes scale and rotation, got one point or coincident points; add "

@@ -12,16 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.closed_form import Solution, closed_similarity
-from reproduce.physics.registration.robust import outlier_weights, sandwich
-from reproduce.physics.registration.steps import prepare, solve
-from reproduce.physics.registration.transforms import Registration, parameter_names
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    finite_array,
-    weights_for,
+from reproduce.physics.registration._robust import outlier_weights, sandwich
+from reproduce.physics.registration._steps import prepare, solve
+from reproduce.physics.registration.closed_form import (
+    _checked,
+    _closed_similarity,
+    _single,
+    _Solution,
 )
+from reproduce.physics.registration.transforms import Registration, _parameter_names
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray, number_array
+
+__all__ = ["RegistrationFit", "fit_registration"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,7 @@ class RegistrationFit:
     residuals: FloatArray
     weights: FloatArray | None
     errors_known: bool
-    _solution: Solution
+    _solution: _Solution
     _sandwich: FloatArray | None = None
 
     @property
@@ -55,7 +57,7 @@ class RegistrationFit:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
-        return parameter_names(self.model)
+        return _parameter_names(self.model)
 
     @property
     def parameters(self) -> FloatArray:
@@ -86,7 +88,7 @@ class RegistrationFit:
 
         From the points' covariances where these were given, otherwise from the scatter of the
         residuals. Of a robust fit, always from their scatter: the sandwich form of an M-estimator
-        (`robust.sandwich`). One standard deviation and 1.96 of them then cover 0.68 and 0.95 to
+        (`_robust.sandwich`). One standard deviation and 1.96 of them then cover 0.68 and 0.95 to
         within 0.02 from 83 points on, with up to a fifth of them wrong; 0.68 to 0.70 and 0.93 to
         0.94 for 20 points, 0.65 to 0.68 and 0.89 to 0.92 for 10.
 
@@ -105,7 +107,7 @@ class RegistrationFit:
             )
         if self._sandwich is not None:
             return self._sandwich
-        return np.asarray((self.chi_square / freedom)[..., None, None] * self.cofactor)
+        return (self.chi_square / freedom)[..., None, None] * self.cofactor
 
 
 def fit_registration(
@@ -123,7 +125,7 @@ def fit_registration(
 
     By weighted least squares; with covariances, by maximum likelihood. Where the source has errors
     its true points are then unknowns too, and chi-square counts how far they lie from the measured
-    ones as well (`steps.solve`). So a scale or an affine matrix is not drawn towards zero, as
+    ones as well. So a scale or an affine matrix is not drawn towards zero, as
     it is where errors of the source are ignored.
 
     A robust fit starts from medians, which tolerate almost half of the points being wrong, and then
@@ -148,13 +150,13 @@ def fit_registration(
     Returns
     -------
     RegistrationFit
-        Parameters, covariance, residuals, chi-square and the transform.
 
     Raises
     ------
     ValueError
-        If an argument is not finite or has the wrong shape, a weight is negative, the model is
-        unknown, or a covariance is not symmetric and positive.
+        If the counts differ, the model is unknown, or a covariance is not symmetric and positive.
+    MirroredPointsError
+        If the target mirrors the source and the model may not.
     DegenerateGeometryError
         If the points do not fix every parameter of the model.
 
@@ -166,14 +168,16 @@ def fit_registration(
     >>> fit.transform.apply([[2, 0]])
     array([[7., 0.]])
     """
-    parameter_names(model)
+    _parameter_names(model)
     plain = source_covariance is None and target_covariance is None and not robust
     if model == "similarity" and plain:
-        found = closed_similarity(source, target, pivot, weights)
-        checked = None if weights is None else weights_for(weights, found.residuals.shape[-2])
-        origin = finite_array("pivot", pivot)
-        transform = Registration.unchecked("similarity", found.parameters, origin)
-        return RegistrationFit(transform, found.residuals, checked, False, found)
+        origin, kept = number_array("pivot", pivot), None
+        found = _single(source, target, origin) if weights is None else None
+        if found is None:
+            first, second, origin, kept = _checked(source, target, pivot, weights)
+            found = _closed_similarity(first, second, origin, kept)
+        transform = Registration._unchecked("similarity", found.parameters, origin)
+        return RegistrationFit(transform, found.residuals, kept, False, found)
     problem = prepare(source, target, pivot, weights, model)
     problem = problem.with_covariances(source_covariance, target_covariance)
     covariance = None
@@ -181,7 +185,7 @@ def fit_registration(
     solution = solve(weighted)
     if robust:
         covariance = sandwich(problem, solution)
-    transform = Registration(model, solution.parameters, problem.pivot)
+    transform = Registration._unchecked(model, solution.parameters, problem.pivot)
     return RegistrationFit(
         transform, solution.residuals, weighted.weights, problem.errors_known, solution, covariance
     )

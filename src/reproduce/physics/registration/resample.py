@@ -17,7 +17,9 @@ from reproduce.physics.registration.fit import RegistrationFit
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray, finite_array
 
-ORDERS = (0, 1, 3)
+__all__ = ["fused_image", "registered_image"]
+
+_ORDERS = (0, 1, 3)
 
 
 def registered_image(
@@ -52,7 +54,7 @@ def registered_image(
     Raises
     ------
     ValueError
-        If the image is not one finite image, the transform a batch, or the order another one.
+        If the image or the transform is a batch, or the order another one.
     DegenerateGeometryError
         If the transform cannot be undone on some pixel.
 
@@ -70,8 +72,8 @@ def registered_image(
     light = finite_array("image", image, shape=(None, None))
     if light.ndim != 2:
         raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
-    if order not in ORDERS:
-        raise ValueError(f"order: expected one of {ORDERS}, got {order!r}")
+    if order not in _ORDERS:
+        raise ValueError(f"order: expected one of {_ORDERS}, got {order!r}")
     if isinstance(transform, RegistrationFit):
         transform = transform.transform
     if transform.batch:
@@ -81,7 +83,7 @@ def registered_image(
         raise ValueError(f"corner: expected one, got shape {first.shape}; give x and y")
     if transform.model == "similarity+radial":
         return _bent(light, transform, order, first)
-    matrix = np.asarray(np.linalg.inv(transform.matrix), dtype=np.float64)
+    matrix = np.linalg.inv(transform.matrix)
     origin = transform.undo([[0.0, 0.0]])[0]
     enlarged = abs(float(np.linalg.det(transform.matrix)))
     # Source position of target pixel p: matrix (p + corner) + origin - corner; y before x below.
@@ -89,7 +91,7 @@ def registered_image(
     resampled = affine_transform(
         light, matrix[::-1, ::-1], offset, order=order, mode="constant", cval=0.0
     )
-    return np.asarray(resampled / enlarged)
+    return resampled / enlarged
 
 
 def _bent(
@@ -104,7 +106,7 @@ def _bent(
     # A length along the radius grows by 1 + 3 c r^2, one across it by 1 + c r^2.
     bend = transform.radial * np.square(points - transform.pivot).sum(axis=-1)
     enlarged = np.abs(np.linalg.det(transform.matrix) * (1 + bend) * (1 + 3 * bend))
-    return np.asarray((resampled / enlarged).reshape(light.shape))
+    return (resampled / enlarged).reshape(light.shape)
 
 
 def fused_image(images: Sequence[ArrayLike], weights: ArrayLike | None = None) -> FloatArray:
@@ -125,7 +127,7 @@ def fused_image(images: Sequence[ArrayLike], weights: ArrayLike | None = None) -
     Raises
     ------
     ValueError
-        If there is no image, shapes or counts differ, or a value is not finite.
+        If there is no image, or shapes or counts differ.
 
     Examples
     --------
@@ -144,4 +146,4 @@ def fused_image(images: Sequence[ArrayLike], weights: ArrayLike | None = None) -
     total = share[0] * layers[0]
     for one, layer in zip(share[1:], layers[1:], strict=True):
         total += one * layer
-    return np.asarray(total)
+    return total

@@ -25,12 +25,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.validate import (
+    POSITIVE,
     DegenerateGeometryError,
     FloatArray,
     common_batch,
     finite_array,
-    positive,
+    together,
 )
+
+__all__ = [
+    "MODELS",
+    "Chain",
+    "ComplexArray",
+    "Inverse",
+    "Registration",
+    "Transform",
+    "as_complex",
+    "as_points",
+    "principal_point_shift",
+    "similarity_between",
+]
 
 ComplexArray = NDArray[np.complex128]
 
@@ -43,7 +57,7 @@ MODELS: dict[str, tuple[str, ...]] = {
     "similarity+radial": ("scale", "rotation", "shift x", "shift y", "radial"),
     "affine": ("xx", "xy", "yx", "yy", "shift x", "shift y"),
 }
-NEWTON_STEPS = 50
+_NEWTON_STEPS = 50
 
 
 def as_complex(points: FloatArray) -> ComplexArray:
@@ -92,10 +106,8 @@ class Registration:
     ----------
     model : str
         A key of `MODELS`.
-    parameters : ndarray, shape (..., p)
-        In the order of `MODELS`.
-    pivot : ndarray, shape (..., 2)
-        In px.
+    parameters : ndarray, shape (..., p), in the order of `MODELS`
+    pivot : ndarray, shape (..., 2), in px
 
     Examples
     --------
@@ -111,10 +123,10 @@ class Registration:
     pivot: FloatArray
 
     def __post_init__(self) -> None:
-        count = len(parameter_names(self.model))
-        parameters = finite_array("parameters", self.parameters, shape=(count,))
-        pivot = finite_array("pivot", self.pivot, shape=(2,))
-        common_batch(parameters=parameters.shape[:-1], pivot=pivot.shape[:-1])
+        parameters, pivot = together(
+            parameters=(self.parameters, (len(_parameter_names(self.model)),)),
+            pivot=(self.pivot, (2,)),
+        )
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "pivot", pivot)
 
@@ -140,11 +152,6 @@ class Registration:
         Registration
             Of the model "similarity".
 
-        Raises
-        ------
-        ValueError
-            If a parameter is not finite, has the wrong shape, or `scale` is not above zero.
-
         Examples
         --------
         Double the distance from the pivot (5, 5), then subtract the shift (1, 0).
@@ -152,19 +159,17 @@ class Registration:
         >>> Registration.similarity(2.0, 0.0, (1, 0), (5, 5)).apply([[6, 5]])
         array([[6., 5.]])
         """
-        k, theta = positive("scale", scale), finite_array("rotation", rotation)
-        moved, about = (
-            finite_array(name, value, shape=(2,))
-            for name, value in (("shift", shift), ("pivot", pivot))
-        )
-        common_batch(
-            scale=k.shape, rotation=theta.shape, shift=moved.shape[:-1], pivot=about.shape[:-1]
+        k, theta, moved, about = together(
+            scale=(scale, POSITIVE),
+            rotation=(rotation, ()),
+            shift=(shift, (2,)),
+            pivot=(pivot, (2,)),
         )
         columns = np.broadcast_arrays(k, theta, moved[..., 0], moved[..., 1])
-        return cls.unchecked("similarity", np.stack(columns, axis=-1), about)
+        return cls._unchecked("similarity", np.stack(columns, axis=-1), about)
 
     @classmethod
-    def unchecked(cls, model: str, parameters: FloatArray, pivot: FloatArray) -> Registration:
+    def _unchecked(cls, model: str, parameters: FloatArray, pivot: FloatArray) -> Registration:
         """Make a registration from what a fit has just computed, without checking it again."""
         registration = object.__new__(cls)
         object.__setattr__(registration, "model", model)
@@ -190,12 +195,12 @@ class Registration:
     @property
     def factor(self) -> ComplexArray:
         """The complex number k exp(i theta) of a similarity, shape (...)."""
-        return np.asarray(self.scale * np.exp(1j * self.rotation))
+        return self.scale * np.exp(1j * self.rotation)
 
     @property
     def matrix(self) -> FloatArray:
         """The linear part about the pivot, shape (..., 2, 2)."""
-        return linear_part(self.model, self.parameters)
+        return _linear_part(self.model, self.parameters)
 
     @property
     def shift(self) -> FloatArray:
@@ -215,46 +220,37 @@ class Registration:
 
         Parameters
         ----------
-        points : array_like, shape (..., n, 2)
-            In the source, in px.
+        points : array_like, shape (..., n, 2), in the source, in px
 
         Returns
         -------
-        ndarray, shape (..., n, 2)
-            In the target, in px.
-
-        Raises
-        ------
-        ValueError
-            If `points` is not finite or has the wrong shape.
+        ndarray, shape (..., n, 2), in the target, in px
         """
-        offsets = self._offsets(points, self.pivot)
+        return self._apply(self._checked(points))
+
+    def _apply(self, points: FloatArray) -> FloatArray:
+        offsets = points - self.pivot[..., None, :]
         if self.model == "similarity":
             landed = self.factor[..., None] * as_complex(offsets)
             return as_points(landed + as_complex(self.pivot - self.shift)[..., None])
         if self.model == "similarity+radial":
             squared = np.square(offsets).sum(axis=-1, keepdims=True)
             offsets = offsets * (1 + self.radial[..., None, None] * squared)
-        turned = offsets @ np.swapaxes(self.matrix, -1, -2)
-        return np.asarray(turned + (self.pivot - self.shift)[..., None, :])
+        return offsets @ self.matrix.mT + (self.pivot - self.shift)[..., None, :]
 
     def undo(self, points: ArrayLike) -> FloatArray:
         """Lay target points over the source.
 
         Parameters
         ----------
-        points : array_like, shape (..., n, 2)
-            In the target, in px.
+        points : array_like, shape (..., n, 2), in the target, in px
 
         Returns
         -------
-        ndarray, shape (..., n, 2)
-            In the source, in px.
+        ndarray, shape (..., n, 2), in the source, in px
 
         Raises
         ------
-        ValueError
-            If `points` is not finite or has the wrong shape.
         DegenerateGeometryError
             If the linear part cannot be undone, or a point lies beyond the radius where a negative
             radial term folds the image over.
@@ -265,11 +261,11 @@ class Registration:
                 "expected a transform that keeps two dimensions, got one of determinant zero; "
                 "it maps many points onto one and cannot be undone"
             )
-        offsets = self._offsets(points, self.pivot - self.shift)
-        straight = offsets @ np.swapaxes(np.linalg.inv(self.matrix), -1, -2)
+        offsets = self._checked(points) - (self.pivot - self.shift)[..., None, :]
+        straight = offsets @ np.linalg.inv(self.matrix).mT
         if self.model == "similarity+radial":
             straight = straight * _shrink(np.hypot(straight[..., 0], straight[..., 1]), self.radial)
-        return np.asarray(straight + self.pivot[..., None, :])
+        return straight + self.pivot[..., None, :]
 
     def affine(self) -> tuple[FloatArray, FloatArray]:
         """Write the transform as matrix and translation: matrix @ point + translation.
@@ -311,7 +307,7 @@ class Registration:
         if not (isinstance(first, Registration) and self.model == first.model == "similarity"):
             return Chain((first, self))
         common_batch(registration=self.batch, first=first.batch)
-        landed = self.apply(first.apply(first.pivot[..., None, :]))[..., 0, :]
+        landed = self._apply(first._apply(first.pivot[..., None, :]))[..., 0, :]
         return _similarity(self.factor * first.factor, first.pivot - landed, first.pivot)
 
     def _named(self, name: str) -> FloatArray:
@@ -320,10 +316,10 @@ class Registration:
             raise ValueError(f"expected a model with a {name}, got {self.model!r}")
         return self.parameters[..., names.index(name)]
 
-    def _offsets(self, points: ArrayLike, origin: FloatArray) -> FloatArray:
+    def _checked(self, points: ArrayLike) -> FloatArray:
         points = finite_array("points", points, shape=(None, 2))
         common_batch(points=points.shape[:-2], registration=self.batch)
-        return points - origin[..., None, :]
+        return points
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,27 +380,22 @@ def principal_point_shift(
 
     Parameters
     ----------
-    principal_point, reference_principal_point : array_like, shape (..., 2)
-        In px.
+    principal_point, reference_principal_point : array_like, shape (..., 2), in px
 
     Returns
     -------
     ndarray, shape (..., 2)
         Channel minus reference, in px.
 
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape.
-
     Examples
     --------
     >>> principal_point_shift((7, 9), (5, 10))
     array([ 2., -1.])
     """
-    channel = finite_array("principal_point", principal_point, shape=(2,))
-    reference = finite_array("reference_principal_point", reference_principal_point, shape=(2,))
-    common_batch(principal_point=channel.shape[:-1], reference_principal_point=reference.shape[:-1])
+    channel, reference = together(
+        principal_point=(principal_point, (2,)),
+        reference_principal_point=(reference_principal_point, (2,)),
+    )
     return channel - reference
 
 
@@ -424,76 +415,31 @@ def similarity_between(camera: Camera, rotation: ArrayLike, reference: Camera) -
         Scale: ratio of focal lengths in px; shift: difference of principal points; pivot: the
         principal point of `camera`. Exact where both distortions are zero.
 
-    Raises
-    ------
-    ValueError
-        If `rotation` is not finite or the batch shapes do not broadcast.
-
     Examples
     --------
     >>> green = Camera(30e-3, (10, 10), 0, 1e-5)
     >>> similarity_between(Camera(20e-3, (11, 9), 0, 1e-5), 0.0, green).parameters
     array([ 1.5,  0. ,  1. , -1. ])
     """
-    rotation = finite_array("rotation", rotation)
-    common_batch(camera=camera.batch, reference=reference.batch, rotation=rotation.shape)
+    turn = finite_array("rotation", rotation)
+    common_batch(camera=camera.batch, reference=reference.batch, rotation=turn.shape)
     # In px, so that channels may differ in pixel pitch too; the paper's do not.
     scale = (reference.focal_length / camera.focal_length) * (
         camera.pixel_pitch / reference.pixel_pitch
     )
-    shift = principal_point_shift(camera.principal_point, reference.principal_point)
-    return Registration.similarity(scale, rotation, shift, camera.principal_point)
+    shift = camera.principal_point - reference.principal_point
+    columns = np.broadcast_arrays(scale, turn, shift[..., 0], shift[..., 1])
+    return Registration._unchecked("similarity", np.stack(columns, axis=-1), camera.principal_point)
 
 
-def parameter_names(model: str) -> tuple[str, ...]:
-    """Return the names of a model's parameters.
-
-    Parameters
-    ----------
-    model : str
-        A key of `MODELS`.
-
-    Returns
-    -------
-    tuple of str
-        In the order of every array.
-
-    Raises
-    ------
-    ValueError
-        If there is no such model.
-
-    Examples
-    --------
-    >>> parameter_names("rigid")
-    ('rotation', 'shift x', 'shift y')
-    """
+def _parameter_names(model: str) -> tuple[str, ...]:
     if model not in MODELS:
         raise ValueError(f"model: expected one of {', '.join(MODELS)}, got {model!r}")
     return MODELS[model]
 
 
-def linear_part(model: str, parameters: FloatArray) -> FloatArray:
-    """Return the matrix of a model about its pivot.
-
-    Parameters
-    ----------
-    model : str
-        A key of `MODELS`.
-    parameters : ndarray, shape (..., p)
-        In the order of `MODELS`.
-
-    Returns
-    -------
-    ndarray, shape (..., 2, 2)
-        The radial term left aside.
-
-    Examples
-    --------
-    >>> linear_part("shift", np.zeros(2))
-    array([[1., 0.],
-           [0., 1.]])
-    """
+def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
+    """Return the matrix of a model about its pivot, shape (..., 2, 2); the radial term aside."""
     batch = parameters.shape[:-1]
     if model == "affine":
         return parameters[..., :4].reshape(*batch, 2, 2)
@@ -517,12 +463,12 @@ def _shrink(radius: FloatArray, radial: FloatArray) -> FloatArray:
             f"the image over, got {float(radius.max()):g}; check the coefficient"
         )
     solved = np.minimum(radius, 1.5 * fold * 0.999)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(_NEWTON_STEPS):
         step = (solved * (1 + c * solved**2) - radius) / (1 + 3 * c * solved**2)
         solved = solved - step
         if (np.abs(step) <= 1e-13 * (1 + radius)).all():
             break
-    return np.asarray(1 / (1 + c * solved**2))[..., None]
+    return (1 / (1 + c * solved**2))[..., None]
 
 
 def _similarity(factor: ComplexArray, shift: FloatArray, pivot: FloatArray) -> Registration:
@@ -530,4 +476,4 @@ def _similarity(factor: ComplexArray, shift: FloatArray, pivot: FloatArray) -> R
     columns = np.broadcast_arrays(
         np.abs(factor), np.arctan2(factor.imag, factor.real), shift[..., 0], shift[..., 1]
     )
-    return Registration.unchecked("similarity", np.stack(columns, axis=-1), pivot)
+    return Registration._unchecked("similarity", np.stack(columns, axis=-1), pivot)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import draws, reproduces
-from reproduce.papers.study import Study
+from reproduce.papers.study import Column, studied
 from reproduce.physics.optics.camera import angle_from_pixels
-from reproduce.printed.given import given
 
 LENSES = "lamp2025/table-1"
 
@@ -30,7 +29,13 @@ def draw(figure, printed, door):
     figure.add_subplot().plot([1, 2], lengths * 1e3, "o", label="lenses")
 
 
-def ratio():
-    """Return how the focal lengths compare."""
-    near, far = given([LENSES]).array(f"{LENSES}#focal-length.*")
-    return Study("The lenses compared", ("lens", "ratio"), (("far over near", f"{far / near:g}"),))
+@studied(
+    "lamp2025/ratio",
+    given=[f"{LENSES}#focal-length.*"],
+    columns=[Column("lens"), Column("ratio", "g")],
+    caption="The lenses compared.",
+)
+def ratio(door):
+    """How the focal lengths compare."""
+    near, far = door.array(f"{LENSES}#focal-length.*")
+    return [("far over near", far / near)]

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from reproduce.physics.registration.closed_form import CHANCE, MIRRORED, Solution
-from reproduce.physics.registration.steps import (
+from reproduce.physics.registration._steps import (
     Problem,
     combined_residuals,
     from_similarity,
@@ -22,8 +21,11 @@ from reproduce.physics.registration.steps import (
     model_jacobian,
     solve,
 )
-from reproduce.physics.registration.transforms import MODELS, Registration, as_complex, as_points
+from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED, _Solution
+from reproduce.physics.registration.transforms import MODELS, as_complex, as_points
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
+
+__all__ = ["TUKEY", "outlier_weights", "repeated_median", "sandwich"]
 
 # Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
 # 92.9 % for the length of a residual in two.
@@ -39,28 +41,11 @@ LEAST = 0.1
 
 
 def outlier_weights(problem: Problem) -> FloatArray:
-    """Return weights from one for a good match down to zero for a wrong one.
+    """Return weights, (..., n), from one for a good match down to zero for a wrong one.
 
-    A residual counts in standard deviations: those of the points' covariances where they are
-    known, and times the root of the point's own weight. All are scaled so that their median is
-    that of Gaussian residuals.
-
-    Parameters
-    ----------
-    problem : steps.Problem
-        Points, model, weights and covariances.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-        Tukey's biweights at the settled fit.
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If fewer than three points are given, or half of them coincide.
-    ValueError
-        If there are too many points for all their pairs.
+    They are Tukey's biweights at the settled fit. A residual counts in standard deviations: those
+    of the points' covariances where they are known, and times the root of the point's own weight.
+    All are scaled so that their median is that of Gaussian residuals.
     """
     closed = repeated_median(problem)
     if problem.model != "affine":
@@ -77,25 +62,14 @@ def outlier_weights(problem: Problem) -> FloatArray:
     return weights
 
 
-def sandwich(problem: Problem, solution: Solution) -> FloatArray:
-    """Return the covariance of the parameters of a robust fit.
+def sandwich(problem: Problem, solution: _Solution) -> FloatArray:
+    """Return the covariance of the parameters of a robust fit, shape (..., p, p).
 
-    The fit is a root of ``sum J^T psi`` with psi = w e, the weighted residual. Its covariance is
+    The problem has the weights that were given, not those that were found. The fit is a root of
+    ``sum J^T psi`` with psi = w e, the weighted residual. Its covariance is
     A^-1 (sum J^T psi psi^T J) A^-1 with A = ``sum J^T (d psi / d e) J``: as a residual grows its
     weight falls, so psi grows less than e. The inverse normal matrix, which takes the weights as
     fixed, is too small.
-
-    Parameters
-    ----------
-    problem : steps.Problem
-        With the weights that were given, not those that were found.
-    solution : closed_form.Solution
-        The robust fit.
-
-    Returns
-    -------
-    ndarray, shape (..., p, p)
-        In the order of the parameters.
     """
     factor, residuals = _whitened(problem, solution.parameters, solution.points)
     rows = factor @ model_jacobian(problem, solution.parameters, solution.points)
@@ -114,38 +88,13 @@ def sandwich(problem: Problem, solution: Solution) -> FloatArray:
     psi = (weights / np.sqrt(np.maximum(1 - leverage, LEAST)))[..., None] * residuals
     pulls = np.einsum("...nij,...ni->...nj", rows, psi)
     covariance = inverse @ np.einsum("...nj,...nk->...jk", pulls, pulls) @ inverse
-    return np.asarray(covariance / (size[..., :, None] * size[..., None, :]))
+    return covariance / (size[..., :, None] * size[..., None, :])
 
 
 def repeated_median(problem: Problem) -> FloatArray:
-    """Return the similarity of the repeated median.
+    """Return the similarity of the repeated median, shape (..., 4); weights of zero drop points.
 
-    Parameters
-    ----------
-    problem : steps.Problem
-        Points and pivot; weights of zero leave points out.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-        (k, theta, shift x, shift y).
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If fewer than three points are given, or half of them coincide.
-    ValueError
-        If there are too many points for all their pairs.
-
-    Examples
-    --------
-    Six points moved by (3, 0), two of them wrongly matched.
-
-    >>> from reproduce.physics.registration.steps import prepare
-    >>> source = [[0, 0], [9, 0], [0, 9], [9, 9], [4, 7], [6, 2]]
-    >>> target = [[3, 0], [12, 0], [3, 9], [12, 9], [70, 7], [6, 99]]
-    >>> repeated_median(prepare(source, target, (0, 0), None, "similarity")) + 0.0
-    array([ 1.,  0., -3.,  0.])
+    Fewer than three points, half of them in one place, or too many for all pairs are refused.
     """
     source, target = as_complex(problem.source), as_complex(problem.target)
     n = source.shape[-1]
@@ -179,14 +128,15 @@ def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     from scipy.special import fdtri  # only now: its import takes longer than most fits
 
     freedom = 2 * problem.source.shape[-2] - 4
-    limit = np.sqrt(fdtri(freedom, freedom, 1 - CHANCE))
+    limit = np.sqrt(fdtri(freedom, freedom, 1 - _CHANCE))
     if (median > limit * _median_length(across, repeated_median(across))).any():
-        raise MirroredPointsError(MIRRORED)
+        raise MirroredPointsError(_MIRRORED)
 
 
 def _median_length(problem: Problem, closed: FloatArray) -> FloatArray:
-    transform = Registration("similarity", closed, problem.pivot)
-    return np.asarray(np.median(_norm(problem.target - transform.apply(problem.source)), axis=-1))
+    # Of the similarity, whatever the model of the problem.
+    landed = replace(problem, model="similarity").transformed(closed, problem.source)
+    return np.median(_norm(problem.target - landed), axis=-1)
 
 
 def _median_similarity(problem: Problem, ratio: np.ndarray) -> FloatArray:
@@ -220,7 +170,7 @@ def _whitened(
     """Return what makes residuals of variance one, (..., n, 2, 2), and the residuals so made."""
     carry = local_matrix(problem, parameters, points)
     left = combined_residuals(problem, parameters, points, carry)
-    factor = np.swapaxes(np.linalg.cholesky(information(problem, carry)), -1, -2)
+    factor = np.asarray(np.linalg.cholesky(information(problem, carry)).mT, dtype=np.float64)
     if problem.weights is not None:
         factor = np.sqrt(problem.weights)[..., None, None] * factor
     return factor, (factor @ left[..., None])[..., 0]
@@ -237,7 +187,7 @@ def _lengths(problem: Problem, factor: FloatArray, residuals: FloatArray) -> Flo
     spread = median / MEDIAN_LENGTH * np.sqrt(count / freedom)
     # Exact matches have no spread but that of rounding.
     rounding = 1e-12 * (1 + np.abs(problem.source).max()) * np.abs(factor).max(axis=(-2, -1))
-    return np.asarray(length / np.maximum(np.maximum(spread, rounding), np.finfo(float).tiny))
+    return length / np.maximum(np.maximum(spread, rounding), np.finfo(float).tiny)
 
 
 def _norm(vectors: FloatArray) -> FloatArray:
@@ -245,4 +195,4 @@ def _norm(vectors: FloatArray) -> FloatArray:
 
 
 def _biweights(lengths: FloatArray) -> FloatArray:
-    return np.asarray(np.clip(1 - (lengths / TUKEY) ** 2, 0, None) ** 2)
+    return np.clip(1 - (lengths / TUKEY) ** 2, 0, None) ** 2

@@ -2,12 +2,15 @@
 
 import math
 from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reproduce.audit.quantity import Quantity, allowed, quantity, rules_that_print
+from reproduce.audit.examine import rounding_votes
+from reproduce.audit.relation import Tolerance
+from reproduce.audit.rounding import ROUNDINGS, allowed, printed_cell, rules_that_print
 from reproduce.printed.cells import library
 from reproduce.printed.given import given as given_cells
 from reproduce.printed.number import PrintedNumber
@@ -33,7 +36,7 @@ from reproduce.printed.units import si_factor
     ],
 )
 def test_intervals_of_print(text, qualifier, rule, wanted):
-    assert allowed(quantity("t#a", text, "1", qualifier), rule) == pytest.approx(wanted)
+    assert allowed(printed_cell("t#a", text, "1", qualifier), rule) == pytest.approx(wanted)
 
 
 def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_number():
@@ -41,7 +44,7 @@ def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_numbe
     assert {c.number.qualifier for c in cells} > {None, "about", "nominal"}
     for cell in cells:
         if not cell.number.is_bound:
-            low, high = allowed(Quantity(cell.address, cell.number, cell.unit))
+            low, high = allowed(cell)
             factor = si_factor(cell.unit)
             assert (low, high) == tuple(factor * end for end in cell.number.interval())
             door = given_cells([cell.address])
@@ -51,8 +54,8 @@ def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_numbe
 
 
 def test_counts_are_exact_and_units_are_si():
-    assert allowed(quantity("t#n", "4", "count")) == (4.0, 4.0)
-    assert allowed(quantity("t#a", "20", "um")) == pytest.approx((19.5e-6, 20.5e-6))
+    assert allowed(printed_cell("t#n", "4", "count")) == (4.0, 4.0)
+    assert allowed(printed_cell("t#a", "20", "um")) == pytest.approx((19.5e-6, 20.5e-6))
 
 
 @given(st.decimals(min_value=-99, max_value=99, places=4), st.sampled_from(["0.01", "0.1", "1"]))
@@ -68,10 +71,34 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
         text = str(value.quantize(Decimal(step), rounding=way))
         assert name in rules_that_print(float(value), PrintedNumber(text))
         rule = "nearest" if name.startswith("half") else name
-        low, high = allowed(quantity("t#a", text), rule)
+        low, high = allowed(printed_cell("t#a", text), rule)
         assert low - 1e-9 <= float(value) <= high + 1e-9
 
 
 def test_what_is_no_number_is_printed_by_no_rule():
     assert rules_that_print(math.nan, PrintedNumber("1.0")) == frozenset()
     assert rules_that_print(3.0000001, PrintedNumber("3", exact=True)) == frozenset()
+
+
+def test_the_last_bits_of_a_sum_speak_for_no_rule():
+    """A tenth and two tenths are three tenths, whatever floating point makes of them."""
+    assert 0.1 + 0.2 > 0.3
+    assert rules_that_print(0.1 + 0.2, PrintedNumber("0.3")) == frozenset(ROUNDINGS)
+    assert rules_that_print(0.0, PrintedNumber("0.0")) == frozenset(ROUNDINGS)
+
+
+def test_only_results_that_tell_rules_apart_have_a_vote():
+    def printed_by(*rules):
+        return SimpleNamespace(rules=frozenset(rules))
+
+    findings = [printed_by(*ROUNDINGS), printed_by(), printed_by("truncation", "half-up")]
+    votes = rounding_votes([*findings, printed_by("truncation")])
+    assert {rule: count for rule, count in votes.items() if count} == {
+        "truncation": 2,
+        "half-up": 1,
+    }
+
+
+def test_tolerances_are_read_in_their_unit_or_in_hundredths():
+    assert Tolerance(0.025, "small angles").text == "2.5 %"
+    assert Tolerance(0.3, "nominal", "arcsec").text == "0.3 arcsec"

@@ -12,19 +12,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.registration.closed_form import (
-    Solution,
-    closed_similarity,
-    paired_points,
-    refuse_mirrored,
+    _checked,
+    _closed_similarity,
+    _refuse_mirrored,
+    _Solution,
 )
-from reproduce.physics.registration.transforms import MODELS, Registration, as_complex, linear_part
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    common_batch,
-    finite_array,
-    weights_for,
+from reproduce.physics.registration.transforms import (
+    MODELS,
+    Registration,
+    _linear_part,
+    as_complex,
 )
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray, finite_array
+
+__all__ = [
+    "Problem",
+    "combined_residuals",
+    "from_similarity",
+    "information",
+    "local_matrix",
+    "model_jacobian",
+    "prepare",
+    "solve",
+]
 
 STEPS = 60
 MOVEMENT = 1e-11  # px, root mean square: far below what a centroid can mean
@@ -37,16 +47,13 @@ class Problem:
 
     Attributes
     ----------
-    source, target : ndarray, shape (..., n, 2)
-        In px.
-    pivot : ndarray, shape (..., 2)
-        In px.
+    source, target : ndarray, shape (..., n, 2), in px
+    pivot : ndarray, shape (..., 2), in px
     model : str
         A key of `MODELS`.
     weights : ndarray, shape (..., n), or None
         None where every point counts alike.
-    source_covariance, target_covariance : ndarray, shape (..., n, 2, 2), or None
-        In px^2.
+    source_covariance, target_covariance : ndarray, shape (..., n, 2, 2), or None, in px^2
     """
 
     source: FloatArray
@@ -61,6 +68,10 @@ class Problem:
     def errors_known(self) -> bool:
         """Whether the covariance of either image is known."""
         return self.source_covariance is not None or self.target_covariance is not None
+
+    def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
+        """Return points, shape (..., n, 2) in px, laid over the target with these parameters."""
+        return Registration._unchecked(self.model, parameters, self.pivot)._apply(points)
 
     def with_weights(self, weights: FloatArray) -> Problem:
         """Return the same problem with these weights times its own."""
@@ -91,44 +102,26 @@ class Problem:
 def prepare(
     source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None, model: str
 ) -> Problem:
-    """Check the points and bring them to one batch shape.
-
-    Parameters
-    ----------
-    source, target, pivot, weights, model
-        As for `fit.fit_registration`.
-
-    Returns
-    -------
-    Problem
-        Without covariances.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not finite or has the wrong shape, or a weight is negative.
-    """
-    source, target = paired_points(source, target)
-    pivot = finite_array("pivot", pivot, shape=(2,))
-    n = source.shape[-2]
-    checked = None if weights is None else weights_for(weights, n)
-    batch = common_batch(
-        source=source.shape[:-2],
-        target=target.shape[:-2],
-        pivot=pivot.shape[:-1],
-        weights=() if checked is None else checked.shape[:-1],
+    """Check the points and bring them to one batch shape; covariances are still to come."""
+    first, second, about, kept = _checked(source, target, pivot, weights)
+    n = first.shape[-2]
+    batch = np.broadcast_shapes(
+        first.shape[:-2],
+        second.shape[:-2],
+        about.shape[:-1],
+        () if kept is None else kept.shape[:-1],
     )
     return Problem(
-        np.broadcast_to(source, (*batch, n, 2)),
-        np.broadcast_to(target, (*batch, n, 2)),
-        np.broadcast_to(pivot, (*batch, 2)),
+        np.broadcast_to(first, (*batch, n, 2)),
+        np.broadcast_to(second, (*batch, n, 2)),
+        np.broadcast_to(about, (*batch, 2)),
         model,
-        None if checked is None else np.broadcast_to(checked, (*batch, n)),
+        None if kept is None else np.broadcast_to(kept, (*batch, n)),
     )
 
 
 def _refuse_no_covariance(name: str, matrices: FloatArray) -> None:
-    lopsided = np.abs(matrices - np.swapaxes(matrices, -1, -2)).max()
+    lopsided = np.abs(matrices - matrices.mT).max()
     positive = (np.linalg.eigvalsh(matrices)[..., 0] > 0).all()
     if lopsided > 1e-12 * np.abs(matrices).max() or not positive:
         raise ValueError(
@@ -137,7 +130,7 @@ def _refuse_no_covariance(name: str, matrices: FloatArray) -> None:
         )
 
 
-def solve(problem: Problem, start: FloatArray | None = None) -> Solution:
+def solve(problem: Problem) -> _Solution:
     """Find the parameters that make chi-square least, by Gauss-Newton steps.
 
     Where the source has errors, its true points s are unknowns beside the parameters u. Chi-square
@@ -146,24 +139,10 @@ def solve(problem: Problem, start: FloatArray | None = None) -> Solution:
     A = df/ds, e = y - f(s; u) - A (x - s) has the covariance Cy + A Cx A^T, the parameters follow
     from e by weighted least squares, and s = x + Cx A^T (Cy + A Cx A^T)^-1 e from what is left.
 
-    Parameters
-    ----------
-    problem : Problem
-        From `prepare`.
-    start : ndarray, shape (..., p), optional
-        Where to begin; the closed form of a simpler model by default.
-
-    Returns
-    -------
-    Solution
-        The minimum.
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If the points do not fix every parameter, or the steps do not settle.
+    It starts from the closed form of a simpler model, and refuses points that leave a parameter
+    free.
     """
-    parameters = starting_point(problem) if start is None else start
+    parameters = _starting_point(problem)
     points = problem.source
     limit = MOVEMENT * (1 + np.abs(problem.target).max())
     for _ in range(STEPS):
@@ -173,7 +152,7 @@ def solve(problem: Problem, start: FloatArray | None = None) -> Solution:
         rows = model_jacobian(problem, parameters, points)
         step, cofactor = _step(rows, _weighted(problem, weight), left)
         moved = (rows @ step[..., None, :, None])[..., 0]
-        renewed = true_points(problem, carry, weight, left - moved)
+        renewed = _true_points(problem, carry, weight, left - moved)
         largest = np.maximum(_length(moved), _length(renewed - points)).max()
         parameters, points = parameters + step, renewed
         if largest < limit:
@@ -187,10 +166,11 @@ def solve(problem: Problem, start: FloatArray | None = None) -> Solution:
     left = combined_residuals(problem, parameters, points, carry)
     weight = _weighted(problem, information(problem, carry))
     chi_square = np.asarray((left * (weight @ left[..., None])[..., 0]).sum(axis=(-2, -1)))
-    return Solution(parameters, target_residuals(problem, parameters), chi_square, cofactor, points)
+    residuals = problem.target - problem.transformed(parameters, problem.source)
+    return _Solution(parameters, residuals, chi_square, cofactor, points)
 
 
-def starting_point(problem: Problem) -> FloatArray:
+def _starting_point(problem: Problem) -> FloatArray:
     """Return parameters near the minimum, shape (..., p), from a closed form."""
     source, target, pivot = problem.source, problem.target, problem.pivot
     if problem.model == "shift":
@@ -200,11 +180,11 @@ def starting_point(problem: Problem) -> FloatArray:
             as_complex(side - (shares * side).sum(axis=-2, keepdims=True))
             for side in (source, target)
         )
-        refuse_mirrored(offsets, targets, problem.weights)
-        return np.asarray(((source - target) * shares).sum(axis=-2))
+        _refuse_mirrored(offsets, targets, problem.weights)
+        return ((source - target) * shares).sum(axis=-2)
     if problem.model == "affine":  # which may mirror, and is linear: any start will do
         return np.broadcast_to([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (*source.shape[:-2], 6))
-    closed = closed_similarity(source, target, pivot, problem.weights).parameters
+    closed = _closed_similarity(source, target, pivot, problem.weights).parameters
     return from_similarity(problem.model, closed)
 
 
@@ -217,16 +197,10 @@ def from_similarity(model: str, closed: FloatArray) -> FloatArray:
     if model == "similarity+radial":
         return np.concatenate([closed, np.zeros_like(closed[..., :1])], axis=-1)
     if model == "affine":
-        matrix = linear_part("similarity", closed)
+        matrix = _linear_part("similarity", closed)
         flat = matrix.reshape(*matrix.shape[:-2], 4)
         return np.concatenate([flat, closed[..., 2:]], axis=-1)
     return closed
-
-
-def target_residuals(problem: Problem, parameters: FloatArray) -> FloatArray:
-    """Return target minus transformed source, shape (..., n, 2), in px."""
-    transform = Registration(problem.model, parameters, problem.pivot)
-    return problem.target - transform.apply(problem.source)
 
 
 def combined_residuals(
@@ -237,21 +211,20 @@ def combined_residuals(
     Without errors in the source the points s are the source, and this is target minus transformed
     source.
     """
-    transform = Registration(problem.model, parameters, problem.pivot)
-    left = problem.target - transform.apply(points)
+    left = problem.target - problem.transformed(parameters, points)
     if problem.source_covariance is None:
         return left
-    return np.asarray(left - (carry @ (problem.source - points)[..., None])[..., 0])
+    return left - (carry @ (problem.source - points)[..., None])[..., 0]
 
 
-def true_points(
+def _true_points(
     problem: Problem, carry: FloatArray, weight: FloatArray, left: FloatArray
 ) -> FloatArray:
     """Return where the source points truly are, as far as `left` tells, (..., n, 2), in px."""
     if problem.source_covariance is None:
         return problem.source
-    pulled = np.swapaxes(carry, -1, -2) @ (weight @ left[..., None])
-    return np.asarray(problem.source + (problem.source_covariance @ pulled)[..., 0])
+    pulled = carry.mT @ (weight @ left[..., None])
+    return problem.source + (problem.source_covariance @ pulled)[..., 0]
 
 
 def model_jacobian(problem: Problem, parameters: FloatArray, points: FloatArray) -> FloatArray:
@@ -266,7 +239,7 @@ def model_jacobian(problem: Problem, parameters: FloatArray, points: FloatArray)
         return rows
     if problem.model == "shift":
         return rows
-    turned = q @ np.swapaxes(linear_part(problem.model, parameters), -1, -2)
+    turned = q @ _linear_part(problem.model, parameters).mT
     if problem.model == "similarity+radial":
         squared = np.square(q).sum(axis=-1, keepdims=True)
         rows[..., -1] = turned * squared
@@ -289,21 +262,19 @@ def information(problem: Problem, carry: FloatArray) -> FloatArray:
     if problem.target_covariance is not None:
         total = total + problem.target_covariance
     if problem.source_covariance is not None:
-        total = total + carry @ problem.source_covariance @ np.swapaxes(carry, -1, -2)
+        total = total + carry @ problem.source_covariance @ carry.mT
     return np.linalg.inv(total)
 
 
 def local_matrix(problem: Problem, parameters: FloatArray, points: FloatArray) -> FloatArray:
     """Return A, how transformed points move with the points, shape (..., n, 2, 2)."""
-    matrix = linear_part(problem.model, parameters)[..., None, :, :]
+    matrix = _linear_part(problem.model, parameters)[..., None, :, :]
     if problem.model != "similarity+radial":
         return np.broadcast_to(matrix, (*points.shape, 2))
     q = points - problem.pivot[..., None, :]
     c = parameters[..., -1][..., None, None, None]
     squared = np.square(q).sum(axis=-1)[..., None, None]
-    return np.asarray(
-        matrix @ ((1 + c * squared) * np.eye(2) + 2 * c * q[..., None] * q[..., None, :])
-    )
+    return matrix @ ((1 + c * squared) * np.eye(2) + 2 * c * q[..., None] * q[..., None, :])
 
 
 def _weighted(problem: Problem, information: FloatArray) -> FloatArray:
@@ -313,7 +284,7 @@ def _weighted(problem: Problem, information: FloatArray) -> FloatArray:
 
 
 def _length(movement: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.square(movement).mean(axis=(-2, -1))))
+    return np.sqrt(np.square(movement).mean(axis=(-2, -1)))
 
 
 def _step(

@@ -1,0 +1,4 @@
+"""The version of the project and the day of its release."""
+
+__version__ = "0.1.0"
+RELEASED = "2026-11-21"

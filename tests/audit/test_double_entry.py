@@ -1,0 +1,190 @@
+"""Every deterministic number is entered twice, as a function and as a formula, and compared.
+
+The ledger moves inputs to the corners of their rounding intervals, which gives the ends of a result
+that is monotone in each input. The audit encloses the formula, whatever its shape. Where both give
+one interval, the corners are the ends, and no rounding of the inputs leads outside.
+"""
+
+import functools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reproduce.audit import relation as declarations
+from reproduce.audit.relation import declared, relations_of
+from reproduce.audit.report import audit_paper, paper_sheet
+from reproduce.audit.solve import enclosure, printed_intervals
+from reproduce.judge.ledger import build
+from reproduce.judge.propagate import numbers, result_intervals
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import reproduces
+from reproduce.printed.cells import PAPERS
+from reproduce.printed.given import given
+from reproduce.printed.number import PrintedNumber
+from reproduce.printed.units import si_factor
+from reproduce.views import double_entry
+from reproduce.views.double_entry import disagreement, disagreements
+from reproduce.views.front import check
+
+SHEET = {address: cell for paper in PAPERS for address, cell in paper_sheet(paper).items()}
+RELATIONS = [r for paper in PAPERS for r in relations_of(paper, paper_sheet(paper))]
+OTHERS = declared((Path(__file__).parent / "second_entries.toml").read_text(), SHEET)
+ENTRIES = {r.restates: r for r in (*RELATIONS, *OTHERS) if r.restates}
+
+
+@functools.cache
+def computed():
+    """Every deterministic number by name: its computation, its value and its interval."""
+    found = {}
+    for item in catalogue().values():
+        for computation in item.computations:
+            if not computation.replicates:
+                door = given(computation.given)
+                intervals = result_intervals(computation, door)
+                for name, value in numbers(computation, door).items():
+                    found[f"{item.key}#{name}"] = (computation, value, intervals[name])
+    return found
+
+
+def enclosed(relation):
+    """Enclose a formula; one that names `first` twice, at both ends of the interval of that cell.
+
+    (position - first) / (last - first) is monotone in `first`: its derivative has the sign of
+    position - last, which is never zero, and neither is last - first.
+    """
+    if not relation.name.startswith("exchanged-y"):
+        return enclosure(relation, SHEET)
+    first, last, position = (relation.binding[name] for name in ("first", "last", "position"))
+    intervals = printed_intervals(SHEET, [relation])
+    for one, two in ((position, last), (first, last)):
+        assert intervals[one][1] < intervals[two][0] or intervals[two][1] < intervals[one][0]
+    assert SHEET[first].unit == "um"
+    ends = []
+    for end in intervals[first]:
+        number = PrintedNumber(repr(end / si_factor("um")), exact=True)
+        ends.append(enclosure(relation, SHEET | {first: replace(SHEET[first], content=number)}))
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def test_every_deterministic_number_has_one_second_entry():
+    names = [r.restates for r in (*RELATIONS, *OTHERS) if r.restates]
+    assert sorted(names) == sorted(computed())
+
+
+@pytest.mark.parametrize("name", sorted(computed()))
+def test_the_two_entries_give_one_interval(name):
+    _, _, interval = computed()[name]
+    assert disagreement(ENTRIES[name], enclosed(ENTRIES[name]), interval) == ""
+
+
+@pytest.mark.parametrize("name", sorted(computed()))
+def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
+    """As printed, and at random points of the box of all inputs."""
+    computation, _, _ = computed()[name]
+    relation = ENTRIES[name]
+    rng = np.random.default_rng(3)
+    door = given(computation.given)
+    moved = [cell.address for cell in door.numbers()]
+    for size in (0.0, *[1.0] * 10):
+        shifted = door.shifted({address: size * rng.uniform(-1, 1) for address in moved})
+        inputs = {a: shifted[a] for a in relation.addresses if a in door}
+        assert set(relation.addresses) - set(inputs) <= {relation.result}
+        right = relation.sides({relation.result: 0.0, **inputs})[1]
+        value = numbers(computation, shifted)[name.partition("#")[2]]
+        assert right == pytest.approx(value, rel=1e-11, abs=1e-18)
+
+
+def test_every_relation_that_restates_a_computed_number_says_so():
+    """One solved for a computed cell, from what its computation reads, with the same value."""
+    for relation in RELATIONS:
+        ours = [name for name in computed() if name.partition(" (")[0] == relation.result]
+        for name in ours if relation.kind != "print" and relation.unknown is None else ():
+            computation, value, _ = computed()[name]
+            read = set(relation.addresses) - {relation.result} <= set(
+                given(computation.given).cells
+            )
+            right = relation.sides({a: SHEET[a].si for a in relation.addresses})[1]
+            if read and right == pytest.approx(value, rel=1e-9):
+                assert relation.restates in ours, relation.name
+
+
+def test_outcome_and_verdict_are_the_same():
+    """A relation contradicts where the cell that it restates differs, and agrees where it does."""
+    keys = {name.partition("#")[0] for name in ENTRIES}
+    records = {record.cell: record for record in build(keys).records}
+    outcomes = {f.relation.restates: f.outcome for p in PAPERS for f in audit_paper(p).findings}
+    seen = set()
+    for name, outcome in outcomes.items():
+        address, _, reading = name.partition(" (")
+        if not name or address not in records:
+            continue
+        found = records[address]
+        if reading:
+            (found,) = (one for one in found.readings if f"{one.name})" == reading)
+        verdict = "differs" if found.verdict == "differs" else "exact"
+        assert (outcome == "contradicts") == (verdict == "differs"), name
+        rounding = "through_rounding" in found.flags
+        assert (outcome == "agrees only through rounding") == rounding, name
+        seen.add((outcome, verdict))
+    assert len(seen) == 3
+
+
+ADDRESS = "niu2024/table-1#focal-length.green"
+
+
+@reproduces("niu2024/table-2", given=[ADDRESS])
+def turning(door):
+    """Has its least value, nought, in the middle of the box, where no corner is."""
+    return {"scale.red": ((door[ADDRESS] - 0.025) / 0.025) ** 2}
+
+
+def test_a_computation_that_is_not_monotone_is_seen():
+    text = """
+    [[relations.made_up]]
+    name = "turning"
+    formula = "scale = ((green - 25 * u.mm) / (25 * u.mm)) ** 2"
+    cells = "scale=niu2024/table-2#scale.red green=niu2024/table-1#focal-length.green"
+    restates = "niu2024/table-2#scale.red"
+    kind = "equation"
+    source = "made up"
+    """
+    (relation,) = declared(text, SHEET)
+    corners = result_intervals(turning, given(turning.given))["scale.red"]
+    found = disagreement(relation, enclosure(relation, SHEET), corners)
+    assert found.startswith("turning (scale = ")
+    assert "the computation of niu2024/table-2#scale.red" in found
+    assert "not monotone" in found
+
+
+def test_a_check_names_both_entries_that_disagree(monkeypatch):
+    ledger = build(["niu2024/table-2"])
+    assert disagreements(ledger) == []
+    assert check("niu2024/table-2")
+
+    def wrong(paper, cells):
+        found = relations_of(paper, cells)
+        formula = declarations.read("scale = green / f0 * 1.000001")
+        return [
+            replace(r, formula=formula) if r.restates == "niu2024/table-2#scale.red" else r
+            for r in found
+        ]
+
+    monkeypatch.setattr(double_entry, "relations_of", wrong)
+    (line,) = disagreements(ledger)
+    assert line.startswith("true-scale-red (scale = green / f0 * 1.000001) gives")
+    assert "the computation of niu2024/table-2#scale.red" in line
+    found = check("niu2024/table-2")
+    assert not found
+    assert found.faults() == [line]
+
+
+def test_restating_relations_are_counted_apart():
+    for paper in PAPERS:
+        audit = audit_paper(paper)
+        own, again = (audit.tally(restating=chosen) for chosen in (False, True))
+        assert {o: own[o] + again[o] for o in own} == audit.tally()
+        assert sum(again.values()) == len(audit.restating) > 0
+        cells = [f.relation.restates for f in audit.restating]
+        assert len(set(cells)) == len(cells)
