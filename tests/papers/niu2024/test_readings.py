@@ -342,13 +342,16 @@ def test_the_bound_of_corrected_probabilities_is_that_of_the_law_times_the_readi
     assert np.ceil(np.log10(tried)) == np.log10(judged.LEAST_CORRECTED / judged.LEAST)
 
 
-def test_the_closest_readings_stand_with_their_distance():
+def test_the_closest_readings_stand_with_their_distance(stored):
     table = judged.closest()
     assert list(table["Reading"])[:2] == ["the literal one", "fewest cells outside"]
     assert len(table) == 2 + len(judged.GROUPS)
     distances = table[[f"Distance, {group} (σ)" for group in judged.GROUPS]].to_numpy()
     assert (distances[:, -1] >= distances.max(axis=1)).all(), "farther out than any part"
     assert table["Cells outside"].min() == table["Cells outside"][1]
+    for row, group in enumerate(judged.GROUPS, start=2):
+        nearest = stored.arrays["distance"][..., row - 2].min()
+        assert table[f"Distance, {group} (σ)"][row] == nearest
 
 
 def test_the_distribution_of_every_number_stands_for_every_reading(stored):

@@ -68,7 +68,7 @@ SETTINGS = "niu2024/text-simulation"
 CHANNELS = ("green", "red", "blue")
 REGISTERED = ("red", "blue")
 REPLICATES = 10_000
-# The cameras of all channels, each by its own focal length and distortion; with the field of view.
+# The cameras of all channels, each by its own focal length and distortion.
 CAMERAS = (
     f"{CALIBRATION}#focal-length.*",
     f"{CALIBRATION}#radial-distortion.*",
@@ -76,6 +76,7 @@ CAMERAS = (
     f"{CALIBRATION}#translation-*",
     f"{OPTICS}#pixel-pitch-x",
 )
+# The same, and how far the positions reach.
 INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
 # The green camera, and the registration of red and blue with it.
 REGISTRATION = (
