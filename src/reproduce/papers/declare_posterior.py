@@ -171,15 +171,19 @@ class Declaration:
         pivots = file.pivots(table, pivot) if file.pivots else []
         return Supplied(model, len(table.values), [p.tolist() for p in pivots], tuple(remarks))
 
+    def printed(self, model: Model) -> Published | None:
+        """Return what the paper prints of the experiment, with how to repeat it."""
+        if self.published is None:
+            return None
+        return self.published(given((*self.given, *self.compared)), model)
+
     def repeats(self, found: Sampled) -> tuple[list[Repeat], Share, str] | None:
         """Return the printed numbers among those of repeats, all at once, and what to note of it.
 
         None where the paper prints no number of the experiment.
         """
-        if self.published is None:
-            return None
-        published = self.published(given((*self.given, *self.compared)), found.model)
-        return *repeats(found, published), published.note
+        published = self.printed(found.model)
+        return None if published is None else (*repeats(found, published), published.note)
 
     def bounds(self, found: Sampled) -> list[Bounded]:
         """Return the widths beside the Cramér-Rao bound; nothing where there is none."""
