@@ -21,7 +21,7 @@ from reproduce.views import audit_text
 from reproduce.views.audit_text import within_paper
 from reproduce.views.facts import item_ledger
 from reproduce.views.figures import STYLE
-from reproduce.views.grid import Grid
+from reproduce.views.grid import Grid, folded
 from reproduce.views.inline_svg import inline
 from reproduce.views.pages import Html
 
@@ -92,7 +92,7 @@ def relations(paper: str) -> Html:
         (audit.supposed, "rest on a supposition of ours"),
     ):
         table = _relations_table(findings, audit, f"Relations that {what}")
-        shown += _folded(f"The {len(findings)} relations that {what}", table)
+        shown += folded(f"The {len(findings)} relations that {what}", table)
     return Html(shown)
 
 
@@ -166,7 +166,7 @@ def smallest_sets(paper: str) -> Html:
         rows.append([str(len(conflict.cells)), cells, because])
     caption = "Smallest sets of numbers that cannot all be right"
     table = _table(("Size", "Numbers", "By the relations"), rows, caption)
-    return Html(_folded(f"All {len(rows)} sets", table))
+    return Html(folded(f"All {len(rows)} sets", table))
 
 
 def corrections(paper: str) -> Html:
@@ -360,12 +360,6 @@ def _code(text: str) -> Markup:
 
 def _codes(texts: Iterable[str]) -> Markup:
     return Markup("<br>").join(map(_code, texts))
-
-
-def _folded(summary: str, content: Markup) -> Markup:
-    return Markup('<details class="rp-fold"><summary>{}</summary>{}</details>').format(
-        summary, content
-    )
 
 
 def _table(

@@ -1,9 +1,10 @@
-"""The one way to show a table of texts: HTML in a page, aligned columns in a terminal."""
+"""The one way to show a table: HTML in a page, aligned columns in a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from markupsafe import Markup, escape
 from rich.console import RenderableType
@@ -13,6 +14,14 @@ from reproduce.views.numbers import powers_in_html
 from reproduce.views.shown import Shown
 
 Entry = str | Markup
+
+
+class Box(NamedTuple):
+    """An entry with an anchor and a class of its own."""
+
+    content: Entry
+    identifier: str = ""
+    kind: str = ""
 
 
 @dataclass(frozen=True)
@@ -37,7 +46,7 @@ class Grid(Shown):
 
     caption: Entry
     head: Sequence[Entry]
-    rows: Sequence[Sequence[Entry]]
+    rows: Sequence[Sequence[Entry | Box]]
     identifier: str = ""
     kind: str = ""
     anchors: Sequence[str] = ()
@@ -49,8 +58,7 @@ class Grid(Shown):
         head = "".join(th("col", escape(name)) for name in self.head)
         marks = [f' id="{escape(name)}"' for name in self.anchors] or [""] * len(self.rows)
         rows = "\n".join(
-            f"<tr{mark}>{th('row', escape(row[0]))}"
-            f"{''.join(f'<td>{escape(entry)}</td>' for entry in row[1:])}</tr>"
+            f"<tr{mark}>{th('row', escape(row[0]))}{''.join(map(_td, row[1:]))}</tr>"
             for mark, row in zip(marks, self.rows, strict=True)
         )
         anchor = f' id="{escape(self.identifier)}"' if self.identifier else ""
@@ -78,5 +86,20 @@ class Grid(Shown):
         yield _text(self.caption)
 
 
-def _text(entry: Entry) -> str:
+def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
+    """Return HTML that shows its content when it is asked to."""
+    fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
+    return Markup(fold).format(Markup(" open" if opened else ""), summary, content)
+
+
+def _td(entry: Entry | Box) -> str:
+    box = entry if isinstance(entry, Box) else Box(entry)
+    named = (("id", box.identifier), ("class", box.kind))
+    marks = "".join(f' {name}="{escape(value)}"' for name, value in named if value)
+    return f"<td{marks}>{escape(box.content)}</td>"
+
+
+def _text(entry: Entry | Box) -> str:
+    if isinstance(entry, Box):
+        return _text(entry.content)
     return entry.striptags() if isinstance(entry, Markup) else entry

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import platform
 from dataclasses import dataclass
 from importlib import metadata
-from typing import Any
 
-import jinja2
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
@@ -25,8 +22,14 @@ from reproduce.views import cite, keys, numbers, words
 from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.facts import filled, item_ledger, whole_ledger
 from reproduce.views.figures import draw
+from reproduce.views.grid import Box, Entry, Grid, folded
 from reproduce.views.inline_svg import inline
 from reproduce.views.study import StudyTable
+
+DETAILS = (
+    *("Cell", "Printed", "Computed", "Allowed or predicted", "Probability"),
+    *("Share of tolerance", "Verdict", "Why"),
+)
 
 
 @dataclass(frozen=True)
@@ -43,66 +46,53 @@ class Html:
         return "<HTML>"
 
 
-@functools.cache
-def _templates() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.PackageLoader("reproduce.views"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-    )
-
-
 def table(key: str) -> Html:
     """Show a table or a group of quoted numbers: printed, computed, verdict, cell by cell."""
     printed, ledger = library()[keys.check_key(key)], item_ledger(key)
-    single = len(printed.columns) <= 1
-    heads, rows = _single(printed, ledger) if single else _grid(printed, ledger)
-    text = (
-        _templates()
-        .get_template("table.html")
-        .render(
-            anchor=anchor(key),
-            place=printed.place,
-            title=printed.title,
-            corner="Quantity" if single else "",
-            legend=not single and any(record.role == "result" for record in ledger.of(key)),
-            heads=heads,
-            rows=rows,
-            joint=_joint_sentence(ledger.table(key)),
-            details=[_detail(record) for record in ledger.of(key) if record.role == "result"],
-            readings=_readings(ledger.of(key)),
-        )
-    )
-    return Html(text)
+    parts = [_whole(printed, ledger).html]
+    if joint := _joint_sentence(ledger.table(key)):
+        parts.append(Markup('<p class="rp-joint">{}</p>').format(joint))
+    if readings := _readings(printed.place, ledger.of(key)):
+        shown = Markup("\n").join(grid.html for grid in readings)
+        parts.append(folded("Readings of the text, side by side", shown))
+    details = [_detail(record) for record in ledger.of(key) if record.role == "result"]
+    if details:
+        grid = Grid(f"Details of {printed.place}", DETAILS, details, kind="rp-small")
+        parts.append(folded("How each cell was judged", grid.html))
+    item = Markup('<div class="rp-item" id="{}">\n{}\n</div>')
+    return Html(item.format(anchor(key), Markup("\n").join(parts)))
 
 
-def _single(printed: PrintedTable, ledger: Ledger) -> tuple[list[str], list[dict[str, Any]]]:
-    elsewhere = any(cell.place != printed.place for cell in printed.cells)
-    heads = ["Printed", "Computed", "Verdict", *(["Where"] if elsewhere else [])]
-    rows = []
-    for cell, record in zip(printed.cells, ledger.of(printed.key), strict=True):
-        columns = [_printed(cell), _computed(record), _verdict(record)]
-        columns += [escape(cell.place)] if elsewhere else []
-        cells = [{"html": html, "verdict": record.verdict, "anchor": ""} for html in columns]
-        rows.append({"label": cell.label, "anchor": cell.anchor, "cells": cells})
-    return heads, rows
-
-
-def _grid(printed: PrintedTable, ledger: Ledger) -> tuple[list[str], list[dict[str, Any]]]:
+def _whole(printed: PrintedTable, ledger: Ledger) -> Grid:
     records = {record.cell: record for record in ledger.of(printed.key)}
-    rows = []
+    caption = Markup("<strong>{}.</strong> {}.").format(printed.place, printed.title)
+    if len(printed.columns) <= 1:
+        elsewhere = any(cell.place != printed.place for cell in printed.cells)
+        head = ["Quantity", "Printed", "Computed", "Verdict", *(["Where"] if elsewhere else [])]
+        anchors = [cell.anchor for cell in printed.cells]
+        singles = [_single(cell, records[cell.address], elsewhere) for cell in printed.cells]
+        return Grid(caption, head, singles, anchors=anchors)
+    if any(record.role == "result" for record in records.values()):
+        caption += " In each cell: printed, then computed, then the verdict."
+    rows: list[list[Entry | Box]] = []
     for row in printed.rows:
-        cells = []
-        for column in printed.columns:
-            cell = printed[f"{row.id}.{column.id}"]
-            record = records[cell.address]
-            parts = [_printed(cell)]
-            if cell.is_number:
-                parts += [_computed(record), _verdict(record)]
-            html = Markup("<br>").join(part for part in parts if part)
-            cells.append({"html": html, "verdict": record.verdict, "anchor": cell.anchor})
-        rows.append({"label": row.label, "anchor": "", "cells": cells})
-    return [column.label for column in printed.columns], rows
+        cells = [printed[f"{row.id}.{column.id}"] for column in printed.columns]
+        rows.append([row.label, *(_cell(cell, records[cell.address]) for cell in cells)])
+    return Grid(caption, ["", *(column.label for column in printed.columns)], rows)
+
+
+def _single(cell: Cell, record: Record, elsewhere: bool) -> list[Entry | Box]:
+    texts: list[Entry] = [_printed(cell), _computed(record), _verdict(record)]
+    texts += [cell.place] if elsewhere else []
+    return [cell.label, *(Box(text, kind=f"rp-cell rp-{record.verdict}") for text in texts)]
+
+
+def _cell(cell: Cell, record: Record) -> Box:
+    parts = [_printed(cell)]
+    if cell.is_number:
+        parts += [_computed(record), _verdict(record)]
+    html = Markup("<br>").join(part for part in parts if part)
+    return Box(html, cell.anchor, f"rp-cell rp-{record.verdict}")
 
 
 def _printed(cell: Cell) -> Markup:
@@ -132,44 +122,46 @@ def _shown_flags(record: Record) -> list[str]:
     return [f for f in record.flags if f in {*words.WEAK, "stand_in"}]
 
 
-def _detail(record: Record) -> dict[str, str]:
-    why = ". ".join(part for part in (record.why, reason(record.cell)) if part)
-    return {
-        "anchor": anchor(record.cell),
-        "name": record.cell.partition("#")[2],
-        "printed": words.cell_of(record).shown,
-        "computed": words.computed(record, extra=1),
-        "interval": words.interval(record),
-        "probability": words.probability(record),
-        "share": "" if record.share is None else f"{record.share:.2f}",
-        "verdict": record.verdict,
-        "why": why,
-        "erratum": erratum(record.cell),
-    }
+def _detail(record: Record) -> list[Entry]:
+    name = Markup('<a href="#{}"><code>{}</code></a>')
+    why: Entry = ". ".join(part for part in (record.why, reason(record.cell)) if part)
+    if known := erratum(record.cell):
+        link = Markup('{} <a href="../audit/errata.html#{}">Erratum</a>')
+        why = link.format(why, known)
+    return [
+        name.format(anchor(record.cell), record.cell.partition("#")[2]),
+        words.cell_of(record).shown,
+        words.computed(record, extra=1),
+        words.interval(record),
+        words.probability(record),
+        "" if record.share is None else f"{record.share:.2f}",
+        record.verdict,
+        why,
+    ]
 
 
-def _readings(records: tuple[Record, ...]) -> list[dict[str, Any]]:
+def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     """Lay out the readings of blocked cells, one table for cells that share their readings."""
     groups: dict[tuple[tuple[str, str], ...], list[Record]] = {}
     for record in records:
         if record.readings:
             names = tuple((reading.name, reading.place) for reading in record.readings)
             groups.setdefault(names, []).append(record)
-    tables = []
-    for names, group in groups.items():
-        ways = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
+    grids = []
+    for number, (names, group) in enumerate(groups.items(), start=1):
+        head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
         cells = [
             Markup('<a href="#{}"><code>{}</code></a> {}').format(
                 anchor(record.cell), record.cell.partition("#")[2], words.cell_of(record).shown
             )
             for record in group
         ]
-        grid = [[words.read(record, one) for one in record.readings] for record in group]
+        body = [[words.read(record, one) for one in record.readings] for record in group]
         if len(group) <= len(names):
-            ways, cells, grid = cells, ways, [list(row) for row in zip(*grid, strict=True)]
-        rows = [{"label": label, "cells": row} for label, row in zip(cells, grid, strict=True)]
-        tables.append({"heads": ways, "rows": rows})
-    return tables
+            head, cells, body = cells, head, [list(row) for row in zip(*body, strict=True)]
+        rows = [[label, *row] for label, row in zip(cells, body, strict=True)]
+        grids.append(Grid(f"Readings of {place}, {number}", ["", *head], rows, kind="rp-small"))
+    return grids
 
 
 def _joint_sentence(joint: TableRecord | None) -> str:
@@ -208,23 +200,24 @@ def score(paper: str | None = None) -> Html:
         for item in catalogue().values():
             if item.paper == paper and ledger.of(item.key):
                 groups[item.key.partition("/")[2]] = ledger.of(item.key)
-    template = _templates().get_template("score.html")
-    return Html(template.render(rows=_score_rows(groups), meanings=words.FLAG_MEANINGS))
-
-
-def _score_rows(groups: dict[str, tuple[Record, ...]]) -> list[dict[str, Any]]:
+    badge = Markup('<span class="rp-badge rp-badge-{0}">{0}</span>')
+    flag = Markup('<abbr title="among the exact and consistent cells: {}">{}</abbr>')
+    head = ["", *map(badge.format, VERDICTS), "cells"]
+    head += [flag.format(words.FLAG_MEANINGS[one], one.replace("_", " ")) for one in words.WEAK]
     rows = []
     for name, records in groups.items():
-        tally = words.tally(records)
-        weak = words.weak(records)
-        rows.append({"name": name, "counts": tally, "weak": weak, "sum": len(records)})
-    return rows
+        tally, weak = words.tally(records), words.weak(records)
+        counts = (*tally.values(), len(records), *weak.values())
+        label = Markup("<code>{}</code>").format(name)
+        rows.append([label, *(str(count) if count else "·" for count in counts)])
+    return Html(Grid("Cells by verdict.", head, rows, kind="rp-score").html)
 
 
 def verdict_legend() -> Html:
     """Show what the verdict words mean."""
-    meanings = [(verdict, words.MEANINGS[verdict]) for verdict in VERDICTS]
-    return Html(_templates().get_template("legend.html").render(meanings=meanings))
+    term = Markup('<dt><span class="rp-badge rp-badge-{0}">{0}</span></dt><dd>{1}</dd>')
+    terms = Markup("\n").join(term.format(verdict, words.MEANINGS[verdict]) for verdict in VERDICTS)
+    return Html(Markup('<dl class="rp-legend">\n{}\n</dl>').format(terms))
 
 
 def citation(key: str) -> Html:
@@ -253,23 +246,39 @@ def versions() -> Html:
     names = ("numpy", "scipy", "matplotlib", "pandas", "emcee", "jupyter-book")
     rows = {"Python": platform.python_version(), "reproduce-pointing": __version__}
     rows |= {name: metadata.version(name) for name in names}
-    line = Markup('<tr><th scope="row">{}</th><td>{}</td></tr>')
-    body = Markup("").join(line.format(name, version) for name, version in rows.items())
-    return Html(Markup('<table class="rp-table">{}</table>').format(body))
+    return Html(Grid("What the book was built with.", ("", "version"), list(rows.items())).html)
 
 
 def angle_arrangements() -> Html:
     """Show every arrangement of rotation angles that has the count niu2024 prints."""
     door = given(simulation_angles.READS)
     used = simulation_angles.literal(door).name
-    rows = [
-        {
-            "picture": np.degrees(found.angles).round(3).tolist(),
-            "choices": (found.lattice, found.offset, found.window),
-            "zero": "yes" if np.isclose(found.angles, 0).all(axis=-1).any() else "no",
-            "used": found.name == used,
-        }
-        for found in simulation_angles.candidates(door)
-    ]
     half = np.degrees(simulation_angles.half_ranges(door)).round(3).tolist()
-    return Html(_templates().get_template("arrangements.html").render(rows=rows, half=half))
+    found = simulation_angles.candidates(door)
+    rows = []
+    for one in found:
+        choices = Markup("; ").join((one.lattice, one.offset, one.window))
+        if one.name == used:
+            choices += Markup("<br><strong>in use</strong>")
+        zero = "yes" if np.isclose(one.angles, 0).all(axis=-1).any() else "no"
+        rows.append([_picture(np.degrees(one.angles).round(3).tolist(), half), choices, zero])
+    caption = f"The {len(found)} arrangements with exactly {len(found[0].angles)} angles."
+    head = ("Angles", "Lattice, offset, outline", "Zero position")
+    return Html(Grid(caption, head, rows).html)
+
+
+def _picture(angles: list[list[float]], half: list[float]) -> Markup:
+    """Draw angles within the printed range, to its scale."""
+    wide, high = half
+    box = Markup('<rect x="{}" y="{}" width="{}" height="{}" {}/>').format(
+        -wide,
+        -high,
+        2 * wide,
+        2 * high,
+        Markup('fill="none" stroke="currentColor" stroke-width="0.08" opacity="0.5"'),
+    )
+    dot = Markup('<circle cx="{}" cy="{}" r="0.2" fill="currentColor"/>')
+    dots = Markup("").join(dot.format(x, -y) for x, y in angles)
+    view = f"{-wide - 0.4} {-high - 0.4} {2 * wide + 0.8} {2 * high + 0.8}"
+    svg = Markup('<svg viewBox="{}" width="128" aria-hidden="true">{}{}</svg>')
+    return svg.format(view, box, dots)

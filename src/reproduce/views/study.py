@@ -14,7 +14,7 @@ from reproduce.judge import rerun as rerunning
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Column
 from reproduce.views import build, numbers
-from reproduce.views.grid import Entry, Grid
+from reproduce.views.grid import Entry, Grid, folded
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
@@ -133,11 +133,9 @@ class StudyTable(Shown):
     def _repr_html_(self) -> str:
         if not self._study.folded:
             return str(self.grids[""].html)
-        fold = Markup('<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>')
-        parts = enumerate(self.grids.items())
         return "\n".join(
-            fold.format(Markup("" if number else " open"), name, grid.html)
-            for number, (name, grid) in parts
+            folded(name, grid.html, opened=not place)
+            for place, (name, grid) in enumerate(self.grids.items())
         )
 
     def parts(self, width: int) -> Iterator[RenderableType]:
