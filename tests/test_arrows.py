@@ -112,7 +112,7 @@ def test_physics_opens_no_file(path):
         ("physics", "import pathlib"),
         ("papers", "from reproduce.printed.cells import library"),
         ("papers", "from reproduce.judge import ledger"),
-        ("judge", "from reproduce.views import words"),
+        ("judge", "from reproduce.views import record_text"),
         ("store", "from reproduce.papers import catalogue"),
         ("views", "from reproduce.physics import camera"),
         ("views", "from . import words"),

@@ -24,7 +24,7 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 from reproduce.views import posterior_pages
 from reproduce.views.cli import main
-from reproduce.views.posterior_words import coverage_rows
+from reproduce.views.posterior_facts import coverage_rows
 
 SMALL = 40
 REDONE = 7

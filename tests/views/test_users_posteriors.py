@@ -20,7 +20,7 @@ from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
-from reproduce.views.posterior_words import ranged
+from reproduce.views.numbers import ranged
 from reproduce.views.sampled import Posterior
 
 FIELD = np.array([2064.0, 1544.0])

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "JOINT",
+    "audit_facts",
     "corrections",
     "equations",
     "errata",
@@ -37,7 +38,6 @@ __all__ = [
     "picture",
     "relation_anchor",
     "relations",
-    "sayings",
     "score",
     "smallest_sets",
 ]
@@ -316,7 +316,7 @@ def _drawn(audit: Audit) -> Figure:
     return figure
 
 
-def sayings() -> dict[str, str]:
+def audit_facts() -> dict[str, str]:
     """Return what sentences may say of the audit: label to text.
 
     ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting`` (without those that

@@ -10,7 +10,7 @@ from rich.console import RenderableType
 
 from reproduce.judge.rerun import Rerun
 from reproduce.printed.units import symbol
-from reproduce.views import words
+from reproduce.views import record_text
 from reproduce.views.grid import Grid
 from reproduce.views.shown import Shown
 
@@ -98,8 +98,8 @@ class Changed(Shown):
         joint = self.result.joint
         if joint is not None:
             told += (
-                f" The table as a whole: probability {words.joint_chance(joint)}; {joint.outside} "
-                f"of {joint.cells} cells outside, {joint.expected_outside:.1f} expected by chance."
+                f" The table as a whole: probability {record_text.joint_chance(joint)}; "
+                f"{joint.outside} of {joint.cells} cells outside, {joint.expected_outside:.1f} expected by chance."
             )
         return told
 

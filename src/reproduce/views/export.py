@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from reproduce.judge.expected import reason
 from reproduce.judge.ledger import Ledger, Record
-from reproduce.views import keys, words
+from reproduce.views import keys, record_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,10 +85,10 @@ def _shown_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFr
             {
                 "cell": record.cell.partition("#")[2],
                 "printed": record.printed,
-                "computed": words.computed(record).replace("−", "-"),
-                "unit": record.unit if ascii_units else words.unit(record),
-                "verdict": words.qualified(record),
-                "probability": words.probability(record).replace("\u00a0", " "),
+                "computed": record_text.computed(record).replace("−", "-"),
+                "unit": record.unit if ascii_units else record_text.unit(record),
+                "verdict": record_text.qualified(record),
+                "probability": record_text.probability(record).replace("\u00a0", " "),
             }
             for record in records
         ],

@@ -21,7 +21,7 @@ from reproduce.judge.ledger import Ledger
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
-from reproduce.views import build, numbers, words
+from reproduce.views import build, numbers, record_text
 
 _BLANK = re.compile(r"\{([^{}]+)\}")
 
@@ -52,13 +52,13 @@ def facts(*papers: str) -> dict[str, str]:
 
 def of_posteriors(names: Iterable[str]) -> dict[str, str]:
     """Compute the facts of posteriors, which are sampled for it."""
-    from reproduce.views.posterior_words import sayings
+    from reproduce.views.posterior_facts import posterior_facts
     from reproduce.views.sampled import book_posterior
 
     return {
         f"posterior/{name}#{label}": numbers.powers(text)
         for name in names
-        for label, text in sayings(name, book_posterior(name)).items()
+        for label, text in posterior_facts(name, book_posterior(name)).items()
     }
 
 
@@ -79,7 +79,7 @@ def unsampled(*papers: str) -> dict[str, str]:
     if not papers:
         from reproduce.views import audit_pages
 
-        found |= {f"audit#{label}": text for label, text in audit_pages.sayings().items()}
+        found |= {f"audit#{label}": text for label, text in audit_pages.audit_facts().items()}
     return {name: numbers.powers(text) for name, text in found.items()}
 
 
@@ -131,41 +131,41 @@ def filled(text: str, facts: Mapping[str, str] | None = None) -> str:
 
 def _of_cell(address: str) -> dict[str, str]:
     record = item_ledger(address.partition("#")[0]).cell(address)
-    cell = words.cell_of(record)
-    unit = words.unit(record)
+    cell = record_text.cell_of(record)
+    unit = record_text.unit(record)
     gap = "" if unit in {"", "°", "″"} else "\u202f"
-    value = words.computed(record)
+    value = record_text.computed(record)
     said = {
         "printed": cell.shown,
         "computed": f"{value}{gap}{unit}" if value else "nothing",
         "verdict": record.verdict,
-        "probability": words.probability(record) or "none",
+        "probability": record_text.probability(record) or "none",
     }
     if record.readings:
         said["readings"] = str(len(record.readings))
         said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
         for number, reading in enumerate(record.readings, start=1):
-            said[f"reading-{number}"] = words.read(record, reading).partition(",")[0]
+            said[f"reading-{number}"] = record_text.read(record, reading).partition(",")[0]
     return said
 
 
 def _of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
-    said = {verdict: str(count) for verdict, count in words.tally(found.of(key)).items()}
+    said = {verdict: str(count) for verdict, count in record_text.tally(found.of(key)).items()}
     joint = found.table(key)
     if joint is not None:
-        said["joint"] = words.joint_chance(joint)
+        said["joint"] = record_text.joint_chance(joint)
         said["replicates"] = f"{joint.replicates:,}"
     return said
 
 
 def _of_paper(name: str) -> dict[str, str]:
     chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
-    tally = words.tally(chosen)
-    strong = words.strong(chosen)
+    tally = record_text.tally(chosen)
+    strong = record_text.strong(chosen)
     counts = {
         **tally,
-        **{flag.replace("_", "-"): count for flag, count in words.weak(chosen).items()},
+        **{flag.replace("_", "-"): count for flag, count in record_text.weak(chosen).items()},
         "strong": strong,
         "weak": tally["exact"] + tally["consistent"] - strong,
         "cells": len(chosen),

@@ -18,7 +18,7 @@ from reproduce.judge.ledger import build
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
-from reproduce.views import keys, terminal, words
+from reproduce.views import keys, record_text, terminal
 from reproduce.views.facts import item_ledger
 from reproduce.views.items import Cell, Figure, Panels, Table
 from reproduce.views.shown import Shown
@@ -72,7 +72,7 @@ class Contents(Shown):
             key: {
                 "place": keys.place(key),
                 "title": keys.title(key),
-                **words.tally(self._ledger.of(key)),
+                **record_text.tally(self._ledger.of(key)),
             }
             for key in self.keys
         }

@@ -18,7 +18,7 @@ from reproduce.papers.declare import Computation, Drawing
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import library
 from reproduce.printed.units import symbol
-from reproduce.views import keys, terminal, words
+from reproduce.views import keys, record_text, terminal
 from reproduce.views.changed import Changed
 from reproduce.views.facts import item_ledger
 from reproduce.views.grid import Grid
@@ -190,7 +190,7 @@ class Table(Item):
 
 
 def _entry(record: Record) -> tuple[str, str, str]:
-    return record.printed, words.computed(record), record.verdict
+    return record.printed, record_text.computed(record), record.verdict
 
 
 class Cell(Shown):
@@ -281,13 +281,13 @@ class Cell(Shown):
 
     def _lines(self) -> list[tuple[str, str]]:
         record = self.record
-        value = words.computed(record, extra=1)
-        unit = words.unit(record)
+        value = record_text.computed(record, extra=1)
+        unit = record_text.unit(record)
         lines = [
             ("printed", self.printed),
             ("computed", f"{value} {unit}".strip() if value else ""),
-            ("allowed or predicted", words.interval(record)),
-            ("probability", words.probability(record)),
+            ("allowed or predicted", record_text.interval(record)),
+            ("probability", record_text.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", reason(self.address) or record.why),
             ("function", record.function or ""),
@@ -296,7 +296,7 @@ class Cell(Shown):
             ("reads", ", ".join(self.reads)),
         ]
         lines += [
-            (f"if {reading.name}", words.read(record, reading)) for reading in record.readings
+            (f"if {reading.name}", record_text.read(record, reading)) for reading in record.readings
         ]
         return [(name, text) for name, text in lines if text]
 

@@ -18,7 +18,7 @@ from reproduce.papers.niu2024 import simulation_angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
 from reproduce.version import __version__
-from reproduce.views import cite, keys, numbers, words
+from reproduce.views import cite, keys, numbers, record_text
 from reproduce.views.downloads import shipped as downloads_shipped
 from reproduce.views.facts import filled, item_ledger, whole_ledger
 from reproduce.views.figures import draw
@@ -106,7 +106,7 @@ def _printed(cell: Cell) -> Markup:
 
 
 def _computed(record: Record) -> Markup:
-    text = words.computed(record)
+    text = record_text.computed(record)
     return Markup('<span class="rp-computed">{}</span>').format(text) if text else Markup("")
 
 
@@ -119,7 +119,7 @@ def _verdict(record: Record) -> Markup:
 
 
 def _shown_flags(record: Record) -> list[str]:
-    return [f for f in record.flags if f in {*words.WEAK, "stand_in"}]
+    return [f for f in record.flags if f in {*record_text.WEAK, "stand_in"}]
 
 
 def _detail(record: Record) -> list[Entry]:
@@ -130,10 +130,10 @@ def _detail(record: Record) -> list[Entry]:
         why = link.format(why, known)
     return [
         name.format(anchor(record.cell), record.cell.partition("#")[2]),
-        words.cell_of(record).shown,
-        words.computed(record, extra=1),
-        words.interval(record),
-        words.probability(record),
+        record_text.cell_of(record).shown,
+        record_text.computed(record, extra=1),
+        record_text.interval(record),
+        record_text.probability(record),
         "" if record.share is None else f"{record.share:.2f}",
         record.verdict,
         why,
@@ -152,11 +152,13 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
         head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
         cells = [
             Markup('<a href="#{}"><code>{}</code></a> {}').format(
-                anchor(record.cell), record.cell.partition("#")[2], words.cell_of(record).shown
+                anchor(record.cell),
+                record.cell.partition("#")[2],
+                record_text.cell_of(record).shown,
             )
             for record in group
         ]
-        body = [[words.read(record, one) for one in record.readings] for record in group]
+        body = [[record_text.read(record, one) for one in record.readings] for record in group]
         if len(group) <= len(names):
             head, cells, body = cells, head, [list(row) for row in zip(*body, strict=True)]
         rows = [[label, *row] for label, row in zip(cells, body, strict=True)]
@@ -172,7 +174,7 @@ def _joint_sentence(joint: TableRecord | None) -> str:
         subject = f"All {joint.cells} predicted cells together"
     return (
         f"{subject}: a table simulated whole is at least as "
-        f"surprising with probability {words.joint_chance(joint)} "
+        f"surprising with probability {record_text.joint_chance(joint)} "
         f"({joint.replicates:,} replicates). {joint.outside} of them lie outside the central "
         f"99 % of their prediction; {joint.expected_outside:.2g} would by chance."
     )
@@ -203,10 +205,13 @@ def score(paper: str | None = None) -> Html:
     badge = Markup('<span class="rp-badge rp-badge-{0}">{0}</span>')
     flag = Markup('<abbr title="among the exact and consistent cells: {}">{}</abbr>')
     head = ["", *map(badge.format, VERDICTS), "cells"]
-    head += [flag.format(words.FLAG_MEANINGS[one], one.replace("_", " ")) for one in words.WEAK]
+    head += [
+        flag.format(record_text.FLAG_MEANINGS[one], one.replace("_", " "))
+        for one in record_text.WEAK
+    ]
     rows = []
     for name, records in groups.items():
-        tally, weak = words.tally(records), words.weak(records)
+        tally, weak = record_text.tally(records), record_text.weak(records)
         counts = (*tally.values(), len(records), *weak.values())
         label = Markup("<code>{}</code>").format(name)
         rows.append([label, *(str(count) if count else "·" for count in counts)])
@@ -216,7 +221,9 @@ def score(paper: str | None = None) -> Html:
 def verdict_legend() -> Html:
     """Show what the verdict words mean."""
     term = Markup('<dt><span class="rp-badge rp-badge-{0}">{0}</span></dt><dd>{1}</dd>')
-    terms = Markup("\n").join(term.format(verdict, words.MEANINGS[verdict]) for verdict in VERDICTS)
+    terms = Markup("\n").join(
+        term.format(verdict, record_text.MEANINGS[verdict]) for verdict in VERDICTS
+    )
     return Html(Markup('<dl class="rp-legend">\n{}\n</dl>').format(terms))
 
 

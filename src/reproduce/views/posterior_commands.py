@@ -270,7 +270,7 @@ def _show_coverage(found: Ranks) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from reproduce.views.posterior_words import coverage_rows
+    from reproduce.views.posterior_facts import coverage_rows
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("quantity")

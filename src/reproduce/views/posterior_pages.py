@@ -7,6 +7,8 @@ holds that every page shows all six.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from reproduce.inference.calibration import banded, least_of_all
@@ -24,17 +26,10 @@ from reproduce.papers.chen2023.posteriors import (
 from reproduce.papers.niu2024.posteriors import transforms
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import posterior_figures as figures
-from reproduce.views.markup import html_table
+from reproduce.views.grid import Grid
+from reproduce.views.numbers import digits, plain, ranged, shared, signed
 from reproduce.views.pages import Html
-from reproduce.views.posterior_words import (
-    coverage_rows,
-    digits,
-    numbers,
-    plain,
-    probability,
-    ranged,
-    signed,
-)
+from reproduce.views.posterior_facts import coverage_rows, entries
 from reproduce.views.sampled import book_posterior
 
 STEPS = {
@@ -49,12 +44,12 @@ STEPS = {
 LEAST_ERROR = 5e-4
 
 
-def _boxed(body: str) -> Html:
-    return Html(f'<div class="rp-table">{body}</div>')
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:
+    return str(Grid(caption, head, rows).html)
 
 
 def _artefact(step: str, name: str, body: str) -> Html:
-    return Html(f'<div class="rp-table" id="posterior-{name}-{step}">{body}</div>')
+    return Html(f'<div id="posterior-{name}-{step}">{body}</div>')
 
 
 def model(name: str) -> Html:
@@ -67,7 +62,7 @@ def model(name: str) -> Html:
         rows.append((one.name, one.unit, str(prior), one.prior.reason))
     kind = "simulated from the printed settings" if declared.simulated else "as printed"
     caption = f"{declared.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."
-    table = html_table(("Parameter", "Unit", "Prior", "Why"), rows, caption)
+    table = _table(("Parameter", "Unit", "Prior", "Why"), rows, caption)
     return _artefact("model", name, table)
 
 
@@ -86,24 +81,24 @@ def computation(name: str) -> Html:
     )
     head = ("Parameter", "R-hat", "τ (steps)", "steps / τ", "bulk ESS", "tail ESS")
     drawn = figures.traces(found, f"Trace of every parameter of {name}, one colour per ensemble")
-    return _artefact("computation", name, html_table(head, rows, caption) + drawn)
+    return _artefact("computation", name, _table(head, rows, caption) + drawn)
 
 
 def results(name: str) -> Html:
     """Show the posterior: summaries, consequences, predictive checks and a corner plot."""
     found = book_posterior(name)
     head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk ESS", "tail ESS")
-    rows = [(f"{r.name} ({r.unit})", *numbers(r)) for r in found.summaries()]
-    summary = html_table(head, rows, "Posterior, with no more digits than its error allows.")
+    rows = [(f"{r.name} ({r.unit})", *entries(r)) for r in found.summaries()]
+    summary = _table(head, rows, "Posterior, with no more digits than its error allows.")
     checks = [
         (c.name, f"{c.observed:.4g}", ranged(c.prior), ranged(c.posterior),
-         probability(c.tail))
+         shared(c.tail))
         for c in predictive_checks(found)
     ]  # fmt: skip
     compared = ("Number", "in the data", "prior predicts", "posterior predicts", "tail probability")
     caption = "Predictive checks: central 95 % of simulated data, and where the data lie."
     drawn = figures.corner(found, f"Corner plot of the posterior of {name}")
-    return _artefact("results", name, summary + html_table(compared, checks, caption) + drawn)
+    return _artefact("results", name, summary + _table(compared, checks, caption) + drawn)
 
 
 def decision(name: str) -> Html:
@@ -116,12 +111,12 @@ def estimates(name: str) -> str:
     """Return the nominal or least-squares estimates, placed in the posterior."""
     rows = [
         (f"{one.name} ({one.unit})", f"{one.estimate:.6g}", signed(digits(one.off, one.error)),
-         probability(one.tail))
+         shared(one.tail))
         for one in placed(book_posterior(name))
     ]  # fmt: skip
     head = ("Parameter", "estimate", "posterior sd from the mean", "tail probability")
     caption = "The nominal or least-squares estimate, placed in the posterior."
-    return html_table(head, rows, caption) if rows else ""
+    return _table(head, rows, caption) if rows else ""
 
 
 def bounds(name: str) -> str:
@@ -136,7 +131,7 @@ def bounds(name: str) -> str:
         "The width of the posterior, and the least that any unbiased estimate can have; a prior "
         "may make the posterior narrower."
     )
-    return html_table(head, rows, caption) if rows else ""
+    return _table(head, rows, caption) if rows else ""
 
 
 def repeats(name: str) -> str:
@@ -150,9 +145,9 @@ def repeats(name: str) -> str:
             row.name if row.unit == "1" else f"{row.name} ({row.unit})",
             row.printed,
             ranged(row.range),
-            probability(row.tail),
-            probability(row.same),
-            "estimates none" if row.estimated is None else probability(row.estimated),
+            shared(row.tail),
+            shared(row.same),
+            "estimates none" if row.estimated is None else shared(row.estimated),
         )
         for row in printed
     ]
@@ -161,9 +156,9 @@ def repeats(name: str) -> str:
     caption = (
         "The published numbers, and those of repeats of the experiment simulated under the "
         "posterior, computed as the paper does and rounded as in print; probabilities with their "
-        f"Monte Carlo standard errors. All digits alike at once: {probability(together)}. {note}"
+        f"Monte Carlo standard errors. All digits alike at once: {shared(together)}. {note}"
     )
-    return html_table(head, rows, caption)
+    return _table(head, rows, caption)
 
 
 def rivals(name: str) -> str:
@@ -182,7 +177,7 @@ def rivals(name: str) -> str:
             " The data are our own simulation: which model is preferred tests the method, and says "
             "nothing of the instrument."
         )
-    return html_table(head, rows, caption)
+    return _table(head, rows, caption)
 
 
 def _weighed(one: Compared, less: str) -> tuple[str, ...]:
@@ -212,7 +207,7 @@ def transform_choice() -> Html:
         "distortions differ from channel to channel: the choice tests the method, and says "
         "nothing of the paper's centroids."
     )
-    return _boxed(html_table(head, rows, caption))
+    return Html(_table(head, rows, caption))
 
 
 def columns_of_table_5() -> Html:
@@ -230,7 +225,7 @@ def columns_of_table_5() -> Html:
         "What each reading of the table comes to, all equally probable beforehand; mean ± standard "
         "deviation. No sampling: the sums are exact to the digits shown."
     )
-    return _boxed(html_table(head, rows, caption))
+    return Html(_table(head, rows, caption))
 
 
 def _moments(mean: float, deviation: float, unit: str) -> str:
@@ -256,7 +251,7 @@ def columns_of_table_4() -> Html:
         "evidence of a floor less that of none, for priors of the floor narrower and wider than "
         "ours: what changes its sign is decided by the prior."
     )
-    return _boxed(html_table(head, rows, caption))
+    return Html(_table(head, rows, caption))
 
 
 def file_formats() -> Html:
@@ -267,7 +262,7 @@ def file_formats() -> Html:
         told = ("none", file) if isinstance(file, str) else (", ".join(file.columns), file.meaning)
         formats.setdefault(told, []).append(key)
     rows = [(", ".join(keys), *told) for told, keys in formats.items()]
-    return _boxed(html_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
+    return Html(_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
 
 
 def sensitivity(name: str) -> Html:
@@ -288,7 +283,7 @@ def sensitivity(name: str) -> Html:
         f"of. An end holds a posterior with more than {100 * CROWDED:g} % of its draws within "
         f"{100 * NEAR:g} % of the width of a flat prior from it."
     )
-    return _artefact("sensitivity", name, html_table(head, rows, caption))
+    return _artefact("sensitivity", name, _table(head, rows, caption))
 
 
 def reproducing(name: str) -> Html:
@@ -308,7 +303,7 @@ def reproducing(name: str) -> Html:
         "standard errors; it is tried on the same data, drawn from the whole prior, which it may "
         "take for something simpler."
     )
-    table = html_table(head, coverage_rows(stored), caption)
+    table = _table(head, coverage_rows(stored), caption)
     drawn = figures.ranks(stored, name, f"Ranks of {name} against their simultaneous band")
     return _artefact("reproducing", name, table + drawn + commands)
 
@@ -329,7 +324,7 @@ def calibrations_of_all() -> Html:
         f"{least_one:.2g}; of so many {expected:.2g} are expected to be as small by chance alone, "
         "however they depend on each other."
     )
-    return _boxed(html_table(head, rows, caption))
+    return Html(_table(head, rows, caption))
 
 
 def reporting(name: str) -> Html:

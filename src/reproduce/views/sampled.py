@@ -15,7 +15,7 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from reproduce.views import build
-from reproduce.views.markup import html_table
+from reproduce.views.grid import Grid
 from reproduce.views.shown import Shown
 
 if TYPE_CHECKING:
@@ -314,12 +314,11 @@ class Posterior(Shown):
         }
 
     def _repr_html_(self) -> str:
-        from reproduce.views.posterior_words import numbers
+        from reproduce.views.posterior_facts import entries
 
         head = ("Quantity", "mean", "sd", "95 % from", "to", *PRECISION)
-        rows = [(f"{row.name} ({row.unit})", *numbers(row)) for row in self.sampled.summaries()]
-        table_of = html_table(head, rows, f"Posterior {self.name}, {self.where}.")
-        return f'<div class="rp-table">{table_of}</div>'
+        rows = [(f"{row.name} ({row.unit})", *entries(row)) for row in self.sampled.summaries()]
+        return str(Grid(f"Posterior {self.name}, {self.where}.", head, rows).html)
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the summary."""
@@ -328,7 +327,7 @@ class Posterior(Shown):
 
     def table(self) -> Table:
         """Return the summary for a terminal, every number with the digits its error allows."""
-        from reproduce.views.posterior_words import numbers
+        from reproduce.views.posterior_facts import entries
 
         # Without a box, and with the unit beside the name, it fits 80 columns.
         table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
@@ -337,7 +336,7 @@ class Posterior(Shown):
             table.add_column(head, justify="right", no_wrap=True)
         for row in self.sampled.summaries():
             label = row.name if row.unit == "1" else f"{row.name} ({row.unit})"
-            table.add_row(label, *numbers(row))
+            table.add_row(label, *entries(row))
         return table
 
 

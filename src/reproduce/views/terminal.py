@@ -11,7 +11,7 @@ from rich.text import Text
 from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.views import words
+from reproduce.views import record_text
 
 _STYLES = {
     "exact": "green",
@@ -50,12 +50,15 @@ def records_table(records: tuple[Record, ...], width: int) -> Table:
         cells: list[str | Text] = [
             record.cell.partition("#")[2],
             record.printed,
-            words.computed(record).replace("−", "-"),
-            words.unit(record),
+            record_text.computed(record).replace("−", "-"),
+            record_text.unit(record),
             Text(record.verdict, style=_STYLES[record.verdict]),
         ]
         if wide:
-            cells += [words.interval(record).replace("−", "-"), words.probability(record)]
+            cells += [
+                record_text.interval(record).replace("−", "-"),
+                record_text.probability(record),
+            ]
         table.add_row(*cells)
     return table
 
@@ -76,13 +79,13 @@ def remarks(ledger: Ledger, key: str) -> list[str]:
     joint = ledger.table(key)
     if joint is not None:
         lines.append(
-            f"The table as a whole: probability {words.joint_chance(joint)}, from "
+            f"The table as a whole: probability {record_text.joint_chance(joint)}, from "
             f"{joint.replicates:,} "
             f"replicates; {joint.outside} of {joint.cells} cells outside, "
             f"{joint.expected_outside:.1f} expected by chance."
         )
     records = ledger.of(key)
-    for flag, meaning in words.FLAG_MEANINGS.items():
+    for flag, meaning in record_text.FLAG_MEANINGS.items():
         flagged = [r.cell.partition("#")[2] for r in records if flag in r.flags]
         if flagged:
             lines.append(f"{flag} ({meaning}): {', '.join(flagged)}")
@@ -99,7 +102,7 @@ def remarks(ledger: Ledger, key: str) -> list[str]:
     for record in records:
         lines += [
             f"{record.cell.partition('#')[2]}, if {reading.name} ({reading.place}): "
-            f"{words.read(record, reading).replace('−', '-')}"
+            f"{record_text.read(record, reading).replace('−', '-')}"
             for reading in record.readings
         ]
     return lines
@@ -126,13 +129,13 @@ def score_table(ledger: Ledger) -> Table:
 
 
 def _counts(records: tuple[Record, ...]) -> list[str]:
-    tally = words.tally(records)
-    weak = tally["exact"] + tally["consistent"] - words.strong(records)
+    tally = record_text.tally(records)
+    weak = tally["exact"] + tally["consistent"] - record_text.strong(records)
     return [str(count) if count else "·" for count in (*tally.values(), weak)]
 
 
 def weak_line(records: tuple[Record, ...]) -> str:
     """Return what makes agreement weak, and how often, in one sentence."""
-    counts = {flag: count for flag, count in words.weak(records).items() if count}
+    counts = {flag: count for flag, count in record_text.weak(records).items() if count}
     listed = ", ".join(f"{count} {flag.replace('_', ' ')}" for flag, count in counts.items())
     return f"Weak agreement, counted apart: {listed}." if counts else ""
