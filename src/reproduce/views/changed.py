@@ -99,7 +99,8 @@ class Changed(Shown):
         if joint is not None:
             told += (
                 f" The table as a whole: probability {record_text.joint_chance(joint)}; "
-                f"{joint.outside} of {joint.cells} cells outside, {joint.expected_outside:.1f} expected by chance."
+                f"{joint.outside} of {joint.cells} cells outside, "
+                f"{joint.expected_outside:.1f} expected by chance."
             )
         return told
 

@@ -123,13 +123,12 @@ def _shown_flags(record: Record) -> list[str]:
 
 
 def _detail(record: Record) -> list[Entry]:
-    name = Markup('<a href="#{}"><code>{}</code></a>')
     why: Entry = ". ".join(part for part in (record.why, reason(record.cell)) if part)
     if known := erratum(record.cell):
         link = Markup('{} <a href="../audit/errata.html#{}">Erratum</a>')
         why = link.format(why, known)
     return [
-        name.format(anchor(record.cell), record.cell.partition("#")[2]),
+        _link(record.cell),
         record_text.cell_of(record).shown,
         record_text.computed(record, extra=1),
         record_text.interval(record),
@@ -138,6 +137,11 @@ def _detail(record: Record) -> list[Entry]:
         record.verdict,
         why,
     ]
+
+
+def _link(address: str) -> Markup:
+    link = Markup('<a href="#{}"><code>{}</code></a>')
+    return link.format(anchor(address), address.partition("#")[2])
 
 
 def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
@@ -151,11 +155,7 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     for number, (names, group) in enumerate(groups.items(), start=1):
         head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
         cells = [
-            Markup('<a href="#{}"><code>{}</code></a> {}').format(
-                anchor(record.cell),
-                record.cell.partition("#")[2],
-                record_text.cell_of(record).shown,
-            )
+            Markup("{} {}").format(_link(record.cell), record_text.cell_of(record).shown)
             for record in group
         ]
         body = [[record_text.read(record, one) for one in record.readings] for record in group]
