@@ -1,46 +1,50 @@
-"""What physics offers: `__all__` says it, others call nothing else, and nothing in it is idle."""
+"""What each module offers: `__all__` says it, others take nothing else, nothing in it is idle."""
 
 import ast
 import inspect
 import re
+from collections import defaultdict
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PHYSICS = ROOT / "src" / "reproduce" / "physics"
+SOURCE = ROOT / "src" / "reproduce"
 CELL = re.compile(r"^```\{code-cell\}.*?\n(.*?)^```", re.MULTILINE | re.DOTALL)
-LINK = re.compile(r"\{py:(?:func|meth|class)\}`~?reproduce\.physics\.([\w.]+)`")
+LINK = re.compile(r"\{py:(?:func|meth|class)\}`~?(reproduce\.[\w.]+)`")
 
 
 def module_name(path):
-    inner = path.relative_to(PHYSICS).with_suffix("").parts
-    return ".".join(["reproduce.physics", *(part for part in inner if part != "__init__")])
+    parts = path.relative_to(ROOT / "src").with_suffix("").parts
+    return ".".join(part for part in parts if part != "__init__")
 
 
-MODULES = {module_name(path): path for path in sorted(PHYSICS.rglob("*.py")) if path.read_text()}
-PUBLIC = {name: set(getattr(import_module(name), "__all__", ())) for name in MODULES}
-PAGES = [path for path in sorted(ROOT.glob("book/*/*.md")) if path.parent.name != "api"]
+# A package's own file only says what the package is.
+MODULES = {
+    module_name(path): path
+    for path in sorted(SOURCE.rglob("*.py"))
+    if path.name not in {"__init__.py", "__main__.py"}
+}
+PAGES = [path for path in sorted(ROOT.glob("book/**/*.md")) if "_build" not in path.parts]
 OTHERS = [
     path
-    for folder in ("src", "benchmarks", "tools", "tests")
+    for folder in ("src", "benchmarks", "tools", "tests", "book/_ext")
     for path in sorted((ROOT / folder).rglob("*.py"))
-    if "physics" not in path.relative_to(ROOT).parts
 ]
 
 
 def taken(source):
-    """Yield module and name of what a source takes from physics, by import or by attribute."""
+    """Yield module and name of what a source takes from the package, by import or attribute."""
     tree = ast.parse(source)
     modules = {}
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("reproduce.physics"):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("reproduce"):
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
                 if inner in MODULES:
                     modules[alias.asname or alias.name] = inner
-                else:
+                elif node.module in MODULES:
                     yield node.module, alias.name
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
@@ -55,67 +59,82 @@ def cells(path):
     return "\n".join(line for line in code.splitlines() if not line.startswith((":", "%", "!")))
 
 
+def linked(path):
+    """Yield module and name of what a page links to."""
+    for link in LINK.findall(path.read_text(encoding="utf-8")):
+        module = next((m for m in sorted(MODULES, reverse=True) if link.startswith(f"{m}.")), "")
+        if module:
+            yield module, link.removeprefix(f"{module}.").partition(".")[0]
+
+
 def used():
-    """Return module and name of everything that others take from physics or link to."""
-    found = set()
+    """Return who takes each name of each module: files, without the module itself."""
+    found = defaultdict(set)
     for path in OTHERS:
-        if path.is_relative_to(ROOT / "tests"):
-            continue
-        found.update(taken(path.read_text(encoding="utf-8")))
+        for one in taken(path.read_text(encoding="utf-8")):
+            if MODULES[one[0]] != path:
+                found[one].add(path)
     for path in PAGES:
-        found.update(taken(cells(path)))
-        for link in LINK.findall(path.read_text(encoding="utf-8")):
-            parts = f"reproduce.physics.{link}".split(".")
-            module = next(
-                ".".join(parts[:n])
-                for n in range(len(parts), 0, -1)
-                if ".".join(parts[:n]) in MODULES
-            )
-            found.add((module, parts[len(module.split("."))]))
+        for one in (*taken(cells(path)), *linked(path)):
+            found[one].add(path)
     return found
 
 
 USED = used()
 
 
+def of_project(module, name):
+    """Tell whether a module defines a name itself, and does not pass it on."""
+    thing = getattr(import_module(module), name)
+    return not inspect.ismodule(thing) and getattr(thing, "__module__", module) == module
+
+
 @pytest.mark.parametrize("module", MODULES)
-def test_all_is_there_and_its_names_exist(module):
-    names = import_module(module).__all__
-    assert len(set(names)) == len(names)
-    assert not [name for name in names if name.startswith("_")]
-    assert not [name for name in names if not hasattr(import_module(module), name)]
-
-
-@pytest.mark.parametrize("path", OTHERS, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_other_rooms_take_what_is_public(path):
+def test_all_lists_what_others_take(module):
+    public = getattr(import_module(module), "__all__", [])
+    assert len(set(public)) == len(public)
+    assert not [name for name in public if name.startswith("_")]
+    assert not [name for name in public if not hasattr(import_module(module), name)]
+    rooms = {path for path in OTHERS if path.is_relative_to(SOURCE)}
+    # Rooms, tools and pages take what is public; tests and rooms of physics may see a kernel.
     wrong = [
-        f"{module}.{name}"
-        for module, name in taken(path.read_text(encoding="utf-8"))
-        if name not in PUBLIC[module] or "._" in module
+        name
+        for (home, name), takers in USED.items()
+        if home == module and name not in public and not name.startswith("_")
+        if of_project(home, name) and takers
     ]
     assert wrong == []
+    kernels = [
+        (name, path)
+        for (home, name), takers in USED.items()
+        for path in takers & rooms
+        if home == module and name.startswith("_") and not name.startswith("__")
+        if path.relative_to(SOURCE).parts[0] != MODULES[module].relative_to(SOURCE).parts[0]
+    ]
+    assert kernels == []
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_pages_take_what_is_public(path):
-    wrong = [f"{m}.{name}" for m, name in taken(cells(path)) if name not in PUBLIC[m]]
-    assert wrong == []
-
-
-def test_links_lead_to_what_is_public():
-    assert {(m, name) for m, name in USED if name not in PUBLIC[m] or "._" in m} == set()
-
-
-def test_every_public_function_is_called_from_elsewhere_or_shown():
-    """Classes are met as results, and checks are called within physics."""
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_public_is_idle(module):
+    """Types are met as results, and checks are called within physics."""
+    public = getattr(import_module(module), "__all__", [])
     idle = [
-        f"{module}.{name}"
-        for module, names in PUBLIC.items()
-        if "._" not in module and not module.endswith(".validate")
-        for name in sorted(names)
-        if inspect.isfunction(getattr(import_module(module), name)) and (module, name) not in USED
+        name
+        for name in public
+        if not inspect.isclass(getattr(import_module(module), name))
+        if not USED[module, name]
     ]
     assert idle == []
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_public_function_and_class_has_its_sentence(module):
+    for name in getattr(import_module(module), "__all__", []):
+        thing = getattr(import_module(module), name)
+        if inspect.isclass(thing) or inspect.isfunction(thing):
+            first = (inspect.getdoc(thing) or "").partition("\n\n")[0].strip()
+            assert first.endswith((".", ":")), name
+            assert not first.startswith(f"{name}("), name  # what a dataclass gets by itself
 
 
 def test_a_private_name_is_seen():
@@ -125,14 +144,16 @@ def test_a_private_name_is_seen():
     assert list(taken(line)) == [("reproduce.physics.optics.camera", "_turned")]
 
 
-@pytest.mark.parametrize("module", [name for name in MODULES if "._" not in name])
-def test_public_functions_say_what_they_take_and_return_and_show_it(module):
+@pytest.mark.parametrize(
+    "module", [name for name in MODULES if ".physics." in name and "._" not in name]
+)
+def test_functions_of_physics_say_what_they_take_and_return_and_show_it(module):
     """In sections, in those of a like function, or with the shapes in the first line."""
-    for name in PUBLIC[module]:
+    for name in import_module(module).__all__:
         function = getattr(import_module(module), name)
         if inspect.isfunction(function) and not module.endswith(".validate"):
             text = inspect.getdoc(function) or ""
-            said = re.search(r"(those of|as)\s+`\w+`", text) or "(..." in text.splitlines()[0]
-            assert said or "Parameters\n---" in text, name
-            assert said or re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), name
+            like = re.search(r"(those of|as)\s+`\w+`", text) or "(..." in text.splitlines()[0]
+            assert like or "Parameters\n---" in text, name
+            assert like or re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), name
             assert ">>> " in text, name

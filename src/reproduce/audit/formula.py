@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 from reproduce.printed.units import UNITS, si_factor
 
-__all__ = ["Formula", "FormulaError", "Functions", "Side", "functions", "read"]
+__all__ = ["Formula", "FormulaError", "Side", "functions", "read"]
 
 _SIGNS: dict[type[ast.cmpop], str] = {ast.Eq: "=", ast.LtE: "<=", ast.GtE: ">="}
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)

@@ -28,15 +28,7 @@ from reproduce.audit.rounding import Sheet
 from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor
 
-__all__ = [
-    "Finder",
-    "Relation",
-    "RelationKind",
-    "Tolerance",
-    "Unknown",
-    "declared",
-    "relations_of",
-]
+__all__ = ["Finder", "Relation", "Tolerance", "Unknown", "declared", "relations_of"]
 
 RelationKind = Literal[
     "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"

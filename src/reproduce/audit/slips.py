@@ -17,7 +17,6 @@ __all__ = [
     "COSTS",
     "Interchange",
     "Slip",
-    "SlipKind",
     "interchanges",
     "of_cell",
     "of_digits",

@@ -32,6 +32,8 @@ from reproduce.printed.given import given
 from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
+__all__ = ["Ledger", "ReadingRecord", "Record", "TableRecord", "build", "reread"]
+
 Flag = Literal[
     "through_rounding",
     "repeated",

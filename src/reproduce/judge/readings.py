@@ -22,7 +22,18 @@ from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
 
-__all__ = ["compare", "printed_values", "stacked"]
+__all__ = [
+    "ADDRESSES",
+    "GROUPS",
+    "LEAST",
+    "LEAST_CORRECTED",
+    "SCALE",
+    "compare",
+    "corrected",
+    "printed_values",
+    "resolved",
+    "stacked",
+]
 
 Array = NDArray[np.float64]
 ADDRESSES = tuple(

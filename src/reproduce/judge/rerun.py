@@ -26,6 +26,20 @@ from reproduce.printed.given import Given, given
 from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor, symbol
 
+__all__ = [
+    "CannotChangeError",
+    "Rerun",
+    "changeable",
+    "checked_values",
+    "door_under",
+    "in_si",
+    "maker",
+    "options",
+    "reads",
+    "rerun",
+    "told_why",
+]
+
 Replaced = dict[str, float]
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"

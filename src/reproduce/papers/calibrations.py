@@ -13,6 +13,8 @@ from reproduce.inference.parts import Progress
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 
+__all__ = ["REPLICATES", "SEED", "load", "of_all", "renew", "run", "store", "stored", "study_name"]
+
 SEED = 20_240_105
 REPLICATES = 1000
 PACKAGES = ("numpy", "scipy", "emcee")

@@ -11,6 +11,8 @@ from reproduce.locate import papers
 from reproduce.papers.declare import Computation, Drawing, Item
 from reproduce.papers.study import Study
 
+__all__ = ["Studies", "catalogue", "studies"]
+
 
 class Catalogue(Mapping[str, Item]):
     """Every item by its key."""

@@ -17,6 +17,23 @@ from reproduce.printed.given import Given, given
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = [
+    "ROOT_SEED",
+    "Blocked",
+    "Computation",
+    "Drawing",
+    "Item",
+    "Pending",
+    "Prediction",
+    "Reading",
+    "Result",
+    "Results",
+    "draws",
+    "reproduces",
+    "seed_of",
+    "split_seed",
+]
+
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
 

@@ -22,6 +22,17 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store.points import Table, TableFileError, read_table
 
+__all__ = [
+    "OWN_DATA",
+    "Aside",
+    "Declaration",
+    "File",
+    "Pivot",
+    "Supplied",
+    "published_cells",
+    "simulated",
+]
+
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
 STEPS = 700

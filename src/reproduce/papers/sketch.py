@@ -22,6 +22,25 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
+__all__ = [
+    "INK",
+    "SIZE",
+    "Look",
+    "Point",
+    "arc",
+    "arrow",
+    "beside",
+    "box",
+    "canvas",
+    "diagram",
+    "key",
+    "label",
+    "line",
+    "path",
+    "turned",
+    "turning",
+]
+
 Point = tuple[float, float]
 Draw = Callable[..., None]
 INK = "#000000"

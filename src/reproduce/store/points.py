@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["Table", "TableFileError", "last_place", "read_columns", "read_table"]
+
 # Significant digits that tell any two doubles apart.
 DIGITS = 17
 # Beyond this, squares of squares overflow; no length in px or angle in arcsec comes near.

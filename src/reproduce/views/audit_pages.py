@@ -36,7 +36,6 @@ __all__ = [
     "errata",
     "errata_register",
     "picture",
-    "relation_anchor",
     "relations",
     "score",
     "smallest_sets",

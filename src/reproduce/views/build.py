@@ -17,6 +17,8 @@ from typing import TypeVar
 
 from reproduce.locate import data_folder
 
+__all__ = ["FOLDER", "fingerprint", "kept", "once"]
+
 FOLDER = "REPRODUCE_BUILD"
 Result = TypeVar("Result")
 

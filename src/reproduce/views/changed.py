@@ -17,6 +17,8 @@ from reproduce.views.shown import Shown
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = ["Changed"]
+
 
 @dataclass(frozen=True, repr=False)
 class Changed(Shown):

@@ -12,6 +12,8 @@ from reproduce.printed.cells import anchor
 from reproduce.version import RELEASED, __version__
 from reproduce.views import keys
 
+__all__ = ["citation", "posterior"]
+
 FORMATS = ("bibtex", "csl", "text")
 _DEVELOPERS = "The reproduce-pointing developers"
 

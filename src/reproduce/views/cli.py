@@ -16,6 +16,8 @@ from reproduce.version import __version__
 from reproduce.views.keys import UnknownKeyError, check_key
 from reproduce.views.posterior_commands import calibrate, posterior
 
+__all__ = ["main"]
+
 
 class _Key(click.ParamType[str]):
     name = "key"

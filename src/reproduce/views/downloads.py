@@ -11,6 +11,8 @@ from reproduce.views import keys
 from reproduce.views.export import export
 from reproduce.views.facts import whole_ledger
 
+__all__ = ["shipped", "write"]
+
 
 def shipped() -> dict[str, str]:
     """Return the names of the shipped files and what they hold.

@@ -25,6 +25,8 @@ from reproduce.views.pages import Html
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = ["DRAWINGS", "FACTS", "drawing", "paint"]
+
 
 def _distributions(figure: Figure) -> None:
     readings.draw_distributions(figure, printed_values())

@@ -11,6 +11,8 @@ from reproduce.views import keys, record_text
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = ["FORMATS", "export", "export_frame", "full_frame"]
+
 FORMATS = ("csv", "json", "latex", "markdown")
 
 

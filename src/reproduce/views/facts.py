@@ -23,6 +23,17 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import build, numbers, record_text
 
+__all__ = [
+    "facts",
+    "facts_of",
+    "filled",
+    "item_ledger",
+    "of_posteriors",
+    "unsampled",
+    "whole_ledger",
+    "write",
+]
+
 _BLANK = re.compile(r"\{([^{}]+)\}")
 
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
+__all__ = ["STYLE", "check_ending", "data", "draw", "drawable", "save"]
+
 STYLE = Path(__file__).parent / "figures.mplstyle"
 ENDINGS = (".svg", ".pdf", ".png")
 

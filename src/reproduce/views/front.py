@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from reproduce.views.sampled import Posterior
     from reproduce.views.study import StudyTable
 
+__all__ = ["check", "cite", "contents", "contradictions", "figure", "item"]
+
 
 class Contents(Shown):
     """All items of a paper or of all, in order of print, with the verdicts of their cells.

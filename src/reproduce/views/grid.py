@@ -13,6 +13,8 @@ from rich.table import Table
 from reproduce.views.numbers import powers_in_html
 from reproduce.views.shown import Shown
 
+__all__ = ["Box", "Entry", "Grid", "folded"]
+
 Entry = str | Markup
 
 

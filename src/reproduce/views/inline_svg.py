@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = ["SMALLEST", "inline"]
+
 # Text smaller than this many CSS pixels is hard to read; a narrow screen scrolls instead.
 SMALLEST = 9.0
 POINTS, PIXELS = 72.0, 96.0  # per inch

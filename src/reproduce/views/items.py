@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure as MatplotlibFigure
 
+__all__ = ["Cell", "Figure", "Panels", "Table"]
+
 
 class Item(Shown):
     """What tables, cells and figures share: where they come from."""

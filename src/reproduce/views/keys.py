@@ -7,6 +7,8 @@ import difflib
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 
+__all__ = ["UnknownKeyError", "check_key", "place", "title"]
+
 
 class UnknownKeyError(KeyError):
     """No item has this key; the message suggests the nearest ones."""

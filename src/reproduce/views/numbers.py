@@ -11,6 +11,20 @@ from reproduce.papers.study import LEAST_DRAWS, Column, Fact
 if TYPE_CHECKING:
     from reproduce.inference.checks import Range, Share
 
+__all__ = [
+    "chance",
+    "digits",
+    "entry",
+    "fact",
+    "percent",
+    "plain",
+    "powers",
+    "powers_in_html",
+    "ranged",
+    "shared",
+    "signed",
+]
+
 # Below this a probability is written with its power of ten.
 SMALL = 1e-3
 # Below this the end of a range is written with its power of ten.

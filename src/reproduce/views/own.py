@@ -31,6 +31,8 @@ from reproduce.views.shown import Shown
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = ["Monitored", "Registered"]
+
 FloatArray = NDArray[np.float64]
 
 

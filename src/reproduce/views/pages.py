@@ -26,6 +26,20 @@ from reproduce.views.grid import Box, Entry, Grid, folded
 from reproduce.views.inline_svg import inline
 from reproduce.views.study import StudyTable
 
+__all__ = [
+    "Html",
+    "angle_arrangements",
+    "citation",
+    "downloads",
+    "figure",
+    "score",
+    "source",
+    "study",
+    "table",
+    "verdict_legend",
+    "versions",
+]
+
 DETAILS = (
     *("Cell", "Printed", "Computed", "Allowed or predicted", "Probability"),
     *("Share of tolerance", "Verdict", "Why"),

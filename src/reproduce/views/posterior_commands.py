@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from reproduce.inference.parts import Progress
     from reproduce.views.sampled import Posterior
 
+__all__ = ["calibrate", "posterior"]
+
 
 class Spoken(click.Command):
     """A command whose refusals are JSON too where JSON is asked for: an object with "error"."""

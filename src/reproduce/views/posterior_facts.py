@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from reproduce.inference.posterior import Sampled, Summary
     from reproduce.papers.declare_posterior import Aside
 
+__all__ = ["coverage_rows", "entries", "posterior_facts"]
+
 
 def spread(row: Summary) -> tuple[str, str, str, str]:
     """Write the mean of a summary, its standard deviation and the ends of its 95 %."""

@@ -17,6 +17,8 @@ from reproduce.views.inline_svg import inline
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = ["corner", "ranks", "traces"]
+
 # More draws than this do not change the contours.
 POINTS = 10_000
 TRACE_POINTS = 150

@@ -32,6 +32,22 @@ from reproduce.views.pages import Html
 from reproduce.views.posterior_facts import coverage_rows, entries
 from reproduce.views.sampled import book_posterior
 
+__all__ = [
+    "STEPS",
+    "calibrations_of_all",
+    "columns_of_table_4",
+    "columns_of_table_5",
+    "computation",
+    "decision",
+    "file_formats",
+    "model",
+    "reporting",
+    "reproducing",
+    "results",
+    "sensitivity",
+    "transform_choice",
+]
+
 STEPS = {
     "model": "1. The model and its data are explained",
     "computation": "2. The computation is reported and has converged",

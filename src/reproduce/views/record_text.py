@@ -8,6 +8,23 @@ from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
 from reproduce.views.numbers import chance
 
+__all__ = [
+    "FLAG_MEANINGS",
+    "MEANINGS",
+    "WEAK",
+    "cell_of",
+    "computed",
+    "interval",
+    "joint_chance",
+    "probability",
+    "qualified",
+    "read",
+    "strong",
+    "tally",
+    "unit",
+    "weak",
+]
+
 MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
     "consistent": "inside the central 99 % of what the reproduction predicts",

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from reproduce.papers.declare_posterior import Declaration, Supplied
     from reproduce.views.pages import Html
 
+__all__ = ["Posterior", "book_posterior"]
+
 PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 

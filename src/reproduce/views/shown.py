@@ -8,6 +8,8 @@ from collections.abc import Iterator
 
 from rich.console import Console, RenderableType
 
+__all__ = ["Shown"]
+
 WIDTH = 80
 
 

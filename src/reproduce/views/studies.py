@@ -25,6 +25,8 @@ from reproduce.store import studies
 from reproduce.version import __version__
 from reproduce.views.build import fingerprint
 
+__all__ = ["STUDIES", "run"]
+
 Arrays = dict[str, NDArray[Any]]
 
 

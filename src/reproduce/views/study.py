@@ -20,6 +20,8 @@ from reproduce.views.shown import Shown
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = ["StudyTable"]
+
 
 class StudyTable(Shown):
     """A table that stands beside a paper, judged against nothing.

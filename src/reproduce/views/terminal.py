@@ -13,6 +13,8 @@ from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.views import record_text
 
+__all__ = ["items_table", "records_table", "remarks", "score_table", "weak_line"]
+
 _STYLES = {
     "exact": "green",
     "consistent": "green",

@@ -37,7 +37,18 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["DURATION", "FRAMES", "RATE", "SMOOTHED"]
+__all__ = [
+    "DURATION",
+    "FRAMES",
+    "RATE",
+    "READS",
+    "SMOOTHED",
+    "fit",
+    "joint_model",
+    "preferences",
+    "printed_fit",
+    "simulated_accuracies",
+]
 
 TABLE = "chen2023/table-4"
 TEXT = "chen2023/text-accuracy"

@@ -9,6 +9,8 @@ from reproduce.papers.study import Column, studied
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = ["orders"]
+
 PRINTED = "chen2023/table-4#1.transform-?"
 FRAMES_OF_ERROR = ("camera", "tracker")
 

@@ -14,6 +14,8 @@ from reproduce.physics.ground.errors import ground_error
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = ["Averaged", "OnTheGround", "StageTest"]
+
 
 @dataclass(frozen=True)
 class OnTheGround:

@@ -45,7 +45,16 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-__all__ = ["FRAMES", "LAST", "STATES", "TABLE", "common_length"]
+__all__ = [
+    "DECIDED",
+    "FRAMES",
+    "LAST",
+    "STATES",
+    "TABLE",
+    "common_length",
+    "fitted_length",
+    "monitoring_errors",
+]
 
 TABLE = "chen2023/table-5"
 PLAN = "chen2023/text-effectiveness"

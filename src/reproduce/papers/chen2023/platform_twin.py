@@ -72,7 +72,16 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["READS", "Bench", "Series", "bench", "centroids", "two_groups"]
+__all__ = [
+    "READS",
+    "SENSORS",
+    "Bench",
+    "Series",
+    "bench",
+    "centroids",
+    "pattern_misfit",
+    "two_groups",
+]
 
 WINDOW = f"{TEXT}#window-x"
 # The sensor that the predictions rest on.

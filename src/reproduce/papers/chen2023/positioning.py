@@ -42,6 +42,27 @@ from reproduce.units import RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = [
+    "CORRECTIONS",
+    "DRAWS",
+    "LOOKS",
+    "READS",
+    "UNCORRECTED",
+    "YEAR_READS",
+    "analytic",
+    "largest_amplitude",
+    "look",
+    "monitoring_sigma",
+    "residuals",
+    "simulated",
+    "spans",
+    "strategies",
+    "suffices",
+    "terms",
+    "together",
+    "year",
+]
+
 POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
 MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
 READS = (*MONITORING, *satellite.CAMERA, POINTING)

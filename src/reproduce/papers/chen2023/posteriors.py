@@ -40,6 +40,18 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = [
+    "COLUMNS",
+    "FLOORS",
+    "READS",
+    "column_model",
+    "readings",
+    "summed_columns",
+    "table_reads",
+    "table_shares",
+    "without_floor",
+]
+
 SATELLITE = "chen2023/table-1"
 AVERAGES = "chen2023/table-4"
 STAGE = "chen2023/table-5"

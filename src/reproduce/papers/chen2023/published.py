@@ -15,16 +15,16 @@ from reproduce.papers.declare_posterior import OWN_DATA, published_cells, simula
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
+__all__ = ["averaged", "scatter", "stage_table"]
+
 STAGE = "chen2023/table-5"
 AVERAGES = "chen2023/table-4"
 FRAMES = "chen2023/text-accuracy#frames"
 MOVED = (2, 3, 4, 5)
 # Of the angles about Y and about X, against the right hand.
-PRINTED_SIGNS = np.array([1.0, -1.0])
 # Rows of print, and the two blocks of the table: motion along X, then along Y.
 MONITORED = tuple(f"{STAGE}#{state}.monitoring-{axis}" for state in MOVED for axis in "yx")
 REFERENCE = tuple(f"{STAGE}#{state}.reference-{axis}" for state in MOVED for axis in "yx")
-SPOT_CELLS = tuple(f"chen2023/text-platform#spot-{i}-{a}" for i in range(1, 5) for a in "xy")
 SCATTER = tuple(
     f"{platform.SCATTER}#{g}-{i}.{a}" for g in (1, 2) for i in range(1, 5) for a in "xy"
 )

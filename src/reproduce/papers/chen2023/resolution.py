@@ -68,13 +68,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
+    "CASES",
+    "LITERAL",
     "READS",
     "SPOT_RADIUS",
     "SPOT_READS",
     "STUDY",
+    "TAKEN_APART",
+    "THRESHOLDS",
     "light_for_table",
     "radii",
+    "relative_error",
+    "replicated_scatter",
     "resolutions",
+    "saturation",
     "window",
 ]
 

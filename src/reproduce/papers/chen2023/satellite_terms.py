@@ -31,6 +31,8 @@ from reproduce.units import RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     import pandas as pd
 
+__all__ = ["heat", "stray", "thermal", "tolerances"]
+
 RATIO = f"{satellite.TEXT}#focal-ratio"
 FLIGHT = satellite.CAMERA[0]
 PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"

@@ -26,6 +26,8 @@ from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
+__all__ = ["READS", "images", "platform"]
+
 DATA_SEED = (ROOT_SEED, 2)
 READS = (*INSTRUMENT, SCATTER)
 

@@ -26,6 +26,8 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError
 
+__all__ = ["COLUMNS", "from_table"]
+
 COLUMNS = ("group", "laser", "x", "y")
 GROUPS = 2
 # A prior this many times as wide as what the data show is hardly felt, yet proper.

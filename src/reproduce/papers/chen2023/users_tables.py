@@ -26,6 +26,8 @@ from reproduce.physics.validate import FloatArray
 from reproduce.store.points import Table, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = ["AVERAGES", "STAGE"]
+
 AVERAGE_COLUMNS = ("frames", "error_arcsec", "series")
 STAGE_COLUMNS = (
     "position_x_um", "position_y_um", "reference_y_arcsec", "monitored_y_arcsec",

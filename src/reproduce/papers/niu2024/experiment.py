@@ -56,8 +56,15 @@ __all__ = [
     "INSTRUMENT",
     "OPTICS",
     "OUTCOME",
+    "REGISTERED",
+    "before_by_focal_lengths",
+    "calibrated_cameras",
     "cameras",
+    "centroid_errors",
+    "distortion_range",
     "half_field",
+    "registered_points",
+    "registrations",
     "rotations",
 ]
 

@@ -51,6 +51,7 @@ __all__ = [
     "extract",
     "frames",
     "fused",
+    "isolated",
     "matched_errors",
     "register",
     "similarities",

@@ -26,12 +26,25 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
+__all__ = [
+    "COMPARED",
+    "ESTIMATES",
+    "JOINT_COLUMNS",
+    "RESULTS",
+    "ROWS",
+    "TEST_POINTS",
+    "NoiseAlone",
+    "both_channels",
+    "new_stars",
+    "one_channel",
+    "pixel_angle",
+]
+
 ANGLES, NOISE = (SeedSequence(ROOT_SEED, spawn_key=(3, i)) for i in (0, 1))
 RESULTS = "niu2024/table-3"
 ROWS = ("scale", "rotation", "translation-x", "translation-y")
 ESTIMATES = ("scale", "rotation", "shift-x", "shift-y")
 TEST_POINTS = f"{simulation.SETTINGS}#test-points"
-READS = (TEST_POINTS, "niu2024/text-optics#pixel-pitch-*")
 COMPARED = (RESULTS, f"{simulation.SETTINGS}#rmse-after-*")
 # Columns of the joint model that one channel's model takes: its transform, and the noise.
 JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))

@@ -6,6 +6,8 @@ from reproduce.papers.declare import Blocked, Reading, Results, reproduces
 from reproduce.physics.optics import camera
 from reproduce.printed.given import Given
 
+__all__ = ["centre_wavelengths", "middles"]
+
 OPTICS = "niu2024/text-optics"
 OUTCOME = "niu2024/text-experiment"
 

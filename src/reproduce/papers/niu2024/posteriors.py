@@ -63,6 +63,8 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.printed.given import given as door
 
+__all__ = ["beside_the_registration", "transforms"]
+
 DATA_SEED = SeedSequence(ROOT_SEED, spawn_key=(1,))
 # How well a laboratory may know a principal point, in px.
 PRINCIPAL_POINT = 2.0

@@ -28,6 +28,8 @@ from reproduce.papers.declare_posterior import File, Pivot
 from reproduce.physics.validate import FloatArray
 from reproduce.store.points import Table, TableFileError
 
+__all__ = ["JOINT"]
+
 COLUMNS = ("x", "y", "x_reference", "y_reference")
 JOINT_COLUMNS = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
 # Of the field: how far a distortion may move a star beforehand, or so many times the residuals, but

@@ -16,15 +16,7 @@ from scipy.signal import lfilter
 from reproduce.physics.ground.imaging import WGS84
 from reproduce.physics.validate import FloatArray, finite_array, positive, whole_number
 
-__all__ = [
-    "DAY",
-    "YEAR_DAYS",
-    "Thermal",
-    "last_orbits",
-    "orbital_period",
-    "thermal_series",
-    "trend_and_fourier",
-]
+__all__ = ["DAY", "Thermal", "last_orbits", "orbital_period", "thermal_series", "trend_and_fourier"]
 
 # Gravitational constant of the Earth, m^3/s^2 (WGS84).
 _EARTH_GM = 3.986004418e14

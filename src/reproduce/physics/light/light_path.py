@@ -25,7 +25,7 @@ from reproduce.physics.validate import (
     finite_array,
 )
 
-__all__ = ["RETROREFLECTORS", "STILL", "Cone", "LightPath", "Mirrors", "light_path"]
+__all__ = ["RETROREFLECTORS", "Cone", "LightPath", "Mirrors", "light_path"]
 
 STILL = (0.0, 0.0, 0.0)
 # Planes nearer than this are those just left.

@@ -25,6 +25,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+__all__ = [
+    "FOCAL",
+    "POINT",
+    "TURN",
+    "draw_instruments",
+    "draw_misalignment",
+    "draw_stage",
+    "turned_camera",
+]
+
 NAMES = ("X", "Y", "Z")
 BEFORE = Look("zero point", INK, "--")
 FOCAL = 2.2

@@ -62,6 +62,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+__all__ = ["ANGLES", "READS", "STAGE_READS", "draw_bench", "groups", "ride", "stage_sense"]
+
 DESIGN = "chen2023/text-satellite"
 ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
 # Towards Orion, for no better reason than that everybody knows it; turned about the boresight.

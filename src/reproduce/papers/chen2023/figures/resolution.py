@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+__all__ = ["compute", "monte_carlo"]
+
 STUDY = resolution.STUDY
 MARKS_CENTROIDS = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
 MARKS_MONITORING = (f"{STUDY}#saturation",)

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+__all__ = ["INSTALLED", "RADIUS", "VIEW", "draw_scene", "scene"]
+
 TEXT = "chen2023/text-satellite"
 HARDWARE = "chen2023/text-hardware"
 INSTALLED = f"{TEXT}#boresight-angle"

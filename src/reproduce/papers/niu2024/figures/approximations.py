@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+__all__ = ["draw_table_1", "draw_table_4", "facts"]
+
 ACROSS = 60
 
 

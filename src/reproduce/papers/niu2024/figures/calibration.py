@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+__all__ = ["draw_table"]
+
 TURN, FOCAL = float(np.radians(20.0)), 7.0
 
 

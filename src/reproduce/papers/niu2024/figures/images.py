@@ -17,6 +17,17 @@ from reproduce.printed.given import given
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = [
+    "colour_facts",
+    "draw_colours",
+    "draw_errors",
+    "draw_star",
+    "draw_stars",
+    "error_facts",
+    "star_facts",
+    "star_kind_facts",
+]
+
 MAGNITUDE, SEED = 3.0, 9
 MIDDLE = 4.0  # the magnitude at which kinds of stars are compared
 KINDS = (("#777777", ":", "^"), ("#D55E00", "--", "s"), ("#0072B2", "-", "o"))

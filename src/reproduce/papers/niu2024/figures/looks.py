@@ -11,6 +11,8 @@ from reproduce.papers.sketch import Look, Point, arrow, label
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+__all__ = ["BLUE", "GREEN", "LOOKS", "RED", "image_axes"]
+
 RED = Look("red", "#D55E00", "--", "s")
 GREEN = Look("green", "#009E73", "-.", "o")
 BLUE = Look("blue", "#0072B2", ":", "^")

@@ -26,6 +26,15 @@ from reproduce.printed.given import given
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = [
+    "chosen",
+    "convergence",
+    "convergence_facts",
+    "distance_to_end",
+    "draw_convergence",
+    "draw_distributions",
+]
+
 TITLES = ("k (1)", "θ (mrad)", "Δx (px)", "Δy (px)", "RMSE before (px)", "RMSE after (px)")
 FACTORS = (1.0, 1e3, 1.0, 1.0, 1.0, 1.0)
 

@@ -31,6 +31,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+__all__ = [
+    "ANGLE",
+    "PIVOT",
+    "PLANE_ANGLE",
+    "PRINCIPAL_POINTS",
+    "SCALE",
+    "SHIFT",
+    "draw_planes",
+    "draw_registration",
+    "registration_steps",
+]
+
 # Angle and principal points of Figure 2, in units of the canvas.
 PLANE_ANGLE = float(np.radians(14.0))
 PRINCIPAL_POINTS = {"green": np.array([5.4, 5.0]), "blue": np.array([7.8, 6.4])}

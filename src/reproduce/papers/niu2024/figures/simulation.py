@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+__all__ = ["draw"]
+
 
 @draws("niu2024/fig-4", given=simulation_angles.READS)
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
