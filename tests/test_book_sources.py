@@ -167,3 +167,17 @@ def test_pages_with_code_are_notebooks(path):
     text = path.read_text(encoding="utf-8")
     if "{code-cell}" in text:
         assert text.startswith("---\nfile_format: mystnb\n")
+
+
+@pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
+def test_a_chapter_has_one_name(paper):
+    """As page, module and test, and as its group of quoted numbers where the paper quotes some."""
+    other = {"index", "context", "own"}  # the paper as a whole, and a reader's own stars
+    pages = {path.stem for path in (BOOK / paper).glob("*.md")} - other
+    sources = {path.stem for path in (BOOK.parent / "src/reproduce/papers" / paper).glob("*.py")}
+    tests = {path.stem for path in (BOOK.parent / "tests/papers" / paper).glob("test_*.py")}
+    assert sorted(pages - sources) == []
+    assert {f"test_{name}" for name in pages} == tests
+    groups = {key.partition("/text-")[2] for key in library() if key.startswith(f"{paper}/text-")}
+    # What Section IV-A quotes of the hardware is read by several chapters and computed by none.
+    assert sorted(groups - pages - {"context", "hardware"}) == []

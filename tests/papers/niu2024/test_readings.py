@@ -17,10 +17,8 @@ from reproduce.papers.study import LEAST_DRAWS
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import (
     calibrate,
-    registration_bound,
     starting_values,
 )
-from reproduce.physics.registration.transforms import similarity_between
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 
@@ -226,18 +224,6 @@ def test_where_counting_ends_the_law_takes_over(stored):
         np.testing.assert_array_equal(found[beyond], 10.0 ** arrays[1][beyond])
         np.testing.assert_array_equal(found[~beyond], arrays[0][~beyond])
     assert stored.arrays["law_joint"][..., -1].max() < -30, "no reading explains all cells"
-
-
-def test_the_scheme_reaches_the_cramer_rao_bound(stored):
-    """Within what 10,000 replicates can tell, for both channels and all parameters."""
-    used = simulation.cameras(DOOR, "Table 1")
-    turns = simulation.rotations(DOOR)
-    true = channel_centroids(used, turns, simulation_angles.literal(DOOR).angles)
-    for position in (1, 2):
-        truth = similarity_between(used[position], turns[position], used[0])
-        bound = registration_bound(true[position], truth, 0.05, 0.05).diagonal()
-        variance = stored.arrays["sd"][LITERAL, position - 1, :4] ** 2
-        np.testing.assert_allclose(variance / bound, 1, atol=5 * np.sqrt(2 / 10_000))
 
 
 def test_no_reading_makes_the_printed_scales_likely(stored):
