@@ -18,7 +18,7 @@ from reproduce.judge import rerun as rerunning
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.chen2023.simulated_spots import READS, platform
 from reproduce.papers.chen2023.users_spots import COLUMNS, from_table
-from reproduce.physics.attitude.monitoring import monitored_angles
+from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
@@ -134,11 +134,7 @@ class Registered(_Own):
         """
         import pandas as pd
 
-        spare = bool(np.all(self.fit.degrees_of_freedom > 0)) or self.fit.errors_known
-        errors = (
-            np.sqrt(np.diag(self.covariance)) if spare else np.full_like(self.parameters, np.nan)
-        )
-        columns = {"value": self.parameters, "standard deviation": errors}
+        columns = {"value": self.parameters, "standard deviation": self.fit.standard_errors}
         return pd.DataFrame(columns, index=pd.Index(self.fit.names, name="parameter"))
 
     def rerun(self, **settings: Any) -> Registered:
@@ -192,9 +188,9 @@ class Monitored(_Own):
             before, now = (np.asarray(one, dtype=float) for one in (zero, spots))
         design = replace(design, spots=before.mean(axis=0))
         tracker = (design.principal_point, design.pixel_pitch, design.tracker_focal_length)
-        self.angles: FloatArray = monitored_angles(
-            before, now, design.lasers, design.camera_focal_length, tracker
-        )
+        instrument = (design.lasers, design.camera_focal_length, tracker)
+        self.angles: FloatArray = monitored_angles(before, now, *instrument)
+        self._mean = mean_misalignment(self.angles, monitored_angles(before, before, *instrument))
         self.title = f"misalignment in {len(self.angles)} images since the zero point"
 
     @cached_property
@@ -215,17 +211,16 @@ class Monitored(_Own):
         return pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
 
     def frame(self) -> pd.DataFrame:
-        """Return mean, scatter of one image and error of the mean about each axis, in arcsec."""
+        """Return mean, scatter of one image and error of the mean about each axis, in arcsec.
+
+        The error counts both groups: the zero point is itself a mean over images.
+        """
         import pandas as pd
 
-        images = self.images()
-        scatter = images.std()
-        columns = {
-            "mean (arcsec)": images.mean(),
-            "scatter (arcsec)": scatter,
-            "error of the mean (arcsec)": scatter / np.sqrt(len(images)),
-        }
-        return pd.DataFrame(columns).rename_axis("about")
+        columns = ("mean (arcsec)", "scatter (arcsec)", "error of the mean (arcsec)")
+        index = pd.Index(list("XYZ"), name="about")
+        values = np.stack(self._mean, axis=-1) * ARCSEC_PER_RADIAN
+        return pd.DataFrame(values, index, columns=columns)
 
     def rerun(
         self,

@@ -109,6 +109,13 @@ class RegistrationFit:
             return self._sandwich
         return (self.chi_square / freedom)[..., None, None] * self.cofactor
 
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Standard deviations of the parameters, shape (..., p); NaN where no point is to spare."""
+        if self.errors_known or (self.degrees_of_freedom > 0).all():
+            return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+        return np.full_like(self.parameters, np.nan)
+
 
 def fit_registration(
     source: ArrayLike,
