@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 from reproduce.views.drawings import DRAWINGS
@@ -70,14 +71,22 @@ def test_numbers_outside_sentences_pass(sentence):
 
 
 def calls(function):
-    """Return the first arguments of all calls of a pages function, over the whole book."""
-    pattern = re.compile(rf"pages\.{function}\(\s*\"([^\"]+)\"")
+    """Return the keys that the book's cells show with a function: first arguments of its calls."""
+    pattern = re.compile(rf"^(?:pages|rp)\.{function}\(\s*\"([^\"]+)\"(?!\)\.)", re.MULTILINE)
     return [key for path in PAGES for key in pattern.findall(path.read_text(encoding="utf-8"))]
 
 
-def test_every_item_is_shown_exactly_once():
+def test_every_item_and_every_study_is_shown_exactly_once():
     shown = calls("table") + [key for key in calls("figure") if key not in library()]
-    assert sorted(shown) == sorted(catalogue())
+    assert sorted(shown) == sorted([*catalogue(), *studies()])
+
+
+def test_no_page_hides_more_than_its_set_up():
+    for path in PAGES:
+        tags = re.findall(
+            r"^:tags: \[.*?(remove-\w+)", path.read_text(encoding="utf-8"), re.MULTILINE
+        )
+        assert len(tags) <= 1, path.name
 
 
 def test_every_drawing_is_shown_exactly_once():
