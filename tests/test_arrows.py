@@ -125,6 +125,42 @@ def test_forbidden_imports_are_seen(tmp_path, folder, line):
     assert list(violations(path, folder))
 
 
+def stands_on(files):
+    """Return what each file imports of the others, wherever in it."""
+    names = {
+        ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts): path for path in files
+    }
+    found = {}
+    for path in files:
+        parts = [name.split(".") for name in imports(path)]
+        taken = (".".join(part[:n]) for part in parts for n in range(2, len(part) + 1))
+        found[path] = {names[name] for name in taken if name in names} - {path}
+    return found
+
+
+def circle(graph):
+    """Return files that import each other in a circle, or none."""
+    left = dict(graph)
+    while bottom := [path for path, below in left.items() if not below & left.keys()]:
+        for path in bottom:
+            del left[path]
+    return sorted(path.name for path in left)
+
+
+def test_no_files_import_each_other_in_a_circle():
+    assert circle(stands_on(FILES)) == []
+
+
+def test_a_circle_is_seen(tmp_path, monkeypatch):
+    monkeypatch.setitem(globals(), "SOURCE", tmp_path / "reproduce")
+    (tmp_path / "reproduce").mkdir()
+    texts = {"a": "from reproduce.b import x", "b": "from reproduce import a", "c": ""}
+    for name, text in texts.items():
+        (tmp_path / "reproduce" / f"{name}.py").write_text(text)
+    files = sorted((tmp_path / "reproduce").glob("*.py"))
+    assert circle(stands_on(files)) == ["a.py", "b.py"]
+
+
 def test_a_room_of_physics_that_climbs_is_seen(tmp_path):
     path = tmp_path / "module.py"
     path.write_text("from reproduce.physics.registration.fit import fit_registration")

@@ -11,7 +11,7 @@ from sphinx.application import Sphinx
 import reproduce as rp
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.study import Study
-from reproduce.views import facts
+from reproduce.views import build, facts
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
 ROLE = re.compile(r"\{(printed|computed|verdict|fact)\}`([^`]+)`")
@@ -54,19 +54,19 @@ def test_facts_are_those_of_the_ledger(known):
 
 def test_a_build_computes_ledger_and_studies_once(tmp_path, monkeypatch):
     key, study = "niu2024/table-2", "chen2023/dichroic"
-    alone = facts.item_ledger(key)
-    monkeypatch.setenv(facts.build.FOLDER, str(tmp_path))
-    cached = (facts.build.kept, facts.item_ledger, facts.whole_ledger)
+    alone = build.item_ledger(key)
+    monkeypatch.setenv(build.FOLDER, str(tmp_path))
+    cached = (build.kept, build.item_ledger, build.whole_ledger)
     for one in cached:
         one.cache_clear()
     try:
-        assert facts.item_ledger(key) == alone
+        assert build.item_ledger(key) == alone
         shown = repr(rp.table(study))
-        facts.whole_ledger.cache_clear()
-        facts.item_ledger.cache_clear()
-        monkeypatch.setattr(facts.ledger, "build", None)
+        build.whole_ledger.cache_clear()
+        build.item_ledger.cache_clear()
+        monkeypatch.setattr(build.ledger, "build", None)
         monkeypatch.setattr(Study, "__call__", None)
-        assert facts.item_ledger(key) == alone
+        assert build.item_ledger(key) == alone
         assert repr(rp.table(study)) == shown
     finally:
         for one in cached:
@@ -79,7 +79,7 @@ def test_facts_are_computed_once_until_something_changes(tmp_path, monkeypatch):
     assert facts.write(path)
     assert not facts.write(path)
     assert json.loads(path.read_text())["facts"] == {"a": "1"}
-    monkeypatch.setattr(facts.build, "fingerprint", lambda: "another")
+    monkeypatch.setattr(build, "fingerprint", lambda: "another")
     assert facts.write(path)
 
 

@@ -9,9 +9,10 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.study import Column, Fact
 from reproduce.printed.cells import library
 from reproduce.views import numbers, pages
+from reproduce.views.build import whole_ledger
 from reproduce.views.downloads import shipped, write
-from reproduce.views.facts import facts_of, whole_ledger
 from reproduce.views.figures import drawable
+from reproduce.views.record_text import facts_of
 
 TABLES = list(library())
 

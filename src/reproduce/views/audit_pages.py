@@ -19,7 +19,7 @@ from reproduce.printed.cells import PAPERS, anchor
 from reproduce.version import __version__
 from reproduce.views import audit_text
 from reproduce.views.audit_text import within_paper
-from reproduce.views.facts import item_ledger
+from reproduce.views.build import item_ledger
 from reproduce.views.figures import STYLE
 from reproduce.views.grid import Grid, folded
 from reproduce.views.inline_svg import inline

@@ -15,9 +15,11 @@ from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
+from reproduce.judge import ledger
+from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
 
-__all__ = ["FOLDER", "fingerprint", "kept", "once"]
+__all__ = ["FOLDER", "fingerprint", "item_ledger", "kept", "once", "whole_ledger"]
 
 FOLDER = "REPRODUCE_BUILD"
 Result = TypeVar("Result")
@@ -38,9 +40,9 @@ def fingerprint() -> str:
 @cache
 def kept() -> Path | None:
     """Return the folder for results of the present files; those of other files are removed."""
-    if not (build := os.environ.get(FOLDER)):
+    if not (root := os.environ.get(FOLDER)):
         return None
-    folder = Path(build) / fingerprint()
+    folder = Path(root) / fingerprint()
     for other in folder.parent.glob("*"):
         if other != folder:
             shutil.rmtree(other, ignore_errors=True)
@@ -60,3 +62,20 @@ def once(name: str, compute: Callable[[], Result]) -> Result:
         part.replace(path)
     result: Result = pickle.loads(path.read_bytes())
     return result
+
+
+@cache
+def item_ledger(*keys: str) -> Ledger:
+    """Return the ledger of some items."""
+    if kept() is None:
+        return ledger.build(keys)
+    whole = whole_ledger()
+    records = tuple(record for record in whole.records if record.key in keys)
+    tables = tuple(table for table in whole.tables if table.key in keys)
+    return Ledger(records=records, tables=tables, altered=whole.altered)
+
+
+@cache
+def whole_ledger() -> Ledger:
+    """Return the ledger of everything."""
+    return once("ledger", ledger.build)

@@ -8,8 +8,8 @@ from pathlib import Path
 from reproduce.locate import data_folder
 from reproduce.printed.cells import library
 from reproduce.views import keys
+from reproduce.views.build import whole_ledger
 from reproduce.views.export import export
-from reproduce.views.facts import whole_ledger
 
 __all__ = ["shipped", "write"]
 

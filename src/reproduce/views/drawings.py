@@ -16,11 +16,11 @@ from reproduce.papers.niu2024.figures import (
     registration,
 )
 from reproduce.papers.study import Fact
-from reproduce.views.facts import filled
 from reproduce.views.figures import STYLE
 from reproduce.views.inline_svg import inline
 from reproduce.views.numbers import fact, powers
 from reproduce.views.pages import Html
+from reproduce.views.record_text import filled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

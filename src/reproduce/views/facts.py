@@ -9,49 +9,19 @@ paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names
 
 from __future__ import annotations
 
-import functools
 import json
-import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
-from reproduce.judge import ledger
-from reproduce.judge.ledger import Ledger
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
-from reproduce.views import build, numbers, record_text
+from reproduce.views import build, numbers
+from reproduce.views.build import item_ledger, whole_ledger
+from reproduce.views.record_text import facts_of
 
-__all__ = [
-    "facts",
-    "facts_of",
-    "filled",
-    "item_ledger",
-    "of_posteriors",
-    "unsampled",
-    "whole_ledger",
-    "write",
-]
-
-_BLANK = re.compile(r"\{([^{}]+)\}")
-
-
-@functools.cache
-def item_ledger(*keys: str) -> Ledger:
-    """Return the ledger of some items."""
-    if build.kept() is None:
-        return ledger.build(keys)
-    whole = whole_ledger()
-    records = tuple(record for record in whole.records if record.key in keys)
-    tables = tuple(table for table in whole.tables if table.key in keys)
-    return Ledger(records=records, tables=tables, altered=whole.altered)
-
-
-@functools.cache
-def whole_ledger() -> Ledger:
-    """Return the ledger of everything."""
-    return build.once("ledger", ledger.build)
+__all__ = ["facts", "of_posteriors", "unsampled", "write"]
 
 
 def facts(*papers: str) -> dict[str, str]:
@@ -94,23 +64,6 @@ def unsampled(*papers: str) -> dict[str, str]:
     return {name: numbers.powers(text) for name, text in found.items()}
 
 
-def facts_of(name: str) -> dict[str, str]:
-    """Return what a sentence may say of a cell, an item, a paper or everything.
-
-    Examples
-    --------
-    >>> facts_of("niu2024/table-2#scale.red")["computed"]
-    '0.9976'
-    """
-    if "#" in name:
-        return _of_cell(name)
-    if "/" in name:
-        return _of_item(name)
-    if name not in {*PAPERS, "all"}:
-        raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
-    return _of_paper(name)
-
-
 def write(path: Path, *papers: str) -> bool:
     """Write all facts to a JSON file, unless it holds those of the present files."""
     key = " ".join((build.fingerprint(), *papers))
@@ -120,69 +73,6 @@ def write(path: Path, *papers: str) -> bool:
     text = json.dumps({"key": key, "facts": facts(*papers)}, ensure_ascii=False, indent=0)
     path.write_text(text + "\n", encoding="utf-8")
     return True
-
-
-def filled(text: str, facts: Mapping[str, str] | None = None) -> str:
-    """Fill the blanks of an alternative text, so that no number is typed into it.
-
-    Examples
-    --------
-    >>> filled("a scale of {niu2024/table-2#scale.red printed}")
-    'a scale of 0.9976'
-    """
-
-    def fill(blank: re.Match[str]) -> str:
-        name, _, what = blank.group(1).partition(" ")
-        if not what:
-            return (facts or {})[name]
-        return facts_of(name)[what]
-
-    return _BLANK.sub(fill, text)
-
-
-def _of_cell(address: str) -> dict[str, str]:
-    record = item_ledger(address.partition("#")[0]).cell(address)
-    cell = record_text.cell_of(record)
-    unit = record_text.unit(record)
-    gap = "" if unit in {"", "°", "″"} else "\u202f"
-    value = record_text.computed(record)
-    said = {
-        "printed": cell.shown,
-        "computed": f"{value}{gap}{unit}" if value else "nothing",
-        "verdict": record.verdict,
-        "probability": record_text.probability(record) or "none",
-    }
-    if record.readings:
-        said["readings"] = str(len(record.readings))
-        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
-        for number, reading in enumerate(record.readings, start=1):
-            said[f"reading-{number}"] = record_text.read(record, reading).partition(",")[0]
-    return said
-
-
-def _of_item(key: str) -> dict[str, str]:
-    found = item_ledger(key)
-    said = {verdict: str(count) for verdict, count in record_text.tally(found.of(key)).items()}
-    joint = found.table(key)
-    if joint is not None:
-        said["joint"] = record_text.joint_chance(joint)
-        said["replicates"] = f"{joint.replicates:,}"
-    return said
-
-
-def _of_paper(name: str) -> dict[str, str]:
-    chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
-    tally = record_text.tally(chosen)
-    strong = record_text.strong(chosen)
-    counts = {
-        **tally,
-        **{flag.replace("_", "-"): count for flag, count in record_text.weak(chosen).items()},
-        "strong": strong,
-        "weak": tally["exact"] + tally["consistent"] - strong,
-        "cells": len(chosen),
-        "judged": sum(tally[verdict] for verdict in ("exact", "consistent", "differs")),
-    }
-    return {what: str(count) for what, count in counts.items()}
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import keys, record_text, terminal
-from reproduce.views.facts import item_ledger
+from reproduce.views.build import item_ledger
 from reproduce.views.items import Cell, Figure, Panels, Table
 from reproduce.views.shown import Shown
 

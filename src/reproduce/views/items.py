@@ -19,8 +19,8 @@ from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import library
 from reproduce.printed.units import symbol
 from reproduce.views import keys, record_text, terminal
+from reproduce.views.build import item_ledger
 from reproduce.views.changed import Changed
-from reproduce.views.facts import item_ledger
 from reproduce.views.grid import Grid
 from reproduce.views.shown import Shown
 

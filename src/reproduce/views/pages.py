@@ -19,11 +19,12 @@ from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
 from reproduce.version import __version__
 from reproduce.views import cite, keys, numbers, record_text
+from reproduce.views.build import item_ledger, whole_ledger
 from reproduce.views.downloads import shipped as downloads_shipped
-from reproduce.views.facts import filled, item_ledger, whole_ledger
 from reproduce.views.figures import draw
 from reproduce.views.grid import Box, Entry, Grid, folded
 from reproduce.views.inline_svg import inline
+from reproduce.views.record_text import filled
 from reproduce.views.study import StudyTable
 
 __all__ = [

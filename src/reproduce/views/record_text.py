@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.printed.cells import Cell, library
+from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.units import symbol
+from reproduce.views.build import item_ledger, whole_ledger
 from reproduce.views.numbers import chance
 
 __all__ = [
@@ -14,6 +18,8 @@ __all__ = [
     "WEAK",
     "cell_of",
     "computed",
+    "facts_of",
+    "filled",
     "interval",
     "joint_chance",
     "probability",
@@ -24,6 +30,8 @@ __all__ = [
     "unit",
     "weak",
 ]
+
+_BLANK = re.compile(r"\{([^{}]+)\}")
 
 MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
@@ -134,3 +142,82 @@ def qualified(record: Record) -> str:
 
 def _agreeing(records: tuple[Record, ...]) -> list[Record]:
     return [r for r in records if r.verdict in {"exact", "consistent"}]
+
+
+def facts_of(name: str) -> dict[str, str]:
+    """Return what a sentence may say of a cell, an item, a paper or everything.
+
+    Examples
+    --------
+    >>> facts_of("niu2024/table-2#scale.red")["computed"]
+    '0.9976'
+    """
+    if "#" in name:
+        return _of_cell(name)
+    if "/" in name:
+        return _of_item(name)
+    if name not in {*PAPERS, "all"}:
+        raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
+    return _of_paper(name)
+
+
+def filled(text: str, facts: Mapping[str, str] | None = None) -> str:
+    """Fill the blanks of an alternative text, so that no number is typed into it.
+
+    Examples
+    --------
+    >>> filled("a scale of {niu2024/table-2#scale.red printed}")
+    'a scale of 0.9976'
+    """
+
+    def fill(blank: re.Match[str]) -> str:
+        name, _, what = blank.group(1).partition(" ")
+        if not what:
+            return (facts or {})[name]
+        return facts_of(name)[what]
+
+    return _BLANK.sub(fill, text)
+
+
+def _of_cell(address: str) -> dict[str, str]:
+    record = item_ledger(address.partition("#")[0]).cell(address)
+    cell = cell_of(record)
+    symbol_of = unit(record)
+    gap = "" if symbol_of in {"", "°", "″"} else "\u202f"
+    value = computed(record)
+    said = {
+        "printed": cell.shown,
+        "computed": f"{value}{gap}{symbol_of}" if value else "nothing",
+        "verdict": record.verdict,
+        "probability": probability(record) or "none",
+    }
+    if record.readings:
+        said["readings"] = str(len(record.readings))
+        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
+        for number, reading in enumerate(record.readings, start=1):
+            said[f"reading-{number}"] = read(record, reading).partition(",")[0]
+    return said
+
+
+def _of_item(key: str) -> dict[str, str]:
+    found = item_ledger(key)
+    said = {verdict: str(count) for verdict, count in tally(found.of(key)).items()}
+    joint = found.table(key)
+    if joint is not None:
+        said["joint"] = joint_chance(joint)
+        said["replicates"] = f"{joint.replicates:,}"
+    return said
+
+
+def _of_paper(name: str) -> dict[str, str]:
+    chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
+    by_verdict, firm = tally(chosen), strong(chosen)
+    counts = {
+        **by_verdict,
+        **{flag.replace("_", "-"): count for flag, count in weak(chosen).items()},
+        "strong": firm,
+        "weak": by_verdict["exact"] + by_verdict["consistent"] - firm,
+        "cells": len(chosen),
+        "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
+    }
+    return {what: str(count) for what, count in counts.items()}
