@@ -1,8 +1,7 @@
 """Run the code of the book's pages in this process, and keep what each page shows.
 
 A page is read by the parser that the book itself uses; its cells run in order, in a namespace of
-their own, without a kernel. What a cell hands to the page's sentences (`myst_nb.glue`), prints,
-and ends on is what the page shows.
+their own, without a kernel. What a cell prints and ends on is what the page shows.
 """
 
 from __future__ import annotations
@@ -15,9 +14,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
-import myst_nb
 from myst_nb.core.read import read_myst_markdown_notebook
 
 POSTERIOR = re.compile(r"\{fact\}`posterior/([^#`]+)#")
@@ -26,9 +23,8 @@ BOOK = Path(__file__).resolve().parent.parent / "book"
 
 @dataclass
 class Shown:
-    """What the cells of a page show: words for sentences by their label, and texts in order."""
+    """What the cells of a page show, in order."""
 
-    words: dict[str, str] = field(default_factory=dict)
     texts: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
@@ -69,17 +65,10 @@ def run(page: Path) -> Shown:
     shown = Shown()
     namespace: dict[str, Any] = {"__name__": "__main__"}
     begin = time.process_time()
-
-    def glue(name: str, variable: Any, display: bool = True) -> None:
-        if name in shown.words:
-            raise ValueError(f"expected each label once, got {name!r} again")
-        shown.words[name] = _text(variable)
-
-    with mock.patch.object(myst_nb, "glue", glue):
-        for number, source in enumerate(cells(page), start=1):
-            with contextlib.redirect_stdout(io.StringIO()) as printed:
-                value = _execute(source, f"{page.name}, cell {number}", namespace)
-            shown.texts += [text for text in (printed.getvalue(), _text(value)) if text]
+    for number, source in enumerate(cells(page), start=1):
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            value = _execute(source, f"{page.name}, cell {number}", namespace)
+        shown.texts += [text for text in (printed.getvalue(), _text(value)) if text]
     shown.seconds = time.process_time() - begin
     return shown
 

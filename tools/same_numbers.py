@@ -106,7 +106,7 @@ def computed(pages: list[str]) -> dict[str, Any]:
 
     if pages:
         for name in pages:  # the posteriors of a page are sampled here already
-            shown[name]["words"] |= of_posteriors(posteriors_on(BOOK / name))
+            shown[name]["words"] = of_posteriors(posteriors_on(BOOK / name))
         return {"arithmetic": arithmetic(), "pages": shown, "ledger": {}}
     ledger = json.loads(whole_ledger().model_dump_json())
     return {"arithmetic": arithmetic(), "pages": {"sentences": unsampled()}, "ledger": ledger}

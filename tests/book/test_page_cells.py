@@ -10,7 +10,6 @@ from page_cells import BOOK, Shown, cells, notebooks, posteriors_on, run
 from reproduce.views.facts import of_posteriors
 
 PAGES = notebooks()
-GLUED = re.compile(r"\{glue:\w+\}`([^`]+)`")
 SAMPLED = re.compile(r"\{fact\}`(posterior/[^`]+)`")
 # Double precision holds sixteen digits: nothing on a page is worth saying to better than this.
 NOISE = re.compile(r"\d[eE][-−]1[3-9]|10<sup>[-−]1[3-9]</sup>")
@@ -29,15 +28,12 @@ def page(folder: Path, *sources: str) -> Path:
 @pytest.mark.parametrize("path", PAGES, ids=lambda p: p.relative_to(BOOK).as_posix())
 def test_page_can_be_built(path: Path) -> None:
     shown = run(path)
-    assert shown.texts or shown.words
+    assert shown.texts
     sentences = of_posteriors(posteriors_on(path))
     assert set(SAMPLED.findall(path.read_text(encoding="utf-8"))) <= set(sentences)
     assert all(sentences.values())
-    wanted = set(GLUED.findall(path.read_text(encoding="utf-8")))
-    assert wanted <= set(shown.words), "a sentence waits for a number that no cell hands it"
     said = [
         *sentences.values(),
-        *shown.words.values(),
         *(DRAWN.sub("", text) for text in shown.texts),
     ]
     assert [text for text in said if NOISE.search(text)] == [], "rounding noise is no result"
@@ -51,7 +47,7 @@ def test_every_page_with_code_is_run() -> None:
 def test_what_a_page_shows_is_what_a_notebook_would(tmp_path: Path) -> None:
     path = page(
         tmp_path,
-        ":tags: [remove-input]\nfrom myst_nb import glue\nglue('x', 1.5, display=False)",
+        ":tags: [remove-cell]\nx = 1.5",
         "class Bold:\n    def _repr_html_(self):\n        return '<b>2</b>'\n",
         "print('one')\nBold()",
         "a = 3\na",
@@ -61,7 +57,6 @@ def test_what_a_page_shows_is_what_a_notebook_would(tmp_path: Path) -> None:
     )
     assert len(cells(path)) == 7
     shown = run(path)
-    assert shown.words == {"x": "1.5"}
     assert shown.texts == ["one\n", "<b>2</b>", "3", "text"]
 
 
@@ -75,7 +70,6 @@ def test_pages_do_not_see_each_other(tmp_path: Path) -> None:
     ("sources", "error"),
     [
         (("1 / 0",), ZeroDivisionError),
-        (("from myst_nb import glue\nglue('x', 1)", "glue('x', 2)"), ValueError),
     ],
 )
 def test_a_broken_page_is_an_error(
@@ -87,4 +81,4 @@ def test_a_broken_page_is_an_error(
 
 def test_a_page_that_is_no_notebook_has_no_cells() -> None:
     assert cells(BOOK / "notation.md") == []
-    assert page_cells.Shown() == Shown({}, [], 0.0)
+    assert page_cells.Shown() == Shown([], 0.0)

@@ -58,9 +58,11 @@ def unsampled(*papers: str) -> dict[str, str]:
             quoted = study.facts().items()
             found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
     if not papers:
-        from reproduce.views import audit_pages
+        from reproduce.views.audit_pages import audit_facts
+        from reproduce.views.evidence import evidence_facts
 
-        found |= {f"audit#{label}": text for label, text in audit_pages.audit_facts().items()}
+        found |= {f"audit#{label}": text for label, text in audit_facts().items()}
+        found |= {f"evidence#{label}": text for label, text in evidence_facts().items()}
     return {name: numbers.powers(text) for name, text in found.items()}
 
 
