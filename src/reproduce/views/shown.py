@@ -31,5 +31,5 @@ class Shown(ABC):
     def __repr__(self) -> str:
         """Return the parts as text."""
         text = io.StringIO()
-        self.print(Console(file=text, width=WIDTH, no_color=True))
+        self.print(Console(file=text, width=WIDTH, no_color=True, force_jupyter=False))
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
