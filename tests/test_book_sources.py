@@ -7,9 +7,8 @@ import pytest
 import yaml
 
 from reproduce.judge.studies import studies
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.printed.cells import library
-from reproduce.views.drawings import DRAWINGS
 from reproduce.views.figures import drawable
 
 BOOK = Path(__file__).parent.parent / "book"
@@ -77,7 +76,8 @@ def calls(function):
 
 
 def test_every_item_and_every_study_is_shown_exactly_once():
-    shown = calls("table") + [key for key in calls("figure") if key not in library()]
+    own = [*library(), *drawings()]
+    shown = calls("table") + [key for key in calls("figure") if key not in own]
     assert sorted(shown) == sorted([*catalogue(), *studies()])
 
 
@@ -90,7 +90,7 @@ def test_no_page_hides_more_than_its_set_up():
 
 
 def test_every_drawing_is_shown_exactly_once():
-    assert sorted(calls("figure")) == sorted(drawable())
+    assert sorted(calls("figure")) == sorted([*drawable(), *drawings()])
 
 
 NUMBER_WORDS = (
@@ -105,7 +105,7 @@ SPELLED = re.compile(
 
 def alternatives():
     """Return every alternative text of the book's pages: page, text with its blanks."""
-    call = re.compile(r"(?:pages\.figure|drawing)\(\s*\"[^\"]+\",(.*?)\n?\)\n", re.DOTALL)
+    call = re.compile(r"pages\.figure\(\s*\"[^\"]+\",(.*?)\n?\)\n", re.DOTALL)
     for path in PAGES:
         for text in call.findall(path.read_text(encoding="utf-8")):
             yield path.name, "".join(re.findall(r"\"(.*?)\"", text))
@@ -134,12 +134,6 @@ def test_no_number_is_typed_into_an_alternative_text():
     for page, text in ((page, BLANK.sub("", text)) for page, text in texts):
         assert not re.search(r"\d", re.sub(r"Table \d", "", text)), f"{page}: {text}"
         assert not SPELLED.search(text), f"{page}: {SPELLED.search(text)}"
-
-
-def test_every_drawing_of_our_own_is_shown_exactly_once():
-    pattern = re.compile(r"(?<![\w.])drawing\(\s*\"([^\"]+)\"")
-    shown = [name for path in PAGES for name in pattern.findall(path.read_text(encoding="utf-8"))]
-    assert sorted(shown) == sorted(DRAWINGS)
 
 
 def test_alternative_texts_say_what_is_drawn():

@@ -13,13 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.path import Path
 
+from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
 from reproduce.views import figures, pages
-from reproduce.views.drawings import DRAWINGS, FACTS, paint
 from reproduce.views.inline_svg import SMALLEST, inline
 from reproduce.views.numbers import powers
 
-NAMES = [*figures.drawable(), *DRAWINGS]
+NAMES = [*figures.drawable(), *drawings()]
 # The theme's backgrounds, and what it writes with; black in a figure becomes the latter.
 PAGES = {"light": ("#ffffff", "#222832"), "dark": ("#14181e", "#ced6dd")}
 # WCAG 2.1, success criteria 1.4.11 (graphics) and 1.4.3 (text).
@@ -30,7 +30,7 @@ PHONE = 390.0  # CSS pixels
 @functools.cache
 def drawn(name):
     """Return a figure, laid out."""
-    figure = paint(name) if name in DRAWINGS else figures.draw(name)
+    figure = figures.draw(name)
     FigureCanvasAgg(figure).draw()
     return figure
 
@@ -246,14 +246,14 @@ def test_an_alternative_text_is_filled_with_numbers_of_the_ledger():
 
 
 def test_the_facts_of_a_drawing_are_those_it_draws():
-    facts = FACTS["niu2024-convergence"]()
+    facts = drawings()["niu2024-convergence"].named()
     axes = drawn("niu2024-convergence").axes[0]
     own = next(line for line in axes.lines if "section" in line.get_label()).get_ydata()
     first = facts["own-stage"].value
     assert facts["own-start"].value == own[0]
     assert facts["own-next"].value == own[first + 1]
     assert f"{facts['restarts'].value} random starts" in [line.get_label() for line in axes.lines]
-    errors = FACTS["niu2024-fusion-errors"]()
+    errors = drawings()["niu2024-fusion-errors"].named()
     middle = drawn("niu2024-fusion-errors").axes[1]
     lines = {line.get_label(): line.get_ydata() for line in middle.lines}
     assert errors["green-faint"].value == lines["green alone, corner"][-1]

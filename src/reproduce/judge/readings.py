@@ -23,7 +23,6 @@ from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
 
 __all__ = [
-    "ADDRESSES",
     "GROUPS",
     "LEAST",
     "LEAST_CORRECTED",
@@ -36,21 +35,14 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-ADDRESSES = tuple(
-    f"niu2024/text-simulation#{cell}-{channel}"
-    if cell.startswith("rmse")
-    else f"niu2024/table-3#{cell}.{channel}"
-    for channel in simulation.REGISTERED
-    for cell in readings.CELLS
-)
-RESIDUAL = np.array(["rmse" in address for address in ADDRESSES])
-SCALE = np.array(["#scale" in address for address in ADDRESSES])
+RESIDUAL = np.array(["rmse" in address for address in readings.ADDRESSES])
+SCALE = np.array(["#scale" in address for address in readings.ADDRESSES])
 # Groups of cells that get a joint probability, and which cells are in each.
 GROUPS = {
     "Table 3": ~RESIDUAL,
     "residuals": RESIDUAL,
     "all but the scales": ~SCALE,
-    "all": np.ones(len(ADDRESSES), dtype=bool),
+    "all": np.ones(len(readings.ADDRESSES), dtype=bool),
 }
 # Smaller probabilities are not told apart: the law is an extrapolation so far out.
 LEAST = 1e-12
@@ -85,7 +77,7 @@ def compare(draws: Array) -> tuple[Array, ...]:
 
 
 def _cells() -> list[Cell]:
-    return [find(address)[0] for address in ADDRESSES]
+    return [find(address)[0] for address in readings.ADDRESSES]
 
 
 def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from reproduce.papers import catalogue
+from reproduce.papers.study import Study
 
 __all__ = ["studies"]
 
@@ -13,7 +14,7 @@ JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reprod
 
 
 @cache
-def studies() -> catalogue.Studies:
+def studies() -> catalogue.Declared[Study]:
     """Return every table of our own by its key; its module is imported when it is used.
 
     Examples
@@ -21,4 +22,4 @@ def studies() -> catalogue.Studies:
     >>> "niu2024/readings" in studies()
     True
     """
-    return catalogue.Studies({**catalogue.studies().modules, **JUDGED})
+    return catalogue.Declared(Study, {**catalogue.studies().modules, **JUDGED})

@@ -6,12 +6,15 @@ import importlib
 from collections.abc import Iterator, Mapping
 from functools import cache
 from types import ModuleType
+from typing import TypeVar
 
 from reproduce.locate import papers
 from reproduce.papers.declare import Computation, Drawing, Item
 from reproduce.papers.study import Study
 
-__all__ = ["Studies", "catalogue", "studies"]
+__all__ = ["Declared", "catalogue", "drawings", "studies"]
+
+Own = TypeVar("Own", bound=Study | Drawing)
 
 
 class Catalogue(Mapping[str, Item]):
@@ -54,23 +57,25 @@ def catalogue() -> Catalogue:
     )
 
 
-class Studies(Mapping[str, Study]):
-    """Every table of our own by its key; its module is imported when it is used."""
+class Declared(Mapping[str, Own]):
+    """Tables or drawings of our own by their key; a module is imported when it is used."""
 
-    def __init__(self, modules: Mapping[str, str]) -> None:
-        self.modules = modules
+    def __init__(self, kind: type[Own], modules: Mapping[str, str]) -> None:
+        self.kind, self.modules = kind, modules
 
-    def __getitem__(self, key: str) -> Study:
-        """Return a study: what its module declares under this key."""
+    def __getitem__(self, key: str) -> Own:
+        """Return what a module declares under this key."""
+        if key not in self.modules:
+            raise KeyError(f"unknown key {key!r}; expected one of {', '.join(self.modules)}")
         module = importlib.import_module(self.modules[key])
-        declared = [one for one in vars(module).values() if isinstance(one, Study)]
+        declared = [one for one in vars(module).values() if isinstance(one, self.kind)]
         found = next((one for one in declared if one.key == key), None)
         if found is None:
-            raise ValueError(f"{key}: expected a study with this key in {module.__name__}")
+            raise ValueError(f"{key}: expected its declaration in {module.__name__}")
         return found
 
     def __contains__(self, key: object) -> bool:
-        """Tell whether there is such a study, without importing it."""
+        """Tell whether there is such a one, without importing it."""
         return key in self.modules
 
     def __iter__(self) -> Iterator[str]:
@@ -83,7 +88,7 @@ class Studies(Mapping[str, Study]):
 
 
 @cache
-def studies() -> Studies:
+def studies() -> Declared[Study]:
     """Return the tables of our own that stand beside the papers, by key.
 
     Examples
@@ -91,13 +96,27 @@ def studies() -> Studies:
     >>> "chen2023/heat" in studies()
     True
     """
-    return Studies(
-        {
-            key: f"{__package__}.{paper}.{name}"
-            for paper in papers()
-            for key, name in _module(paper).STUDIES.items()
-        }
-    )
+    return Declared(Study, _modules("STUDIES"))
+
+
+@cache
+def drawings() -> Declared[Drawing]:
+    """Return the drawings of our own that stand beside the papers, by key.
+
+    Examples
+    --------
+    >>> "niu2024-convergence" in drawings()
+    True
+    """
+    return Declared(Drawing, _modules("DRAWINGS"))
+
+
+def _modules(kind: str) -> dict[str, str]:
+    return {
+        key: f"{__package__}.{paper}.{name}"
+        for paper in papers()
+        for key, name in getattr(_module(paper), kind, {}).items()
+    }
 
 
 def _module(*path: str) -> ModuleType:

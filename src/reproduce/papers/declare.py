@@ -7,6 +7,8 @@ import inspect
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import wraps
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +18,8 @@ from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from reproduce.papers.study import Fact
 
 __all__ = [
     "ROOT_SEED",
@@ -31,11 +35,13 @@ __all__ = [
     "draws",
     "reproduces",
     "seed_of",
+    "sketches",
     "split_seed",
 ]
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
+_NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -317,12 +323,15 @@ class Drawing:
     marks : tuple of str
         Addresses of cells of other items that the drawing marks, such as a figure's optimum that
         is quoted in the text; an item's own cells need no mention.
+    named : callable, optional
+        Returns the facts that the drawing's alternative text quotes, by name.
     """
 
     key: str
     function: Callable[..., None]
     given: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
+    named: Callable[[], Mapping[str, Fact]] | None = None
 
     @property
     def title(self) -> str:
@@ -330,7 +339,7 @@ class Drawing:
         return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
 
     def __call__(
-        self, figure: Figure, printed: Mapping[str, float], door: Given | None = None
+        self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
         doors = [given(self.given) if door is None else door] if self.given else []
@@ -344,6 +353,25 @@ def draws(
 
     def declare(function: Callable[..., None]) -> Drawing:
         return Drawing(key, function, tuple(given), tuple(marks))
+
+    return declare
+
+
+def sketches(
+    key: str, *, marks: Sequence[str] = (), named: Callable[[], Mapping[str, Fact]] | None = None
+) -> Callable[[Callable[..., None]], Drawing]:
+    """Declare that a function draws a picture of our own, which is no item of the paper.
+
+    The function takes the figure, and ``printed`` if anything is marked; the arguments are those of
+    `Drawing`.
+    """
+
+    def declare(function: Callable[..., None]) -> Drawing:
+        @wraps(function)
+        def draw(figure: Figure, printed: Mapping[str, float]) -> None:
+            function(figure, *([printed] if marks else []))
+
+        return Drawing(key, draw, (), tuple(marks), named)
 
     return declare
 

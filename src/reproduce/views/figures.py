@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.declare import Drawing
 from reproduce.printed.cells import find, library
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-__all__ = ["STYLE", "check_ending", "data", "draw", "drawable", "save"]
+__all__ = ["STYLE", "check_ending", "data", "declared", "draw", "drawable", "save"]
 
 STYLE = Path(__file__).parent / "figures.mplstyle"
 ENDINGS = (".svg", ".pdf", ".png")
@@ -28,11 +29,20 @@ def drawable() -> list[str]:
     return [key for key, item in catalogue().items() if item.draw is not None]
 
 
+def declared(key: str) -> Drawing:
+    """Return what draws a key: an item, or a drawing of our own."""
+    if key in drawings():
+        return drawings()[key]
+    found = catalogue()[key].draw if key in catalogue() else None
+    if found is None:
+        known = ", ".join((*drawable(), *drawings()))
+        raise ValueError(f"{key} has no figure; these have one: {known}")
+    return found
+
+
 def draw(key: str, door: Given | None = None) -> Figure:
-    """Draw an item."""
-    drawing = catalogue()[key].draw
-    if drawing is None:
-        raise ValueError(f"{key} has no figure; these have one: {', '.join(drawable())}")
+    """Draw an item, or one of our own drawings."""
+    drawing = declared(key)
     from matplotlib import style
     from matplotlib.figure import Figure
 

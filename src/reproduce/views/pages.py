@@ -13,7 +13,7 @@ from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import papers
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.niu2024 import simulation_angles
 from reproduce.printed.cells import PAPERS, Cell, PrintedTable, anchor, library
 from reproduce.printed.given import given
@@ -21,7 +21,7 @@ from reproduce.version import __version__
 from reproduce.views import cite, keys, numbers, record_text
 from reproduce.views.build import item_ledger, whole_ledger
 from reproduce.views.downloads import shipped as downloads_shipped
-from reproduce.views.figures import draw
+from reproduce.views.figures import declared, draw
 from reproduce.views.grid import Box, Entry, Grid, folded
 from reproduce.views.inline_svg import inline
 from reproduce.views.record_text import filled
@@ -197,7 +197,11 @@ def _joint_sentence(joint: TableRecord | None) -> str:
 
 def figure(key: str, alternative: str) -> Html:
     """Show a figure that follows the page's light or dark theme."""
-    return Html(inline(draw(key), f"figure-{anchor(key)}", numbers.powers(filled(alternative))))
+    named = declared(key).named
+    facts = {name: numbers.fact(quoted) for name, quoted in named().items()} if named else {}
+    kind = "drawing" if key in drawings() else "figure"
+    text = numbers.powers(filled(alternative, facts))
+    return Html(inline(draw(key), f"{kind}-{anchor(key)}", text))
 
 
 def study(name: str) -> StudyTable:

@@ -83,7 +83,7 @@ def test_a_verdict_of_the_simulation_holds_under_every_reading_or_the_cell_is_bl
     """All readings stored, with every way of counting axes: 864 for each cell."""
     agree = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000) >= 0.01
     records = build(["niu2024/table-3", "niu2024/text-simulation"])
-    for number, address in enumerate(judged.ADDRESSES):
+    for number, address in enumerate(readings.ADDRESSES):
         found = set(agree[..., number].ravel().tolist())
         verdict = {(True,): "consistent", (False,): "differs"}.get(tuple(found), "blocked")
         assert records.cell(address).verdict == verdict, address
@@ -274,7 +274,8 @@ def test_all_starts_end_at_one_point():
 
 def test_the_drawing_of_the_distributions_shows_the_stored_quantiles_and_the_print():
     figure = Figure()
-    drawings.draw_distributions(figure, judged.printed_values())
+    printed = dict(zip(readings.ADDRESSES, judged.printed_values(), strict=True))
+    drawings.draw_distributions(figure, printed)
     levels = readings.stored().arrays["quantiles"]
     chosen = list(drawings.chosen().values())
     assert len(set(chosen)) == len(chosen) == 10

@@ -60,3 +60,10 @@ STUDIES = {
     "chen2023/errors": "resolution",
     "chen2023/estimators": "resolution",
 }
+
+# The modules of our own drawings.
+DRAWINGS = {
+    "chen2023-instruments": "figures.attitude",
+    "chen2023-misalignment": "figures.attitude",
+    "chen2023-stage": "figures.attitude",
+}

@@ -28,3 +28,17 @@ STUDIES = {
     "niu2024/fusion": "images_fusion",
     "niu2024/star-colours": "images_fusion",
 }
+
+# The modules of our own drawings.
+DRAWINGS = {
+    "niu2024-registration": "figures.registration",
+    "niu2024-approximations-table-1": "figures.approximations",
+    "niu2024-approximations-table-4": "figures.approximations",
+    "niu2024-rotary-table": "figures.calibration",
+    "niu2024-convergence": "figures.readings",
+    "niu2024-distributions": "figures.readings",
+    "niu2024-fusion-star": "figures.images",
+    "niu2024-fusion-errors": "figures.images",
+    "niu2024-fusion-stars": "figures.images",
+    "niu2024-colours": "figures.images",
+}

@@ -45,6 +45,7 @@ from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
 __all__ = [
+    "ADDRESSES",
     "ARRANGEMENT",
     "CELLS",
     "CHOICES",
@@ -87,6 +88,14 @@ PARAMETERS = ("scale", "rotation", "translation-x", "translation-y")
 # What one replicate of one channel yields, in this order, and what is printed of it.
 MEASURED = (*PARAMETERS, "rmse-before-x", "rmse-before-y", "rmse-after-x", "rmse-after-y")
 CELLS = (*PARAMETERS, "rmse-before", "rmse-after")
+# The printed cells of both channels, in the order of the numbers of a replicate.
+ADDRESSES = tuple(
+    f"{simulation.SETTINGS}#{cell}-{channel}"
+    if cell.startswith("rmse")
+    else f"niu2024/table-3#{cell}.{channel}"
+    for channel in simulation.REGISTERED
+    for cell in CELLS
+)
 # All that the ways of counting need, but for the root of two between both axes and their average.
 SUMMARISED = (*MEASURED, "rmse-before", "rmse-after")
 READS = (

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023.figures.sketch import LASER, SCENE, lens
+from reproduce.papers.declare import sketches
 from reproduce.papers.sketch import INK, Look, arc, arrow, beside, canvas, key, label, line, path
 from reproduce.papers.space import View, seen_from, sense, triad
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
@@ -77,6 +78,7 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
     return f"{'+' if across[axis] > 0 else '−'}{NAMES[axis]}"
 
 
+@sketches("chen2023-instruments")
 def draw_instruments(figure: Figure) -> None:
     """Frames of camera and tracker, with the vectors of equations (1), (2) and (3)."""
     axes = canvas(figure, 15.6, 8.8, 6.8)
@@ -143,6 +145,7 @@ def _mark(axes: Axes, view: View, look: Look, text: str) -> None:
     label(axes, beside(at, -0.1, -1.1), text)
 
 
+@sketches("chen2023-misalignment")
 def draw_misalignment(figure: Figure) -> None:
     """Positive misalignment angles: the camera's axes before and after a turn about each."""
     axes = canvas(figure, 13.6, 6.2, 6.8)
@@ -162,6 +165,7 @@ def draw_misalignment(figure: Figure) -> None:
     label(axes, (6.8, 0.2), "dashed: zero point; thick: now")
 
 
+@sketches("chen2023-stage")
 def draw_stage(figure: Figure) -> None:
     """Lasers that move, and the camera whose turn they stand for, by (10) with signs."""
     axes = canvas(figure, 14.0, 8.2)

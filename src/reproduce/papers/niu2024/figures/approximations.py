@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from reproduce.papers.declare import sketches
 from reproduce.papers.niu2024 import approximations
 from reproduce.papers.niu2024.simulation import REGISTERED
 from reproduce.papers.study import Fact
@@ -17,19 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_table_1", "draw_table_4", "facts"]
+__all__ = ["draw_table_1", "draw_table_4"]
 
 ACROSS = 60
-
-
-def draw_table_1(figure: Figure) -> None:
-    """Error of each approximation over the red and the blue field, for Table 1."""
-    _maps(figure, "Table 1")
-
-
-def draw_table_4(figure: Figure) -> None:
-    """Error of each approximation over the red and the blue field, for Table 4."""
-    _maps(figure, "Table 4")
 
 
 def facts(table: str) -> dict[str, Fact]:
@@ -41,6 +33,18 @@ def facts(table: str) -> dict[str, Fact]:
         for effect in EFFECTS
         for channel in REGISTERED
     }
+
+
+@sketches("niu2024-approximations-table-1", named=partial(facts, "Table 1"))
+def draw_table_1(figure: Figure) -> None:
+    """Error of each approximation over the red and the blue field, for Table 1."""
+    _maps(figure, "Table 1")
+
+
+@sketches("niu2024-approximations-table-4", named=partial(facts, "Table 4"))
+def draw_table_4(figure: Figure) -> None:
+    """Error of each approximation over the red and the blue field, for Table 4."""
+    _maps(figure, "Table 4")
 
 
 def _length(table: str, channel: str, effect: str) -> FloatArray:

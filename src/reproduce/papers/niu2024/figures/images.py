@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.papers.declare import sketches
 from reproduce.papers.niu2024 import experiment, images, images_fusion
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
 from reproduce.papers.study import Fact
@@ -17,16 +18,7 @@ from reproduce.printed.given import given
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "colour_facts",
-    "draw_colours",
-    "draw_errors",
-    "draw_star",
-    "draw_stars",
-    "error_facts",
-    "star_facts",
-    "star_kind_facts",
-]
+__all__ = []
 
 MAGNITUDE, SEED = 3.0, 9
 MIDDLE = 4.0  # the magnitude at which kinds of stars are compared
@@ -41,6 +33,14 @@ def _spots() -> FloatArray:
     return channel_centroids(used, turns, angles[None])[:, 0]
 
 
+def star_facts() -> dict[str, Fact]:
+    """Return what the drawing of one star shows, in numbers."""
+    spots = _spots()
+    apart = max(np.hypot(*(one - other)) for one in spots for other in spots)
+    return {"apart": Fact(float(apart), ".1f", "px")}
+
+
+@sketches("niu2024-fusion-star", named=star_facts)
 def draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
     door, spots = given(images.READS), _spots()
@@ -90,13 +90,6 @@ def draw_star(figure: Figure) -> None:
     grid[1, 2].set_axis_off()
 
 
-def star_facts() -> dict[str, Fact]:
-    """Return what the drawing of one star shows, in numbers."""
-    spots = _spots()
-    apart = max(np.hypot(*(one - other)) for one in spots for other in spots)
-    return {"apart": Fact(float(apart), ".1f", "px")}
-
-
 def error_facts() -> dict[str, Fact]:
     """Return what the drawing of the errors shows, in numbers: the middle star, in the corner."""
     row = list(images_fusion.STARS).index(
@@ -115,6 +108,7 @@ def error_facts() -> dict[str, Fact]:
     return {name: Fact(value, ".2g", "px") for name, value in values.items()}
 
 
+@sketches("niu2024-fusion-errors", named=error_facts)
 def draw_errors(figure: Figure) -> None:
     """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
     figure.set_size_inches(6.4, 5.6)
@@ -146,6 +140,25 @@ def _over_magnitude(column: Any, star: str, arrays: dict[str, NDArray[Any]]) -> 
         axes.set_yscale("log")
 
 
+def star_kind_facts() -> dict[str, Fact]:
+    """Return what the drawing of the kinds of stars shows, in numbers.
+
+    Least and largest centroid errors of each kind of image, least and largest gain.
+    """
+    at = images_fusion.MAGNITUDES.index(MIDDLE)
+    arrays, facts = images_fusion.stored().arrays, {}
+    error, signal = (
+        arrays["error"][:, -1, at, :, images_fusion.LIKELY],
+        arrays["signal_to_noise"][:, -1, at],
+    )
+    for kind, name in enumerate(("green", "raw", "fused")):
+        facts[f"{name}-least"] = Fact(error[:, kind].min(), ".2g", "px")
+        facts[f"{name}-most"] = Fact(error[:, kind].max(), ".2g", "px")
+    gain = signal[:, 2] / signal[:, 0]
+    return facts | {"gain-least": Fact(gain.min(), ".2f"), "gain-most": Fact(gain.max(), ".2f")}
+
+
+@sketches("niu2024-fusion-stars", named=star_kind_facts)
 def draw_stars(figure: Figure) -> None:
     """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner."""
     figure.set_size_inches(6.4, 3.8)
@@ -172,24 +185,6 @@ def draw_stars(figure: Figure) -> None:
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
 
 
-def star_kind_facts() -> dict[str, Fact]:
-    """Return what the drawing of the kinds of stars shows, in numbers.
-
-    Least and largest centroid errors of each kind of image, least and largest gain.
-    """
-    at = images_fusion.MAGNITUDES.index(MIDDLE)
-    arrays, facts = images_fusion.stored().arrays, {}
-    error, signal = (
-        arrays["error"][:, -1, at, :, images_fusion.LIKELY],
-        arrays["signal_to_noise"][:, -1, at],
-    )
-    for kind, name in enumerate(("green", "raw", "fused")):
-        facts[f"{name}-least"] = Fact(error[:, kind].min(), ".2g", "px")
-        facts[f"{name}-most"] = Fact(error[:, kind].max(), ".2g", "px")
-    gain = signal[:, 2] / signal[:, 0]
-    return facts | {"gain-least": Fact(gain.min(), ".2f"), "gain-most": Fact(gain.max(), ".2f")}
-
-
 def _lights() -> list[NDArray[np.float64]]:
     door = given(images.READS)
     return [images_fusion.light_of(door, star, MIDDLE) for star in images_fusion.STARS]
@@ -214,6 +209,7 @@ def colour_facts() -> dict[str, Fact]:
     }
 
 
+@sketches("niu2024-colours", named=colour_facts)
 def draw_colours(figure: Figure) -> None:
     """Colours of the stars of a frame with their errors, and those of known spectra."""
     door = given(images.READS)

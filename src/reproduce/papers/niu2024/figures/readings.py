@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from reproduce.papers.declare import sketches
 from reproduce.papers.niu2024 import readings, simulation, simulation_angles
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
 from reproduce.papers.study import Fact
@@ -26,14 +27,7 @@ from reproduce.printed.given import given
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "chosen",
-    "convergence",
-    "convergence_facts",
-    "distance_to_end",
-    "draw_convergence",
-    "draw_distributions",
-]
+__all__ = ["chosen", "convergence", "distance_to_end", "draw_distributions"]
 
 TITLES = ("k (1)", "θ (mrad)", "Δx (px)", "Δy (px)", "RMSE before (px)", "RMSE after (px)")
 FACTORS = (1.0, 1e3, 1.0, 1.0, 1.0, 1.0)
@@ -61,7 +55,8 @@ def chosen() -> dict[str, tuple[int, str]]:
     return found | {"Table 2, angles, y": (every.index(nearest), readings.COUNTED[-1])}
 
 
-def draw_distributions(figure: Figure, printed: Sequence[float]) -> None:
+@sketches("niu2024-distributions", marks=readings.ADDRESSES)
+def draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
     """Median and central 99 % of every printed number, by reading, with the print."""
     rows, factors = chosen(), np.array(FACTORS)
     quantiles = readings.stored().arrays["quantiles"]
@@ -75,7 +70,7 @@ def draw_distributions(figure: Figure, printed: Sequence[float]) -> None:
                 axes.plot([low, high], [height, height], color=LOOKS[channel].colour)
                 marker = LOOKS[channel].marker
                 axes.plot(middle, height, marker, color="#000000", markersize=3.5)
-            value = printed[place * len(TITLES) + cell] * factors[cell]
+            value = printed[readings.ADDRESSES[place * len(TITLES) + cell]] * factors[cell]
             axes.axvline(value, color="#000000", linestyle="--", linewidth=1)
             axes.set_xlabel(f"{channel}: {TITLES[cell]}")
             axes.ticklabel_format(axis="x", useOffset=False)
@@ -127,6 +122,7 @@ def convergence_facts() -> dict[str, Fact]:
     }
 
 
+@sketches("niu2024-convergence", named=convergence_facts)
 def draw_convergence(figure: Figure) -> None:
     """How far each step of the calibration is from its end."""
     own, restarted = convergence()
