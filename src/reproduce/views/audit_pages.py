@@ -135,7 +135,7 @@ def _cell_link(number: str) -> Markup:
 def _pages() -> dict[str, str]:
     """Return the page that shows each table, as seen from the audit's; none without the book."""
     paths = sorted((data_folder().parent / "book").glob("*/*.md"))
-    calls = re.compile(r'^pages\.table\("([^"]+)"\)', re.MULTILINE)
+    calls = re.compile(r'^rp\.table\("([^"]+)"\)', re.MULTILINE)
     return {
         key: f"../{path.parent.name}/{path.stem}.html"
         for path in paths
