@@ -118,7 +118,7 @@ def test_a_relation_that_restates_a_cell_links_to_it():
         assert sorted(a for _, a in links) == sorted(anchor(a) for a in addresses if a)
         for page, target in set(links):
             source = (Path(__file__).parents[2] / "book" / f"{page}.md").read_text()
-            keys = re.findall(r'pages\.table\("([^"]+)"\)', source)
+            keys = re.findall(r'rp\.table\("([^"]+)"\)', source)
             assert any(f'id="{target}"' in pages.table(key).text for key in keys), target
 
 
