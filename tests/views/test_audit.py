@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import reproduce as rp
 from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
@@ -119,7 +120,7 @@ def test_a_relation_that_restates_a_cell_links_to_it():
         for page, target in set(links):
             source = (Path(__file__).parents[2] / "book" / f"{page}.md").read_text()
             keys = re.findall(r'rp\.table\("([^"]+)"\)', source)
-            assert any(f'id="{target}"' in pages.table(key).text for key in keys), target
+            assert any(f'id="{target}"' in rp.table(key)._repr_html_() for key in keys), target
 
 
 def test_a_generated_name_leads_to_its_declaration():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 
+from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 
@@ -29,7 +30,7 @@ def check_key(key: str) -> str:
     known = list(catalogue())
     if key in known:
         return key
-    near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(key, [*known, *studies()], n=3, cutoff=0.5)
     hint = f"; did you mean {', '.join(near)}?" if near else ""
     raise UnknownKeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
 
