@@ -44,6 +44,7 @@ def main() -> None:
         run(python.with_name("reproduce"), "check", folder=folder)
         notebook = read_myst_markdown_notebook(PAGE.read_text(encoding="utf-8"))
         notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
+        # Neither function of nbformat has types.
         nbformat.write(notebook, folder / "page.ipynb")  # type: ignore[no-untyped-call]
         run(python, "-m", "jupyter", "nbconvert", "--to", "notebook", "--execute", "--log-level",
             "WARN", "page.ipynb", "--output", "executed.ipynb", folder=folder)  # fmt: skip

@@ -252,3 +252,12 @@ def test_one_cell_is_exported(form):
     assert result.exit_code == 0
     assert result.output.count("0.9976") >= 1
     assert "scale.blue" not in result.output
+
+
+@pytest.mark.parametrize("option", [("--seed", "3"), ("--replicates", "9"), ("--option", "a=b")])
+@pytest.mark.parametrize("key", ["chen2023/heat", "niu2024/fig-4"])
+def test_what_a_study_or_a_figure_cannot_change_is_said_in_a_line(key, option):
+    result = run("show", key, *option)
+    assert result.exit_code == 2
+    assert "expected cells that it reads" in " ".join(result.output.split())
+    assert result.exception is None or isinstance(result.exception, SystemExit)

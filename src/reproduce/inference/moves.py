@@ -24,6 +24,7 @@ DEGREES = 5.0
 WIDER = 1.2
 
 
+# emcee has no types: what stands on its classes is of an unknown kind to mypy.
 class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
     """A red-blue move whose acceptance is decided for a whole half at once.
 

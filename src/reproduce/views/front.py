@@ -33,7 +33,10 @@ if TYPE_CHECKING:
     from reproduce.views.sampled import Posterior
     from reproduce.views.study import StudyTable
 
-__all__ = ["check", "cite", "contents", "contradictions", "figure", "item"]
+__all__ = [
+    *("check", "cite", "contents", "contradictions", "figure", "item"),
+    *("misalignment", "posterior", "register", "table"),
+]
 
 
 class Contents(Shown):

@@ -75,9 +75,11 @@ class StudyTable(Shown):
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""
-        return self._made[0]
+        return self._made[0].copy()
 
-    def rerun(self, changes: Mapping[str, str | float]) -> StudyTable:
+    def rerun(
+        self, changes: Mapping[str, str | float] | None = None, **settings: object
+    ) -> StudyTable:
         """Return the table computed again with other values for cells that it reads.
 
         Parameters
@@ -93,9 +95,15 @@ class StudyTable(Shown):
         Raises
         ------
         ValueError
-            If the study does not read the cell, or the value does not fit it.
+            If the study does not read the cell, the value does not fit it, or anything but a cell
+            is to be changed.
         """
-        return StudyTable(self.key, {**self._changes, **changes})
+        if settings:
+            raise rerunning.CannotChangeError(
+                f"{self.key} is a table of our own: expected cells that it reads, got "
+                f"{', '.join(settings)}"
+            )
+        return StudyTable(self.key, {**self._changes, **(changes or {})})
 
     def _caption(self) -> str:
         caption = str(self.frame().attrs["caption"])

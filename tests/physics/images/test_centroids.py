@@ -238,3 +238,11 @@ def test_one_windowed_step_nearly_undoes_what_the_edge_of_the_window_cuts_off():
     left = windowed_centre(window, (0, 0), 1.2, steps=1)[0] - 2.0
     assert cut_off > 0.05
     assert 0 < left < 0.2 * cut_off
+
+
+def test_a_centre_that_runs_out_of_its_window_comes_back_to_the_edge_it_left_by():
+    """From between two lights the weight sees the brighter alone: a step leads beyond it."""
+    line = np.array([[1.0, 0.0, 0.0, 0.0, 2.0]])
+    assert 2 < centre_of_gravity(line, (0, 0))[0] < 3
+    stepped = [windowed_centre(one, (0, 0), 1.0, steps=1)[0] for one in (line, line[:, ::-1])]
+    assert stepped == pytest.approx([4.5, -0.5])
