@@ -261,3 +261,17 @@ def test_what_a_study_or_a_figure_cannot_change_is_said_in_a_line(key, option):
     assert result.exit_code == 2
     assert "expected cells that it reads" in " ".join(result.output.split())
     assert result.exception is None or isinstance(result.exception, SystemExit)
+
+
+@pytest.mark.parametrize("form", ["bibtex", "csl", "text"])
+def test_a_table_of_our_own_is_cited_beside_its_paper(form):
+    result = run("cite", "chen2023/heat", "--format", form)
+    assert result.exit_code == 0, result.output
+    assert "Study beside Chen et al. (2023)" in result.stdout
+    assert "imagery positioning" in result.stdout.lower()
+
+
+def test_a_table_of_our_own_is_not_judged():
+    result = run("check", "chen2023/heat")
+    assert result.exit_code == 2
+    assert "no printed number to judge" in " ".join(result.stderr.replace("│", " ").split())

@@ -88,7 +88,8 @@ def check(*arguments):
             TEXT,
             st.sampled_from(
                 "--json --format --out --table --relations --set --seed --data --pivot --steps "
-                "--option --list --resume -- -h niu2024 csv bibtex 3 registration".split()
+                "--option --list --resume -- -h niu2024 csv bibtex 3 registration niu2024/table-2 "
+                "chen2023/dichroic chen2023/dichroic#x niu2024-colours".split()
             ),
         ),
         max_size=4,

@@ -12,7 +12,7 @@ from reproduce.printed.cells import anchor
 from reproduce.version import RELEASED, __version__
 from reproduce.views import keys
 
-__all__ = ["citation", "posterior"]
+__all__ = ["beside", "citation"]
 
 FORMATS = ("bibtex", "csl", "text")
 _DEVELOPERS = "The reproduce-pointing developers"
@@ -25,15 +25,16 @@ def citation(key: str, form: str, address: str = "") -> str:
     return _written(named, _reproduction(key, _paper(paper), address or key), paper, form)
 
 
-def posterior(name: str, paper: str, title: str, form: str) -> str:
-    """Return how to cite a posterior and the paper that it rests on; as for `citation`."""
+def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
+    """Return how to cite a posterior or a table of our own and the paper that it stands beside."""
     source = _paper(paper)
     author = source.persons["author"][0].last_names[-1]
+    link = "of" if kind == "Posterior" else "beside"
     fields = {
-        "title": f"{{Posterior of {author} et al. ({source.fields['year']}): {title}}}",
-        **_ours(f"Posterior {name}"),
+        "title": f"{{{kind} {link} {author} et al. ({source.fields['year']}): {title}}}",
+        **_ours(f"{kind} {name}"),
     }
-    return _written(f"reproduce-posterior-{name}", _entry(fields), paper, form)
+    return _written(f"reproduce-{kind.lower()}-{anchor(name)}", _entry(fields), paper, form)
 
 
 def _paper(key: str) -> Entry:

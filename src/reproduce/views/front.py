@@ -301,9 +301,13 @@ def check(*keys: str, progress: Callable[[str], None] | None = None) -> Check:
 
 
 def cite(address: str, form: str = "bibtex") -> str:
-    """Return how to cite an item or a cell and its paper: bibtex, csl or text."""
+    """Return how to cite an item, a cell or a study and its paper: bibtex, csl or text."""
     from reproduce.views import cite as citing
 
+    if address in studies():
+        from reproduce.views.study import StudyTable
+
+        return StudyTable(address).cite(form)
     key, _, name = address.partition("#")
     return citing.citation(keys.check_key(key), form, address if name else "")
 

@@ -30,6 +30,8 @@ def check_key(key: str) -> str:
     known = list(catalogue())
     if key in known:
         return key
+    if key in studies():
+        raise UnknownKeyError(f"{key} is a table of our own: it holds no printed number to judge")
     near = difflib.get_close_matches(key, [*known, *studies()], n=3, cutoff=0.5)
     hint = f"; did you mean {', '.join(near)}?" if near else ""
     raise UnknownKeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")

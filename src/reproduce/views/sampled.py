@@ -267,7 +267,7 @@ class Posterior(Shown):
         """Return how to cite the paper that it rests on: bibtex, csl or text."""
         from reproduce.views import cite as citing
 
-        return citing.posterior(self.name, self.declared.paper, self.declared.title, form)
+        return citing.beside("Posterior", self.name, self.declared.paper, self.declared.title, form)
 
     def rerun(
         self,

@@ -140,6 +140,12 @@ class StudyTable(Shown):
 
         return exporting.export_frame(self.frame(), form)
 
+    def cite(self, form: str = "bibtex") -> str:
+        """Return how to cite the table and the paper that it stands beside."""
+        from reproduce.views import cite as citing
+
+        return citing.beside("Study", self.key, self.key.partition("/")[0], self.title, form)
+
     def _repr_html_(self) -> str:
         if not self._study.folded:
             return str(self.grids[""].html)
