@@ -93,7 +93,8 @@ $(STAMP): environment.txt pyproject.toml
 # All that environment.txt holds, in the same versions, and what tests and tools need beside.
 $(TESTS): $(STAMP) tools/environment-test.txt
 	@echo "Installing what the tests need beside into .venv, once"
+	@rm -f $(STAMP)  # so that an installation that is cut short is begun again
 	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) \
 		tools/environment-test.txt
 	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
-	@touch $@
+	@touch $(STAMP) $@
