@@ -28,6 +28,7 @@ from reproduce.printed.units import UNITS, si_factor, symbol
 
 __all__ = [
     "CannotChangeError",
+    "ChangedCell",
     "Rerun",
     "changeable",
     "checked_values",

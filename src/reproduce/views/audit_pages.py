@@ -322,8 +322,8 @@ def audit_facts() -> dict[str, str]:
     restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
     ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
     (relations that rest on a supposition of ours, in none of the other counts); the same of both
-    papers without the paper's name; ``errata``, ``errata-extraction`` among them,
-    ``errata-supposed`` apart.
+    papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
+    conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart.
     """
     counts: dict[str, int] = {}
     audits = [audit_paper(paper) for paper in PAPERS]
@@ -344,6 +344,7 @@ def audit_facts() -> dict[str, str]:
         }
     read = [entry for entry in errata_register() if not entry.supposition]
     counts["errata"] = len(read)
+    counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)
     counts["errata-extraction"] = sum(entry.extraction for entry in read)
     counts["errata-supposed"] = len(errata_register()) - len(read)
     return {label: str(count) for label, count in counts.items()}

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
+from reproduce.judge.expected import erratum
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
@@ -57,6 +59,8 @@ def unsampled(*papers: str) -> dict[str, str]:
         if not papers or key.partition("/")[0] in papers:
             quoted = study.facts().items()
             found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
+    causes = Counter(erratum(r.cell) for r in records if r.verdict in {"differs", "blocked"})
+    found |= {f"erratum/{name} cells": str(count) for name, count in causes.items() if name}
     if not papers:
         from reproduce.views.audit_pages import audit_facts
         from reproduce.views.evidence import evidence_facts

@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
 from rich.console import RenderableType
 
 from reproduce.judge.expected import surprises
@@ -51,6 +52,7 @@ class Contents(Shown):
     def __init__(self, paper: str | None = None) -> None:
         self.paper = paper if paper is None else _known(paper)
         self.keys = [key for key in catalogue() if paper in {None, key.partition("/")[0]}]
+        self._papers = PAPERS if paper is None else (paper,)
 
     @cached_property
     def _ledger(self) -> Ledger:
@@ -90,9 +92,13 @@ class Contents(Shown):
         )
 
     def _repr_html_(self) -> str:
-        from reproduce.views import pages
+        from reproduce.views.wall import legend, wall
 
-        return pages.score(self.paper)._repr_html_()
+        records = self._ledger.records
+        parts = [wall(r for r in records if r.key.startswith(f"{one}/")) for one in self._papers]
+        heads = [Markup('<p class="rp-wall-paper">{}</p>').format(one) for one in self._papers]
+        pictures = [text for pair in zip(heads, parts, strict=True) for text in pair]
+        return str(Markup("\n").join([*pictures, legend(records)]))
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the list of items and the score."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,6 +27,8 @@ from reproduce.views.shown import Shown
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from reproduce.views.sweep import Sweep
 
 __all__ = ["Cell", "Figure", "Panels", "Table"]
 
@@ -171,6 +173,32 @@ class Table(Item):
         return Changed(
             rerunning.rerun(self.key, changes, seed=seed, replicates=replicates, chosen=options)
         )
+
+    def sweep(self, address: str, values: Sequence[str], cells: Sequence[str] = ()) -> Sweep:
+        """Compute the table again for several values of one printed input.
+
+        Parameters
+        ----------
+        address : str
+            One of the cells in `reads`.
+        values : sequence of str
+            Values as in the print: ``["0.02 px", "0.05 px", "0.2 px"]``.
+        cells : sequence of str, optional
+            Names of the cells to show; all of them by default.
+
+        Returns
+        -------
+        Sweep
+            One row per value; on a page a slider.
+        """
+        from reproduce.views.sweep import Sweep
+
+        if not values:
+            raise ValueError("expected at least one value to move the cell to, got none")
+        for name in cells:
+            self[name]
+        reruns = tuple(rerunning.rerun(self.key, {address: value}) for value in values)
+        return Sweep(address, tuple(values), reruns, tuple(cells))
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""

@@ -29,6 +29,7 @@ __all__ = [
     "tally",
     "unit",
     "weak",
+    "weak_agreement",
 ]
 
 _BLANK = re.compile(r"\{([^{}]+)\}")
@@ -131,7 +132,12 @@ def weak(records: tuple[Record, ...]) -> dict[str, int]:
 
 def strong(records: tuple[Record, ...]) -> int:
     """Count the records that agree and carry no flag of weak agreement."""
-    return sum(not set(WEAK) & set(r.flags) for r in _agreeing(records))
+    return sum(not weak_agreement(r) for r in _agreeing(records))
+
+
+def weak_agreement(record: Record) -> bool:
+    """Tell whether a record agrees in a way that says little."""
+    return bool(_agreeing((record,)) and set(WEAK) & set(record.flags))
 
 
 def qualified(record: Record) -> str:
@@ -201,7 +207,10 @@ def _of_cell(address: str) -> dict[str, str]:
 
 def _of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
-    said = {verdict: str(count) for verdict, count in tally(found.of(key)).items()}
+    counts = tally(found.of(key))
+    said = {verdict: str(count) for verdict, count in counts.items()}
+    said["agree"] = str(counts["exact"] + counts["consistent"])
+    said["results"] = str(sum(record.role == "result" for record in found.of(key)))
     joint = found.table(key)
     if joint is not None:
         said["joint"] = joint_chance(joint)
@@ -218,6 +227,10 @@ def _of_paper(name: str) -> dict[str, str]:
         "strong": firm,
         "weak": by_verdict["exact"] + by_verdict["consistent"] - firm,
         "cells": len(chosen),
+        "unsettled": by_verdict["differs"] + by_verdict["blocked"],
+        "open": sum(bool(r.readings) for r in chosen if r.verdict == "blocked"),
+        "unpublished": sum(not r.readings for r in chosen if r.verdict == "blocked"),
+        "agree": by_verdict["exact"] + by_verdict["consistent"],
         "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
     }
     return {what: str(count) for what, count in counts.items()}

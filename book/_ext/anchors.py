@@ -1,0 +1,70 @@
+"""Sphinx extension: links to a table, a cell or an erratum find the page that holds it.
+
+What a cell of a notebook shows, such as the wall of all printed numbers, links to ``#anchor``. On a
+page that has no such anchor the link is turned into one to the page that has it.
+"""
+
+import re
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+
+HELD = re.compile(r'\bid="([^"]+)"')
+LINK = re.compile(r'\bhref="#([^"]+)"')
+
+
+def collect(app: Sphinx, doctree: nodes.document) -> None:
+    """Note which anchors the outputs of a page hold."""
+    page = app.env.docname
+    drop(app, app.env, page)
+    for output in doctree.findall(nodes.raw):
+        for name in HELD.findall(output.astext()):
+            known(app.env)[name] = page
+
+
+def known(env: BuildEnvironment) -> dict[str, str]:
+    """Return the page of each anchor."""
+    if not hasattr(env, "output_anchors"):
+        env.output_anchors = {}  # type: ignore[attr-defined]
+    found: dict[str, str] = env.output_anchors  # type: ignore[attr-defined]
+    return found
+
+
+def drop(app: Sphinx, env: BuildEnvironment, page: str) -> None:
+    """Forget the anchors of a page that is read again or gone."""
+    for name in [name for name, holder in known(env).items() if holder == page]:
+        del known(env)[name]
+
+
+def merge(app: Sphinx, env: BuildEnvironment, pages: set[str], other: BuildEnvironment) -> None:
+    """Take over what a parallel reader found."""
+    known(env).update({name: page for name, page in known(other).items() if page in pages})
+
+
+def lead(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """Turn links to anchors of other pages into links to these pages."""
+    body = context.get("body", "")
+    here = set(HELD.findall(body))
+
+    def turned(link: re.Match[str]) -> str:
+        name = link.group(1)
+        holder = known(app.env).get(name)
+        if name in here or holder in {None, page}:
+            return link.group(0)
+        return f'href="{app.builder.get_relative_uri(page, holder)}#{name}"'
+
+    if body:
+        context["body"] = LINK.sub(turned, body)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect the handlers."""
+    app.connect("doctree-read", collect)
+    app.connect("env-purge-doc", drop)
+    app.connect("env-merge-info", merge)
+    app.connect("html-page-context", lead)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,20 @@
+// A slider over results that the build computed. Without this script they stand in a table.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const sweep of document.querySelectorAll(".rp-sweep")) {
+    const dial = sweep.querySelector(".rp-dial");
+    const input = dial.querySelector("input");
+    const rows = [...sweep.querySelectorAll("tbody tr")];
+    const marks = [...sweep.querySelectorAll("svg")].map((one) => [...one.querySelectorAll(".rp-at")]);
+    const show = () => {
+      const at = Number(input.value);
+      rows.forEach((row, number) => { row.hidden = number !== at; });
+      marks.forEach((set) => set.forEach((one, number) => one.classList.toggle("rp-now", number === at)));
+      const setting = rows[at].querySelector("th").textContent;
+      dial.querySelector("output").textContent = setting;
+      input.setAttribute("aria-valuetext", setting);
+    };
+    input.addEventListener("input", show);
+    dial.hidden = false;
+    show();
+  }
+});

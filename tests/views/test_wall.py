@@ -1,0 +1,114 @@
+"""The wall of all printed numbers, the index of items, and the slider over a printed input."""
+
+import re
+from collections import Counter
+from html.parser import HTMLParser
+
+import pytest
+
+import reproduce as rp
+from reproduce.judge.ledger import build
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import anchor, library
+from reproduce.views import wall
+from reproduce.views.index import index
+
+TABLE = "niu2024/table-2"
+FOCAL = "niu2024/table-1#focal-length.red"
+VALUES = ["24.9 mm", "25.0601 mm", "25.2 mm"]
+
+
+class Tags(HTMLParser):
+    """All tags with their attributes."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+
+    def all(self, tag):
+        return [attrs for name, attrs in self.found if name == tag]
+
+
+@pytest.fixture(scope="module")
+def records():
+    return build(["niu2024/table-2", "niu2024/text-optics"]).records
+
+
+def test_every_number_is_one_mark_that_leads_to_its_cell(records):
+    tags = Tags(str(wall.wall(records)))
+    leads = [a["href"] for a in tags.all("a") if a.get("tabindex") == "-1"]
+    assert leads == [f"#{anchor(record.cell)}" for record in records]
+    heads = [a["href"] for a in tags.all("a") if "tabindex" not in a]
+    assert heads == ["#niu2024-text-optics", "#niu2024-table-2"]
+
+
+def test_marks_tell_verdicts_by_shape_and_class(records):
+    assert len(set(wall.SHAPES.values())) == len(wall.SHAPES)
+    paths = [p for p in Tags(str(wall.wall(records))).all("path") if p["class"] != "rp-hit"]
+    shown = Counter(p["class"].split()[0].removeprefix("rp-mark-") for p in paths)
+    assert shown == Counter(record.verdict for record in records)
+    for path in paths:
+        assert path["d"] == wall.SHAPES[path["class"].split()[0].removeprefix("rp-mark-")]
+
+
+def test_a_table_keeps_its_shape(records):
+    picture = str(wall.wall(r for r in records if r.key == TABLE))
+    rows, columns = len(library()[TABLE].rows), len(library()[TABLE].columns)
+    assert f'viewBox="0 0 {columns * wall.PITCH} {rows * wall.PITCH}"' in picture
+
+
+def test_the_legend_counts_what_the_wall_shows(records):
+    told = dict(re.findall(r"<strong>(\d+) ([a-z ]+)</strong>", str(wall.legend(records))))
+    by_verdict = Counter(record.verdict for record in records)
+    assert {name: int(count) for count, name in told.items() if name in by_verdict} == by_verdict
+
+
+def test_contents_show_the_walls_of_their_papers():
+    html = rp.contents("niu2024")._repr_html_()
+    cells = sum(len(t.cells) for key, t in library().items() if key.startswith("niu2024/"))
+    assert html.count('class="rp-hit"') == cells
+    assert "chen2023" not in html
+
+
+@pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
+def test_the_index_leads_to_every_item_in_order_of_print(paper):
+    keys = [key for key in catalogue() if key.startswith(f"{paper}/")]
+    leads = [a["href"] for a in Tags(str(index(paper).html)).all("a")]
+    expected = [anchor(key) if key in library() else f"figure-{anchor(key)}" for key in keys]
+    assert leads == [f"#{name}" for name in expected]
+
+
+def test_a_sweep_holds_what_each_rerun_gives():
+    swept = rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.red", "scale.blue"])
+    frame = swept.frame()
+    assert len(frame) == 2 * len(VALUES)
+    for value in VALUES:
+        alone = rp.table(TABLE).rerun({FOCAL: value}).frame().loc["scale.red", "changed"]
+        assert frame.loc[(value, "scale.red"), "computed"] == alone
+    assert frame["computed"].xs("scale.red", level="cell").is_monotonic_decreasing
+    assert "25.0601 mm (printed)" in repr(swept)
+
+
+def test_a_sweep_is_a_table_first_and_a_slider_with_a_script():
+    html = rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.red", "scale.blue"])._repr_html_()
+    tags = Tags(html)
+    dial = tags.all("input")[0]
+    assert (dial["type"], dial["max"], dial["value"]) == ("range", "2", "1")
+    assert "hidden" in next(p for p in tags.all("p") if p["class"] == "rp-dial")
+    assert html.count("<tr") == 1 + len(VALUES)
+    # Blue does not read the red focal length: its marks lie on the dashed line of the print.
+    heights = re.findall(r'cy="([\d.]+)"', html)
+    assert len(set(heights[len(VALUES) :])) == 1 < len(set(heights[: len(VALUES)]))
+
+
+def test_a_sweep_refuses_what_a_rerun_refuses():
+    with pytest.raises(ValueError, match="does not read"):
+        rp.table(TABLE).sweep("niu2024/text-simulation#noise", ["0.1 px"])
+    with pytest.raises(KeyError):
+        rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.green"])
+    with pytest.raises(ValueError, match="one value"):
+        rp.table(TABLE).sweep(FOCAL, [])
