@@ -100,9 +100,12 @@ def test_a_sweep_is_a_table_first_and_a_slider_with_a_script():
     assert (dial["type"], dial["max"], dial["value"]) == ("range", "2", "1")
     assert "hidden" in next(p for p in tags.all("p") if p["class"] == "rp-dial")
     assert html.count("<tr") == 1 + len(VALUES)
-    # Blue does not read the red focal length: its marks lie on the dashed line of the print.
-    heights = re.findall(r'cy="([\d.]+)"', html)
-    assert len(set(heights[len(VALUES) :])) == 1 < len(set(heights[: len(VALUES)]))
+    # Blue does not read the red focal length, and agrees: its marks lie near the line of the print.
+    heights = [float(y) for y in re.findall(r'cy="([\d.]+)"', html)]
+    red, blue = heights[: len(VALUES)], heights[len(VALUES) :]
+    printed = float(re.findall(r'class="rp-dashed" d="M\d+ ([\d.]+)H', html)[1])
+    assert len(set(blue)) == 1 < len(set(red))
+    assert abs(blue[0] - printed) < 10
 
 
 def test_a_sweep_refuses_what_a_rerun_refuses():
