@@ -21,7 +21,7 @@ POINTS, PIXELS = 72.0, 96.0  # per inch
 _FOREGROUND = re.compile(r"#000000\b")
 
 
-def inline(figure: Figure, name: str, alternative: str) -> str:
+def inline(figure: Figure, name: str, alternative: str, caption: str = "") -> str:
     """Return a figure as an HTML fragment whose black parts follow the page's text colour."""
     from matplotlib import style
 
@@ -41,7 +41,8 @@ def inline(figure: Figure, name: str, alternative: str) -> str:
     svg = svg.replace(
         "<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" style="{least}" ', 1
     )
-    return f'<figure class="rp-figure" id="{name}">{svg}</figure>'
+    below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
+    return f'<figure class="rp-figure" id="{name}">{svg}{below}</figure>'
 
 
 def _least_width(figure: Figure) -> int:

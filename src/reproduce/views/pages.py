@@ -195,13 +195,14 @@ def _joint_sentence(joint: TableRecord | None) -> str:
     )
 
 
-def figure(key: str, alternative: str) -> Html:
-    """Show a figure that follows the page's light or dark theme."""
+def figure(key: str, alternative: str, caption: str = "") -> Html:
+    """Show a figure that follows the page's light or dark theme, with its caption below."""
     named = declared(key).named
     facts = {name: numbers.fact(quoted) for name, quoted in named().items()} if named else {}
     kind = "drawing" if key in drawings() else "figure"
     text = numbers.powers(filled(alternative, facts))
-    return Html(inline(draw(key), f"{kind}-{anchor(key)}", text))
+    below = numbers.powers(filled(caption, facts))
+    return Html(inline(draw(key), f"{kind}-{anchor(key)}", text, below))
 
 
 def study(name: str) -> StudyTable:
