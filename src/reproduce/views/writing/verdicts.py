@@ -1,37 +1,18 @@
-"""How numbers and verdicts are written, the same in the terminal, the book and the exports."""
+"""How a cell's numbers and its verdict are written: in the terminal, the book and the exports."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.printed.cells import PAPERS, Cell, library
+from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
-from reproduce.views.build import item_ledger, whole_ledger
-from reproduce.views.numbers import chance
+from reproduce.views.writing.numbers import chance
 
 __all__ = [
-    "FLAG_MEANINGS",
-    "MEANINGS",
-    "WEAK",
-    "cell_of",
-    "computed",
-    "facts_of",
-    "filled",
-    "interval",
-    "joint_chance",
-    "probability",
-    "qualified",
-    "read",
-    "strong",
-    "tally",
-    "unit",
-    "weak",
+    *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "computed", "interval"),
+    *("joint_chance", "name_of", "probability", "qualified", "quantity", "read", "strong"),
+    *("tally", "unit", "weak"),
 ]
-
-_BLANK = re.compile(r"\{([^{}]+)\}")
 
 MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
@@ -54,9 +35,14 @@ FLAG_MEANINGS: dict[str, str] = {
 }
 
 
+def name_of(record: Record) -> str:
+    """Return the name of a record's cell within its item."""
+    return record.cell.partition("#")[2]
+
+
 def cell_of(record: Record) -> Cell:
     """Return the printed cell that a record judges."""
-    return library()[record.key].by_name[record.cell.partition("#")[2]]
+    return library()[record.key].by_name[name_of(record)]
 
 
 def computed(record: Record, extra: int = 0) -> str:
@@ -97,10 +83,8 @@ def read(record: Record, reading: ReadingRecord) -> str:
     flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
     hidden = not reading.agrees or "through_rounding" in reading.flags
     value = cell_of(record).number.format(reading.computed, extra=int(hidden)).replace("-", "−")
-    symbol_of = unit(record)
-    gap = "" if symbol_of in {"", "°", "″"} else "\u202f"
     marks = f" ({', '.join(flag.replace('_', ' ') for flag in flags)})" if flags else ""
-    return f"{value}{gap}{symbol_of}, {reading.verdict}{marks}"
+    return f"{quantity(value, unit(record))}, {reading.verdict}{marks}"
 
 
 def unit(record: Record) -> str:
@@ -108,11 +92,14 @@ def unit(record: Record) -> str:
     return symbol(record.unit) if record.unit else ""
 
 
-def tally(records: tuple[Record, ...]) -> dict[str, int]:
-    """Count records by verdict.
+def quantity(value: str, mark: str) -> str:
+    """Write a number before the sign of its unit."""
+    gap = "" if mark in {"", "°", "″"} else "\u202f"
+    return f"{value}{gap}{mark}"
 
-    Verdict to count, every verdict present, in the order in which they are shown.
-    """
+
+def tally(records: tuple[Record, ...]) -> dict[str, int]:
+    """Count records by verdict, every verdict present, in the order in which they are shown."""
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
@@ -120,13 +107,8 @@ WEAK = ("repeated", "difference", "through_rounding", "uninformative")
 
 
 def weak(records: tuple[Record, ...]) -> dict[str, int]:
-    """Count the records whose agreement says little, by what makes it weak.
-
-    Flag to count, each of `WEAK`, among the exact and consistent records. A record with two flags
-    counts in both.
-    """
-    agreeing = _agreeing(records)
-    return {flag: sum(flag in r.flags for r in agreeing) for flag in WEAK}
+    """Count the records that agree by each flag of `WEAK`; one with two flags counts in both."""
+    return {flag: sum(flag in r.flags for r in _agreeing(records)) for flag in WEAK}
 
 
 def strong(records: tuple[Record, ...]) -> int:
@@ -142,82 +124,3 @@ def qualified(record: Record) -> str:
 
 def _agreeing(records: tuple[Record, ...]) -> list[Record]:
     return [r for r in records if r.verdict in {"exact", "consistent"}]
-
-
-def facts_of(name: str) -> dict[str, str]:
-    """Return what a sentence may say of a cell, an item, a paper or everything.
-
-    Examples
-    --------
-    >>> facts_of("niu2024/table-2#scale.red")["computed"]
-    '0.9976'
-    """
-    if "#" in name:
-        return _of_cell(name)
-    if "/" in name:
-        return _of_item(name)
-    if name not in {*PAPERS, "all"}:
-        raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
-    return _of_paper(name)
-
-
-def filled(text: str, facts: Mapping[str, str] | None = None) -> str:
-    """Fill the blanks of an alternative text, so that no number is typed into it.
-
-    Examples
-    --------
-    >>> filled("a scale of {niu2024/table-2#scale.red printed}")
-    'a scale of 0.9976'
-    """
-
-    def fill(blank: re.Match[str]) -> str:
-        name, _, what = blank.group(1).partition(" ")
-        if not what:
-            return (facts or {})[name]
-        return facts_of(name)[what]
-
-    return _BLANK.sub(fill, text)
-
-
-def _of_cell(address: str) -> dict[str, str]:
-    record = item_ledger(address.partition("#")[0]).cell(address)
-    cell = cell_of(record)
-    symbol_of = unit(record)
-    gap = "" if symbol_of in {"", "°", "″"} else "\u202f"
-    value = computed(record)
-    said = {
-        "printed": cell.shown,
-        "computed": f"{value}{gap}{symbol_of}" if value else "nothing",
-        "verdict": record.verdict,
-        "probability": probability(record) or "none",
-    }
-    if record.readings:
-        said["readings"] = str(len(record.readings))
-        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
-        for number, reading in enumerate(record.readings, start=1):
-            said[f"reading-{number}"] = read(record, reading).partition(",")[0]
-    return said
-
-
-def _of_item(key: str) -> dict[str, str]:
-    found = item_ledger(key)
-    said = {verdict: str(count) for verdict, count in tally(found.of(key)).items()}
-    joint = found.table(key)
-    if joint is not None:
-        said["joint"] = joint_chance(joint)
-        said["replicates"] = f"{joint.replicates:,}"
-    return said
-
-
-def _of_paper(name: str) -> dict[str, str]:
-    chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
-    by_verdict, firm = tally(chosen), strong(chosen)
-    counts = {
-        **by_verdict,
-        **{flag.replace("_", "-"): count for flag, count in weak(chosen).items()},
-        "strong": firm,
-        "weak": by_verdict["exact"] + by_verdict["consistent"] - firm,
-        "cells": len(chosen),
-        "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
-    }
-    return {what: str(count) for what, count in counts.items()}
