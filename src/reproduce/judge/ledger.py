@@ -233,11 +233,9 @@ def _record(
         # What is left of the readings gives one verdict; all of them together may not.
         first = result.readings[0]
         result, interval = first.result, intervals.get(reading_name(cell.name, first.name))
-    found = vars(_judgement(cell, result, interval))
-    why = _why(cell, Judgement(**found))
-    if plain and found["verdict"] == "exact":
-        found["flags"] += (plain,)
-    return _make(cell, why, source, **found)
+    found = _judgement(cell, result, interval)
+    weak = (plain,) if plain and found.verdict == "exact" else ()
+    return _make(cell, _why(cell, found), source, weak, **vars(found))
 
 
 def _blocked(
@@ -251,9 +249,8 @@ def _blocked(
             f"depends on {result.missing}: "
             f"the print agrees with {agreeing} of {len(readings)} readings"
         )
-    flags = () if stand_in is None else ("stand_in",)
-    found = {"verdict": "blocked", "computed": stand_in, "flags": flags, "readings": readings}
-    return _make(cell, why, source, **found)
+    own = {"verdict": "blocked", "computed": stand_in, "readings": readings}
+    return _make(cell, why, {**source, **own}, flags=() if stand_in is None else ("stand_in",))
 
 
 def _judgement(cell: Cell, result: float | Prediction, interval: Interval | None) -> Judgement:
@@ -285,12 +282,14 @@ def _make(
     cell: Cell,
     why: str,
     source: Mapping[str, object],
+    weak: tuple[str, ...] = (),
     flags: tuple[str, ...] = (),
     **found: object,
 ) -> Record:
     qualifier = cell.number.qualifier if cell.is_number else None
     if qualifier in {"about", "nominal"}:
         flags += (qualifier,)
+    flags += weak
     own = {"key": cell.key, "cell": cell.address, "printed": cell.text, "unit": cell.unit}
     blank = dict.fromkeys(Record.model_fields) | {"readings": (), "flags": flags, "why": why}
     return Record.model_validate(blank | own | dict(source) | found)

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, cached_property
+from itertools import chain
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -153,8 +154,9 @@ def changeable(key: str) -> tuple[str, ...]:
     if key in studies():
         return _upstream(studies()[key].given)
     item = catalogue()[key]
-    declared = [*item.computations, *([] if item.draw is None else [item.draw])]
-    return _upstream(tuple(pattern for one in declared for pattern in one.given))
+    patterns = [one.given for one in item.computations]
+    patterns += [] if item.draw is None else [item.draw.given]
+    return _upstream(tuple(chain.from_iterable(patterns)))
 
 
 @cache
