@@ -14,10 +14,11 @@ from reproduce.inference import sampling
 from reproduce.inference.evidence import compared, exact_evidence
 from reproduce.papers.chen2023.posteriors import COLUMNS, FLOORS, summed_columns
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import build, posterior_pages
+from reproduce.views import computed
+from reproduce.views.book import posteriors as pages
+from reproduce.views.book.facts import of_posteriors
 from reproduce.views.cli import main
-from reproduce.views.facts import of_posteriors
-from reproduce.views.sampled import book_posterior
+from reproduce.views.objects.posterior import book_posterior
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
 PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]
@@ -123,11 +124,11 @@ def test_calibrate_redoes_replicates():
 
 
 @pytest.mark.parametrize("name", list(posteriors()))
-@pytest.mark.parametrize("step", [*posterior_pages.STEPS, "reporting"])
+@pytest.mark.parametrize("step", [*pages.STEPS, "reporting"])
 def test_every_model_has_every_step_on_the_page_that_links_them(name, step):
     """The links of `reporting` lead to places on their own page."""
-    (page,) = (text for text in PAGES if f'posterior_pages.reporting("{name}")' in text)
-    assert page.count(f'posterior_pages.{step}("{name}")') == 1
+    (page,) = (text for text in PAGES if f'pages.reporting("{name}")' in text)
+    assert page.count(f'pages.{step}("{name}")') == 1
 
 
 def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one():
@@ -186,8 +187,8 @@ def test_facts_are_the_numbers_of_the_object():
 def test_a_build_samples_once_and_keeps_the_chains_of_its_files_alone(tmp_path, monkeypatch):
     alone = book_posterior("frame-averaging")
     (tmp_path / "of other files").mkdir()
-    monkeypatch.setenv(build.FOLDER, str(tmp_path))
-    for cached in (build.kept, book_posterior):
+    monkeypatch.setenv(computed.FOLDER, str(tmp_path))
+    for cached in (computed.kept, book_posterior):
         cached.cache_clear()
     try:
         again = book_posterior("frame-averaging")
@@ -195,9 +196,9 @@ def test_a_build_samples_once_and_keeps_the_chains_of_its_files_alone(tmp_path, 
         monkeypatch.setattr(sampling, "run_ensemble", None)
         read = book_posterior("frame-averaging")
     finally:
-        for cached in (build.kept, book_posterior):
+        for cached in (computed.kept, book_posterior):
             cached.cache_clear()
-    assert [path.name for path in tmp_path.iterdir()] == [build.fingerprint()]
+    assert [path.name for path in tmp_path.iterdir()] == [computed.fingerprint()]
     for found in (again, read):
         np.testing.assert_array_equal(found.chain, alone.chain)
         assert found.rows() == alone.rows()
@@ -224,6 +225,6 @@ def test_evidence_of_a_floor_stands_in_the_table_of_the_rival():
     (rival,) = (make(model) for make in declared.rivals)
     found = declared.evidence(model) - declared.evidence(rival)
     assert abs(found - summed_columns()[0].gains[FLOORS.index(1)]) < 1e-6
-    shown = re.findall(r"<td>([+−][0-9.]+)</td>", posterior_pages.columns_of_table_4().text)
+    shown = re.findall(r"<td>([+−][0-9.]+)</td>", pages.columns_of_table_4().text)
     assert len(shown) == len(COLUMNS) * len(FLOORS)
     assert float(shown[1].replace("−", "-")) == pytest.approx(found, abs=0.006)

@@ -11,7 +11,7 @@ from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.posterior_pages import file_formats
+from reproduce.views.book.posteriors import file_formats
 
 READERS = {key: one.file for key, one in posteriors().items() if not isinstance(one.file, str)}
 

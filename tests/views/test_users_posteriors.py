@@ -20,8 +20,8 @@ from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
-from reproduce.views.numbers import ranged
-from reproduce.views.sampled import Posterior
+from reproduce.views.objects.posterior import Posterior
+from reproduce.views.writing.numbers import ranged
 
 FIELD = np.array([2064.0, 1544.0])
 STAR_COLUMNS = "x,y,x_reference,y_reference"

@@ -9,10 +9,11 @@ registration. In each the centre is estimated by the centre of gravity and by ma
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -41,7 +42,6 @@ __all__ = [
     "PLACES",
     "SEED",
     "STARS",
-    "STUDY",
     "TEMPERATURE",
     "TRIALS",
     "cell",
@@ -326,3 +326,11 @@ def star_colours() -> Iterator[tuple[object, ...]]:
     for i, star in enumerate(STARS):
         for j, magnitude in enumerate(MAGNITUDES):
             yield named(star), magnitude, *colour[i, 0, j].ravel()
+
+
+def recomputed(
+    executor: Executor, folder: Path, note: Mapping[str, str]
+) -> tuple[dict[str, FloatArray], int]:
+    """Simulate again in parts that a folder keeps: arrays as in `Outcome`, and their number."""
+    store = Store(folder, {**note, "trials": str(TRIALS)})
+    return vars(simulate(TRIALS, executor=executor, store=store)), PHASES * TRIALS

@@ -56,7 +56,6 @@ __all__ = [
     "REPEATS",
     "REPLICATES",
     "SEED",
-    "STUDY",
     "Choices",
     "all_draws",
     "choices",

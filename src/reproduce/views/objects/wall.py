@@ -9,7 +9,8 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Record
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import PrintedTable, anchor, library
-from reproduce.views import keys, record_text
+from reproduce.views import keys
+from reproduce.views.writing import verdicts
 
 __all__ = ["PITCH", "SHAPES", "legend", "wall"]
 
@@ -36,11 +37,11 @@ def wall(records: Iterable[Record]) -> Markup:
 
 def legend(records: Sequence[Record]) -> Markup:
     """Say what each mark means, and how many there are."""
-    counts = record_text.tally(tuple(records))
-    hollow = sum(record_text.weak_agreement(one) for one in records)
+    counts = verdicts.tally(tuple(records))
+    hollow = sum(verdicts.weak_agreement(one) for one in records)
     entries = [
         _entry(f"rp-mark-{verdict}", verdict, f"{counts[verdict]} {verdict}", meaning)
-        for verdict, meaning in record_text.MEANINGS.items()
+        for verdict, meaning in verdicts.MEANINGS.items()
         if verdict in SHAPES and verdict in VERDICTS
     ]
     weak = "agrees, but in a way that says little: a copy, a difference, a wide interval"
@@ -71,7 +72,7 @@ def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
     marks = Markup("").join(_mark(record, x, y) for record, x, y in places)
     name = keys.place(table.key).partition(",")[0]
     name = table.key.partition("/")[2].removeprefix("text-") if name == "Text" else name
-    tally = record_text.tally(tuple(records.values()))
+    tally = verdicts.tally(tuple(records.values()))
     told = ", ".join(f"{count} {verdict}" for verdict, count in tally.items() if count)
     return Markup(
         '<div class="rp-wall-item"><a href="#{}" title="{}: {}">{}</a>\n'
@@ -81,11 +82,11 @@ def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
 
 
 def _mark(record: Record, across: int, down: int) -> Markup:
-    cell = record_text.cell_of(record)
-    value = record_text.computed(record)
+    cell = verdicts.cell_of(record)
+    value = verdicts.computed(record)
     told = f"{cell.label}: {cell.shown} printed"
     told += f", {value} computed" if value and record.role == "result" else ""
-    weak = " rp-mark-weak" if record_text.weak_agreement(record) else ""
+    weak = " rp-mark-weak" if verdicts.weak_agreement(record) else ""
     # The name of the item leads a keyboard to its table; 300 stops on the way would not help it.
     return Markup(
         '<a href="#{}" tabindex="-1"><title>{}, {}</title>'
@@ -94,7 +95,7 @@ def _mark(record: Record, across: int, down: int) -> Markup:
     ).format(
         cell.anchor,
         told,
-        record_text.qualified(record),
+        verdicts.qualified(record),
         PITCH * across + PITCH // 2,
         PITCH * down + PITCH // 2,
         record.verdict,

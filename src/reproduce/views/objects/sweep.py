@@ -14,8 +14,7 @@ from rich.console import RenderableType
 from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
-from reproduce.views.grid import Grid
-from reproduce.views.shown import Shown
+from reproduce.views.writing.display import Display, Grid
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +25,7 @@ WIDE, HIGH, MARGIN = 220, 96, 8  # of one picture, in CSS pixels
 
 
 @dataclass(frozen=True, repr=False)
-class Sweep(Shown):
+class Sweep(Display):
     """An item computed again for several values of one printed input.
 
     Parameters

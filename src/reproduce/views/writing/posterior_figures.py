@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import cycle
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from reproduce.inference.calibration import Ranks, band
 from reproduce.inference.model import Parameter
 from reproduce.inference.posterior import Sampled
-from reproduce.views.figures import STYLE
-from reproduce.views.inline_svg import inline
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from reproduce.views.writing.figures import inline, styled
 
 __all__ = ["corner", "ranks", "traces"]
 
@@ -33,27 +27,13 @@ def _label(parameter: Parameter) -> str:
     return f"${parameter.label}$" + ("" if parameter.unit == "1" else f" ({parameter.unit})")
 
 
-def _drawn(
-    size: tuple[float, float],
-    draw: Callable[[Figure], None],
-    layout: Literal["constrained"] | None = "constrained",
-) -> Figure:
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    with style.context(STYLE):
-        figure = Figure(figsize=size, layout=layout)
-        draw(figure)
-    return figure
-
-
 def traces(posterior: Sampled, alternative: str) -> str:
     """Draw the median and the central half of every ensemble against its steps."""
     model = posterior.model
     stride = max(1, posterior.chain.shape[1] // TRACE_POINTS)
     chain = posterior.chain[:, ::stride]
-
-    def draw(figure: Figure) -> None:
+    height = 1.1 * -(-model.dimension // 2) + 0.6
+    with styled((7.0, height)) as figure:
         panels = figure.subplots(-(-model.dimension // 2), 2, sharex=True, squeeze=False).ravel()
         for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=False)):
             values = chain[..., i] * parameter.shown
@@ -66,9 +46,6 @@ def traces(posterior: Sampled, alternative: str) -> str:
             axes.set_axis_off()
         for axes in panels[max(0, model.dimension - 2) : model.dimension]:
             axes.set_xlabel("step (median of the walkers)")
-
-    height = 1.1 * -(-model.dimension // 2) + 0.6
-    figure = _drawn((7.0, height), draw)
     return inline(figure, f"figure-posterior-{model.name}-traces", alternative)
 
 
@@ -82,31 +59,26 @@ def corner(posterior: Sampled, alternative: str) -> str:
     scale = np.array([p.shown for p in model.parameters])
     truths = [model.estimate.get(name, np.nan) for name in model.names]
     marked = [None if np.isnan(t) else t * s for t, s in zip(truths, scale, strict=True)]
-
-    def draw(figure: Figure) -> None:
-        package.corner(
-            rows * scale,
-            labels=[_label(p) for p in model.parameters],
-            truths=marked, truth_color="#D55E00", color="#0072B2", fig=figure, bins=24,
-            plot_datapoints=False, plot_density=False, no_fill_contours=True, max_n_ticks=3,
-            label_kwargs={"fontsize": 8}, quiet=True,
-        )  # fmt: skip
-        for axes in figure.axes:
-            axes.tick_params(labelsize=7)
-            axes.xaxis.set_label_coords(0.5, BELOW)
-
-    def draw_one(figure: Figure) -> None:
-        axes = figure.subplots()
-        axes.hist(rows[:, 0] * scale[0], bins=40, density=True, histtype="step")
-        if marked[0] is not None:
-            axes.axvline(marked[0], color="#D55E00", linestyle="--")
-        axes.set(xlabel=_label(model.parameters[0]), ylabel="posterior density")
-
     side = 1.25 * model.dimension + 1.2
-    if model.dimension == 1:
-        figure = _drawn((4.0, 2.6), draw_one)
-    else:
-        figure = _drawn((side, side), draw, layout=None)
+    alone = model.dimension == 1
+    with styled((4.0, 2.6) if alone else (side, side), alone) as figure:
+        if alone:
+            axes = figure.subplots()
+            axes.hist(rows[:, 0] * scale[0], bins=40, density=True, histtype="step")
+            if marked[0] is not None:
+                axes.axvline(marked[0], color="#D55E00", linestyle="--")
+            axes.set(xlabel=_label(model.parameters[0]), ylabel="posterior density")
+        else:
+            package.corner(
+                rows * scale,
+                labels=[_label(p) for p in model.parameters],
+                truths=marked, truth_color="#D55E00", color="#0072B2", fig=figure, bins=24,
+                plot_datapoints=False, plot_density=False, no_fill_contours=True, max_n_ticks=3,
+                label_kwargs={"fontsize": 8}, quiet=True,
+            )  # fmt: skip
+            for axes in figure.axes:
+                axes.tick_params(labelsize=7)
+                axes.xaxis.set_label_coords(0.5, BELOW)
     return inline(figure, f"figure-posterior-{model.name}-corner", alternative)
 
 
@@ -115,8 +87,7 @@ def ranks(stored: Ranks, name: str, alternative: str) -> str:
     counts, total = stored.counts(), stored.replicates
     low, high = band(total)
     even = np.arange(1, counts.shape[1] + 1) / counts.shape[1]
-
-    def draw(figure: Figure) -> None:
+    with styled((6.4, 4.4)) as figure:
         axes = figure.subplots()
         ends = low / total - even, high / total - even
         axes.fill_between(even, *ends, facecolor=("#777777", 0.15), edgecolor="#777777",
@@ -126,6 +97,4 @@ def ranks(stored: Ranks, name: str, alternative: str) -> str:
             axes.plot(even, row / total - even, linestyle=dashes, linewidth=1.1, label=label)
         axes.set(xlabel="rank / number of draws", ylabel="share of ranks, less even")
         figure.legend(loc="outside lower center", fontsize=8, ncols=3)
-
-    figure = _drawn((6.4, 4.4), draw)
     return inline(figure, f"figure-posterior-{name}-ranks", alternative)

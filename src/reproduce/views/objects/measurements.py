@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,19 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rich.console import RenderableType
 
-from reproduce.judge import rerun as rerunning
-from reproduce.judge.rerun import CannotChangeError
+from reproduce.judge.rerun import CannotChangeError, in_si
 from reproduce.papers.chen2023.simulated_spots import READS, platform
 from reproduce.papers.chen2023.users_spots import COLUMNS, from_table
 from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.store.points import read_table
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.export import export_frame
-from reproduce.views.grid import Grid
-from reproduce.views.shown import Shown
+from reproduce.views.objects.base import text_of
+from reproduce.views.writing.display import Display, Grid
+from reproduce.views.writing.export import export_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,10 +32,11 @@ __all__ = ["Monitored", "Registered"]
 FloatArray = NDArray[np.float64]
 
 
-class _Own(Shown):
+class _Measured(Display):
     """What results of a user's own measurements share."""
 
     title: str
+    reads: tuple[str, ...] = ()
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:
@@ -54,8 +51,8 @@ class _Own(Shown):
         """The numbers as a reader sees them."""
         frame = self.frame()
         rows = [
-            [str(name), *map(_text, row)]
-            for name, row in zip(frame.index, frame.to_numpy(), strict=True)
+            [f"{value:.6g}" if isinstance(value, float) else str(value) for value in row]
+            for row in frame.itertuples()
         ]
         return Grid(self.title, [str(frame.index.name), *map(str, frame.columns)], rows)
 
@@ -67,12 +64,11 @@ class _Own(Shown):
         yield from self.grid.parts(width)
 
 
-def _text(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-class Registered(_Own):
+class Registered(_Measured):
     """The transform that lays a user's own stars over each other.
+
+    It has the ``model``, the ``parameters`` in px and radians with their ``covariance``, the
+    ``residuals``, target minus transformed source, and the ``transform`` for other points.
 
     Parameters
     ----------
@@ -84,45 +80,21 @@ class Registered(_Own):
         Those of `reproduce.physics.registration.fit.fit_registration`.
     """
 
-    reads: tuple[str, ...] = ()
-
     def __init__(
         self, source: ArrayLike, target: ArrayLike, pivot: ArrayLike | None = None, **settings: Any
     ) -> None:
         self._given = {"source": source, "target": target, "pivot": pivot, **settings}
         middle = np.mean(np.asarray(source, dtype=float), axis=0) if pivot is None else pivot
         self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
-        self.title = f"{self.fit.model} of {len(self.fit.residuals)} stars"
-
-    @property
-    def model(self) -> str:
-        """What the transform may do."""
-        return str(self.fit.model)
-
-    @property
-    def parameters(self) -> FloatArray:
-        """The parameters, in px and radians."""
-        return self.fit.parameters
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance of the parameters."""
-        return self.fit.covariance
-
-    @property
-    def residuals(self) -> FloatArray:
-        """Target minus transformed source, shape (n, 2), in px."""
-        return self.fit.residuals
-
-    @property
-    def transform(self) -> Any:
-        """The transform, for other points: ``transform.apply(points)``."""
-        return self.fit.transform
+        self.model, self.transform = str(self.fit.model), self.fit.transform
+        self.parameters, self.covariance = self.fit.parameters, self.fit.covariance
+        self.residuals = self.fit.residuals
+        self.title = f"{self.model} of {len(self.residuals)} stars"
 
     @property
     def source(self) -> str:
         """The text of the function that fits."""
-        return inspect.getsource(fit_registration).rstrip()
+        return text_of(fit_registration)
 
     def frame(self) -> pd.DataFrame:
         """Return one row per parameter: value and standard deviation, in px and radians.
@@ -142,7 +114,7 @@ class Registered(_Own):
         return Registered(**{**self._given, **settings})
 
 
-class Monitored(_Own):
+class Monitored(_Measured):
     """The misalignment of a user's own camera, image by image.
 
     The instrument is chen2023's ground platform as designed; any printed cell of it can be changed
@@ -165,6 +137,8 @@ class Monitored(_Own):
         zero: ArrayLike | None = None,
         changes: Mapping[str, str | float] | None = None,
     ) -> None:
+        door = given(READS)
+        self.reads = tuple(door.cells)
         self._spots, self._zero = spots, zero
         self.changes = dict(changes or {})
         if strays := [address for address in self.changes if address not in self.reads]:
@@ -172,12 +146,8 @@ class Monitored(_Own):
                 f"the instrument does not read {', '.join(strays)}; it reads: "
                 f"{', '.join(self.reads)}"
             )
-        door = given(READS)
-        design = platform(
-            door.changed(
-                {a: rerunning.in_si(door.cells[a], text) for a, text in self.changes.items()}
-            )
-        )
+        values = {a: in_si(door.cells[a], text) for a, text in self.changes.items()}
+        design = platform(door.changed(values))
         if isinstance(spots, str | Path):
             if zero is not None:
                 raise ValueError("zero: expected nothing beside a file, which holds both groups")
@@ -193,15 +163,10 @@ class Monitored(_Own):
         self._mean = mean_misalignment(self.angles, monitored_angles(before, before, *instrument))
         self.title = f"misalignment in {len(self.angles)} images since the zero point"
 
-    @cached_property
-    def reads(self) -> tuple[str, ...]:
-        """Addresses of the printed cells that the instrument is taken from."""
-        return tuple(cell.address for pattern in READS for cell in find(pattern))
-
     @property
     def source(self) -> str:
         """The text of the function that computes the angles."""
-        return inspect.getsource(monitored_angles).rstrip()
+        return text_of(monitored_angles)
 
     def images(self) -> pd.DataFrame:
         """Return the angles of every image about X, Y and Z of the camera, in arcsec."""

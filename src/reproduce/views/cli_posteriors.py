@@ -1,4 +1,4 @@
-"""The subcommands `posterior` and `calibrate`."""
+"""The subcommands `posterior` and `calibrate`, and the bar of all long commands."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.console import Console
+
+from reproduce.views.objects.posterior import Posterior, coverage_rows
+from reproduce.views.writing.display import columns
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from reproduce.inference.calibration import Ranks
     from reproduce.inference.parts import Progress
-    from reproduce.views.sampled import Posterior
 
-__all__ = ["calibrate", "posterior"]
+__all__ = ["bar", "calibrate", "posterior"]
 
 
 class Spoken(click.Command):
@@ -59,6 +61,7 @@ class RefusedError(click.ClickException):
         self.record = record
 
 
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
 _OUT = click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path), help="Keep what is finished here."
 )
@@ -79,7 +82,7 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
 @_RESUME
 @_OUT
-@click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+@_JSON
 def posterior(
     model: str | None,
     list_models: bool,
@@ -102,8 +105,6 @@ def posterior(
     if asked["pivot"] is not None and asked["data"] is None:
         raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
     _check_folder(out, resume)
-    from reproduce.views.sampled import Posterior
-
     wanted = Posterior(name, **asked)
     record = _sample(wanted, workers, out)
     if as_json:
@@ -155,7 +156,7 @@ def _carried(
 
     pool = nullcontext(None) if workers == 1 else processes(workers)
     try:
-        with pool as executor, _bar(what) as progress:
+        with pool as executor, bar(what) as progress:
             yield executor, progress
     except ResumeError as error:
         raise click.UsageError(str(error)) from error
@@ -166,8 +167,6 @@ def _carried(
 
 
 def _show(wanted: Posterior) -> None:
-    from rich.console import Console
-
     from reproduce.inference.sensitivity import leanings
 
     console, found = Console(), wanted.sampled
@@ -193,17 +192,9 @@ def _list_models(as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(titles, indent=2, ensure_ascii=False))
         return
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("model", no_wrap=True)
-    table.add_column("paper", no_wrap=True)
-    table.add_column("about")
-    for name, title in titles.items():
-        table.add_row(name, known[name].paper, title)
-    Console().print(table)
+    rows = [(name, known[name].paper, title) for name, title in titles.items()]
+    heads = ("model", "paper", "about")
+    Console().print(columns(heads, rows, ruled=True, words=3, whole=(0, 1)))
 
 
 def _known(model: str | None) -> str:
@@ -262,38 +253,20 @@ def calibrate(
             )
         if store:
             calibrations.store(name, found, seed)
-    _show_coverage(found)
+    heads = ("quantity", "evenness, p", "50 % covers", "95 % covers", "published, 95 %")
+    Console().print(columns(heads, coverage_rows(found), ruled=True))
     click.echo(f"{found.replicates} replicates, {int(found.failed.sum())} of them failed.")
 
 
-def _show_coverage(found: Ranks) -> None:
-    """Print evenness of ranks, coverage, published estimator."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    from reproduce.views.posterior_facts import coverage_rows
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("quantity")
-    for head in ("evenness, p", "50 % covers", "95 % covers", "published, 95 %"):
-        table.add_column(head, justify="right")
-    for row in coverage_rows(found):
-        table.add_row(*row)
-    Console().print(table)
-
-
 @contextmanager
-def _bar(what: str) -> Iterator[Progress | None]:
+def bar(what: str, total: int | None = None) -> Iterator[Progress | None]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
-    from rich.console import Console
-
     console = Console(stderr=True)
     if not console.is_terminal:
         yield None
         return
     from rich import progress
 
-    with progress.Progress(console=console, transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    with progress.Progress(console=console, transient=True) as shown:
+        task = shown.add_task(what, total=total)
+        yield lambda done, total: shown.update(task, completed=done, total=total)

@@ -12,17 +12,8 @@ if TYPE_CHECKING:
     from reproduce.inference.checks import Range, Share
 
 __all__ = [
-    "chance",
-    "digits",
-    "entry",
-    "fact",
-    "percent",
-    "plain",
-    "powers",
-    "powers_in_html",
-    "ranged",
-    "shared",
-    "signed",
+    *("chance", "digits", "entry", "fact", "percent", "plain", "powers", "powers_in_html"),
+    *("ranged", "shared", "signed"),
 ]
 
 # Below this a probability is written with its power of ten.

@@ -5,11 +5,10 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from reproduce.audit.errata import Erratum, register
+from reproduce.audit.errata import Erratum
 from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group, audit_paper
 from reproduce.judge.expected import frozen
@@ -17,28 +16,15 @@ from reproduce.judge.ledger import Record
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.version import __version__
-from reproduce.views import audit_text
-from reproduce.views.audit_text import within_paper
-from reproduce.views.build import item_ledger
-from reproduce.views.figures import STYLE
-from reproduce.views.grid import Grid, folded
-from reproduce.views.inline_svg import inline
-from reproduce.views.pages import Html
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from reproduce.views.computed import item_ledger
+from reproduce.views.objects import contradictions
+from reproduce.views.objects.contradictions import errata_register, within_paper
+from reproduce.views.writing.display import Grid, Html, folded
+from reproduce.views.writing.figures import inline, styled
 
 __all__ = [
-    "JOINT",
-    "audit_facts",
-    "corrections",
-    "equations",
-    "errata",
-    "errata_register",
-    "picture",
-    "relations",
-    "score",
-    "smallest_sets",
+    *("JOINT", "audit_facts", "corrections", "equations", "errata"),
+    *("picture", "relations", "score", "smallest_sets"),
 ]
 
 JOINT = "hold one by one, but not together"
@@ -53,13 +39,6 @@ _RESCUES = {
 }
 # As many cells as a picture can show legibly.
 _MOST = 32
-
-
-@functools.cache
-def errata_register() -> tuple[Erratum, ...]:
-    """Return the register of errata, in the order of its file."""
-    path = data_folder() / "errata.toml"
-    return tuple(register(path.read_text(encoding="utf-8")))
 
 
 def score() -> Html:
@@ -110,7 +89,7 @@ def _relations_table(findings: Sequence[Finding], audit: Audit, caption: str) ->
             source.append(Markup("tolerance {0.text}: {0.reason}").format(relation.tolerance))
         if relation.supposition:
             source.append(Markup("supposing that {}").format(relation.supposition))
-        values = audit_text.sides(finding, audit)
+        values = contradictions.sides(finding, audit)
         row = [name, _code(relation.formula.text), values, _badge(finding)]
         rows.append([*row, Markup("; ").join(source)])
     anchors = [relation_anchor(audit.name, f.relation.name) for f in findings]
@@ -178,12 +157,12 @@ def corrections(paper: str) -> Html:
 
 def _correction_rows(group: Group, audit: Audit) -> list[list[str]]:
     name = _codes(group.relations)
-    remark = audit_text.too_many(group)
+    remark = contradictions.too_many(group)
     if remark or not group.corrections:
         return [[name, remark or "no slips within the search", *[""] * 4]]
     rows = []
-    for found in group.corrections[: audit_text.SHOWN]:
-        words = audit_text.correction(found, audit.name)
+    for found in group.corrections[: contradictions.SHOWN]:
+        words = contradictions.correction(found, audit.name)
         breaks = str(len(words["breaks"])) if words["breaks"] else "nothing"
         rest = (f"{words['size']:g}", breaks, words["conclusion"], "; ".join(words["unknowns"]))
         rows.append([name, _codes(words["slips"]), *rest])
@@ -245,7 +224,7 @@ def _evidence(entry: Erratum, audit: Audit) -> Markup:
             Markup('<a href="relations.html#{}"><code>{}</code></a>: {}').format(
                 relation_anchor(entry.paper, relation.name),
                 relation.name,
-                audit_text.sides(finding, audit),
+                contradictions.sides(finding, audit),
             )
         )
     related = [finding.relation for finding in findings]
@@ -283,21 +262,14 @@ def _outcome(record: Record) -> str:
 
 def picture(paper: str, alternative: str) -> Html:
     """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
-    return Html(inline(_drawn(audit_paper(paper)), f"audit-{paper}", alternative))
-
-
-def _drawn(audit: Audit) -> Figure:
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
+    audit = audit_paper(paper)
     counts = audit.blamed()
     cells = sorted(counts, key=lambda address: (-counts[address], list(audit.cells).index(address)))
     cells = cells[:_MOST]
     every = [f.relation for f in audit.read if f.outcome == "contradicts"]
     wrong = [relation for relation in every if set(cells) & set(relation.addresses)]
     others = len(every) - len(wrong)
-    with style.context(STYLE):
-        figure = Figure(figsize=(8.5, 1.6 + 0.2 * max(len(cells), 1)), layout="constrained")
+    with styled((8.5, 1.6 + 0.2 * max(len(cells), 1))) as figure:
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
         for x, relation in enumerate(wrong):
             rows = [y for y, cell in enumerate(cells) if cell in relation.addresses]
@@ -312,7 +284,7 @@ def _drawn(audit: Audit) -> Figure:
         right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
         right.set_xlabel("smallest sets")
         right.set_title("in how many")
-    return figure
+    return Html(inline(figure, f"audit-{paper}", alternative))
 
 
 def audit_facts() -> dict[str, str]:
@@ -328,20 +300,20 @@ def audit_facts() -> dict[str, str]:
     counts: dict[str, int] = {}
     audits = [audit_paper(paper) for paper in PAPERS]
     for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
-        tallies = [list(audit.tally(restating=False).values()) for audit in group]
-        sums = [sum(column) for column in zip(*tallies, strict=True)]
-        outcomes = ("agreeing", "rounding", "contradicting")
-        counts |= {f"{start}{name}": n for name, n in zip(outcomes, sums, strict=True)}
-        again = [audit.tally(restating=True)["contradicts"] for audit in group]
-        counts |= {
-            f"{start}relations": sum(sums),
-            f"{start}restating": sum(len(audit.restating) for audit in group),
-            f"{start}restating-contradicting": sum(again),
-            f"{start}examined": sum(len(audit.examined) for audit in group),
-            f"{start}numbers": sum(len(audit.cells) for audit in group),
-            f"{start}groups": sum(len(audit.groups) for audit in group),
-            f"{start}supposed": sum(len(audit.supposed) for audit in group),
-        }
+        for audit in group:
+            own, again = audit.tally(restating=False), audit.tally(restating=True)
+            found = dict(zip(("agreeing", "rounding", "contradicting"), own.values(), strict=True))
+            found |= {
+                "relations": sum(own.values()),
+                "restating": len(audit.restating),
+                "restating-contradicting": again["contradicts"],
+                "examined": len(audit.examined),
+                "numbers": len(audit.cells),
+                "groups": len(audit.groups),
+                "supposed": len(audit.supposed),
+            }
+            for name, count in found.items():
+                counts[start + name] = counts.get(start + name, 0) + count
     read = [entry for entry in errata_register() if not entry.supposition]
     counts["errata"] = len(read)
     counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)

@@ -1,30 +1,35 @@
-"""The audit's findings in words: in the terminal, in the cells of a page, and as plain data."""
+"""What the printed numbers say of each other: the cross-examination in words, and the errata."""
 
 from __future__ import annotations
 
 import dataclasses
 import textwrap
 from collections.abc import Iterator
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from rich.console import RenderableType
 
 from reproduce.audit.corrections import Correction
+from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Agreement, Finding
 from reproduce.audit.report import Audit, Group, audit_paper, audit_table
 from reproduce.audit.rounding import sheet
+from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, read
 from reproduce.printed.units import si_factor, symbol
+from reproduce.views.keys import check_paper
+from reproduce.views.objects.base import by_row
+from reproduce.views.writing.display import Display
+from reproduce.views.writing.verdicts import quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
-    "SHOWN",
-    "as_json",
-    "audits",
-    "correction",
-    "lines",
-    "sides",
-    "too_many",
-    "within_paper",
-    "wrapped",
+    *("SHOWN", "Contradictions", "correction", "errata_register"),
+    *("sides", "too_many", "within_paper"),
 ]
 
 SHOWN = 6
@@ -32,11 +37,34 @@ SHOWN = 6
 _MANY = 12
 
 
-def audits(
-    paper: str | None, table: Path | None = None, relations: Path | None = None
-) -> list[Audit]:
-    """Audit one paper, all of them, or a table of the reader's own."""
-    if table is not None and relations is not None:
+class Contradictions(Display):
+    """What the printed numbers of papers or of a table say of each other, and the errata.
+
+    Parameters
+    ----------
+    paper : str, optional
+        One paper; all by default.
+    table, relations : path, optional
+        A table of a reader's own in the form of ``data/README.md``, and what its numbers keep.
+    """
+
+    def __init__(
+        self,
+        paper: str | None = None,
+        table: str | Path | None = None,
+        relations: str | Path | None = None,
+    ) -> None:
+        if (table is None) != (relations is None) or (table is not None and paper is not None):
+            raise ValueError("give a PAPER, or both table and relations, or nothing")
+        self.paper = paper if paper is None else check_paper(paper)
+        self._files = [Path(one) for one in (table, relations) if one is not None]
+
+    @cached_property
+    def audits(self) -> list[Audit]:
+        """What the cross-examination found, an audit for each paper or table."""
+        if not self._files:
+            return [audit_paper(name) for name in PAPERS if self.paper in {None, name}]
+        table, relations = self._files
         cells = sheet(read(table, table.stem).cells)
         text = relations.read_text(encoding="utf-8")
         try:
@@ -46,7 +74,42 @@ def audits(
                 f"{relations}: does not follow the form of data/README.md, or cannot be computed: "
                 f"{error!r}"
             ) from error
-    return [audit_paper(name) for name in PAPERS if paper in {None, name}]
+
+    def frame(self) -> pd.DataFrame:
+        """Return the register: one row per entry, with what is printed and why it is there."""
+        wanted = ["paper", "place", "printed", "problem", "conclusion", "status", "extraction"]
+        rows = {
+            one.id: [getattr(one, name) for name in wanted]
+            for one in errata_register()
+            if self.paper in {None, one.paper} and not self._files
+        }
+        return by_row(rows, wanted)
+
+    def relations(self) -> pd.DataFrame:
+        """Return every relation that the printed numbers should keep, and what became of it."""
+        rows = {
+            one.relation.name: [one.outcome, ", ".join(one.relation.addresses)]
+            for audit in self.audits
+            for one in audit.findings
+        }
+        return by_row(rows, ["outcome", "cells"])
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """Return everything that was found, for other programs."""
+        return [_plain(one) for one in self.audits]
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the audit line by line."""
+        for line in (line for audit in self.audits for line in _lines(audit)):
+            indent = " " * (len(line) - len(line.lstrip()) + 4)
+            yield textwrap.fill(line, width, subsequent_indent=indent, break_on_hyphens=False)
+
+
+@cache
+def errata_register() -> tuple[Erratum, ...]:
+    """Return the register of errata of all papers, in the order of its files."""
+    texts = [(one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()]
+    return tuple(one for text in texts for one in register(text))
 
 
 def within_paper(address: str) -> str:
@@ -71,9 +134,9 @@ def sides(finding: Finding, audit: Audit) -> str:
     units = {cells[a].unit for a in ([relation.result] if relation.result else relation.addresses)}
     unit = units.pop() if len(units) == 1 else "1"
     mark = symbol(unit)
-    gap = "" if mark in {"", "°", "″"} else "\u202f"
     values = (finding.left / si_factor(unit), finding.right / si_factor(unit))
-    return " against ".join(f"{value:.6g}".replace("-", "−") + gap + mark for value in values)
+    texts = (f"{value:.6g}".replace("-", "−") for value in values)
+    return " against ".join(quantity(text, mark) for text in texts)
 
 
 def _common(agreement: Agreement) -> str:
@@ -120,7 +183,7 @@ def too_many(group: Group) -> str:
     )
 
 
-def lines(audit: Audit) -> Iterator[str]:
+def _lines(audit: Audit) -> Iterator[str]:
     """Yield the audit of a paper or table, line by line, in plain text."""
     own = audit.tally(restating=False)
     yield (
@@ -149,12 +212,6 @@ def lines(audit: Audit) -> Iterator[str]:
             found += f", supposing that {shown.supposition}"
         yield f"equation {shown.place}: {found}: {shown.asked}"
         yield f"    {shown.meaning}: {shown.printed:.6g} as extracted, {shown.wanted:.6g} wanted"
-
-
-def wrapped(line: str, width: int) -> str:
-    """Break a line at the width of the terminal, what follows indented below it."""
-    indent = " " * (len(line) - len(line.lstrip()) + 4)
-    return textwrap.fill(line, width, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def _group(group: Group, audit: Audit) -> Iterator[str]:
@@ -213,7 +270,7 @@ def _together(audit: Audit) -> Iterator[str]:
             yield f"    cells: {', '.join(map(within_paper, conflict.cells))}"
 
 
-def as_json(audit: Audit) -> dict[str, Any]:
+def _plain(audit: Audit) -> dict[str, Any]:
     """Return a whole audit as plain data."""
     equation = ("name", "place", "asked", "printed", "right", "wanted", "meaning", "holds")
     return {

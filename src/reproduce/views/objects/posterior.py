@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
@@ -14,22 +13,25 @@ import numpy as np
 from rich.console import RenderableType
 from rich.table import Table
 
-from reproduce.views import build
-from reproduce.views.grid import Grid
-from reproduce.views.shown import Shown
+from reproduce.views import computed
+from reproduce.views.objects.base import Shown, by_row, text_of
+from reproduce.views.writing.cite import beside
+from reproduce.views.writing.display import Grid, Html, columns
+from reproduce.views.writing.export import export_frame
+from reproduce.views.writing.numbers import digits, percent
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from reproduce.inference.calibration import Ranks
     from reproduce.inference.model import Model, Parameter
     from reproduce.inference.parts import Progress
-    from reproduce.inference.posterior import Sampled
+    from reproduce.inference.posterior import Sampled, Summary
     from reproduce.inference.priors import Prior
     from reproduce.inference.sampling import Plan
     from reproduce.papers.declare_posterior import Declaration, Supplied
-    from reproduce.views.pages import Html
 
-__all__ = ["Posterior", "book_posterior"]
+__all__ = ["Posterior", "book_posterior", "coverage_rows", "entries", "named", "spread"]
 
 PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
@@ -40,7 +42,7 @@ def book_posterior(name: str) -> Sampled:
     from reproduce.inference import sampling
     from reproduce.papers.posteriors import posteriors
 
-    declared, kept = posteriors()[name], build.kept()
+    declared, kept = posteriors()[name], computed.kept()
     return sampling.sample(declared.model(), declared.plan(), folder=kept and kept / name)
 
 
@@ -190,32 +192,23 @@ class Posterior(Shown):
     def source(self) -> str:
         """The text of the function that makes the model."""
         function = self.declared.build
-        whole = getattr(function, "func", function)
-        return inspect.getsource(inspect.unwrap(whole)).rstrip()
+        return text_of(getattr(function, "func", function))
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the unit shown."""
-        import pandas as pd
-
         rows = {row.name: vars(row) for row in self.sampled.summaries()}
-        return pd.DataFrame.from_dict(rows, orient="index").drop(columns="name")
+        return by_row(rows).drop(columns="name")
 
     summary = frame
 
     @property
     def priors(self) -> pd.DataFrame:
         """Every parameter with its unit, its prior and the reason for it."""
-        import pandas as pd
-
         rows = {
-            one.name: {
-                "unit": one.unit,
-                "prior": str(one.prior.in_unit(one.shown)),
-                "why": one.prior.reason,
-            }
+            one.name: (one.unit, str(one.prior.in_unit(one.shown)), one.prior.reason)
             for one in self.model.parameters
         }
-        return pd.DataFrame.from_dict(rows, orient="index")
+        return by_row(rows, ["unit", "prior", "why"])
 
     @property
     def draws(self) -> pd.DataFrame:
@@ -231,15 +224,12 @@ class Posterior(Shown):
 
     def corner(self) -> Html:
         """Return the corner plot."""
-        from reproduce.views.pages import Html
-        from reproduce.views.posterior_figures import corner
+        from reproduce.views.writing.posterior_figures import corner
 
         return Html(corner(self.sampled, f"Corner plot of the posterior of {self.name}"))
 
     def export(self, form: str) -> str:
         """Return the summary as csv, json, latex or markdown."""
-        from reproduce.views.export import export_frame
-
         return export_frame(self.frame().rename_axis("parameter").reset_index(), form)
 
     def save(self, path: str | Path) -> Path:
@@ -265,9 +255,7 @@ class Posterior(Shown):
 
     def cite(self, form: str = "bibtex") -> str:
         """Return how to cite the paper that it rests on: bibtex, csl or text."""
-        from reproduce.views import cite as citing
-
-        return citing.beside("Posterior", self.name, self.declared.paper, self.declared.title, form)
+        return beside("Posterior", self.name, self.declared.paper, self.declared.title, form)
 
     def rerun(
         self,
@@ -316,8 +304,6 @@ class Posterior(Shown):
         }
 
     def _repr_html_(self) -> str:
-        from reproduce.views.posterior_facts import entries
-
         head = ("Quantity", "mean", "sd", "95 % from", "to", *PRECISION)
         rows = [(f"{row.name} ({row.unit})", *entries(row)) for row in self.sampled.summaries()]
         return str(Grid(f"Posterior {self.name}, {self.where}.", head, rows).html)
@@ -329,17 +315,42 @@ class Posterior(Shown):
 
     def table(self) -> Table:
         """Return the summary for a terminal, every number with the digits its error allows."""
-        from reproduce.views.posterior_facts import entries
-
-        # Without a box, and with the unit beside the name, it fits 80 columns.
-        table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-        table.add_column("parameter", overflow="fold", min_width=12)
-        for head in ("mean", "sd", "2.5 %", "97.5 %", *PRECISION):
-            table.add_column(head, justify="right", no_wrap=True)
-        for row in self.sampled.summaries():
-            label = row.name if row.unit == "1" else f"{row.name} ({row.unit})"
-            table.add_row(label, *entries(row))
+        heads = ("parameter", "mean", "sd", "2.5 %", "97.5 %", *PRECISION)
+        rows = [(named(row), *entries(row)) for row in self.sampled.summaries()]
+        table = columns(heads, rows, whole=range(1, len(heads)))
+        table.columns[0].min_width = 12
         return table
+
+
+def named(row: Any) -> str:
+    """Write a name with its unit, if it has one."""
+    return str(row.name) if row.unit == "1" else f"{row.name} ({row.unit})"
+
+
+def spread(row: Summary) -> tuple[str, str, str, str]:
+    """Write the mean of a summary, its standard deviation and the ends of its 95 %."""
+    ends = (digits(row.low, row.mcse_end), digits(row.high, row.mcse_end))
+    return (digits(row.mean, row.mcse), f"{row.deviation:.2g}", *ends)
+
+
+def entries(row: Summary) -> tuple[str, ...]:
+    """Write the numbers of a summary: those of `spread`, MCSE, R-hat, bulk and tail ESS."""
+    precision = (f"{row.mcse:.1g}", f"{row.rhat:.3f}", f"{row.bulk:.0f}", f"{row.tail:.0f}")
+    return (*spread(row), *precision)
+
+
+def coverage_rows(stored: Ranks) -> list[tuple[str, ...]]:
+    """Write evenness and coverage of every quantity, with binomial standard errors."""
+    return [
+        (
+            row.name,
+            digits(row.chance.value, row.chance.error),
+            percent(row.half),
+            percent(row.wide),
+            "none" if row.published is None else percent(row.published),
+        )
+        for row in stored.coverages()
+    ]
 
 
 def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:

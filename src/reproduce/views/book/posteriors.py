@@ -8,6 +8,7 @@ holds that every page shows all six.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,27 +26,21 @@ from reproduce.papers.chen2023.posteriors import (
 )
 from reproduce.papers.niu2024.posteriors import transforms
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import posterior_figures as figures
-from reproduce.views.grid import Grid
-from reproduce.views.numbers import digits, plain, ranged, shared, signed
-from reproduce.views.pages import Html
-from reproduce.views.posterior_facts import coverage_rows, entries
-from reproduce.views.sampled import book_posterior
+from reproduce.views.objects.posterior import (
+    Posterior,
+    book_posterior,
+    coverage_rows,
+    entries,
+    named,
+)
+from reproduce.views.writing import posterior_figures as figures
+from reproduce.views.writing.display import Grid, Html
+from reproduce.views.writing.numbers import digits, plain, ranged, shared, signed
 
 __all__ = [
-    "STEPS",
-    "calibrations_of_all",
-    "columns_of_table_4",
-    "columns_of_table_5",
-    "computation",
-    "decision",
-    "file_formats",
-    "model",
-    "reporting",
-    "reproducing",
-    "results",
-    "sensitivity",
-    "transform_choice",
+    *("STEPS", "calibrations_of_all", "columns_of_table_4", "columns_of_table_5", "computation"),
+    *("decision", "file_formats", "model", "reporting", "reproducing", "results"),
+    *("sensitivity", "transform_choice"),
 ]
 
 STEPS = {
@@ -61,25 +56,20 @@ LEAST_ERROR = 5e-4
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:
-    return str(Grid(caption, head, rows).html)
+    return str(Grid(caption, head, rows).html) if rows else ""
 
 
-def _artefact(step: str, name: str, body: str) -> Html:
-    return Html(f'<div id="posterior-{name}-{step}">{body}</div>')
+def _step(step: str, name: str, *parts: str) -> Html:
+    return Html(f'<div id="posterior-{name}-{step}">{"".join(parts)}</div>')
 
 
 def model(name: str) -> Html:
     """Show a model: parameters, units, priors with their reasons, and what reaches it."""
     declared = posteriors()[name]
-    built = book_posterior(name).model
-    rows = []
-    for one in built.parameters:
-        prior = one.prior.in_unit(one.shown)
-        rows.append((one.name, one.unit, str(prior), one.prior.reason))
     kind = "simulated from the printed settings" if declared.simulated else "as printed"
     caption = f"{declared.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."
-    table = _table(("Parameter", "Unit", "Prior", "Why"), rows, caption)
-    return _artefact("model", name, table)
+    rows = list(Posterior(name).priors.itertuples(name=None))
+    return _step("model", name, _table(("Parameter", "Unit", "Prior", "Why"), rows, caption))
 
 
 def computation(name: str) -> Html:
@@ -97,48 +87,49 @@ def computation(name: str) -> Html:
     )
     head = ("Parameter", "R-hat", "τ (steps)", "steps / τ", "bulk ESS", "tail ESS")
     drawn = figures.traces(found, f"Trace of every parameter of {name}, one colour per ensemble")
-    return _artefact("computation", name, _table(head, rows, caption) + drawn)
+    return _step("computation", name, _table(head, rows, caption), drawn)
 
 
 def results(name: str) -> Html:
     """Show the posterior: summaries, consequences, predictive checks and a corner plot."""
     found = book_posterior(name)
     head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk ESS", "tail ESS")
-    rows = [(f"{r.name} ({r.unit})", *entries(r)) for r in found.summaries()]
+    rows = [(_named(r), *entries(r)) for r in found.summaries()]
     summary = _table(head, rows, "Posterior, with no more digits than its error allows.")
     checks = [
-        (c.name, f"{c.observed:.4g}", ranged(c.prior), ranged(c.posterior),
-         shared(c.tail))
+        (c.name, f"{c.observed:.4g}", ranged(c.prior), ranged(c.posterior), shared(c.tail))
         for c in predictive_checks(found)
-    ]  # fmt: skip
+    ]
     compared = ("Number", "in the data", "prior predicts", "posterior predicts", "tail probability")
     caption = "Predictive checks: central 95 % of simulated data, and where the data lie."
     drawn = figures.corner(found, f"Corner plot of the posterior of {name}")
-    return _artefact("results", name, summary + _table(compared, checks, caption) + drawn)
+    return _step("results", name, summary, _table(compared, checks, caption), drawn)
+
+
+def _named(row: Any) -> str:
+    return f"{row.name} ({row.unit})"
 
 
 def decision(name: str) -> Html:
     """Show the estimates and the published numbers in the posterior, and the rivals' evidence."""
-    parts = (estimates(name), bounds(name), repeats(name), rivals(name))
-    return _artefact("decision", name, "".join(parts))
+    return _step("decision", name, estimates(name), bounds(name), repeats(name), rivals(name))
 
 
 def estimates(name: str) -> str:
     """Return the nominal or least-squares estimates, placed in the posterior."""
     rows = [
-        (f"{one.name} ({one.unit})", f"{one.estimate:.6g}", signed(digits(one.off, one.error)),
-         shared(one.tail))
+        (_named(one), f"{one.estimate:.6g}", signed(digits(one.off, one.error)), shared(one.tail))
         for one in placed(book_posterior(name))
-    ]  # fmt: skip
+    ]
     head = ("Parameter", "estimate", "posterior sd from the mean", "tail probability")
     caption = "The nominal or least-squares estimate, placed in the posterior."
-    return _table(head, rows, caption) if rows else ""
+    return _table(head, rows, caption)
 
 
 def bounds(name: str) -> str:
     """Return the Cramér-Rao bound beside the width of the posterior, where it is simple."""
     rows = [
-        (f"{one.name} ({one.unit})", digits(one.width, one.error), f"{one.bound:.4g}",
+        (_named(one), digits(one.width, one.error), f"{one.bound:.4g}",
          digits(one.ratio, one.ratio_error))
         for one in posteriors()[name].bounds(book_posterior(name))
     ]  # fmt: skip
@@ -147,7 +138,7 @@ def bounds(name: str) -> str:
         "The width of the posterior, and the least that any unbiased estimate can have; a prior "
         "may make the posterior narrower."
     )
-    return _table(head, rows, caption) if rows else ""
+    return _table(head, rows, caption)
 
 
 def repeats(name: str) -> str:
@@ -158,7 +149,7 @@ def repeats(name: str) -> str:
     printed, together, note = found
     rows = [
         (
-            row.name if row.unit == "1" else f"{row.name} ({row.unit})",
+            named(row),
             row.printed,
             ranged(row.range),
             shared(row.tail),
@@ -299,7 +290,7 @@ def sensitivity(name: str) -> Html:
         f"of. An end holds a posterior with more than {100 * CROWDED:g} % of its draws within "
         f"{100 * NEAR:g} % of the width of a flat prior from it."
     )
-    return _artefact("sensitivity", name, _table(head, rows, caption))
+    return _step("sensitivity", name, _table(head, rows, caption))
 
 
 def reproducing(name: str) -> Html:
@@ -321,7 +312,7 @@ def reproducing(name: str) -> Html:
     )
     table = _table(head, coverage_rows(stored), caption)
     drawn = figures.ranks(stored, name, f"Ranks of {name} against their simultaneous band")
-    return _artefact("reproducing", name, table + drawn + commands)
+    return _step("reproducing", name, table, drawn, commands)
 
 
 def calibrations_of_all() -> Html:
@@ -345,7 +336,6 @@ def calibrations_of_all() -> Html:
 
 def reporting(name: str) -> Html:
     """Link the six steps of the reporting guidelines to their artefacts on this page."""
-    links = "".join(
-        f'<li><a href="#posterior-{name}-{step}">{text}</a></li>' for step, text in STEPS.items()
-    )
-    return Html(f"<ul>{links}</ul>")
+    link = '<li><a href="#posterior-{}-{}">{}</a></li>'
+    links = (link.format(name, step, text) for step, text in STEPS.items())
+    return Html(f"<ul>{''.join(links)}</ul>")

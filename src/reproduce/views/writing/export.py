@@ -1,4 +1,4 @@
-"""Exports of an item's records, through pandas."""
+"""Exports of an item's records, or of any DataFrame, through pandas."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from reproduce.judge.expected import reason
 from reproduce.judge.ledger import Ledger, Record
-from reproduce.views import keys, record_text
+from reproduce.views import keys
+from reproduce.views.writing import verdicts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,47 +19,34 @@ FORMATS = ("csv", "json", "latex", "markdown")
 
 def export(ledger: Ledger, address: str, form: str) -> str:
     """Write the records of an item or a cell in a format that other programs read."""
-    _check(form)
     key, _, name = address.partition("#")
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
-    if not records:
-        raise ValueError(f"{key} has no printed cells to export; try `reproduce figure {key}`")
     if form == "json":
         tables = tuple(t for t in ledger.tables if t.key == key and not name)
-        chosen = Ledger(records=records, tables=tables)
-        return chosen.model_dump_json(indent=2)
+        return Ledger(records=records, tables=tables).model_dump_json(indent=2)
     if form == "csv":
         return full_frame(records).to_csv(index=False)
+    caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
+    label = f"tab:{key.replace('/', '-')}"
     shown = _shown_frame(records, ascii_units=form == "latex")
-    if form == "markdown":
-        return _markdown(shown)
-    return shown.to_latex(
-        index=False,
-        escape=True,
-        caption=f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})",
-        label=f"tab:{key.replace('/', '-')}",
-    )
+    if form == "latex":
+        return shown.to_latex(index=False, escape=True, caption=caption, label=label)
+    return export_frame(shown, form)
 
 
 def export_frame(frame: pd.DataFrame, form: str) -> str:
     """Write any DataFrame as csv, json (a list of rows), latex or markdown."""
-    _check(form)
+    if form not in FORMATS:
+        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
     if form == "csv":
         return frame.to_csv(index=False)
     if form == "json":
         return frame.to_json(orient="records", indent=2, force_ascii=False)
-    return _markdown(frame) if form == "markdown" else frame.to_latex(index=False)
-
-
-def _markdown(frame: pd.DataFrame) -> str:
+    if form == "latex":
+        return frame.to_latex(index=False)
     lines = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
     cells = ((str(cell).replace("|", "\\|") for cell in line) for line in lines)
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)
-
-
-def _check(form: str) -> None:
-    if form not in FORMATS:
-        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
 
 
 def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
@@ -73,8 +61,7 @@ def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
         row["readings"] = "; ".join(
             f"{reading.name}: {reading.computed!r} {reading.verdict}" for reading in record.readings
         )
-        row["reason"] = reason(record.cell)
-        rows.append(row)
+        rows.append(row | {"reason": reason(record.cell)})
     return pd.DataFrame(rows)
 
 
@@ -82,17 +69,15 @@ def _shown_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFr
     """Lay out what a reader sees; a plain LaTeX document has no glyph for the signs of units."""
     import pandas as pd
 
-    return pd.DataFrame(
-        [
-            {
-                "cell": record.cell.partition("#")[2],
-                "printed": record.printed,
-                "computed": record_text.computed(record).replace("−", "-"),
-                "unit": record.unit if ascii_units else record_text.unit(record),
-                "verdict": record_text.qualified(record),
-                "probability": record_text.probability(record).replace("\u00a0", " "),
-            }
-            for record in records
-        ],
-        dtype=str,
-    )
+    rows = [
+        {
+            "cell": verdicts.name_of(record),
+            "printed": record.printed,
+            "computed": verdicts.computed(record).replace("−", "-"),
+            "unit": record.unit if ascii_units else verdicts.unit(record),
+            "verdict": verdicts.qualified(record),
+            "probability": verdicts.probability(record).replace("\u00a0", " "),
+        }
+        for record in records
+    ]
+    return pd.DataFrame(rows, dtype=str)

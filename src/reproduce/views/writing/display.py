@@ -1,21 +1,61 @@
-"""The one way to show a table: HTML in a page, aligned columns in a terminal."""
+"""How something shows itself: HTML in a page, aligned columns in a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import io
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from markupsafe import Markup, escape
-from rich.console import RenderableType
+from rich import box
+from rich.console import Console, RenderableType
 from rich.table import Table
+from rich.text import Text
 
-from reproduce.views.numbers import powers_in_html
-from reproduce.views.shown import Shown
+from reproduce.views.writing.numbers import powers_in_html
 
-__all__ = ["Box", "Entry", "Grid", "folded"]
+__all__ = ["Box", "Display", "Entry", "Grid", "Html", "columns", "folded"]
 
+WIDTH = 80
 Entry = str | Markup
+
+
+class Display(ABC):
+    """What shows itself in a terminal by its parts, without colour in a notebook's text."""
+
+    @abstractmethod
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield what a terminal of this many columns shows."""
+
+    def print(self, console: Console) -> None:
+        """Write the parts on a terminal."""
+        for part in self.parts(console.width):
+            if isinstance(part, str):
+                console.print(part, markup=False, highlight=False)
+            else:
+                console.print(part)
+
+    def __repr__(self) -> str:
+        """Return the parts as text."""
+        text = io.StringIO()
+        self.print(Console(file=text, width=WIDTH, no_color=True, force_jupyter=False))
+        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+
+@dataclass(frozen=True)
+class Html:
+    """A piece of a page; notebooks show it as HTML."""
+
+    text: str
+
+    def _repr_html_(self) -> str:
+        return powers_in_html(self.text)
+
+    def __repr__(self) -> str:
+        """Return nothing to read: the HTML is what counts."""
+        return "<HTML>"
 
 
 class Box(NamedTuple):
@@ -26,8 +66,8 @@ class Box(NamedTuple):
     kind: str = ""
 
 
-@dataclass(frozen=True)
-class Grid(Shown):
+@dataclass(frozen=True, repr=False)
+class Grid(Display):
     """A table of texts; the first entry of each row names it.
 
     Parameters
@@ -79,13 +119,32 @@ class Grid(Shown):
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the table and its caption."""
-        table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-        for i, name in enumerate(self.head):
-            table.add_column(_text(name), justify="right" if i else "left", overflow="fold")
-        for row in self.rows:
-            table.add_row(*map(_text, row))
-        yield table
+        yield columns(map(_text, self.head), (map(_text, row) for row in self.rows))
         yield _text(self.caption)
+
+
+def columns(
+    heads: Iterable[str],
+    rows: Iterable[Iterable[str | Text]],
+    *,
+    ruled: bool = False,
+    words: int = 1,
+    whole: Collection[int] = (),
+    **settings: Any,
+) -> Table:
+    """Return a table for a terminal: numbers to the right, after so many columns of words.
+
+    Columns that are to stay `whole` are not wrapped; without rules a table fits 80 columns.
+    """
+    look: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0)}
+    look = {"box": box.SIMPLE_HEAD} if ruled else look
+    table = Table(pad_edge=False, **look, **settings)
+    for i, name in enumerate(heads):
+        table.add_column(name, no_wrap=i in whole, overflow="fold")
+        table.columns[i].justify = "left" if i < words else "right"
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
@@ -95,10 +154,10 @@ def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
 
 
 def _td(entry: Entry | Box) -> str:
-    box = entry if isinstance(entry, Box) else Box(entry)
-    named = (("id", box.identifier), ("class", box.kind))
+    one = entry if isinstance(entry, Box) else Box(entry)
+    named = (("id", one.identifier), ("class", one.kind))
     marks = "".join(f' {name}="{escape(value)}"' for name, value in named if value)
-    return f"<td{marks}>{escape(box.content)}</td>"
+    return f"<td{marks}>{escape(one.content)}</td>"
 
 
 def _text(entry: Entry | Box) -> str:
