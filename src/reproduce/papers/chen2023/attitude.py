@@ -12,7 +12,6 @@ from reproduce.units import ARCSEC_PER_RADIAN
 __all__ = ["orders"]
 
 PRINTED = "chen2023/table-4#1.transform-?"
-FRAMES_OF_ERROR = ("camera", "tracker")
 
 
 @studied(
@@ -27,19 +26,17 @@ FRAMES_OF_ERROR = ("camera", "tracker")
     caption="Accuracy of the laser transform from one frame (3σ), by the scatter of Table III, for "
     "two principal points of the tracker and both orders of the product.",
 )
-def orders(given: Given) -> list[tuple[str, str, float, float]]:
+def orders(given: Given) -> list[tuple[str | float, ...]]:
     """Accuracy of a single frame in the axes of either instrument, for two principal points."""
     points = {
         "centre of the detector": platform.tracker_centre(given),
-        "middle of the spots": given.array(platform.SPOTS).reshape(-1, 2).mean(axis=0),
+        "middle of the spots": platform.printed_spots(given).mean(axis=0),
     }
-    rows = []
+    rows: list[tuple[str | float, ...]] = []
     for name, point in points.items():
         responses = platform.responses(given, point)
-        for frame, response in zip(FRAMES_OF_ERROR, responses, strict=True):
+        for frame, response in zip(("camera", "tracker"), responses, strict=True):
             variance = (response**2 * platform.scatter(given, 1) ** 2).sum(axis=(-2, -1))
-            about_x, about_y = platform.SIGMAS * np.sqrt(variance[:2]) * ARCSEC_PER_RADIAN
-            rows.append((name, frame, float(about_x), float(about_y)))
-    about_x, about_y = given.array(PRINTED) * ARCSEC_PER_RADIAN
-    rows.append(("printed", "", float(about_x), float(about_y)))
-    return rows
+            angles = platform.SIGMAS * np.sqrt(variance[:2])
+            rows.append((name, frame, *map(float, angles * ARCSEC_PER_RADIAN)))
+    return [*rows, ("printed", "", *map(float, given.array(PRINTED) * ARCSEC_PER_RADIAN))]

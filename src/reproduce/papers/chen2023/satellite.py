@@ -10,6 +10,7 @@ not print: the beam is a fifth of a metre wide, and returns a metre beside the c
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,6 @@ __all__ = [
     "BORESIGHT",
     "CAMERA",
     "EXPANSION",
-    "IMAGE",
     "LIGHT_PATH",
     "SATELLITE",
     "TEXT",
@@ -44,7 +44,6 @@ __all__ = [
     "believed",
     "bench_path",
     "dichroic_response",
-    "pattern",
 ]
 
 SATELLITE = "chen2023/table-1"
@@ -127,28 +126,22 @@ def bench_path(given: Given, kind: str) -> LightPath:
     return light_path(kind, *lengths, given[BORESIGHT])
 
 
-def pattern(given: Given) -> FloatArray:
-    """Return the designed lasers, in metres, of shape (4, 2)."""
-    spots = given.array(platform.SPOTS).reshape(-1, 2)
-    return platform.designed_positions(spots, given[platform.DIAGONAL])
-
-
 def believed(
-    now: LightPath, rest: LightPath, points: FloatArray, moved: FloatArray, image: str
+    rest: LightPath, kind: str, points: FloatArray, shifts: FloatArray | float = 0.0, **changes: Any
 ) -> FloatArray:
-    """Return the turn of the camera that the system believes when its light path changes.
+    """Return the turn of the camera that the system believes when lasers or light path change.
 
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
-    mirror = [1.0, -1.0 if image == "mirrored" else 1.0]
+    mirror = [1.0, -1.0 if IMAGE[kind] == "mirrored" else 1.0]
     camera = emitted_directions(points * mirror, rest.camera_focal_length)
-    zero, then = (
+    zero, now = (
         received_directions(
             light.spots(where, aperture()).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
         )
-        for light, where in ((rest, points), (now, moved))
+        for light, where in ((rest, points), (replace(rest, **changes), points + shifts))
     )
-    return misalignment_angles(misalignment(camera, then, laser_transform(camera, zero)))
+    return misalignment_angles(misalignment(camera, now, laser_transform(camera, zero)))
 
 
 AXES = ("X (across the edge)", "Y (along the edge)", "Z (the beam)")
@@ -174,20 +167,19 @@ AXES = ("X (across the edge)", "Y (along the edge)", "Z (the beam)")
 )
 def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     """What turns of the retro-reflector make the system believe, for three kinds of it."""
-    points, pixel = pattern(given), given[platform.PIXEL]
+    points = platform.lasers(given)
     rows: list[tuple[str | float, ...]] = []
     for kind, image in IMAGE.items():
         rest = bench_path(given, kind)
         shares: list[float] = []
         for turn in TURN * np.eye(3):
-            now = replace(rest, retroreflector=replace(rest.retroreflector, turn=turn))
-            angles = believed(now, rest, points, points, image) / TURN
-            shares += [float(np.hypot(*angles[:2])), float(abs(angles[2]))]
-        tilted = replace(rest, camera_turn=[TURN, 0.0, 0.0])
-        roll = float(abs(believed(tilted, rest, points, points, image)[2])) / TURN
+            turned = replace(rest.retroreflector, turn=turn)
+            x, y, z = believed(rest, kind, points, retroreflector=turned) / TURN
+            shares += [np.hypot(x, y), abs(z)]
+        roll = abs(believed(rest, kind, points, camera_turn=[TURN, 0.0, 0.0])[2]) / TURN
         spots = rest.spots(points, aperture())
-        blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max() / pixel
-        rows.append((kind, *shares, roll, float(blur), image))
+        blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
+        rows.append((kind, *shares, roll, blur / given[platform.PIXEL], image))
     return rows
 
 
@@ -208,8 +200,8 @@ def dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     accuracy = float(given.array(ACCURACY).max())
     axes = ("in the plane of the light", "across it", "its normal")
     rows = []
-    for axis, column in zip(axes, dichroic_response(given[BORESIGHT]).T, strict=True):
-        factor = float(np.linalg.norm(column))
+    factors = np.linalg.norm(dichroic_response(given[BORESIGHT]), axis=0)
+    for axis, factor in zip(axes, factors, strict=True):
         turn = accuracy / factor if factor > NOISE else np.inf
         rows.append((axis, factor, turn / RADIANS_PER_ARCSEC, turn / given[EXPANSION]))
     return rows

@@ -19,12 +19,12 @@ import numpy as np
 
 from reproduce.papers.chen2023 import platform, resolution, satellite
 from reproduce.papers.study import Column, studied
+from reproduce.physics.attitude.rotations import unit
 from reproduce.physics.images.centroid_theory import centre_of_gravity_error
 from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.spots import spot_windows
 from reproduce.physics.light.light_path import Mirrors
 from reproduce.physics.optics.camera import field_of_view
-from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
@@ -36,6 +36,7 @@ __all__ = ["heat", "stray", "thermal", "tolerances"]
 RATIO = f"{satellite.TEXT}#focal-ratio"
 FLIGHT = satellite.CAMERA[0]
 PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
+PAIR = "two mirrors at a right angle"
 # A motion that is small enough to be a derivative: a micrometre.
 STEP = 1e-6
 # Tilts below this share of the accuracy are rounding noise.
@@ -95,51 +96,30 @@ def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
 def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
     """Thermal terms: what each mimics, and how large it may be."""
     accuracy = float(given.array(satellite.ACCURACY).max())
-    return [*_laser_rows(given, accuracy), *_mirror_rows(given, accuracy)]
-
-
-def _laser_rows(given: Given, accuracy: float) -> list[tuple[str, str, float, float, float]]:
-    points = satellite.pattern(given)
-    rest = satellite.bench_path(given, "two mirrors at a right angle")
+    kind, points, expansion = PAIR, platform.lasers(given), given[satellite.EXPANSION]
     # In angle only the camera's own focal length counts, so the flight camera is set in.
-    rest = replace(rest, camera_focal_length=given[FLIGHT])
-    support = given[satellite.EXPANSION] * given[platform.DIAGONAL]
+    rest = replace(satellite.bench_path(given, kind), camera_focal_length=given[FLIGHT])
+    outward = points / np.linalg.norm(points, axis=1, keepdims=True)
     rows = []
-    for name, shifts in _laser_moves(points).items():
-        angles = satellite.believed(rest, rest, points, points + shifts, "upright")
-        tilt = float(np.linalg.norm(angles[:2]))
-        length = accuracy / tilt * STEP if tilt > NOISE * accuracy else np.inf
-        rows.append((name, "µm", tilt / RADIANS_PER_ARCSEC, length * 1e6, length / support))
-    return rows
-
-
-def _mirror_rows(given: Given, accuracy: float) -> list[tuple[str, str, float, float, float]]:
-    response = satellite.dichroic_response(given[satellite.BORESIGHT])
-    rows = []
-    for name, factor in (
-        ("the dichroic mirror tilts", float(np.linalg.norm(response, axis=0).max())),
-        (
-            "the angle of the two mirrors opens",
-            opened_angle(given, "two mirrors at a right angle"),
-        ),
-        ("one angle of a corner cube opens", opened_angle(given, "corner cube")),
-    ):
-        turn = accuracy / factor
-        kelvin = turn / given[satellite.EXPANSION]
-        rows.append((name, "arcsec", factor, turn / RADIANS_PER_ARCSEC, kelvin))
-    return rows
-
-
-def _laser_moves(points: FloatArray) -> dict[str, FloatArray]:
-    """Return motions of the lasers by a micrometre, each of shape (4, 2)."""
-    single = np.zeros_like(points)
-    single[0, 0] = STEP
-    outward = STEP * points / np.linalg.norm(points, axis=1, keepdims=True)
-    return {
-        "all lasers move together": np.broadcast_to([STEP, 0.0], points.shape),
-        "one laser of four moves": single,
+    for name, moves in {
+        "all lasers move together": [1.0, 0.0],
+        "one laser of four moves": np.eye(len(points), 2) * [1.0, 0.0],
         "the pattern grows evenly": outward,
-    }
+    }.items():
+        angles = satellite.believed(rest, kind, points, STEP * np.asarray(moves))
+        tilt = np.hypot(*angles[:2])
+        length = accuracy / tilt * STEP if tilt > NOISE * accuracy else np.inf
+        kelvin = length / (expansion * given[platform.DIAGONAL])
+        rows.append((name, "µm", tilt / RADIANS_PER_ARCSEC, length * 1e6, kelvin))
+    response = satellite.dichroic_response(given[satellite.BORESIGHT])
+    for name, factor in {
+        "the dichroic mirror tilts": np.linalg.norm(response, axis=0).max(),
+        "the angle of the two mirrors opens": opened_angle(given, kind),
+        "one angle of a corner cube opens": opened_angle(given, "corner cube"),
+    }.items():
+        turn = accuracy / factor
+        rows.append((name, "arcsec", factor, turn / RADIANS_PER_ARCSEC, turn / expansion))
+    return rows
 
 
 def opened_angle(given: Given, kind: str) -> float:
@@ -147,18 +127,15 @@ def opened_angle(given: Given, kind: str) -> float:
 
     In radians per radian.
     """
-    points, rest = satellite.pattern(given), satellite.bench_path(given, kind)
+    points, rest = platform.lasers(given), satellite.bench_path(given, kind)
     if not isinstance(rest.retroreflector, Mirrors):
         raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")
-    normals = rest.retroreflector.normals / np.linalg.norm(
-        rest.retroreflector.normals, axis=1, keepdims=True
-    )
+    normals = unit("normals", rest.retroreflector.normals)
     # One mirror turns about its edge with the next one, away from it.
-    changed = normals.copy()
-    changed[0] = normals[0] + satellite.TURN * normals[1]
-    now = replace(rest, retroreflector=replace(rest.retroreflector, normals=changed))
-    angles = satellite.believed(now, rest, points, points, satellite.IMAGE[kind])
-    return float(np.linalg.norm(angles[:2])) / satellite.TURN
+    normals[0] += satellite.TURN * normals[1]
+    opened = replace(rest.retroreflector, normals=normals)
+    angles = satellite.believed(rest, kind, points, retroreflector=opened)
+    return float(np.hypot(*angles[:2])) / satellite.TURN
 
 
 @studied(
@@ -183,14 +160,14 @@ def stray(given: Given) -> pd.DataFrame:
     band = min(given[f"{MIRROR}reflection-high.value"], given[SEEN])
     band -= given[f"{MIRROR}reflection-low.value"]
     signal, background, slope = tolerances(given)
-    infrared = "near-infrared light of the landscape that a filter of"
     shares = {
         "laser light that the mirror loses": 1 - reflected,
         "noise of a spot's centroid that this adds": reflected**-0.5 - 1,
         "starlight that the mirror loses": 1 - passed,
         "noise of a star's centroid that this adds": passed**-0.5 - 1,
         "visible light of the landscape that the mirror sends on": 1 - passed,
-        f"{infrared} {FILTER_WIDTH * 1e9:.0f} nm lets through": FILTER_WIDTH / band,
+        "near-infrared light of the landscape that a filter of "
+        f"{FILTER_WIDTH * 1e9:.0f} nm lets through": FILTER_WIDTH / band,
     }
     electrons = {
         f"even background that adds {ADDED:.0%} to the noise of a centroid": background,
