@@ -64,14 +64,14 @@ def test_a_floor_is_found_in_the_column_that_has_one_and_in_no_other(tables):
     raised = tables[0].copy()
     raised[2] = np.hypot(raised[2], floor)
     found = accuracy.fit(raised, tables[1:], 0.01 * ARCSEC)
-    assert found.among[2] < 0.01
-    assert found.anywhere < 0.01
-    assert found.without < 0.01
-    assert found.floors[2] == pytest.approx(floor, rel=0.3)
-    assert found.upper[2] > floor
+    assert found["among"][2] < 0.01
+    assert found["single"][-1] < 0.01
+    assert found["without"] < 0.01
+    assert found["floors"][2] == pytest.approx(floor, rel=0.3)
+    assert found["upper"][2] > floor
     others = [0, 1, 3]
-    assert (found.single[others] > 0.02).all()
-    assert (found.upper[others] < floor).all()
+    assert (found["single"][others] > 0.02).all()
+    assert (found["upper"][others] < floor).all()
 
 
 def test_fresh_tables_without_floors_prefer_them_as_strongly_as_the_others(tables):

@@ -13,7 +13,7 @@ from reproduce.papers.chen2023.platform import (
     angle_response,
     designed_positions,
     scatter,
-    tracker_centre,
+    tracker,
 )
 from reproduce.physics.attitude.averaging import scatter_of_averages
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
@@ -66,7 +66,7 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
 
 
 def test_the_centre_of_the_detector_is_where_pixels_are_counted_from_zero():
-    np.testing.assert_array_equal(tracker_centre(DOOR), [511.5, 511.5])
+    np.testing.assert_array_equal(tracker(DOOR)[0], [511.5, 511.5])
 
 
 @pytest.fixture(scope="module")

@@ -115,11 +115,7 @@ def simulated_accuracies(
     return platform.SIGMAS * np.concatenate(parts)
 
 
-@reproduces(
-    TEXT,
-    cells=["smoothing-time-*"],
-    given=[DURATION, FRAMES, SMOOTHED, RATE],
-)
+@reproduces(TEXT, cells=["smoothing-time-*"], given=[DURATION, FRAMES, SMOOTHED, RATE])
 def times(given: Given) -> Results:
     """Time to take the averaged frames, in flight and on the ground platform."""
     averaged = given.count(SMOOTHED)
@@ -219,31 +215,6 @@ class Model:
     floors: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class JointFit:
-    """Floors under all columns of a table, fitted together.
-
-    Attributes
-    ----------
-    without : float
-        How often a table without floors is at least as far from its own mean as the printed one.
-    anywhere : float
-        How often a table without floors prefers floors at least as strongly as the printed one.
-    floors, upper : ndarray, shape (columns,)
-        The most likely floors, and the largest that are not refused at 95 %, in radians.
-    single, among : ndarray, shape (columns,)
-        How often a table without floors prefers one in this column at least as strongly; and how
-        often in any of its columns.
-    """
-
-    without: float
-    anywhere: float
-    floors: FloatArray
-    upper: FloatArray
-    single: FloatArray
-    among: FloatArray
-
-
 def joint_model(noise: FloatArray, digit: float) -> Model:
     """Return the joint law of a table from replicates without floors.
 
@@ -259,8 +230,15 @@ def joint_model(noise: FloatArray, digit: float) -> Model:
     return Model(means, spreads / spreads[:, :1], weight.reshape(noise.shape[1:] * 2), floors)
 
 
-def fit(printed: FloatArray, noise: FloatArray, digit: float) -> JointFit:
-    """Fit floors under all columns together and compare with tables that have none."""
+def fit(printed: FloatArray, noise: FloatArray, digit: float) -> dict[str, FloatArray]:
+    """Fit floors under all columns together and compare with tables that have none.
+
+    ``without``: how often a table without floors is at least as far from its own mean as the
+    printed one. ``floors`` and ``upper``: the most likely floors of the columns, and the largest
+    that are not refused at 95 %, in radians. ``single``: how often a table without floors prefers
+    one in this column at least as strongly; last, floors anywhere. ``among``: how often in any of
+    its columns.
+    """
     model = joint_model(noise, digit)
     tables = np.concatenate([printed[np.newaxis], np.round(noise / digit) * digit])
     none, gains, best = preferences(tables, model)
@@ -272,14 +250,13 @@ def fit(printed: FloatArray, noise: FloatArray, digit: float) -> JointFit:
         for column in columns
     ]
     upper = [np.flatnonzero(np.array(row) <= LIMIT).max() for row in lost]
-    return JointFit(
-        without=_share(none),
-        anywhere=_share(gains[:, -1]),
-        floors=model.floors[columns, best[0]],
-        upper=model.floors[columns, upper],
-        single=(gains[1:, :-1] >= gains[0, :-1]).mean(axis=0),
-        among=(gains[1:, :-1].max(axis=1)[:, np.newaxis] >= gains[0, :-1]).mean(axis=0),
-    )
+    return {
+        "without": (none[1:] >= none[0]).mean(),
+        "floors": model.floors[columns, best[0]],
+        "upper": model.floors[columns, upper],
+        "single": (gains[1:] >= gains[0]).mean(axis=0),
+        "among": (gains[1:, :-1].max(axis=1)[:, np.newaxis] >= gains[0, :-1]).mean(axis=0),
+    }
 
 
 def preferences(
@@ -301,11 +278,6 @@ def preferences(
 def _away(tables: FloatArray, model: Model) -> FloatArray:
     """Return tables' logarithms less the mean under every floor, in units of its spread."""
     return np.asarray((np.log(tables)[:, :, np.newaxis] - model.means) / model.spreads)
-
-
-def _share(values: FloatArray) -> float:
-    """Return how many of the others are at least as large as the first."""
-    return float((values[1:] >= values[0]).mean())
 
 
 def _descended(
@@ -363,15 +335,16 @@ def floors(given: Given) -> pd.DataFrame:
     printed = np.stack([given.array(f"{TABLE}#*.{matrix}-{axis}") for matrix, axis in COLUMNS])
     # The door that the drawing is given, so that both share one simulation.
     found = fit(printed, replicated_table(given.narrowed(READS)), DIGIT)
-    best, most = found.floors * ARCSEC_PER_RADIAN, found.upper * ARCSEC_PER_RADIAN
-    columns = zip(best, most, found.single, found.among, found.among, strict=True)
+    *single, anywhere = found["single"]
+    best, most = found["floors"] * ARCSEC_PER_RADIAN, found["upper"] * ARCSEC_PER_RADIAN
+    columns = zip(best, most, single, found["among"], found["among"], strict=True)
     lines = {
         f"{matrix}, {axis.upper()}": numbers
         for (matrix, axis), numbers in zip(COLUMNS, columns, strict=True)
     }
-    lines["all four together"] = (np.nan, np.nan, found.anywhere, np.nan, found.anywhere)
+    lines["all four together"] = (np.nan, np.nan, anywhere, np.nan, anywhere)
     rows = [
         (name, *numbers, "needed" if decides < NEEDED else "not needed")
         for name, (*numbers, decides) in lines.items()
     ]
-    return floors.frame(rows, without=found.without)
+    return floors.frame(rows, without=found["without"])

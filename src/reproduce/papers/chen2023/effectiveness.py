@@ -70,21 +70,14 @@ LAST = f"{TABLE}#5.reference-y"
 MISSING = "the focal length of the telescope, of which a nominal one is printed"
 COLUMNS = f"{MISSING}, and on which columns of Table V belong together"
 # Each reading chooses columns and focal length: its name, and where the text leaves room for it.
+BY_LAST = "(10), with the last angle about Y"
+BY_HEADINGS = f"headings of Table V; {BY_LAST}"
 READINGS = {
     ("printed", "quoted"): ("columns as printed; 2000 mm", "IV-B writes it without 'nominal'"),
     ("printed", "nominal"): ("columns as printed; nominal 2000 mm", "Table II"),
-    ("printed", "common"): (
-        "columns as printed; one focal length",
-        "(10), with the last angle about Y",
-    ),
-    ("motions", "common"): (
-        "positions and motions interchanged; one focal length",
-        "headings of Table V; (10), with the last angle about Y",
-    ),
-    ("references", "common"): (
-        "reference angles interchanged; one focal length",
-        "headings of Table V; (10), with the last angle about Y",
-    ),
+    ("printed", "common"): ("columns as printed; one focal length", BY_LAST),
+    ("motions", "common"): ("positions and motions interchanged; one focal length", BY_HEADINGS),
+    ("references", "common"): ("reference angles interchanged; one focal length", BY_HEADINGS),
 }
 LENGTHS = {
     "quoted": "2000 mm, as IV-B writes it without 'nominal'",
@@ -195,14 +188,8 @@ def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
     errors, count = monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
-    means = {
-        "state": ("", "", 1.0),
-        "ramp": (
-            f"; means of {count} images",
-            "; V-C on the ramps",
-            np.sqrt(given.count(FRAMES) / count),
-        ),
-    }
+    few, fewer = f"; means of {count} images", np.sqrt(given.count(FRAMES) / count)
+    means = {"state": ("", "", 1.0), "ramp": (few, "; V-C on the ramps", fewer)}
     results: dict[str, Result] = {}
     for turn, state in product(TURNS, MOVED):
         noise, angles = errors[:, state - 2, "xy".index(turn)], expected_angles(given, state, turn)
@@ -284,10 +271,9 @@ def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     panels = figure.subplots(1, 2, sharey=True)
     sigma = platform.angle_sigma(door, 2, door.count(FRAMES))
     for axes, (axis, turn) in zip(panels, TURNS.items(), strict=True):
-        motions, reference, monitoring = (
-            _column(printed, name)
-            for name in (f"motion-{axis}", f"reference-{turn}", f"monitoring-{turn}")
-        )
+        motions = _column(printed, f"motion-{axis}")
+        reference = _column(printed, f"reference-{turn}")
+        monitoring = _column(printed, f"monitoring-{turn}")
         noise = np.sqrt(2.0) * sigma["xy".index(turn)]  # of the state and of the zero state
         length = _implied(motions, monitoring)
         error = length * noise / np.abs(monitoring)

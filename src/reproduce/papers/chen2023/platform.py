@@ -45,7 +45,7 @@ __all__ = [
     "printed_spots",
     "responses",
     "scatter",
-    "tracker_centre",
+    "tracker",
 ]
 
 PLATFORM = "chen2023/table-2"
@@ -89,7 +89,7 @@ def angle_response(given: Given) -> FloatArray:
     Shape (3, 4, 2). Derivative of the angles about X, Y and Z of the camera by x and y of each
     spot, in rad/px.
     """
-    return responses(given, tracker_centre(given))[0]
+    return responses(given, tracker(given)[0])[0]
 
 
 def angle_sigma(given: Given, group: int, frames: int) -> FloatArray:
@@ -98,9 +98,9 @@ def angle_sigma(given: Given, group: int, frames: int) -> FloatArray:
     return np.asarray(np.sqrt(squares.sum(axis=(1, 2)) / frames))
 
 
-def tracker_centre(given: Given) -> FloatArray:
-    """Return the centre of the tracker's detector, in px."""
-    return detector_centre(given.array(PIXELS))
+def tracker(given: Given) -> tuple[FloatArray, float, float]:
+    """Return the centre of the tracker's detector, in px, pixel pitch and focal length."""
+    return detector_centre(given.array(PIXELS)), given[PIXEL], given[FOCAL_LENGTH]
 
 
 def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -108,10 +108,10 @@ def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, Fl
 
     Shape (3, 4, 2). About the axes of the camera, and about those of the tracker, in rad/px.
     """
-    tracker = (printed_spots(given), principal_point, given[PIXEL], given[FOCAL_LENGTH])
+    seen = (printed_spots(given), principal_point, given[PIXEL], given[FOCAL_LENGTH])
     camera = emitted_directions(lasers(given), given[TELESCOPE])
-    received = received_directions(*tracker)
-    response = angle_jacobian(camera, received, received_jacobian(*tracker))
+    received = received_directions(*seen)
+    response = angle_jacobian(camera, received, received_jacobian(*seen))
     # One small rotation, seen in the other frame: its vector turns with the laser transform.
     turned = np.tensordot(laser_transform(camera, received), response, axes=1)
     return response, np.asarray(turned)

@@ -29,22 +29,7 @@ from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
 from scipy.stats import chi2, kstest
 
-from reproduce.papers.chen2023 import accuracy, effectiveness, resolution, satellite
-from reproduce.papers.chen2023.platform import (
-    DIAGONAL,
-    FOCAL_LENGTH,
-    INSTRUMENT,
-    PIXEL,
-    SCATTER,
-    SIGMAS,
-    TELESCOPE,
-    TEXT,
-    designed_positions,
-    lasers,
-    printed_spots,
-    scatter,
-    tracker_centre,
-)
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution, satellite
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import moving_average
@@ -74,10 +59,10 @@ if TYPE_CHECKING:
 
 __all__ = ["READS", "SENSORS", "Bench", "Series", "bench", "centroids", "two_groups"]
 
-WINDOW = f"{TEXT}#window-x"
+WINDOW = f"{platform.TEXT}#window-x"
 # The sensor that the predictions rest on.
 PHOTONS = Detector()
-BENCH = (*INSTRUMENT, SCATTER, resolution.SPOT_RADIUS, WINDOW)
+BENCH = (*platform.INSTRUMENT, platform.SCATTER, resolution.SPOT_RADIUS, WINDOW)
 READS = (*BENCH, accuracy.FRAMES)
 
 
@@ -146,14 +131,16 @@ class Bench:
 
 def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
     """Set the twin up from printed numbers."""
-    printed, pitch = printed_spots(given), given[PIXEL]
-    radius, window = given[resolution.SPOT_RADIUS] / pitch, round(given[WINDOW])
+    printed, window = platform.printed_spots(given), round(given[WINDOW])
+    radius = given[resolution.SPOT_RADIUS] / given[platform.PIXEL]
     corners = window_corners(printed, window)
-    law = centre_of_gravity_error(printed, 1.0, radius, corners, window)
-    noisy = centre_of_gravity_error(printed, 1.0, radius, corners, window, 1.0)
-    groups = np.stack([scatter(given, group) for group in (1, 2)])
+    law, noisy = (
+        centre_of_gravity_error(printed, 1.0, radius, corners, window, noise)
+        for noise in (0.0, 1.0)
+    )
+    target = np.stack([(platform.scatter(given, g) ** 2).mean(axis=-1) for g in (1, 2)])
     # The variance is photon / light + read noise^2 read / light^2: a quadratic in the light.
-    target, photon = (groups**2).mean(axis=-1), law.variance.mean(axis=-1)
+    photon = law.variance.mean(axis=-1)
     read = sensor.noise_electrons() ** 2 * (noisy.variance.mean(axis=-1) - photon)
     light = (photon + np.sqrt(photon**2 + 4.0 * target * read)) / (2.0 * target)
     return Bench(
@@ -161,25 +148,25 @@ def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
         light=np.asarray(light),
         radius=radius,
         window=window,
-        camera_directions=emitted_directions(lasers(given), given[TELESCOPE]),
-        tracker=(tracker_centre(given), pitch, given[FOCAL_LENGTH]),
+        camera_directions=emitted_directions(platform.lasers(given), given[platform.TELESCOPE]),
+        tracker=platform.tracker(given),
         sensor=sensor,
     )
 
 
 def centroids(
-    platform: Bench, spots: ArrayLike, light: ArrayLike, frames: int, generator: Generator
+    twin: Bench, spots: ArrayLike, light: ArrayLike, frames: int, generator: Generator
 ) -> FloatArray:
     """Render frames and extract the spots, as the bench does.
 
     Shape (..., frames, 4, 2). Centres of gravity, in px.
     """
     places = np.asarray(spots, dtype=np.float64)[..., np.newaxis, :, :]
-    corners = window_corners(places, platform.window)
-    mean = spot_windows(places, light, platform.radius, corners, platform.window)
+    corners = window_corners(places, twin.window)
+    mean = spot_windows(places, light, twin.radius, corners, twin.window)
     shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-    photons = np.broadcast_to(mean / platform.sensor.quantum_efficiency, shape)
-    seen = electrons(expose(photons, platform.sensor, generator), platform.sensor)
+    photons = np.broadcast_to(mean / twin.sensor.quantum_efficiency, shape)
+    seen = electrons(expose(photons, twin.sensor, generator), twin.sensor)
     return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
 
 
@@ -202,15 +189,15 @@ class Series:
     misalignment: FloatArray
 
 
-def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
+def two_groups(twin: Bench, frames: int, generator: Generator) -> Series:
     """Take two groups of frames and solve them, as the accuracy test does."""
     found = np.stack(
-        [centroids(platform, platform.spots, light, frames, generator) for light in platform.light]
+        [centroids(twin, twin.spots, light, frames, generator) for light in twin.light]
     )
-    single = platform.transform(found[0])
+    single = twin.transform(found[0])
     zero = mean_rotation(single)
     errors = misalignment_angles(transpose(single) @ zero)
-    return Series(found, errors, platform.misalignment(found[1], zero))
+    return Series(found, errors, twin.misalignment(found[1], zero))
 
 
 @studied(
@@ -229,13 +216,15 @@ def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
 )
 def misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
-    common, diagonal = effectiveness.common_length(given, "y"), given[DIAGONAL]
-    least = diagonal - given.half_unit(DIAGONAL)
+    common, diagonal = effectiveness.common_length(given, "y"), given[platform.DIAGONAL]
+    least = diagonal - given.half_unit(platform.DIAGONAL)
     rows = []
-    for length, across in ((given[TELESCOPE], diagonal), (common, diagonal), (common, least)):
-        directions = emitted_directions(designed_positions(printed_spots(given), across), length)
+    sizes = ((given[platform.TELESCOPE], diagonal), (common, diagonal), (common, least))
+    for length, across in sizes:
+        lasers = platform.designed_positions(platform.printed_spots(given), across)
+        directions = emitted_directions(lasers, length)
         distance, scale = replace(bench(given), camera_directions=directions).misfit()
-        pixels = distance / (given[PIXEL] / given[FOCAL_LENGTH])
+        pixels = distance / (given[platform.PIXEL] / given[platform.FOCAL_LENGTH])
         rows.append((length * 1e3, across * 1e3, scale, pixels, distance * length * 1e3))
     return misfit.frame(rows, diagonal=diagonal * 1e3)
 
@@ -260,20 +249,21 @@ REFUSED, NUDGE = 0.01, 0.1
 )
 def believable(given: Given) -> pd.DataFrame:
     """Whether the frames of the second group pass the TASTE test, for several laser directions."""
-    platform, frames = bench(given), given.count(accuracy.FRAMES)
-    series = two_groups(platform, frames, default_rng(seed_of("chen2023/believable")))
+    twin, frames = bench(given), given.count(accuracy.FRAMES)
+    series = two_groups(twin, frames, default_rng(seed_of("chen2023/believable")))
     zero = series.spots[0].mean(axis=0)
     nudged = zero + NUDGE * np.eye(len(zero), 2)
-    designed, scale = platform.camera_directions, platform.misfit()[1]
-    noise = np.sqrt((scatter(given, 2) ** 2).mean(axis=-1)) * given[PIXEL] / given[FOCAL_LENGTH]
+    designed, scale = twin.camera_directions, twin.misfit()[1]
+    pixel = given[platform.PIXEL] / given[platform.FOCAL_LENGTH]
+    noise = np.sqrt((platform.scatter(given, 2) ** 2).mean(axis=-1)) * pixel
     rows = []
     for name, directions in (
         ("as designed, nominal numbers as they stand", designed),
         ("as designed, its size within what the print leaves open", designed * [scale, scale, 1.0]),
-        ("as the first group saw them", platform.directions(zero)),
-        (f"the same, one laser {NUDGE:g} px aside", platform.directions(nudged)),
+        ("as the first group saw them", twin.directions(zero)),
+        (f"the same, one laser {NUDGE:g} px aside", twin.directions(nudged)),
     ):
-        found = taste(solve(platform.directions(series.spots[1]), directions, noise**-2.0), noise)
+        found = taste(solve(twin.directions(series.spots[1]), directions, noise**-2.0), noise)
         law = chi2(found.freedom.flat[0])
         refused = 100 * (found.probability < REFUSED).mean()
         agrees = kstest(found.statistic, law.cdf).pvalue
@@ -283,12 +273,11 @@ def believable(given: Given) -> pd.DataFrame:
 
 # Sensors for the twin: read noise of some electrons, dark charge whose variance is as large, twelve
 # bits at two electrons a step; and a full well of half the brightest pixel.
-READ_NOISE, BITS, GAIN = 5.0, 12, 0.5
 SENSORS = {
     "photon noise alone": PHOTONS,
-    "read noise": Detector(read_noise=READ_NOISE),
+    "read noise": Detector(read_noise=5.0),
     "read noise, dark charge, twelve bits": Detector(
-        read_noise=READ_NOISE, dark_signal=READ_NOISE**2, gain=GAIN, offset=100.0, bits=BITS
+        read_noise=5.0, dark_signal=25.0, gain=0.5, offset=100.0, bits=12
     ),
 }
 FULL = 0.5
@@ -317,20 +306,20 @@ def sensors(given: Given) -> pd.DataFrame:
     filled = replace(plain, sensor=Detector(full_well=FULL * float(windows.max())))
     benches = {name: bench(given, sensor) for name, sensor in SENSORS.items()}
     rows = []
-    for name, platform in (benches | {"pixels full at half the brightest": filled}).items():
-        series = two_groups(platform, frames, default_rng(seed_of(f"sensor {name}")))
-        spread = SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
+    for name, twin in (benches | {"pixels full at half the brightest": filled}).items():
+        series = two_groups(twin, frames, default_rng(seed_of(f"sensor {name}")))
+        spread = platform.SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
         angles = [_spread(series.misalignment, count)[0] for count in (1, many)]
-        rows.append((name, platform.light.mean(), spread, *angles))
-    groups = [(scatter(given, group) ** 2).mean() for group in (1, 2)]
-    printed = SIGMAS * float(np.sqrt(np.mean(groups)))
+        rows.append((name, twin.light.mean(), spread, *angles))
+    groups = [(platform.scatter(given, group) ** 2).mean() for group in (1, 2)]
+    printed = platform.SIGMAS * float(np.sqrt(np.mean(groups)))
     return sensors.frame(rows, frames=frames, many=many, printed=printed)
 
 
 def _spread(series: FloatArray, count: int) -> FloatArray:
     """Return 3σ of averages over some frames, about X or Y and about Z, in arcsec."""
-    about = SIGMAS * moving_average(series, count, axis=0).std(axis=0) * ARCSEC_PER_RADIAN
-    return np.array([np.hypot(*about[:2]) / np.sqrt(2), about[2]])
+    x, y, z = platform.SIGMAS * moving_average(series, count, axis=0).std(axis=0)
+    return np.array([np.hypot(x, y) / np.sqrt(2), z]) * ARCSEC_PER_RADIAN
 
 
 # Distances from the middle of the image, on the ground, for which the roll is studied.

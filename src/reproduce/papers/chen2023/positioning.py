@@ -55,8 +55,6 @@ __all__ = [
     "residuals",
     "simulated",
     "spans",
-    "strategies",
-    "suffices",
     "terms",
     "together",
     "year",
@@ -75,6 +73,8 @@ LOOKS = (
     ("nadir, 5 km off", 0.0, 5e3),
     ("30° aside, centre", 30.0, 0.0),
 )
+# What an error goes through, and the unit in which it is written.
+UNITS = {"satellite": (1.0, "m"), "turn": (RADIANS_PER_ARCSEC, "arcsec"), "image": (1e-6, "µm")}
 CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
 PER_ORBIT = 64
 # Long enough for the trend to stand out from what wanders; a week makes it far worse.
@@ -189,7 +189,7 @@ def simulated(
 
     Shape (draws, 2). East and north of the true place, in metres.
     """
-    noise = dict.fromkeys(("satellite", "turn", "image"), np.zeros((DRAWS, 3)))
+    noise = dict.fromkeys(UNITS, np.zeros((DRAWS, 3)))
     for term in errors:
         generator = default_rng(seed_of(f"budget {name} {term.name}"))
         noise[term.kind] = noise[term.kind] + term.sigma * generator.normal(size=(DRAWS, 3))
@@ -224,23 +224,17 @@ def budget(given: Given) -> pd.DataFrame:
     rows = []
     lines = {term.name: (term,) for term in terms(given)} | together(given)
     for label, errors in lines.items():
-        sigma = _sigma(errors[0]) if len(errors) == 1 else (np.nan, "")
+        scale, unit = UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
+        sigma = errors[0].sigma.max() / scale
         for name, tilt, off in LOOKS:
             view = look(given, tilt, off)
             jacobian, drawn = ground_jacobian(*view), simulated(view, errors, name)
             exact = sum((analytic(jacobian, term) for term in errors), np.zeros((2, 2)))
-            radii = circular_error(exact), _quantile(drawn)
+            radii = float(circular_error(exact)), _quantile(drawn)
             true, found = ellipse(exact), ellipse(np.cov(drawn.T))
             axes = (true.major, found.major, true.minor, found.minor)
-            rows.append((label, *sigma, name, *radii, *axes))
+            rows.append((label, sigma, unit, name, *radii, *axes))
     return budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
-
-
-def _sigma(term: Term) -> tuple[float, str]:
-    largest = float(term.sigma.max())
-    if term.kind == "turn":
-        return largest / RADIANS_PER_ARCSEC, "arcsec"
-    return (largest * 1e6, "µm") if term.kind == "image" else (largest, "m")
 
 
 @cache

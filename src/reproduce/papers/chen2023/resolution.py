@@ -30,13 +30,22 @@ Our own tables say what the optimum depends on, and what better estimators would
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Blocked, Prediction, Reading, Results, reproduces, seed_of
+from reproduce.papers.declare import (
+    Blocked,
+    Prediction,
+    Reading,
+    Results,
+    draws,
+    reproduces,
+    seed_of,
+)
 from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import attitude_accuracy
 from reproduce.physics.images.centroid_theory import centre_of_gravity_error
@@ -47,8 +56,10 @@ from reproduce.physics.images.phase_study import (
     biased_bound,
     bound,
     even_phases,
+    observed_scatter,
     predicted_errors,
     predicted_scatter,
+    simulated_errors,
 )
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import spot_windows, window_corners
@@ -58,7 +69,11 @@ from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "CASES",
@@ -69,33 +84,27 @@ __all__ = [
     "STUDY",
     "TAKEN_APART",
     "THRESHOLDS",
+    "curves",
     "light_for_table",
+    "monte_carlo",
     "radii",
     "relative_error",
     "replicated_scatter",
     "resolutions",
     "saturation",
-    "setting",
     "window",
 ]
 
 STUDY = "chen2023/text-resolution"
 SPOT_RADIUS = f"{STUDY}#spot-radius"
 # The spot on pixels of any size, with the light that Table III implies.
-SPOT_READS = (
-    SPOT_RADIUS,
-    f"{STUDY}#window-x",
-    *platform.TRACKER,
-    platform.SPOTS,
-    platform.SCATTER,
-)
+WINDOW = f"{STUDY}#window-x"
+SPOT_READS = (SPOT_RADIUS, WINDOW, *platform.TRACKER, platform.SPOTS, platform.SCATTER)
 PHASES = f"{STUDY}#phases"
-READS = (
-    *SPOT_READS,
-    PHASES,
-    *(f"{STUDY}#{name}" for name in ("trials", "lasers", "resolution-low", "resolution-high")),
-)
-STEP = RADIANS_PER_ARCSEC
+STUDIED = ("trials", "lasers", "resolution-low", "resolution-high")
+READS = (*SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in STUDIED))
+OPTIMUM = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
+SATURATION = f"{STUDY}#saturation"
 REPLICATES = 2000
 # Frames and iterations of the comparison of estimators.
 TRIALS, STEPS_OF_WEIGHT = 40, 12
@@ -212,12 +221,12 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     relative = relative_error(given)
     by_threshold = [
         Reading(
-            f"gain counts beyond {errors:g} standard error{'s' * (errors > 1)}; as the first below",
+            f"{text.removeprefix('a ')}; as the first below",
             "V-D does not say which gain is significant",
-            Prediction(angles[saturation(monitoring[0], relative, errors)]),
-            LITERAL.choices | {"threshold": f"{errors:g}"},
+            Prediction(angles[saturation(monitoring[0], relative, float(errors))]),
+            LITERAL.choices | {"threshold": errors},
         )
-        for errors in THRESHOLDS
+        for errors, text in OPTIONS["threshold"].items()
     ]
     results = {}
     for name, found in {
@@ -227,8 +236,8 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     }.items():
         more = {"threshold": f"{CHOSEN:g}"} if name == "saturation" else {}
         readings = [
-            Reading(case.name, case.place, Prediction(draws), case.choices | more)
-            for case, draws in zip(CASES, found, strict=True)
+            Reading(case.name, case.place, Prediction(replicated), case.choices | more)
+            for case, replicated in zip(CASES, found, strict=True)
         ]
         if more:
             readings[:1] = by_threshold
@@ -246,7 +255,7 @@ MISSING = {
 def resolutions(given: Given) -> FloatArray:
     """Return the angular resolutions of the study, one arc second apart, in radians."""
     low, high = given[f"{STUDY}#resolution-low"], given[f"{STUDY}#resolution-high"]
-    return np.asarray(np.linspace(low, high, round((high - low) / STEP) + 1))
+    return np.asarray(np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1))
 
 
 def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
@@ -282,7 +291,7 @@ def setting(
 
 def window(given: Given) -> int:
     """Return the width of the window, in px."""
-    return round(given[f"{STUDY}#window-x"])
+    return round(given[WINDOW])
 
 
 def relative_error(given: Given) -> float:
@@ -290,26 +299,23 @@ def relative_error(given: Given) -> float:
     return float(1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials")))
 
 
-def replicated_scatter(
-    given: Given, seed: SeedSequence, replicates: int, cases: tuple[Case, ...] = CASES
-) -> FloatArray:
+def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
     """Return what studies of the printed size would find, from the closed form.
 
     Shape (cases, replicates, resolutions). Standard deviation of the errors of all phases and
     trials, in px.
     """
     trials = given.count(f"{STUDY}#trials")
-    laws = [predicted_errors(*setting(given, case=case)) for case in cases]
-    shape = laws[0].bias.shape
-    found = np.empty((len(cases), replicates, shape[0]))
-    for place, stream in enumerate(spawned_streams(seed, replicates)):
+    laws = [predicted_errors(*setting(given, case=case)) for case in CASES]
+    bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
+    found, shape = [], bias.shape[1:]
+    for stream in spawned_streams(seed, replicates):
         # Mean and variance of normal errors within a phase are independent.
         noise, spread = stream.standard_normal(shape), stream.chisquare(trials - 1, shape)
-        for row, errors_of in zip(found[:, place], laws, strict=True):
-            means = errors_of.bias + np.sqrt(errors_of.variance / trials) * noise
-            inside = errors_of.variance * spread / trials
-            row[...] = np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
-    return found
+        means = bias + np.sqrt(variance / trials) * noise
+        inside = variance * spread / trials
+        found.append(np.sqrt(inside.mean(axis=-1) + means.var(axis=-1)))
+    return np.stack(found, axis=1)
 
 
 def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) -> FloatArray:
@@ -321,6 +327,74 @@ def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) 
     error = errors * relative * np.hypot(monitoring, finer)
     unbeaten = monitoring - finer <= error
     return np.asarray(monitoring.shape[-1] - 1 - unbeaten[..., ::-1].argmax(axis=-1))
+
+
+def monte_carlo(given: Given) -> FloatArray:
+    """Simulate the study as described: the error of all phases and trials at every resolution."""
+    (phases, light, radius, size), trials = setting(given), given.count(f"{STUDY}#trials")
+    streams = spawned_streams(seed_of("chen2023/fig-11a"), len(radius))
+    pairs = zip(radius, streams, strict=True)
+    errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
+    return np.array([observed_scatter(drawn).total for drawn in errors])
+
+
+@cache
+def curves(door: Given) -> dict[str, FloatArray]:
+    """Compute what both panels of Figure 11 show.
+
+    ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within`` (scatter
+    without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
+    """
+    study = setting(door)
+    law = predicted_scatter(predicted_errors(*study))
+    return {
+        "angles": resolutions(door),
+        "simulated": monte_carlo(door),
+        "predicted": law.total,
+        "within": law.within,
+        "bias": law.bias,
+        "bound": bound(*study),
+    }
+
+
+@draws("chen2023/fig-11a", given=READS, marks=OPTIMUM)
+def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Centroiding accuracy against the angular resolution of the tracker."""
+    axes = _curves(figure, curves(door), 1.0)
+    optimum, accuracy = (printed[address] for address in OPTIMUM)
+    place = optimum * ARCSEC_PER_RADIAN
+    axes.plot(place, accuracy, "*", markersize=13, color="#000000", label="printed best")
+    axes.set(ylabel="centroid error (1σ, px)")
+    figure.legend(loc="outside lower center", ncols=3)
+
+
+@draws("chen2023/fig-11b", given=READS, marks=[SATURATION])
+def draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Monitoring accuracy against the angular resolution of the tracker."""
+    content, lasers = curves(door), door.count(f"{STUDY}#lasers")
+    scale = attitude_accuracy(1.0, lasers, content["angles"]) * ARCSEC_PER_RADIAN
+    axes = _curves(figure, content, scale)
+    limit = printed[SATURATION] * ARCSEC_PER_RADIAN
+    axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
+    axes.set(ylabel="monitoring error (1σ, arcsec)")
+    figure.legend(loc="outside lower center", ncols=3)
+
+
+def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | float) -> Axes:
+    axes = figure.add_subplot()
+    angles, few = content["angles"] * ARCSEC_PER_RADIAN, slice(None, None, 2)
+    simulated = (content["simulated"] * scale)[few]
+    axes.plot(angles[few], simulated, "o", markersize=4, label="Monte Carlo")
+    for name, line, what in (
+        ("predicted", "-", "closed form"),
+        ("within", "--", "its scatter alone"),
+        ("bias", "-.", "its bias alone"),
+        ("bound", ":", "unbiased bound"),
+    ):
+        axes.plot(angles, content[name] * scale, line, label=what)
+    axes.set(xlabel="angular resolution (arcsec per px)", yscale="log")
+    axes.set_ylim(bottom=float((content["bound"] * scale).min()) / 4)
+    return axes
 
 
 @studied(
@@ -339,24 +413,19 @@ def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) 
 def readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
     angles, relative = resolutions(given), relative_error(given)
-    cases = [(case.name, case) for case in CASES]
-    cases += [
-        (f"read noise is {share:.0%} of variance", replace(LITERAL, read_share=share))
-        for share in (0.25, 0.5, 0.75, 0.95)
-    ]
-    cases += [
-        (f"{factor:g} times the light", replace(LITERAL, brighter=factor)) for factor in (0.5, 2.0)
-    ]
-    found = {
-        name: predicted_scatter(predicted_errors(*setting(given, case=case))).total
-        for name, case in cases
-    }
-    phases, light, radius, _ = setting(given)
+    studies = {case.name: setting(given, case=case) for case in CASES}
+    for share in (0.25, 0.5, 0.75, 0.95):
+        noisy = setting(given, case=replace(LITERAL, read_share=share))
+        studies[f"read noise is {share:.0%} of variance"] = noisy
+    for factor in (0.5, 2.0):
+        lit = setting(given, case=replace(LITERAL, brighter=factor))
+        studies[f"{factor:g} times the light"] = lit
     for size in (3, 7):
-        law = predicted_errors(phases, light, radius, size)
-        found[f"window of {size} × {size} px"] = predicted_scatter(law).total
+        studies[f"window of {size} × {size} px"] = (*setting(given)[:3], size)
+    laws = {name: predicted_scatter(predicted_errors(*one)) for name, one in studies.items()}
+    found = {name: law.total for name, law in laws.items()}
     found["spot within ±6.5 µm always"] = _fixed_travel(given)
-    found["scatter without bias"] = predicted_scatter(predicted_errors(*setting(given))).within
+    found["scatter without bias"] = laws[LITERAL.name].within
     rows = []
     for name, error in found.items():
         monitoring = attitude_accuracy(error, given.count(f"{STUDY}#lasers"), angles)
@@ -370,10 +439,8 @@ def _fixed_travel(given: Given) -> FloatArray:
     phases, light, radius, size = setting(given)
     travel = phases * given[platform.PIXEL] * (radius / given[SPOT_RADIUS])[:, np.newaxis]
     nearest = travel - np.floor(travel + 0.5)
-    laws = (
-        predicted_errors(places, light, wide, size)
-        for places, wide in zip(nearest, radius, strict=True)
-    )
+    pairs = zip(nearest, radius, strict=True)
+    laws = (predicted_errors(places, light, wide, size) for places, wide in pairs)
     return np.array([predicted_scatter(law).total for law in laws])
 
 

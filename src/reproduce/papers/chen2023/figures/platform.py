@@ -13,18 +13,9 @@ import numpy as np
 from numpy.random import default_rng
 from scipy.spatial.transform import Rotation
 
-from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform, platform_twin
+from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.figures.sketch import LASER, STAR, lens, mirror, reflected
-from reproduce.papers.chen2023.platform import (
-    DIAGONAL,
-    FOCAL_LENGTH,
-    INSTRUMENT,
-    PIXEL,
-    PIXELS,
-    SPOTS,
-    TELESCOPE,
-    tracker_centre,
-)
 from reproduce.papers.declare import draws, seed_of
 from reproduce.papers.sketch import (
     INK,
@@ -56,7 +47,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["ANGLES", "READS", "STAGE_READS", "draw_bench", "groups", "ride", "stage_sense"]
+__all__ = ["ANGLES", "READS", "STAGE_READS", "groups", "ride"]
 
 DESIGN = "chen2023/text-satellite"
 ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
@@ -71,7 +62,7 @@ STAGE_READS = (*READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAM
 MARGIN = 12
 
 
-@draws("chen2023/fig-1c", given=INSTRUMENT, marks=[SPOTS])
+@draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
 def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
     alpha, delta, turn = POINTING
@@ -79,15 +70,14 @@ def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     stars, inertial_from_tracker = bright_stars(), Rotation.from_euler("ZXZ", turns, degrees=True)
     rays = stars.directions @ inertial_from_tracker.as_matrix()
     ahead = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)
-    spots = received_spots(rays[ahead], tracker_centre(door), door[PIXEL], door[FOCAL_LENGTH])
-    inside = ((spots > 0) & (spots < door.array(PIXELS) - 1)).all(axis=1)
+    spots = received_spots(rays[ahead], *platform.tracker(door))
+    inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
     spots, seen = spots[inside], np.flatnonzero(ahead)[inside]
     figure.set_size_inches(6.0, 6.0)
     axes = figure.add_subplot()
     size = 5 * 1.7 ** (FAINTEST - stars.magnitude[seen])
-    axes.scatter(
-        spots[:, 0], spots[:, 1], s=size, color=STAR.colour, marker=STAR.marker, label="stars"
-    )
+    x, y = spots.T
+    axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
     for number, (name, side) in NAMED.items():
         for x, y in spots[stars.number[seen] == number]:
             ends = "left" if side > 0 else "right"
@@ -106,20 +96,7 @@ def _lasers(axes: Axes, places: FloatArray, size: float, name: str = "") -> None
     axes.plot(*places.T, LASER.marker, markersize=size, color=LASER.colour, label=name)
 
 
-def stage_sense(index: int) -> str:
-    """Say about which axis a camera seems to turn when the stage moves along positive X or Y.
-
-    Examples
-    --------
-    >>> stage_sense(1)
-    '+X'
-    """
-    angles = stage_angles(np.eye(2)[index], 1.0)
-    axis = int(np.abs(angles).argmax())
-    return f"{'+' if angles[axis] > 0 else '−'}{'XYZ'[axis]}"
-
-
-@draws("chen2023/fig-6a", marks=[DIAGONAL])
+@draws("chen2023/fig-6a", marks=[platform.DIAGONAL])
 def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it."""
     (diagonal,) = printed.values()
@@ -138,7 +115,8 @@ def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
         along = np.eye(2)[index]
         arrow(axes, corner, corner + 2.0 * along)
         label(axes, corner + gap * along, axis)
-        text = f"towards {axis}: as if the camera turned about {stage_sense(index)}"
+        sense = towards(np.zeros(3), stage_angles(along, 1.0))
+        text = f"towards {axis}: as if the camera turned about {sense}"
         label(axes, (7.5, y), text, ha="left", size=8)
 
 
@@ -191,20 +169,15 @@ def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     Shape (frames,). Times, in seconds. Shape (frames, 2), twice. Angles about X and Y, in radians:
     reference, and as monitored by the mean of up to 100 frames before.
     """
-    platform, frames = platform_twin.bench(door), door.count(effectiveness.FRAMES)
+    twin, frames = platform_twin.bench(door), door.count(effectiveness.FRAMES)
     places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
-    angles[:, :2] = stage_angle((places - places[0])[:, ::-1], door[TELESCOPE])
-    found = platform_twin.centroids(
-        platform,
-        platform.turned(angles),
-        platform.light[1],
-        frames,
-        default_rng(seed_of("chen2023/fig-10b")),
-    )
-    zero = mean_rotation(platform.transform(found[0]))
-    single = platform.misalignment(found, zero).reshape(-1, 3)[:, :2]
+    angles[:, :2] = stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
+    generator, spots = default_rng(seed_of("chen2023/fig-10b")), twin.turned(angles)
+    found = platform_twin.centroids(twin, spots, twin.light[1], frames, generator)
+    zero = mean_rotation(twin.transform(found[0]))
+    single = twin.misalignment(found, zero).reshape(-1, 3)[:, :2]
     count, pace = door.count(accuracy.SMOOTHED), door[accuracy.DURATION] / door[accuracy.FRAMES]
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
     monitored = np.concatenate([start, moving_average(single, count, axis=0)])
@@ -215,11 +188,11 @@ def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
 @draws("chen2023/fig-7", given=READS, marks=["chen2023/text-platform#spot-*"])
 def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
-    platform = platform_twin.bench(door)
-    corner = np.floor(platform.spots.min(axis=0)).astype(int) - MARGIN
-    width, height = (np.ceil(platform.spots.max(axis=0)).astype(int) + MARGIN - corner).tolist()
-    spots = platform.spots - corner
-    mean = render_frame(spots, platform.light[0], platform.radius, (width, height))
+    twin = platform_twin.bench(door)
+    corner = np.floor(twin.spots.min(axis=0)).astype(int) - MARGIN
+    width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + MARGIN - corner).tolist()
+    spots = twin.spots - corner
+    mean = render_frame(spots, twin.light[0], twin.radius, (width, height))
     seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7")))
     left, top = corner - 0.5
     figure.set_size_inches(6.4, 5.2)
