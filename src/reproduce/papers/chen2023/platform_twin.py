@@ -46,7 +46,6 @@ from reproduce.physics.attitude.misalignment import (
 )
 from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
 from reproduce.physics.attitude.wahba import mean_rotation, solve, taste
-from reproduce.physics.images.centroid_theory import centre_of_gravity_error
 from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.detector import Detector, electrons, expose
 from reproduce.physics.images.spots import spot_windows, window_corners
@@ -133,11 +132,7 @@ def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
     """Set the twin up from printed numbers."""
     printed, window = platform.printed_spots(given), round(given[WINDOW])
     radius = given[resolution.SPOT_RADIUS] / given[platform.PIXEL]
-    corners = window_corners(printed, window)
-    law, noisy = (
-        centre_of_gravity_error(printed, 1.0, radius, corners, window, noise)
-        for noise in (0.0, 1.0)
-    )
+    law, noisy = resolution.spot_laws(printed, radius, window)
     target = np.stack([(platform.scatter(given, g) ** 2).mean(axis=-1) for g in (1, 2)])
     # The variance is photon / light + read noise^2 read / light^2: a quadratic in the light.
     photon = law.variance.mean(axis=-1)

@@ -48,7 +48,7 @@ from reproduce.papers.declare import (
 )
 from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import attitude_accuracy
-from reproduce.physics.images.centroid_theory import centre_of_gravity_error
+from reproduce.physics.images.centroid_theory import CentroidError, centre_of_gravity_error
 from reproduce.physics.images.centroids import centre_of_gravity, windowed_centre
 from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.phase_study import (
@@ -92,6 +92,7 @@ __all__ = [
     "replicated_scatter",
     "resolutions",
     "saturation",
+    "spot_laws",
     "window",
 ]
 
@@ -264,16 +265,19 @@ def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
     return np.asarray(sigma / (angles * given[platform.FOCAL_LENGTH]))
 
 
+def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError]:
+    """Return the errors of spots of one electron: by photons alone, and with as much read noise."""
+    corners = window_corners(spots, size)
+    noises = (0.0, 1.0)
+    return [centre_of_gravity_error(spots, 1.0, radius, corners, size, noise) for noise in noises]
+
+
 def light_for_table(given: Given, case: Case = LITERAL) -> Light:
     """Return the light for the mean variance of Table III, or as much more as a case says."""
-    spots, size = platform.printed_spots(given), window(given)
     radius = given[SPOT_RADIUS] / case.width / given[platform.PIXEL]
-    corners = window_corners(spots, size)
+    laws = spot_laws(platform.printed_spots(given), radius, window(given))
     # Photon variance goes as one over the light, read variance as one over its square.
-    photon, both = (
-        centre_of_gravity_error(spots, 1.0, radius, corners, size, noise).variance.mean()
-        for noise in (0.0, 1.0)
-    )
+    photon, both = (law.variance.mean() for law in laws)
     target = ((given.array(platform.SCATTER) / platform.SIGMAS) ** 2).mean()
     signal = photon / ((1.0 - case.read_share) * target)
     read = signal * np.sqrt(case.read_share * target / (both - photon))

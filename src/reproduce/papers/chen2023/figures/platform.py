@@ -155,11 +155,8 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
 @cache
 def groups(door: Given) -> platform_twin.Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
-    return platform_twin.two_groups(
-        platform_twin.bench(door),
-        door.count(accuracy.FRAMES),
-        default_rng(seed_of("chen2023/fig-8")),
-    )
+    twin, frames = platform_twin.bench(door), door.count(accuracy.FRAMES)
+    return platform_twin.two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8")))
 
 
 @cache
