@@ -9,22 +9,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics.images.centroids import _centre_of_gravity
 from reproduce.physics.images.spots import _gradient, _windows
 from reproduce.physics.validate import (
-    NON_NEGATIVE,
-    POSITIVE,
     FloatArray,
-    together,
+    NonNegative,
+    Number,
+    Point,
+    Positive,
+    checked,
     whole_number,
 )
 
 __all__ = ["CentroidError", "centre_of_gravity_error", "cramer_rao_variance", "s_curve_bias"]
 
 
-def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatArray:
+@checked
+def s_curve_bias(phase: Number, radius: Positive, terms: int = 20) -> FloatArray:
     """Return the error of the centre of gravity that comes from pixels alone.
 
     The centre of gravity of an endless row of pixels is the mean of the light's positions, each
@@ -49,10 +51,9 @@ def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatA
     >>> s_curve_bias(0.25, [2.0, 0.2]).round(3)
     array([-0.   , -0.144])
     """
-    offset, width = together(phase=(phase, ()), radius=(radius, POSITIVE))
     order = np.arange(1, whole_number("terms", terms) + 1)
-    damping = np.exp(-2.0 * (np.pi * order * width[..., np.newaxis]) ** 2)
-    waves = np.sin(2.0 * np.pi * order * offset[..., np.newaxis])
+    damping = np.exp(-2.0 * (np.pi * order * radius[..., np.newaxis]) ** 2)
+    waves = np.sin(2.0 * np.pi * order * phase[..., np.newaxis])
     return np.asarray(((-1.0) ** order / (np.pi * order) * damping * waves).sum(axis=-1))
 
 
@@ -80,13 +81,14 @@ class CentroidError:
         return self.bias**2 + self.variance
 
 
+@checked
 def centre_of_gravity_error(
-    positions: ArrayLike,
-    light: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
+    positions: Point,
+    light: NonNegative,
+    radius: Positive,
+    corners: Point,
     size: int,
-    read_noise: ArrayLike = 0.0,
+    read_noise: NonNegative = 0.0,
 ) -> CentroidError:
     """Return what the centre of gravity in a fixed window errs by: bias and variance.
 
@@ -124,16 +126,17 @@ def centre_of_gravity_error(
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    return _error(size, *_checked(positions, light, radius, corners, read_noise))
+    return _error(size, positions, light, radius, corners, read_noise)
 
 
+@checked
 def cramer_rao_variance(
-    positions: ArrayLike,
-    light: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
+    positions: Point,
+    light: Positive,
+    radius: Positive,
+    corners: Point,
     size: int,
-    read_noise: ArrayLike = 0.0,
+    read_noise: NonNegative = 0.0,
 ) -> FloatArray:
     """Return the least variance that an unbiased centroid can have in a window.
 
@@ -156,25 +159,7 @@ def cramer_rao_variance(
     >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
     array([9.08, 9.08])
     """
-    checked = _checked(positions, light, radius, corners, read_noise, POSITIVE)
-    return _least_variance(size, *checked)
-
-
-def _checked(
-    positions: ArrayLike,
-    light: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
-    read_noise: ArrayLike,
-    sign: str = NON_NEGATIVE,
-) -> tuple[FloatArray, ...]:
-    return together(
-        positions=(positions, (2,)),
-        light=(light, sign),
-        radius=(radius, POSITIVE),
-        corners=(corners, (2,)),
-        read_noise=(read_noise, NON_NEGATIVE),
-    )
+    return _least_variance(size, positions, light, radius, corners, read_noise)
 
 
 def _error(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, finite_array, non_negative
+from reproduce.physics.validate import FloatArray, NonNegative, Number, checked, non_negative
 
 __all__ = ["Detector", "electrons", "expose"]
 
@@ -75,7 +75,8 @@ class Detector:
         """The largest digital number; infinite without `bits`."""
         return np.inf if self.bits is None else float(2**self.bits - 1)
 
-    def output_variance(self, photons: ArrayLike) -> FloatArray:
+    @checked
+    def output_variance(self, photons: NonNegative) -> FloatArray:
         """Return the variance of the output below saturation: the photon transfer curve.
 
         Shot noise of light and dark charge, read noise and rounding, each independent.
@@ -94,8 +95,7 @@ class Detector:
         >>> Detector(gain=0.5, read_noise=10).output_variance(100.0)
         array(50.)
         """
-        light = non_negative("photons", photons)
-        charge = self.quantum_efficiency * light + self.dark_signal
+        charge = self.quantum_efficiency * photons + self.dark_signal
         rounding = 0.0 if self.bits is None else _ROUNDING_VARIANCE
         return np.asarray(self.gain**2 * (charge + self.read_noise**2) + rounding)
 
@@ -150,7 +150,8 @@ def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> Floa
     return charge
 
 
-def electrons(output: ArrayLike, detector: Detector) -> FloatArray:
+@checked
+def electrons(output: Number, detector: Detector) -> FloatArray:
     """Return the light's charge that an output stands for: the linear model turned round.
 
     Parameters
@@ -168,5 +169,4 @@ def electrons(output: ArrayLike, detector: Detector) -> FloatArray:
     >>> float(electrons(60.0, Detector(gain=0.5, offset=10, dark_signal=20)))
     80.0
     """
-    numbers = finite_array("output", output)
-    return np.asarray((numbers - detector.offset) / detector.gain - detector.dark_signal)
+    return np.asarray((output - detector.offset) / detector.gain - detector.dark_signal)

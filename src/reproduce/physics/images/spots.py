@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
 from reproduce.physics.validate import (
-    NON_NEGATIVE,
-    POSITIVE,
     FloatArray,
+    NonNegative,
+    Point,
+    Positive,
+    checked,
     finite_array,
     non_negative,
     positive,
-    together,
     whole_number,
 )
 
@@ -28,7 +29,8 @@ __all__ = ["render_frame", "spot_windows", "window_corners"]
 IntArray = NDArray[np.int64]
 
 
-def window_corners(positions: ArrayLike, size: int | tuple[int, int]) -> IntArray:
+@checked
+def window_corners(positions: Point, size: int | tuple[int, int]) -> IntArray:
     """Return the first pixel of a window around each spot, centred on the pixel that holds it.
 
     Parameters
@@ -47,11 +49,10 @@ def window_corners(positions: ArrayLike, size: int | tuple[int, int]) -> IntArra
     >>> window_corners([10.4, 7.6], 5)
     array([8, 6])
     """
-    points = finite_array("positions", positions, shape=(2,))
     sides = np.array(_sides(size))
     if (sides % 2 == 0).any():
         raise ValueError(f"size: expected odd, so that a window has a middle, got {size}")
-    return _corners(points, sides)
+    return _corners(positions, sides)
 
 
 def _corners(points: FloatArray, sides: IntArray | int) -> IntArray:
@@ -59,11 +60,12 @@ def _corners(points: FloatArray, sides: IntArray | int) -> IntArray:
     return (np.floor(points + 0.5) - sides // 2).astype(np.int64)
 
 
+@checked
 def spot_windows(
-    positions: ArrayLike,
-    photons: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
+    positions: Point,
+    photons: NonNegative,
+    radius: Positive,
+    corners: Point,
     size: int | tuple[int, int],
 ) -> FloatArray:
     """Return the mean light in a window around each spot.
@@ -93,13 +95,7 @@ def spot_windows(
            [107., 466., 107.],
            [ 25., 107.,  25.]])
     """
-    points, start, light, width = together(
-        positions=(positions, (2,)),
-        corners=(corners, (2,)),
-        photons=(photons, NON_NEGATIVE),
-        radius=(radius, POSITIVE),
-    )
-    return _windows(points, light, width, start, _sides(size))
+    return _windows(positions, photons, radius, corners, _sides(size))
 
 
 def render_frame(

@@ -22,6 +22,8 @@ from reproduce.physics.optics.camera import Camera, _imaged
 from reproduce.physics.optics.rotary import _starlight
 from reproduce.physics.validate import (
     FloatArray,
+    Points,
+    checked,
     common_batch,
     finite_array,
     non_negative,
@@ -38,7 +40,8 @@ __all__ = [
 ]
 
 
-def table_starlight(angles: ArrayLike) -> FloatArray:
+@checked
+def table_starlight(angles: Points) -> FloatArray:
     """Starlight for rotation angles given as rows of x (middle frame) and y (external frame).
 
     Parameters
@@ -55,8 +58,7 @@ def table_starlight(angles: ArrayLike) -> FloatArray:
     >>> table_starlight([[0.0, 0.0]])
     array([[-0.,  0.,  1.]])
     """
-    rows = finite_array("angles", angles, shape=(None, 2))
-    return _starlight(rows[..., 1], rows[..., 0])
+    return _starlight(angles[..., 1], angles[..., 0])
 
 
 def channel_centroids(

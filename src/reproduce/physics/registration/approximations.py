@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from reproduce.physics.optics.camera import Camera, _turned
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
-from reproduce.physics.validate import FloatArray, finite_array, positive
+from reproduce.physics.validate import FloatArray, Points, checked, positive
 
 __all__ = [
     "EFFECTS",
@@ -262,17 +262,17 @@ def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> f
     return round(float(camera.radial_distortion) * (1 / share - 1) / squared, 12)
 
 
-def _imaged(channels: Channels, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+@checked
+def _imaged(channels: Channels, positions: Points) -> tuple[FloatArray, FloatArray]:
     """Image the same stars in both channels, in px, with tilt and second radial terms."""
-    ideal = finite_array("positions", positions, shape=(None, 2))
-    source = _displaced(ideal, channels.source, channels.second_term[0])
+    source = _displaced(positions, channels.source, channels.second_term[0])
     # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
     focal = float(channels.source.focal_length)
     lean = (source @ np.asarray(channels.tilt))[:, None] / focal
     along = np.sqrt(1 + np.square(channels.tilt))
     tilted = source / (1 - lean) * along
     turned = _turned(tilted, np.asarray(channels.rotation))
-    reference = _displaced(ideal * channels.scale, channels.reference, channels.second_term[1])
+    reference = _displaced(positions * channels.scale, channels.reference, channels.second_term[1])
     return _in_pixels(turned, channels.source), _in_pixels(reference, channels.reference)
 
 

@@ -7,7 +7,6 @@ shift x, shift y (px).
 
 from __future__ import annotations
 
-import cmath
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,10 +17,10 @@ from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
     MirroredPointsError,
-    common_batch,
-    finite_array,
-    number_array,
-    together,
+    Point,
+    Points,
+    Weights,
+    checked,
     weights_for,
 )
 
@@ -131,7 +130,8 @@ def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     return np.asarray(np.sqrt(np.square(rmse_per_axis(points, reference)).sum(axis=-1)))
 
 
-def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
+@checked
+def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
     """Root mean square difference between two sets of points, in x and in y.
 
     Parameters
@@ -148,110 +148,28 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     >>> rmse_per_axis([[3, 4], [3, -4]], [[0, 0], [0, 0]])
     array([3., 4.])
     """
-    points, reference = paired_points(points, reference, names=("points", "reference"))
     return np.asarray(np.sqrt(np.square(points - reference).mean(axis=-2)))
 
 
-def paired_points(
-    source: ArrayLike, target: ArrayLike, *, names: tuple[str, str] = ("source", "target")
-) -> tuple[FloatArray, FloatArray]:
+@checked
+def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArray]:
     """Check two sets of points, (..., n, 2), that belong together row by row.
-
-    They are called by the `names` in a message; a ValueError says so if the counts differ.
 
     Examples
     --------
     >>> paired_points([[1, 2]], [[3, 4]])
     (array([[1., 2.]]), array([[3., 4.]]))
     """
-    first, second = together(**{names[0]: (source, (None, 2)), names[1]: (target, (None, 2))})
-    if first.shape[-2] != second.shape[-2]:
-        raise ValueError(
-            f"expected as many {names[0]} points as {names[1]} points, got {first.shape[-2]} and "
-            f"{second.shape[-2]}; row i of both must be the same star"
-        )
-    return first, second
+    return source, target
 
 
+@checked
 def _checked(
-    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None
+    source: Points, target: Points, pivot: Point, weights: Weights
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
     """Check what every fit is given."""
-    first, second = paired_points(source, target)
-    about = finite_array("pivot", pivot, shape=(2,))
-    kept = None if weights is None else weights_for(weights, first.shape[-2])
-    common_batch(
-        source=first.shape[:-2],
-        target=second.shape[:-2],
-        pivot=about.shape[:-1],
-        weights=() if kept is None else kept.shape[:-1],
-    )
-    return first, second, about, kept
-
-
-def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> _Solution | None:
-    """Return the least-squares similarity of one set of points, or None where a check is due.
-
-    For a hundred points the checks and batches of the general form cost more than the fit. Here
-    the arithmetic is done on plain complex numbers; whatever is unusual is left to the general
-    form, which also raises the errors.
-    """
-    rows, landed = _complex("source", source), _complex("target", target)
-    if rows is None or landed is None or rows.size != landed.size or pivot.shape != (2,):
-        return None
-    count = rows.size
-    centre = complex(np.add.reduce(rows)) / count
-    target_centre = complex(np.add.reduce(landed)) / count
-    offsets, targets = rows - centre, landed - target_centre
-    spread = float(np.vdot(offsets, offsets).real)
-    if not spread > count * _ROUNDING**2 * abs(centre) ** 2:
-        return None
-    factor = complex(np.vdot(offsets, targets)) / spread
-    if abs(complex(np.dot(offsets, targets))) > abs(factor) * spread:
-        return None  # perhaps a mirror image
-    # Products overflow to infinity, where the power of a float would raise an error.
-    size = abs(factor) * abs(factor) * spread
-    if not count * _ROUNDING**2 * abs(target_centre) * abs(target_centre) < size < np.inf:
-        return None
-    origin = complex(pivot[0], pivot[1])
-    shift = factor * (centre - origin) + (origin - target_centre)
-    if not cmath.isfinite(shift):
-        return None
-    left = targets - factor * offsets
-    scale, turn = abs(factor), cmath.phase(factor)
-    return _Solution(
-        np.array([scale, turn, shift.real, shift.imag]),
-        left[:, None].view(np.float64),
-        np.asarray(np.vdot(left, left).real),
-        _cofactor(factor / scale * (centre - origin), spread, scale, count),
-        rows[:, None].view(np.float64),
-    )
-
-
-def _complex(
-    name: str, points: ArrayLike
-) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]] | None:
-    array = points if isinstance(points, np.ndarray) else number_array(name, points)
-    if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != 2 or len(array) < 2:
-        return None
-    if not array.flags.c_contiguous:
-        return None
-    return array.view(np.complex128)[:, 0]
-
-
-def _cofactor(lever: complex, spread: float, scale: float, count: int) -> FloatArray:
-    """Return the inverse normal matrix; `_cofactors` says why."""
-    across, along = lever.real / spread, lever.imag / spread
-    variance = 1 / count + abs(lever) ** 2 / spread
-    by_scale, by_turn = 1 / spread, 1 / (spread * scale**2)
-    return np.array(
-        [
-            [by_scale, 0.0, across, along],
-            [0.0, by_turn, -along / scale, across / scale],
-            [across, -along / scale, variance, 0.0],
-            [along, across / scale, 0.0, variance],
-        ]
-    )
+    kept = None if weights is None else weights_for(weights, source.shape[-2])
+    return source, target, pivot, kept
 
 
 def _cofactors(

@@ -17,11 +17,10 @@ from reproduce.physics.registration._steps import prepare, solve
 from reproduce.physics.registration.closed_form import (
     _checked,
     _closed_similarity,
-    _single,
     _Solution,
 )
 from reproduce.physics.registration.transforms import Registration, _parameter_names
-from reproduce.physics.validate import DegenerateGeometryError, FloatArray, number_array
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
 __all__ = ["RegistrationFit", "fit_registration"]
 
@@ -178,11 +177,8 @@ def fit_registration(
     _parameter_names(model)
     plain = source_covariance is None and target_covariance is None and not robust
     if model == "similarity" and plain:
-        origin, kept = number_array("pivot", pivot), None
-        found = _single(source, target, origin) if weights is None else None
-        if found is None:
-            first, second, origin, kept = _checked(source, target, pivot, weights)
-            found = _closed_similarity(first, second, origin, kept)
+        first, second, origin, kept = _checked(source, target, pivot, weights)
+        found = _closed_similarity(first, second, origin, kept)
         transform = Registration._unchecked("similarity", found.parameters, origin)
         return RegistrationFit(transform, found.residuals, kept, False, found)
     problem = prepare(source, target, pivot, weights, model)
