@@ -27,6 +27,7 @@ __all__ = [
     "Points",
     "Positive",
     "Rotation",
+    "Size",
     "Weights",
     "checked",
     "common_batch",
@@ -50,6 +51,7 @@ R = TypeVar("R")
 Number = Annotated[Any, ()]
 Positive = Annotated[Any, "positive"]
 NonNegative = Annotated[Any, "non-negative"]
+Size = Annotated[Any, "size"]  # one positive number, which stays a float
 Point = Annotated[Any, (2,)]
 Points = Annotated[Any, ("n", 2)]
 Direction = Annotated[Any, (3,)]
@@ -224,7 +226,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             else:
                 array, inner = finite_array(name, value, shape=kind), len(kind)
                 _refuse_other_size(name, kind, array, sizes)
-            given[name], batches[name] = array, array.shape[: array.ndim - inner]
+            given[name] = float(array) if kind == "size" else array
+            batches[name] = array.shape[: array.ndim - inner]
         common_batch(**batches)
         return function(*bound.args, **bound.kwargs)
 
@@ -236,7 +239,19 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     return inspect.unwrap(function)
 
 
-_CHECKS = {"positive": positive, "non-negative": non_negative, "rotation": rotations}
+def _size(name: str, value: ArrayLike) -> FloatArray:
+    array = positive(name, value)
+    if array.ndim:
+        raise ValueError(f"{name}: expected one number, got shape {array.shape}; give one")
+    return array
+
+
+_CHECKS: dict[str, Callable[[str, ArrayLike], FloatArray]] = {
+    "size": _size,
+    "positive": positive,
+    "non-negative": non_negative,
+    "rotation": rotations,
+}
 
 
 def _refuse_other_size(

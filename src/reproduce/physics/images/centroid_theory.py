@@ -19,6 +19,7 @@ from reproduce.physics.validate import (
     Point,
     Positive,
     checked,
+    kernel,
     whole_number,
 )
 
@@ -126,7 +127,24 @@ def centre_of_gravity_error(
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    return _error(size, positions, light, radius, corners, read_noise)
+    windows = _windows(positions, light, radius, corners, size)
+    centre = _centre_of_gravity(windows) + corners
+    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
+    # Offsets of columns and rows from the centre of gravity, x before y.
+    offsets = np.arange(size) - (centre - corners)[..., np.newaxis]
+    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
+    read = read_noise[..., np.newaxis] ** 2
+    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
+    # The denominator's own noise, which is correlated with the numerator's: second order.
+    push = -read * size * offsets.sum(axis=-1) / total**2
+    _, slopes = _gradient(*_state(positions, light, radius, corners), size, size)
+    # How the sums of columns and rows change with x and y.
+    moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
+    slope = (offsets * moved).sum(axis=-1) / total
+    return CentroidError(centre + push - positions, variance, slope)
+
+
+_error = kernel(centre_of_gravity_error)
 
 
 @checked
@@ -159,48 +177,16 @@ def cramer_rao_variance(
     >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
     array([9.08, 9.08])
     """
-    return _least_variance(size, positions, light, radius, corners, read_noise)
-
-
-def _error(
-    size: int,
-    points: FloatArray,
-    flux: FloatArray,
-    width: FloatArray,
-    first: FloatArray,
-    noise: FloatArray,
-) -> CentroidError:
-    windows = _windows(points, flux, width, first, (whole_number("size", size), size))
-    centre = _centre_of_gravity(windows) + first
-    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
-    # Offsets of columns and rows from the centre of gravity, x before y.
-    offsets = np.arange(size) - (centre - first)[..., np.newaxis]
-    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
-    read = noise[..., np.newaxis] ** 2
-    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
-    # The denominator's own noise, which is correlated with the numerator's: second order.
-    push = -read * size * offsets.sum(axis=-1) / total**2
-    _, slopes = _gradient(*_state(points, flux, width, first), size, size)
-    # How the sums of columns and rows change with x and y.
-    moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
-    return CentroidError(centre + push - points, variance, (offsets * moved).sum(axis=-1) / total)
-
-
-def _least_variance(
-    size: int,
-    points: FloatArray,
-    flux: FloatArray,
-    width: FloatArray,
-    first: FloatArray,
-    noise: FloatArray,
-) -> FloatArray:
     size = whole_number("size", size)
-    model, slopes = _gradient(*_state(points, flux, width, first, noise), size, size)
-    variance = model + noise[..., np.newaxis, np.newaxis] ** 2
+    model, slopes = _gradient(*_state(positions, light, radius, corners, read_noise), size, size)
+    variance = model + read_noise[..., np.newaxis, np.newaxis] ** 2
     trust = 1.0 / np.maximum(variance, np.finfo(float).tiny)
     weighted = slopes * trust[..., np.newaxis, :, :]
     information = np.einsum("...kyx,...lyx->...kl", weighted, slopes)
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
+
+
+_least_variance = kernel(cramer_rao_variance)
 
 
 def _state(

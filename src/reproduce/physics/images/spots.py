@@ -19,6 +19,7 @@ from reproduce.physics.validate import (
     Positive,
     checked,
     finite_array,
+    kernel,
     non_negative,
     positive,
     whole_number,
@@ -95,7 +96,15 @@ def spot_windows(
            [107., 466., 107.],
            [ 25., 107.,  25.]])
     """
-    return _windows(positions, photons, radius, corners, _sides(size))
+    columns, rows = _sides(size)
+    across = _shares(positions[..., 0], radius, corners[..., 0], columns)
+    down = _shares(positions[..., 1], radius, corners[..., 1], rows)
+    # A Gaussian is the product of its rows and columns, integrals included.
+    scaled = photons[..., np.newaxis] * down
+    return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
+
+
+_windows = kernel(spot_windows)
 
 
 def render_frame(
@@ -149,20 +158,6 @@ def render_frame(
 def _sides(size: int | tuple[int, int]) -> tuple[int, int]:
     columns, rows = size if isinstance(size, tuple) else (size, size)
     return whole_number("size", columns), whole_number("size", rows)
-
-
-def _windows(
-    points: FloatArray,
-    light: FloatArray,
-    radius: FloatArray,
-    corners: FloatArray | IntArray,
-    size: tuple[int, int],
-) -> FloatArray:
-    across = _shares(points[..., 0], radius, corners[..., 0], size[0])
-    down = _shares(points[..., 1], radius, corners[..., 1], size[1])
-    # A Gaussian is the product of its rows and columns, integrals included.
-    scaled = light[..., np.newaxis] * down
-    return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
 def _gradient(

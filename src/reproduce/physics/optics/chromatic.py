@@ -10,18 +10,8 @@ two calls: `distortion_ratio` (7) against `distortion_ratio_equal_coefficients` 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import (
-    FloatArray,
-    Number,
-    Point,
-    Points,
-    Positive,
-    checked,
-    common_batch,
-    positive,
-)
+from reproduce.physics.validate import FloatArray, Number, Point, Points, Positive, checked
 
 __all__ = [
     "distortion_ratio",
@@ -115,7 +105,8 @@ def distortion_ratio(
     return np.asarray(scale**3 * (reference_distortion / distortion))
 
 
-def distortion_ratio_equal_coefficients(scale: ArrayLike) -> FloatArray:
+@checked
+def distortion_ratio_equal_coefficients(scale: Positive) -> FloatArray:
     """The ratio (7) if all channels share one distortion coefficient: k^3.
 
     Implements: niu2024 (8).
@@ -134,10 +125,11 @@ def distortion_ratio_equal_coefficients(scale: ArrayLike) -> FloatArray:
     >>> float(distortion_ratio_equal_coefficients(2.0))
     8.0
     """
-    return np.asarray(positive("scale", scale) ** 3)
+    return np.asarray(scale**3)
 
 
-def distortion_ratio_linear(scale: ArrayLike) -> FloatArray:
+@checked
+def distortion_ratio_linear(scale: Positive) -> FloatArray:
     """The ratio (7) under equal coefficients and the further approximation k^3 = k.
 
     Implements: niu2024 (9).
@@ -154,7 +146,7 @@ def distortion_ratio_linear(scale: ArrayLike) -> FloatArray:
     >>> float(distortion_ratio_linear(2.0))
     2.0
     """
-    return positive("scale", scale)
+    return np.asarray(scale)
 
 
 @checked
@@ -182,7 +174,6 @@ def reference_points_from_ideal(
     >>> reference_points_from_ideal([[10, 0]], [[1, 0]], 2.0, (5, 5))
     array([[27.,  5.]])
     """
-    common_batch(ideal=ideal.shape[:-1], displacements=displacements.shape[:-1])
     return scale[..., None, None] * (ideal + displacements) + principal_point[..., None, :]
 
 

@@ -14,7 +14,7 @@ point, and of small effects; `simulated_bias` images exactly and fits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,7 @@ __all__ = [
     "simulated_bias",
 ]
 
+_NONE = np.zeros(())
 EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")
 
 
@@ -84,13 +85,11 @@ class Channels:
         """
         if effect not in EFFECTS:
             raise ValueError(f"effect: expected one of {EFFECTS}, got {effect!r}")
-        m = float(self.source.radial_distortion)
-        source = _with_distortion(self.source, m if effect in EFFECTS[:2] else 0.0)
-        own = float(self.reference.radial_distortion)
-        shared = {"coefficients": own, "cube": m}.get(effect, 0.0)
+        m = self.source.radial_distortion if effect in EFFECTS[:2] else _NONE
+        shared = {"coefficients": self.reference.radial_distortion, "cube": m}.get(effect, _NONE)
         return Channels(
-            source,
-            _with_distortion(self.reference, shared),
+            replace(self.source, radial_distortion=m),
+            replace(self.reference, radial_distortion=shared),
             self.rotation,
             self.pivot_error if effect == "pivot" else (0.0, 0.0),
             self.tilt if effect == "tilt" else (0.0, 0.0),
@@ -284,10 +283,6 @@ def _moment(sides: FloatArray, power: int) -> float:
         4: (a**2 + b**2) / 5 + 2 * a * b / 9,
         6: (a**3 + b**3) / 7 + a * b * (a + b) / 5,
     }[power]
-
-
-def _with_distortion(camera: Camera, coefficient: float) -> Camera:
-    return Camera(camera.focal_length, camera.principal_point, coefficient, camera.pixel_pitch)
 
 
 def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:

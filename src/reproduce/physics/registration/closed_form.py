@@ -7,6 +7,7 @@ shift x, shift y (px).
 
 from __future__ import annotations
 
+import cmath
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from reproduce.physics.validate import (
     Points,
     Weights,
     checked,
+    number_array,
     weights_for,
 )
 
@@ -170,6 +172,71 @@ def _checked(
     """Check what every fit is given."""
     kept = None if weights is None else weights_for(weights, source.shape[-2])
     return source, target, pivot, kept
+
+
+def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> _Solution | None:
+    """Return the least-squares similarity of one set of points, or None where a check is due.
+
+    For a hundred points the checks and batches of the general form cost more than the fit. Here
+    the arithmetic is done on plain complex numbers; whatever is unusual is left to the general
+    form, which also raises the errors.
+    """
+    rows, landed = _complex("source", source), _complex("target", target)
+    if rows is None or landed is None or rows.size != landed.size or pivot.shape != (2,):
+        return None
+    count = rows.size
+    centre = complex(np.add.reduce(rows)) / count
+    target_centre = complex(np.add.reduce(landed)) / count
+    offsets, targets = rows - centre, landed - target_centre
+    spread = float(np.vdot(offsets, offsets).real)
+    if not spread > count * _ROUNDING**2 * abs(centre) ** 2:
+        return None
+    factor = complex(np.vdot(offsets, targets)) / spread
+    if abs(complex(np.dot(offsets, targets))) > abs(factor) * spread:
+        return None  # perhaps a mirror image
+    # Products overflow to infinity, where the power of a float would raise an error.
+    size = abs(factor) * abs(factor) * spread
+    if not count * _ROUNDING**2 * abs(target_centre) * abs(target_centre) < size < np.inf:
+        return None
+    origin = complex(pivot[0], pivot[1])
+    shift = factor * (centre - origin) + (origin - target_centre)
+    if not cmath.isfinite(shift):
+        return None
+    left = targets - factor * offsets
+    scale, turn = abs(factor), cmath.phase(factor)
+    return _Solution(
+        np.array([scale, turn, shift.real, shift.imag]),
+        left[:, None].view(np.float64),
+        np.asarray(np.vdot(left, left).real),
+        _cofactor(factor / scale * (centre - origin), spread, scale, count),
+        rows[:, None].view(np.float64),
+    )
+
+
+def _complex(
+    name: str, points: ArrayLike
+) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]] | None:
+    array = points if isinstance(points, np.ndarray) else number_array(name, points)
+    if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != 2 or len(array) < 2:
+        return None
+    if not array.flags.c_contiguous:
+        return None
+    return array.view(np.complex128)[:, 0]
+
+
+def _cofactor(lever: complex, spread: float, scale: float, count: int) -> FloatArray:
+    """Return the inverse normal matrix; `_cofactors` says why."""
+    across, along = lever.real / spread, lever.imag / spread
+    variance = 1 / count + abs(lever) ** 2 / spread
+    by_scale, by_turn = 1 / spread, 1 / (spread * scale**2)
+    return np.array(
+        [
+            [by_scale, 0.0, across, along],
+            [0.0, by_turn, -along / scale, across / scale],
+            [across, -along / scale, variance, 0.0],
+            [along, across / scale, 0.0, variance],
+        ]
+    )
 
 
 def _cofactors(
