@@ -245,9 +245,6 @@ def image_points(directions: Directions, camera: Camera, rotation: Number = 0.0)
     return turned / camera.pixel_pitch[..., None, None] + camera.principal_point[..., None, :]
 
 
-_imaged = kernel(image_points)
-
-
 def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     """The full angle that a row of pixels sees, the boresight at its middle.
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import ArrayLike
 
-from reproduce.physics.optics.camera import Camera, _imaged
+from reproduce.physics.optics.camera import Camera, image_points
 from reproduce.physics.optics.rotary import _starlight
 from reproduce.physics.validate import (
     FloatArray,
@@ -98,11 +98,8 @@ def channel_centroids(
             f"{turns.shape}; give zero for the reference channel"
         )
     directions = table_starlight(angles)
-    for camera in cameras:
-        common_batch(angles=directions.shape[:-2], camera=camera.batch)
-    return np.stack(
-        [_imaged(directions, *channel) for channel in zip(cameras, turns, strict=True)], axis=-3
-    )
+    channels = zip(cameras, turns, strict=True)
+    return np.stack([image_points(directions, *channel) for channel in channels], axis=-3)
 
 
 def noisy_centroids(
