@@ -7,7 +7,6 @@ import inspect
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import wraps
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -33,6 +32,7 @@ __all__ = [
     "Result",
     "Results",
     "draws",
+    "first_line",
     "reproduces",
     "seed_of",
     "sketches",
@@ -154,19 +154,9 @@ class Computation:
     chosen: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @property
-    def paper(self) -> str:
-        """The paper's key."""
-        return self.key.split("/")[0]
-
-    @property
     def name(self) -> str:
         """The function's full name, as the ledger and the pages cite it."""
         return f"{self.function.__module__}.{self.function.__qualname__}"
-
-    @property
-    def summary(self) -> str:
-        """What the function computes, in one sentence."""
-        return (self.function.__doc__ or "").strip().split("\n")[0]
 
     @property
     def entropy(self) -> tuple[int, ...]:
@@ -218,6 +208,11 @@ class Computation:
                 f"{'; '.join(dict.fromkeys(ways))}"
             )
         return left[0].result if len(left) == 1 else replace(result, readings=left)
+
+
+def first_line(function: Callable[..., object]) -> str:
+    """Return the first line of a function's docstring, without its full stop."""
+    return (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
 
 
 def seed_of(name: str) -> np.random.SeedSequence:
@@ -293,31 +288,21 @@ def reproduces(
     'niu2024/text-context'
     """
 
-    def declare(function: Callable[..., Results]) -> Computation:
-        return Computation(
-            key,
-            function,
-            tuple(cells),
-            tuple(given),
-            tuple(equations),
-            replicates,
-            options or {},
-        )
-
-    return declare
+    declared = (tuple(cells), tuple(given), tuple(equations), replicates, options or {})
+    return lambda function: Computation(key, function, *declared)
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A function that draws an item on a matplotlib figure, with what it marks.
+    """A function that draws an item, or a picture of our own, with what it marks.
 
     Parameters
     ----------
     key : str
-        The item.
+        The item or the picture.
     function : callable
-        Takes the figure, ``printed``, which maps the addresses of the cells to be marked to their
-        values and comes from the caller, and, if anything is given, the door.
+        Takes the figure and, as far as it has room for them: ``printed``, which maps the addresses
+        of the cells to be marked to their values and comes from the caller; the door.
     given : tuple of str
         Addresses of all printed cells that what is drawn is computed from.
     marks : tuple of str
@@ -336,44 +321,29 @@ class Drawing:
     @property
     def title(self) -> str:
         """What the figure shows: the first line of the function's docstring."""
-        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+        return first_line(self.function)
 
     def __call__(
         self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
+        taken = inspect.signature(self.function, follow_wrapped=False).parameters
         doors = [given(self.given) if door is None else door] if self.given else []
-        self.function(figure, printed, *doors)
+        self.function(*[figure, printed, *doors][: len(taken)])
 
 
 def draws(
-    key: str, *, given: Sequence[str] = (), marks: Sequence[str] = ()
+    key: str,
+    *,
+    given: Sequence[str] = (),
+    marks: Sequence[str] = (),
+    named: Callable[[], Mapping[str, Fact]] | None = None,
 ) -> Callable[[Callable[..., None]], Drawing]:
     """Declare that a function draws `key`; the arguments are those of `Drawing`."""
-
-    def declare(function: Callable[..., None]) -> Drawing:
-        return Drawing(key, function, tuple(given), tuple(marks))
-
-    return declare
+    return lambda function: Drawing(key, function, tuple(given), tuple(marks), named)
 
 
-def sketches(
-    key: str, *, marks: Sequence[str] = (), named: Callable[[], Mapping[str, Fact]] | None = None
-) -> Callable[[Callable[..., None]], Drawing]:
-    """Declare that a function draws a picture of our own, which is no item of the paper.
-
-    The function takes the figure, and ``printed`` if anything is marked; the arguments are those of
-    `Drawing`.
-    """
-
-    def declare(function: Callable[..., None]) -> Drawing:
-        @wraps(function)
-        def draw(figure: Figure, printed: Mapping[str, float]) -> None:
-            function(figure, *([printed] if marks else []))
-
-        return Drawing(key, draw, (), tuple(marks), named)
-
-    return declare
+sketches = draws  # of a picture of our own, which is no item of the paper
 
 
 @dataclass(frozen=True)

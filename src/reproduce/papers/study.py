@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from reproduce.papers.declare import first_line
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ class Study:
     @property
     def title(self) -> str:
         """What it shows: the first line of the function's docstring."""
-        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+        return first_line(self.function)
 
     def __call__(self, door: Given | None = None) -> pd.DataFrame:
         """Compute the table, from the print or from what another door holds."""
@@ -147,8 +148,5 @@ def studied(
     named: Callable[..., Mapping[str, Fact]] | None = None,
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the study `key`; the arguments are those of `Study`."""
-
-    def declare(function: Callable[..., Any]) -> Study:
-        return Study(key, function, tuple(columns), caption, tuple(given), folded, named)
-
-    return declare
+    declared = (tuple(columns), caption, tuple(given), folded, named)
+    return lambda function: Study(key, function, *declared)

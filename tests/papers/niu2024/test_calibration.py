@@ -20,7 +20,7 @@ def test_the_scheme_reaches_the_cramer_rao_bound(door):
     """Within what 10,000 replicates can tell, for both channels and all parameters."""
     stored = readings.stored()
     literal = readings.readings(door).index(readings.literal(door))
-    used = simulation.cameras(door, "Table 1")
+    used = simulation.cameras(door)
     turns = simulation.rotations(door)
     true = channel_centroids(used, turns, simulation_angles.literal(door).angles)
     for position in (1, 2):

@@ -135,7 +135,7 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     fits = experiment.registrations(door, np.random.SeedSequence(3), replicates, error)
     used, turns = experiment.cameras(door), experiment.rotations(door)
     true = channel_centroids(used, turns, simulation_angles.literal(door).angles)
-    for place, channel in enumerate(experiment.REGISTERED, start=1):
+    for place, channel in enumerate(("red", "blue"), start=1):
         implied = similarity_between(used[place], turns[place], used[0])
         found = fits[channel].parameters
         bound = np.sqrt(registration_bound(true[place], implied, error, error).diagonal())

@@ -60,12 +60,12 @@ def test_the_translations_of_table_2_carry_the_whole_calibration_along():
     """Both readings calibrate alike; the translations differ by the principal points' shift."""
     door = given(simulation.calibrated_translations.given)
     first, second = (
-        simulation.calibrations(door, SEED, 3, shifts=shifts) for shifts in simulation.SHIFTS
+        simulation.calibrations(door, SEED, 3, translations=way) for way in ("table-1", "table-2")
     )
     for position, channel in enumerate(simulation.REGISTERED, start=1):
         before, after = (
-            simulation.cameras(door, shifts)[position].principal_point
-            for shifts in simulation.SHIFTS
+            simulation.cameras(door, way)[position].principal_point
+            for way in ("table-1", "table-2")
         )
         expected = first[channel].parameters + np.concatenate([[0, 0], after - before])
         np.testing.assert_allclose(second[channel].parameters, expected, rtol=0, atol=1e-9)

@@ -24,6 +24,7 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
 
 from reproduce.papers.niu2024 import experiment
+from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.study import Column, studied
 from reproduce.physics.images.centroids import cut_windows, detect_spots
 from reproduce.physics.images.detector import Detector, electrons, expose
@@ -59,7 +60,7 @@ __all__ = [
     "tabulated_photons",
 ]
 
-OPTICS, OUTCOME = experiment.OPTICS, experiment.OUTCOME
+OUTCOME = experiment.OUTCOME
 READS = (
     *experiment.INSTRUMENT,
     f"{OPTICS}#pixels-*",
@@ -122,7 +123,7 @@ def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArra
 
 def _bands(door: Given) -> list[tuple[float, float]]:
     """Return the edges of the bands of green, red and blue, in metres."""
-    edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in experiment.CHANNELS]
+    edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in CHANNELS]
     return [(door[low], door[high]) for low, high in edges]
 
 

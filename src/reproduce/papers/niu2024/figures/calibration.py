@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import draws, sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024.figures.looks import image_axes
 from reproduce.papers.sketch import INK, arc, arrow, beside, box, canvas, diagram, label, line
 from reproduce.physics.optics.camera import ideal_positions
@@ -77,7 +77,7 @@ def table_spots() -> dict[str, FloatArray]:
     return {name: ideal_positions([starlight(*turn)], FOCAL)[0] for name, turn in turns.items()}
 
 
-@sketches("niu2024-rotary-table")
+@draws("niu2024-rotary-table")
 def draw_table(figure: Figure) -> None:
     """Where the spot of the one star goes when a frame of the rotary table turns."""
     axes = canvas(figure, 12.0, 7.6, 5.6)

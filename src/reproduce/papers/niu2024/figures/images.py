@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.papers.declare import sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import experiment, images, images_fusion
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
 from reproduce.papers.study import Fact
@@ -40,7 +40,7 @@ def star_facts() -> dict[str, Fact]:
     return {"apart": Fact(float(apart), ".1f", "px")}
 
 
-@sketches("niu2024-fusion-star", named=star_facts)
+@draws("niu2024-fusion-star", named=star_facts)
 def draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
     door, spots = given(images.READS), _spots()
@@ -108,7 +108,7 @@ def error_facts() -> dict[str, Fact]:
     return {name: Fact(value, ".2g", "px") for name, value in values.items()}
 
 
-@sketches("niu2024-fusion-errors", named=error_facts)
+@draws("niu2024-fusion-errors", named=error_facts)
 def draw_errors(figure: Figure) -> None:
     """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
     figure.set_size_inches(6.4, 5.6)
@@ -158,7 +158,7 @@ def star_kind_facts() -> dict[str, Fact]:
     return facts | {"gain-least": Fact(gain.min(), ".2f"), "gain-most": Fact(gain.max(), ".2f")}
 
 
-@sketches("niu2024-fusion-stars", named=star_kind_facts)
+@draws("niu2024-fusion-stars", named=star_kind_facts)
 def draw_stars(figure: Figure) -> None:
     """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner."""
     figure.set_size_inches(6.4, 3.8)
@@ -209,7 +209,7 @@ def colour_facts() -> dict[str, Fact]:
     }
 
 
-@sketches("niu2024-colours", named=colour_facts)
+@draws("niu2024-colours", named=colour_facts)
 def draw_colours(figure: Figure) -> None:
     """Colours of the stars of a frame with their errors, and those of known spectra."""
     door = given(images.READS)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import readings, simulation, simulation_angles
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
 from reproduce.papers.study import Fact
@@ -46,16 +46,16 @@ def chosen() -> dict[str, tuple[int, str]]:
         "noise in red and blue": replace(literal, noisy="red and blue"),
         "noise in green": replace(literal, noisy="green"),
         "ten draws": replace(literal, repeats=readings.REPEATS[1]),
-        "shifts of Table 2": replace(literal, shifts=simulation.SHIFTS[1]),
-        "tests among angles": replace(literal, tests=simulation.TESTS[1]),
+        "shifts of Table 2": replace(literal, shifts="Table 2"),
+        "tests among angles": replace(literal, tests=readings.TESTS[1]),
     }
     found = {name: (every.index(reading), both) for name, reading in others.items()}
     found |= {f"RMSE of {axes}": (every.index(literal), axes) for axes in counted}
-    nearest = replace(literal, shifts=simulation.SHIFTS[1], tests=simulation.TESTS[1])
+    nearest = replace(literal, shifts="Table 2", tests=readings.TESTS[1])
     return found | {"Table 2, angles, y": (every.index(nearest), readings.COUNTED[-1])}
 
 
-@sketches("niu2024-distributions", marks=readings.ADDRESSES)
+@draws("niu2024-distributions", marks=readings.ADDRESSES)
 def draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
     """Median and central 99 % of every printed number, by reading, with the print."""
     rows, factors = chosen(), np.array(FACTORS)
@@ -122,7 +122,7 @@ def convergence_facts() -> dict[str, Fact]:
     }
 
 
-@sketches("niu2024-convergence", named=convergence_facts)
+@draws("niu2024-convergence", named=convergence_facts)
 def draw_convergence(figure: Figure) -> None:
     """How far each step of the calibration is from its end."""
     own, restarted = convergence()

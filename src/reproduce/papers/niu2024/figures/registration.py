@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import draws, sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024.figures.looks import BLUE, GREEN, image_axes
 from reproduce.papers.sketch import (
     SIZE,
@@ -109,7 +109,7 @@ def registration_steps() -> FloatArray:
     return steps.apply([SPOT])[:, 0]
 
 
-@sketches("niu2024-registration")
+@draws("niu2024-registration")
 def draw_registration(figure: Figure) -> None:
     """How a blue spot is laid over the green one: turn and stretch about the pivot, then shift."""
     axes = canvas(figure, 13.0, 8.4, 6.0)
