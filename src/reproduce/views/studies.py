@@ -44,9 +44,9 @@ def niu2024_readings(
 
 
 def niu2024_fusion(executor: Executor, folder: Path, trials: int = images_fusion.TRIALS) -> Arrays:
-    """Compare centroids and signals with and without registration: arrays as in `Outcome`."""
+    """Compare centroids and signals with and without registration: arrays as in `simulate`."""
     note = {"sources": fingerprint(), "trials": trials}
-    return vars(images_fusion.simulate(trials, executor=executor, store=Store(folder, note)))
+    return images_fusion.simulate(trials, executor=executor, store=Store(folder, note))
 
 
 STUDIES: dict[str, tuple[Callable[[Executor, Path], Arrays], int, int]] = {

@@ -15,13 +15,14 @@ says that it stands. Colours are red / green and blue / green.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
 
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
@@ -51,13 +52,12 @@ __all__ = [
     "exposed",
     "extract",
     "frames",
-    "fused",
     "isolated",
     "matched_errors",
+    "ratios",
     "register",
     "similarities",
     "star_photons",
-    "tabulated_photons",
 ]
 
 OUTCOME = experiment.OUTCOME
@@ -108,28 +108,26 @@ def similarities(door: Given) -> list[Registration]:
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 
 
-def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> FloatArray:
-    """Return the photons that stars send to each detector in one exposure, shape (3, n)."""
-    bands = [blackbody_band(magnitude, temperature, *edges) for edges in _bands(door)]
-    return _collected(door) * np.stack(bands)
+def star_photons(door: Given, magnitude: ArrayLike, star: ArrayLike | str) -> FloatArray:
+    """Return the photons that stars send to each detector in one exposure, shape (3, ...).
 
-
-def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArray:
-    """Return the same of stars with a tabulated spectrum."""
-    table = spectra()[name]
-    bands = [tabulated_star(magnitude, *table, *edges) for edges in _bands(door)]
-    return _collected(door) * np.stack(bands)
+    Blackbodies by their temperature in kelvin, a tabulated spectrum by its name.
+    """
+    bands = [
+        tabulated_star(magnitude, *spectra()[star], *edges)
+        if isinstance(star, str)
+        else blackbody_band(magnitude, star, *edges)
+        for edges in _bands(door)
+    ]
+    # Square metres and seconds that an exposure collects.
+    collected = float(np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{OUTCOME}#exposure"])
+    return collected * np.stack(bands)
 
 
 def _bands(door: Given) -> list[tuple[float, float]]:
     """Return the edges of the bands of green, red and blue, in metres."""
     edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in CHANNELS]
     return [(door[low], door[high]) for low, high in edges]
-
-
-def _collected(door: Given) -> float:
-    """Return the square metres and seconds that an exposure collects."""
-    return float(np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{OUTCOME}#exposure"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +141,7 @@ class Frames:
 
 def exposed(image: FloatArray, generator: Generator) -> FloatArray:
     """Return one exposure of a noiseless image, brought back to electrons."""
-    detector = SENSOR
-    return electrons(expose(image, detector, generator), detector)
+    return electrons(expose(image, SENSOR, generator), SENSOR)
 
 
 def frames(
@@ -180,8 +177,7 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
     noise = SENSOR.noise_electrons() * np.sqrt(layers)
     found = detect_spots(image, significance * noise)
     half = WINDOW // 2
-    height, width = image.shape
-    inside = (found >= half) & (found < np.array([width, height]) - half)
+    inside = (found >= half) & (found < np.flip(image.shape) - half)
     kept = found[inside.all(axis=-1)]
     if not len(kept):
         return np.empty((0, 2))
@@ -195,18 +191,9 @@ def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) ->
     """Return found minus true position of every star, shape (n, 2), nan where it is not found."""
     if not len(found):
         return np.full(truth.shape, np.nan)
-    difference = found[None] - truth[:, None]
-    distance = np.hypot(difference[..., 0], difference[..., 1])
-    nearest = distance.argmin(axis=1)
-    rows = np.arange(len(truth))
-    errors = difference[rows, nearest]
-    errors[distance[rows, nearest] > within] = np.nan
-    return np.asarray(errors)
-
-
-def fused(images: Sequence[FloatArray]) -> FloatArray:
-    """Return the sum of three images on one grid."""
-    return fused_image(images)
+    distance = cdist(truth, found)
+    nearest = found[distance.argmin(axis=1)]
+    return np.where(distance.min(axis=1, keepdims=True) <= within, nearest - truth, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +222,7 @@ def colours_of_a_frame(door: Given, stars: int = STARS, seed: int = SEED) -> Col
     temperature = np.exp(generator.uniform(low, high, stars))
     sky = frames(door, angles, magnitude, temperature, seed)
     layers = register(sky.images, similarities(door))
-    centres = extract(fused(layers), len(layers))
+    centres = extract(fused_image(layers), len(layers))
     errors = matched_errors(centres, sky.positions[0])
     kept = np.isfinite(errors[:, 0]) & isolated(sky.positions[0])
     ratio, sigma = measured_colours(door, sky.images, (sky.positions[0] + errors)[kept])
@@ -245,9 +232,8 @@ def colours_of_a_frame(door: Given, stars: int = STARS, seed: int = SEED) -> Col
 
 def isolated(positions: FloatArray) -> FloatArray:
     """Return which spots, shape (n, 2) in px, have no neighbour within reach of their window."""
-    apart = np.hypot(*np.moveaxis(positions[:, None] - positions[None], -1, 0))
-    np.fill_diagonal(apart, np.inf)
-    return np.asarray(apart.min(axis=1) > MARGIN * WINDOW)
+    to_next = np.sort(cdist(positions, positions))[:, 1]  # the first is the spot itself
+    return np.asarray(to_next > MARGIN * WINDOW)
 
 
 def measured_colours(
@@ -256,16 +242,17 @@ def measured_colours(
     """Return the colours of stars and their predicted standard deviations, shape (2, n)."""
     back = [transform.inverse() for transform in similarities(door)]
     places = [centres, *(transform.apply(centres) for transform in back)]
-    light = [
-        cut_windows(image, window_corners(at, WINDOW), WINDOW).sum(axis=(-2, -1))
+    return ratios(
+        cut_windows(image, window_corners(at, WINDOW), WINDOW)
         for image, at in zip(exposures, places, strict=True)
-    ]
-    dark = (WINDOW * SENSOR.noise_electrons()) ** 2
-    variance = [np.maximum(total, 0) + dark for total in light]
-    green = np.maximum(light[0], 1.0)
-    found = [channel_ratio(light[i], green, variance[i], variance[0]) for i in (1, 2)]
-    ratio, sigma = (np.stack(part) for part in zip(*found, strict=True))
-    return ratio, sigma
+    )
+
+
+def ratios(windows: Iterable[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return red and blue over green by windows of each channel, and the predicted deviations."""
+    light = np.array([window.sum(axis=(-2, -1)) for window in windows])
+    variance = np.maximum(light, 0) + (WINDOW * SENSOR.noise_electrons()) ** 2
+    return channel_ratio(light[1:], np.maximum(light[0], 1.0), variance[1:], variance[0])
 
 
 @studied(

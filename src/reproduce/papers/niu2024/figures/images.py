@@ -44,7 +44,7 @@ def star_facts() -> dict[str, Fact]:
 def draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
     door, spots = given(images.READS), _spots()
-    photons = images.star_photons(door, [MAGNITUDE], [images_fusion.TEMPERATURE])[:, 0]
+    photons = images.star_photons(door, MAGNITUDE, images_fusion.TEMPERATURE)
     generator = np.random.default_rng(SEED)
     windows, corner = images_fusion.exposures(spots, photons, 1, generator)
     made = images_fusion.combinations(windows, corner, images.similarities(door))
