@@ -5,7 +5,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from reproduce.papers.niu2024 import simulation, simulation_angles
-from reproduce.papers.niu2024.figures import simulation as drawings
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.printed.cells import find
@@ -50,7 +49,7 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
     monkeypatch.setattr(simulation, "channel_centroids", seen)
     simulation.calibrations(DOOR, SEED, 1)
     figure = Figure()
-    drawings.draw(figure, {})
+    simulation_angles.draw(figure, {})
     points = figure.axes[0].lines[0]
     drawn = np.column_stack([points.get_xdata(), points.get_ydata()])
     np.testing.assert_array_equal(drawn, np.degrees(used[0]))

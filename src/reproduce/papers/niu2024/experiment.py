@@ -61,7 +61,6 @@ __all__ = [
     "calibrated_cameras",
     "cameras",
     "centroid_errors",
-    "distortion_range",
     "half_field",
     "registered_points",
     "registrations",
@@ -311,9 +310,3 @@ def _twin(
     """Return the angles of the simulation, and what the twin measures there."""
     table = simulation_angles.literal(given).angles
     return table, noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
-
-
-def distortion_range(given: Given, seed: SeedSequence, replicates: int, error: float) -> FloatArray:
-    """Return largest minus smallest distortion of the three channels, shape (replicates,), m^-2."""
-    fits = calibrated_cameras(given, seed, replicates, error)
-    return np.asarray(np.ptp([fit.camera.radial_distortion for fit in fits.values()], axis=0))

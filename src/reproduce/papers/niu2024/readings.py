@@ -34,11 +34,12 @@ from numpy.typing import NDArray
 
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import simulation, simulation_angles
-from reproduce.papers.niu2024.calibration import precision
 from reproduce.papers.study import Column, studied
 from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
+from reproduce.physics.registration.calibration import registration_bound
 from reproduce.physics.registration.closed_form import rmse_per_axis
 from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray, whole_number
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
@@ -63,6 +64,7 @@ __all__ = [
     "counted",
     "literal",
     "numbers",
+    "precision",
     "readings",
     "simulate",
     "simulate_channel",
@@ -318,6 +320,22 @@ def distributions() -> Iterator[tuple[object, ...]]:
         yield (*labels, *row)
 
 
+def precision(door: Given, channel: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what theory says of one channel's `PARAMETERS` under the literal reading.
+
+    What the imaging parameters imply, distortion left aside; what the unequal distortions add to
+    the fit without noise; standard deviations of the Cramér-Rao bound.
+    """
+    place = simulation.CHANNELS.index(channel)
+    cameras, turns = simulation.cameras(door), simulation.rotations(door)
+    true = channel_centroids(cameras, turns, simulation_angles.literal(door).angles)
+    implied = similarity_between(cameras[place], turns[place], cameras[0])
+    fitted = fit_registration(true[place], true[0], cameras[place].principal_point)
+    sigma = door[f"{simulation.SETTINGS}#noise"]
+    bound = registration_bound(true[place], implied, sigma, sigma).diagonal() ** 0.5
+    return implied.parameters, fitted.parameters - implied.parameters, bound
+
+
 @studied(
     "niu2024/precision",
     columns=(
@@ -338,11 +356,10 @@ def scheme_precision() -> Iterator[tuple[object, ...]]:
     door, arrays = given(READS), stored().arrays
     row = readings(door).index(literal(door))
     for place, channel in enumerate(simulation.REGISTERED):
-        theory = precision(door, channel)
-        for cell, name in enumerate(PARAMETERS):
-            mean, sd = arrays["mean"][row, place, cell], arrays["sd"][row, place, cell]
-            bound = theory.bound[cell]
-            efficiency = (bound / sd) ** 2
-            bias = (mean - theory.truth[cell], sd / np.sqrt(REPLICATES), theory.bias[cell])
+        drawn = (arrays[name][row, place, :4] for name in ("mean", "sd"))
+        numbers = zip(PARAMETERS, *drawn, *precision(door, channel), strict=True)
+        for name, mean, scatter, truth, bias, bound in numbers:
+            efficiency = (bound / scatter) ** 2
+            found = (mean - truth, scatter / np.sqrt(REPLICATES), bias)
             error = efficiency * np.sqrt(2 / REPLICATES)
-            yield name, channel, *bias, sd, bound, efficiency, error
+            yield name, channel, *found, scatter, bound, efficiency, error

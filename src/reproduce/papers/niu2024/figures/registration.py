@@ -12,18 +12,7 @@ import numpy as np
 
 from reproduce.papers.declare import draws
 from reproduce.papers.niu2024.figures.looks import BLUE, GREEN, image_axes
-from reproduce.papers.sketch import (
-    SIZE,
-    Look,
-    arc,
-    arrow,
-    beside,
-    canvas,
-    diagram,
-    label,
-    line,
-    turning,
-)
+from reproduce.papers.sketch import Look, arc, arrow, beside, canvas, diagram, label, line, turning
 from reproduce.physics.registration.transforms import Registration, principal_point_shift
 from reproduce.physics.validate import FloatArray
 
@@ -78,7 +67,7 @@ def _plane(axes: Axes, origin: FloatArray, turn: float, look: Look) -> None:
         label(axes, origin + tip + 0.38 * away, f"${name}_{letter}$")
     below, corner = turned([[-0.55, -0.5], [-3.75, -2.6]])
     label(axes, origin + below, f"$O_{letter}$")
-    label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn), size=SIZE)
+    label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn))
 
 
 def _shift(axes: Axes, green: FloatArray, shift: FloatArray) -> None:
