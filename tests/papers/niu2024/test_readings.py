@@ -352,7 +352,8 @@ def test_the_scheme_is_as_efficient_as_replicates_can_tell():
     assert (bias.abs() < 5).all()
 
 
-def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path):
+def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path, monkeypatch):
+    monkeypatch.setattr(readings, "CHUNK", 1)
     store = Store(tmp_path, {"replicates": 4})
     with ThreadPoolExecutor(2) as pool:
         drawn = readings.all_draws(4, pool, store)

@@ -16,7 +16,6 @@ says that it stands. Colours are red / green and blue / green.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,21 +112,16 @@ def star_photons(door: Given, magnitude: ArrayLike, star: ArrayLike | str) -> Fl
 
     Blackbodies by their temperature in kelvin, a tabulated spectrum by its name.
     """
-    bands = [
-        tabulated_star(magnitude, *spectra()[star], *edges)
-        if isinstance(star, str)
-        else blackbody_band(magnitude, star, *edges)
-        for edges in _bands(door)
-    ]
+    bands = []
+    for channel in CHANNELS:
+        low, high = (door[f"{OPTICS}#band-{channel}-{edge}"] for edge in ("low", "high"))
+        if isinstance(star, str):
+            bands.append(tabulated_star(magnitude, *spectra()[star], low, high))
+        else:
+            bands.append(blackbody_band(magnitude, star, low, high))
     # Square metres and seconds that an exposure collects.
     collected = float(np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{OUTCOME}#exposure"])
     return collected * np.stack(bands)
-
-
-def _bands(door: Given) -> list[tuple[float, float]]:
-    """Return the edges of the bands of green, red and blue, in metres."""
-    edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in CHANNELS]
-    return [(door[low], door[high]) for low, high in edges]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,23 +144,17 @@ def frames(
     """Render and expose a full frame in all three channels."""
     positions = channel_centroids(cameras(door), experiment.rotations(door), angles)
     photons = star_photons(door, magnitude, temperature)
-    streams = [np.random.default_rng(s) for s in SeedSequence(seed).spawn(len(photons))]
-
-    def one(channel: int) -> FloatArray:
-        clean = render_frame(positions[channel], photons[channel], RADIUS, shape(door))
-        return exposed(clean, streams[channel])
-
-    # NumPy lets other threads run while it draws; every channel has its own generator.
-    with ThreadPoolExecutor(2) as pool:
-        images = list(pool.map(one, range(len(photons))))
+    streams = SeedSequence(seed).spawn(len(photons))
+    images = [
+        exposed(render_frame(spots, light, RADIUS, shape(door)), np.random.default_rng(stream))
+        for spots, light, stream in zip(positions, photons, streams, strict=True)
+    ]
     return Frames(images, positions, photons)
 
 
 def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
     """Return green as it is, and the other images on the pixels of green."""
-    with ThreadPoolExecutor(2) as pool:
-        moved = list(pool.map(registered_image, images[1:], transforms))
-    return [images[0], *moved]
+    return [images[0], *map(registered_image, images[1:], transforms)]
 
 
 def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatArray:

@@ -19,7 +19,7 @@ from numpy.random import Generator, SeedSequence
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.papers.study import Column, Fact, studied
-from reproduce.physics.images.centroids import centre_of_gravity, cut_windows
+from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import spot_windows, window_corners
 from reproduce.physics.optics.simulate import channel_centroids
@@ -195,11 +195,9 @@ def _gravity(image: FloatArray, first: FloatArray) -> FloatArray:
     half, width = GRAVITY // 2, image.shape[-1]
     inner = image[:, half:-half, half:-half].reshape(len(image), -1)
     y, x = np.divmod(inner.argmax(axis=1), width - 2 * half)
-    corners = np.stack([x, y], axis=-1)
-    cut = np.stack(
-        [cut_windows(trial, at, GRAVITY)[0] for trial, at in zip(image, corners, strict=True)]
-    )
-    return centre_of_gravity(np.maximum(cut, 0), corners + first)
+    boxes = np.lib.stride_tricks.sliding_window_view(image, (GRAVITY, GRAVITY), axis=(1, 2))
+    cut = boxes[np.arange(len(image)), y, x]
+    return centre_of_gravity(np.maximum(cut, 0), np.stack([x, y], axis=-1) + first)
 
 
 def _colours(windows: FloatArray, spots: FloatArray, corner: FloatArray) -> FloatArray:

@@ -40,7 +40,7 @@ from reproduce.physics.registration.calibration import registration_bound
 from reproduce.physics.registration.closed_form import rmse_per_axis
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
-from reproduce.physics.validate import FloatArray, whole_number
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
@@ -76,8 +76,7 @@ __all__ = [
 STUDY = "niu2024-readings"
 SEED = 2024_0259
 REPLICATES = 10_000
-CHUNK = 500
-PARTS = 20
+CHUNK = 500  # replicates simulated at once
 # Replicates stored whole, so that a small part can be recomputed and compared.
 KEPT = 20
 QUANTILES = (0.005, 0.025, 0.5, 0.975, 0.995)
@@ -137,7 +136,7 @@ def literal(door: Given) -> Choices:
     """Return the literal reading, the one that the ledger uses where all give one verdict."""
     names = [found.name for found in simulation_angles.candidates(door)]
     place = names.index(simulation_angles.literal(door).name)
-    return Choices(place, "Table 1", 1, "every channel", "over the range")
+    return next(found for found in readings(door) if found.arrangement == place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,16 +172,9 @@ def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> 
     Shape (readings, replicates, 2, 8). Readings as in `readings`, channels red and blue, numbers as
     in `MEASURED`; `counted` makes of them what is printed.
     """
-    replicates = whole_number("replicates", replicates)
-    every = readings(door)
-    results = np.empty((len(every), replicates, 2, len(MEASURED)))
-    for begin in range(0, replicates, CHUNK):
-        count = min(CHUNK, replicates - begin)
-        drawn = numbers(door, count, first + begin, seed)
-        for place, channel in enumerate(simulation.REGISTERED):
-            found = simulate_channel(door, drawn, channel)
-            results[:, begin : begin + count, place] = np.stack(list(found))
-    return results
+    drawn = numbers(door, replicates, first, seed)
+    channels = [list(simulate_channel(door, drawn, name)) for name in simulation.REGISTERED]
+    return np.moveaxis(np.array(channels), 0, 2)
 
 
 def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[FloatArray]:
@@ -244,13 +236,9 @@ def all_draws(
     replicates: int = REPLICATES, executor: Executor | None = None, store: Store | None = None
 ) -> FloatArray:
     """Simulate every reading on any executor, with the same result: as `simulate` returns it."""
-    size = -(-replicates // PARTS)
-    spans = [(begin, min(size, replicates - begin)) for begin in range(0, replicates, size)]
+    spans = [(begin, min(CHUNK, replicates - begin)) for begin in range(0, replicates, CHUNK)]
     parts = run_parts(_part, spans, executor, store)
-    draws = np.empty((len(parts[0][0]), replicates, *parts[0][0].shape[2:]))
-    for begin, count in spans:  # part by part: two copies would not fit the promised memory
-        draws[:, begin : begin + count] = parts.pop(0)[0]
-    return draws
+    return np.concatenate([part for (part,) in parts], axis=1)
 
 
 def summary(draws: FloatArray) -> dict[str, FloatArray]:

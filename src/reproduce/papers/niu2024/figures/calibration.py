@@ -30,18 +30,13 @@ TURN, FOCAL = float(np.radians(20.0)), 7.0
 @diagram(17.0, 9.6)
 def draw_calibration(axes: Axes) -> None:
     """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
-    _simulator(axes)
-    _table(axes)
+    from matplotlib.patches import Ellipse
+
     box(axes, (4.0, 1.3), (2.8, 1.2), "computer")
     line(axes, [(12.2, 2.6), (12.2, 1.3), (5.8, 1.3)])
     label(axes, (8.9, 0.7), "frame angles and spots")
     arrow(axes, (6.0, 1.3), (5.4, 1.3))
-
-
-def _simulator(axes: Axes) -> None:
-    """Draw the lamp, the collimator and the parallel light that leaves it."""
-    from matplotlib.patches import Ellipse
-
+    # The lamp, the collimator and the parallel light that leaves it.
     axes.plot([0.9], [5.6], marker="*", markersize=11, color=INK)
     label(axes, (0.9, 4.4), "point\nsource")
     lens = Ellipse((4.6, 5.6), 0.55, 3.0, facecolor="none", edgecolor=INK, linewidth=1.3)
@@ -51,10 +46,7 @@ def _simulator(axes: Axes) -> None:
         line(axes, [(0.9, 5.6), (4.6, 5.6 + height)], 0.8)
         arrow(axes, (4.6, 5.6 + height), (9.2, 5.6 + height))
     label(axes, (7.2, 7.2), "parallel light")
-
-
-def _table(axes: Axes) -> None:
-    """Draw the two frames of the table, and the sensor on the middle one."""
+    # The two frames of the table, and the sensor on the middle one.
     box(axes, (12.8, 5.6), (6.2, 6.0), width=1.6)
     box(axes, (12.8, 5.6), (4.6, 4.4), style="--")
     label(axes, (12.8, 9.0), "external frame, $φ_1$")

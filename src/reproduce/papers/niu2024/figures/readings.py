@@ -49,10 +49,12 @@ def chosen() -> dict[str, tuple[int, str]]:
         "shifts of Table 2": replace(literal, shifts="Table 2"),
         "tests among angles": replace(literal, tests=readings.TESTS[1]),
     }
-    found = {name: (every.index(reading), both) for name, reading in others.items()}
-    found |= {f"RMSE of {axes}": (every.index(literal), axes) for axes in counted}
     nearest = replace(literal, shifts="Table 2", tests=readings.TESTS[1])
-    return found | {"Table 2, angles, y": (every.index(nearest), readings.COUNTED[-1])}
+    return {
+        **{name: (every.index(reading), both) for name, reading in others.items()},
+        **{f"RMSE of {axes}": (every.index(literal), axes) for axes in counted},
+        "Table 2, angles, y": (every.index(nearest), readings.COUNTED[-1]),
+    }
 
 
 @draws("niu2024-distributions", marks=readings.ADDRESSES)
