@@ -21,23 +21,10 @@ if TYPE_CHECKING:
     from reproduce.papers.study import Fact
 
 __all__ = [
-    "ROOT_SEED",
-    "Blocked",
-    "Computation",
-    "Drawing",
-    "Item",
-    "Pending",
-    "Prediction",
-    "Reading",
-    "Result",
-    "Results",
-    "draws",
-    "first_line",
-    "reproduces",
-    "seed_of",
-    "sketches",
+    "ROOT_SEED", "Blocked", "Computation", "Drawing", "Item", "Pending", "Prediction",
+    "Reading", "Result", "Results", "draws", "first_line", "reproduces", "seed_of", "sketches",
     "split_seed",
-]
+]  # fmt: skip
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102

@@ -35,9 +35,8 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.declare import Blocked, Prediction, Results, reproduces, split_seed
-from reproduce.papers.niu2024 import simulation_angles
+from reproduce.papers.niu2024 import registration, simulation_angles
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS
-from reproduce.physics.optics import chromatic
 from reproduce.physics.optics.camera import Camera, angle_from_pixels
 from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
 from reproduce.physics.optics.simulate import (
@@ -54,18 +53,10 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 __all__ = [
-    "CAMERAS",
-    "INSTRUMENT",
-    "OUTCOME",
-    "before_by_focal_lengths",
-    "calibrated_cameras",
-    "cameras",
-    "centroid_errors",
-    "half_field",
-    "registered_points",
-    "registrations",
+    "CAMERAS", "INSTRUMENT", "OUTCOME", "before_by_focal_lengths", "calibrated_cameras",
+    "cameras", "centroid_errors", "half_field", "registered_points", "registrations",
     "rotations",
-]
+]  # fmt: skip
 
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
@@ -97,14 +88,8 @@ def scale_factors(given: Given) -> Results:
         "the star centroids measured on the three detectors, to which scale factors and focal "
         "lengths are fitted apart; our stand-in is the ratio of the focal lengths"
     )
-    green = given[f"{CALIBRATION}#focal-length.green"]
-    return {
-        f"scale.{channel}": Blocked(
-            centroids,
-            float(chromatic.scale_factor(green, given[f"{CALIBRATION}#focal-length.{channel}"])),
-        )
-        for channel in REGISTERED
-    }
+    ratios = registration.scale_factors(given, CALIBRATION)
+    return {f"scale.{channel}": Blocked(centroids, ratio) for channel, ratio in ratios.items()}
 
 
 @reproduces(CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
@@ -257,18 +242,15 @@ def rmse_after(given: Given) -> Results:
 )
 def pointing_errors(given: Given) -> Results:
     """Residuals in pixels as angles: they lie in the green image, so its focal length applies."""
+    pitches = given.array(f"{OPTICS}#pixel-pitch-?")
     focal_length = given[f"{CALIBRATION}#focal-length.green"]
-    return {
-        f"pointing-error-{channel}-{axis}": float(
-            angle_from_pixels(
-                given[f"{OUTCOME}#rmse-after-{channel}-{axis}"],
-                given[f"{OPTICS}#pixel-pitch-{axis}"],
-                focal_length,
-            )
-        )
-        for channel in REGISTERED
-        for axis in "xy"
-    }
+    results = {}
+    for channel in REGISTERED:
+        for axis, pitch in zip("xy", pitches, strict=True):
+            residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
+            angle = angle_from_pixels(residual, pitch, focal_length)
+            results[f"pointing-error-{channel}-{axis}"] = float(angle)
+    return results
 
 
 def calibrated_cameras(

@@ -16,7 +16,7 @@ says that it stands. Colours are red / green and blue / green.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -40,24 +40,10 @@ from reproduce.printed.given import Given
 from reproduce.store.stars import spectra
 
 __all__ = [
-    "RADIUS",
-    "READS",
-    "SENSOR",
-    "TEMPERATURES",
-    "WINDOW",
-    "Colours",
-    "cameras",
-    "colours_of_a_frame",
-    "exposed",
-    "extract",
-    "frames",
-    "isolated",
-    "matched_errors",
-    "ratios",
-    "register",
-    "similarities",
-    "star_photons",
-]
+    "RADIUS", "READS", "SENSOR", "TEMPERATURES", "WINDOW", "Colours", "cameras",
+    "colours_of_a_frame", "exposed", "extract", "frames", "isolated", "matched_errors",
+    "ratios", "register", "similarities", "star_photons",
+]  # fmt: skip
 
 OUTCOME = experiment.OUTCOME
 READS = (
@@ -96,8 +82,8 @@ def cameras(door: Given) -> list[Camera]:
     """Return the cameras of Table 4 with green's principal point in the detector's middle."""
     middle = detector_centre(shape(door))
     return [
-        Camera(c.focal_length, c.principal_point + middle, c.radial_distortion, c.pixel_pitch)
-        for c in experiment.cameras(door)
+        replace(camera, principal_point=camera.principal_point + middle)
+        for camera in experiment.cameras(door)
     ]
 
 

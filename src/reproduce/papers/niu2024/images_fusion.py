@@ -30,28 +30,10 @@ from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
 __all__ = [
-    "BLACKBODIES",
-    "LIKELY",
-    "MADE",
-    "MAGNITUDES",
-    "MARGIN",
-    "PHASES",
-    "PLACES",
-    "RESULTS",
-    "SEED",
-    "STARS",
-    "STUDY",
-    "TEMPERATURE",
-    "TRIALS",
-    "cell",
-    "combinations",
-    "exposures",
-    "frame_colours",
-    "light_of",
-    "named",
-    "simulate",
-    "stored",
-]
+    "BLACKBODIES", "LIKELY", "MADE", "MAGNITUDES", "MARGIN", "PHASES", "PLACES", "RESULTS",
+    "SEED", "STARS", "STUDY", "TEMPERATURE", "TRIALS", "cell", "combinations", "exposures",
+    "frame_colours", "light_of", "named", "simulate", "stored",
+]  # fmt: skip
 
 STUDY = "niu2024-fusion"
 SEED = 2024_0103

@@ -45,33 +45,11 @@ from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
 __all__ = [
-    "ADDRESSES",
-    "ARRANGEMENT",
-    "CELLS",
-    "CHOICES",
-    "CHUNK",
-    "COUNTED",
-    "MEASURED",
-    "READS",
-    "REPEATS",
-    "REPLICATES",
-    "SEED",
-    "STUDY",
-    "TESTS",
-    "Choices",
-    "all_draws",
-    "choices",
-    "counted",
-    "literal",
-    "numbers",
-    "precision",
-    "readings",
-    "simulate",
-    "simulate_channel",
-    "stored",
-    "summarised",
-    "summary",
-]
+    "ADDRESSES", "ARRANGEMENT", "CELLS", "CHOICES", "CHUNK", "COUNTED", "MEASURED", "READS",
+    "REPEATS", "REPLICATES", "SEED", "STUDY", "TESTS", "Choices", "all_draws", "choices",
+    "counted", "literal", "numbers", "precision", "readings", "simulate", "simulate_channel",
+    "stored", "summarised", "summary",
+]  # fmt: skip
 
 STUDY = "niu2024-readings"
 SEED = 2024_0259

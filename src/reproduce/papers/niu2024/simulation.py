@@ -51,17 +51,9 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 __all__ = [
-    "CHANNELS",
-    "IMAGING",
-    "OPTICS",
-    "READS",
-    "REGISTERED",
-    "SETTINGS",
-    "TRUTH",
-    "calibrations",
-    "cameras",
-    "rotations",
-]
+    "CHANNELS", "IMAGING", "OPTICS", "READS", "REGISTERED", "SETTINGS", "TRUTH", "calibrations",
+    "cameras", "rotations",
+]  # fmt: skip
 
 IMAGING = "niu2024/table-1"
 TRUTH = "niu2024/table-2"
@@ -210,28 +202,20 @@ def calibrated_translations(
     """Translations calibrated from centroids simulated with the shifts of Table 1 or of Table 2."""
     missing = "which principal points the simulation used, those of Table 1 or of Table 2"
     found = calibrations(given, seed, replicates, **chosen | {"translations": "table-1"})
-    first, second = (
-        np.array([camera.principal_point for camera in cameras(given, way)])
-        for way in TRANSLATIONS["translations"]
-    )
-    # A channel's principal point carries its spots, its pivot and so its translation along.
-    moved = second - first
     ways = (
-        ("principal points of Table 1", "section 4.1 with (21) to (23)"),
-        ("translations of Table 2", "sections 4.1 and 4.2, the true values"),
+        ("table-1", "principal points of Table 1", "section 4.1 with (21) to (23)"),
+        ("table-2", "translations of Table 2", "sections 4.1 and 4.2, the true values"),
     )
+    points = [[camera.principal_point for camera in cameras(given, way)] for way, _, _ in ways]
+    # A channel's principal point carries its spots, its pivot and so its translation along.
+    moved = np.array(points) - points[0]
     results = {}
     for position, channel in enumerate(REGISTERED, start=1):
-        shifts = found[channel].parameters[:, 2:]
         for place, axis in enumerate("xy"):
+            draws = found[channel].parameters[:, 2 + place]
             readings = tuple(
-                Reading(*way, Prediction(shifts[:, place] + more), {"translations": option})
-                for way, option, more in zip(
-                    ways,
-                    TRANSLATIONS["translations"],
-                    (0.0, moved[position, place]),
-                    strict=True,
-                )
+                Reading(name, text, Prediction(draws + more), {"translations": way})
+                for (way, name, text), more in zip(ways, moved[:, position, place], strict=True)
             )
             results[f"translation-{axis}.{channel}"] = Blocked(missing, readings=readings)
     return results

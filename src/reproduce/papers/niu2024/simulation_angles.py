@@ -21,15 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "ARRANGEMENTS",
-    "READS",
-    "SETTINGS",
-    "arrangement",
-    "candidates",
-    "draw",
-    "half_ranges",
+    "ARRANGEMENTS", "READS", "SETTINGS", "arrangement", "candidates", "draw", "half_ranges",
     "literal",
-]
+]  # fmt: skip
 
 SETTINGS = "niu2024/text-simulation"
 READS = (

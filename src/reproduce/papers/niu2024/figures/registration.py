@@ -21,16 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "ANGLE",
-    "PIVOT",
-    "PLANE_ANGLE",
-    "PRINCIPAL_POINTS",
-    "SCALE",
-    "SHIFT",
-    "draw_planes",
-    "draw_registration",
-    "registration_steps",
-]
+    "ANGLE", "PIVOT", "PLANE_ANGLE", "PRINCIPAL_POINTS", "SCALE", "SHIFT", "draw_planes",
+    "draw_registration", "registration_steps",
+]  # fmt: skip
 
 # Angle and principal points of Figure 2, in units of the canvas.
 PLANE_ANGLE = float(np.radians(14.0))
