@@ -46,7 +46,7 @@ def photons(magnitude, star="solar"):
 
 @pytest.fixture(scope="module")
 def frame():
-    return images.colours_of_a_frame(DOOR)
+    return images.colours_of_a_frame()
 
 
 def test_a_magnitude_4_star_by_hand():

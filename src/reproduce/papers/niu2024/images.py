@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -36,7 +37,7 @@ from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.resample import fused_image, registered_image
 from reproduce.physics.registration.transforms import Registration, similarity_between
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
 from reproduce.store.stars import spectra
 
 __all__ = [
@@ -186,40 +187,36 @@ class Colours:
         return (self.measured - self.truth) / self.sigma
 
 
-def colours_of_a_frame(door: Given, stars: int = STARS, seed: int = SEED) -> Colours:
-    """Measure the colours of all stars of a frame that were found and stand alone."""
-    generator = np.random.default_rng(seed)
-    half = np.array(experiment.half_field(door))
-    angles = generator.uniform(-0.98 * half, 0.98 * half, (stars, 2))
-    magnitude = generator.uniform(*MAGNITUDES, stars)
+@cache
+def colours_of_a_frame() -> Colours:
+    """Measure the colours of all stars of a frame that were found and stand alone.
+
+    It takes seconds, so it is kept.
+    """
+    door, generator = given(READS), np.random.default_rng(SEED)
+    half = 0.98 * np.array(experiment.half_field(door))
+    angles = generator.uniform(-half, half, (STARS, 2))
+    magnitude = generator.uniform(*MAGNITUDES, STARS)
     low, high = np.log(TEMPERATURES)
-    temperature = np.exp(generator.uniform(low, high, stars))
-    sky = frames(door, angles, magnitude, temperature, seed)
-    layers = register(sky.images, similarities(door))
-    centres = extract(fused_image(layers), len(layers))
-    errors = matched_errors(centres, sky.positions[0])
+    temperature = np.exp(generator.uniform(low, high, STARS))
+    sky, transforms = frames(door, angles, magnitude, temperature, SEED), similarities(door)
+    layers = register(sky.images, transforms)
+    errors = matched_errors(extract(fused_image(layers), len(layers)), sky.positions[0])
     kept = np.isfinite(errors[:, 0]) & isolated(sky.positions[0])
-    ratio, sigma = measured_colours(door, sky.images, (sky.positions[0] + errors)[kept])
+    green = (sky.positions[0] + errors)[kept]
+    places = [green, *(transform.inverse().apply(green) for transform in transforms)]
+    windows = (
+        cut_windows(image, window_corners(at, WINDOW), WINDOW)
+        for image, at in zip(sky.images, places, strict=True)
+    )
     truth = (sky.photons[1:] / sky.photons[0])[:, kept]
-    return Colours(ratio, sigma, truth, magnitude[kept], stars)
+    return Colours(*ratios(windows), truth, magnitude[kept], STARS)
 
 
 def isolated(positions: FloatArray) -> FloatArray:
     """Return which spots, shape (n, 2) in px, have no neighbour within reach of their window."""
     to_next = np.sort(cdist(positions, positions))[:, 1]  # the first is the spot itself
     return np.asarray(to_next > MARGIN * WINDOW)
-
-
-def measured_colours(
-    door: Given, exposures: list[FloatArray], centres: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the colours of stars and their predicted standard deviations, shape (2, n)."""
-    back = [transform.inverse() for transform in similarities(door)]
-    places = [centres, *(transform.apply(centres) for transform in back)]
-    return ratios(
-        cut_windows(image, window_corners(at, WINDOW), WINDOW)
-        for image, at in zip(exposures, places, strict=True)
-    )
 
 
 def ratios(windows: Iterable[FloatArray]) -> tuple[FloatArray, FloatArray]:

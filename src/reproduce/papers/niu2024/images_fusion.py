@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -32,7 +32,7 @@ from reproduce.store import studies
 __all__ = [
     "BLACKBODIES", "LIKELY", "MADE", "MAGNITUDES", "MARGIN", "PHASES", "PLACES", "RESULTS",
     "SEED", "STARS", "STUDY", "TEMPERATURE", "TRIALS", "cell", "combinations", "exposures",
-    "frame_colours", "light_of", "named", "simulate", "stored",
+    "light_of", "named", "simulate", "stored",
 ]  # fmt: skip
 
 STUDY = "niu2024-fusion"
@@ -65,7 +65,6 @@ APERTURE = 3
 
 def simulate(
     trials: int = TRIALS,
-    seed: int = SEED,
     executor: Executor | None = None,
     store: Store | None = None,
 ) -> dict[str, FloatArray]:
@@ -74,16 +73,16 @@ def simulate(
     Arrays as `cell` returns them, by star, place and magnitude, which are the first axes.
     """
     shape = (len(STARS), len(PLACES), len(MAGNITUDES))
-    found = run_parts(partial(_part, trials, seed), list(np.ndindex(shape)), executor, store)
+    found = run_parts(partial(_part, trials), list(np.ndindex(shape)), executor, store)
     stacked = (np.stack(arrays) for arrays in zip(*found, strict=True))
     whole = (array.reshape(*shape, *array.shape[1:]) for array in stacked)
     return dict(zip(RESULTS, whole, strict=True))
 
 
-def _part(trials: int, seed: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]:
+def _part(trials: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]:
     door, (star, place, magnitude) = given(images.READS), at
     light = light_of(door, list(STARS)[star], MAGNITUDES[magnitude])
-    return cell(door, PLACES[place], light, trials, SeedSequence(seed, spawn_key=at))
+    return cell(door, PLACES[place], light, trials, SeedSequence(SEED, spawn_key=at))
 
 
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
@@ -196,12 +195,6 @@ def stored() -> studies.Study:
     return studies.read(STUDY)
 
 
-@cache
-def frame_colours() -> images.Colours:
-    """Return the colours of a random frame; it takes seconds, so it is kept."""
-    return images.colours_of_a_frame(given(images.READS))
-
-
 def named(star: str) -> str:
     """Return what to call a star of the study, with its temperature where it is a blackbody."""
     spectrum = STARS[star]
@@ -217,7 +210,7 @@ def facts() -> dict[str, Fact]:
     green, plain, registered = at_corner[list(STARS).index("solar")]
     alone, raw, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
     by_star = np.median(fused / alone, axis=(1, 2))
-    frame = frame_colours()
+    frame = images.colours_of_a_frame()
     pulls = np.abs(frame.pulls)
     return {
         "green": Fact(green, ".3f", "px"),

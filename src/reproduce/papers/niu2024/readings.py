@@ -128,11 +128,11 @@ class Numbers:
     chosen: NDArray[np.int64]  # random places among the calibration angles, none twice
 
 
-def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> Numbers:
+def numbers(door: Given, replicates: int, first: int = 0) -> Numbers:
     """Draw the random numbers of some replicates."""
     n = door.count(f"{simulation.SETTINGS}#angle-count")
     m = door.count(f"{simulation.SETTINGS}#test-points")
-    streams = [SeedSequence(seed, spawn_key=(kind,)) for kind in range(5)]
+    streams = [SeedSequence(SEED, spawn_key=(kind,)) for kind in range(5)]
     calibration, zero, test = (
         spawned_normals(stream, replicates, (3, count, 2), first=first)
         for stream, count in zip(streams[:3], (n, 1, m), strict=True)
@@ -144,13 +144,13 @@ def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> N
     return Numbers(calibration, zero, test, positions, order[:, :m])
 
 
-def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> FloatArray:
+def simulate(door: Given, replicates: int, first: int = 0) -> FloatArray:
     """Simulate, calibrate and test both channels under every reading.
 
     Shape (readings, replicates, 2, 8). Readings as in `readings`, channels red and blue, numbers as
     in `MEASURED`; `counted` makes of them what is printed.
     """
-    drawn = numbers(door, replicates, first, seed)
+    drawn = numbers(door, replicates, first)
     channels = [list(simulate_channel(door, drawn, name)) for name in simulation.REGISTERED]
     return np.moveaxis(np.array(channels), 0, 2)
 

@@ -32,10 +32,6 @@ def draw_calibration(axes: Axes) -> None:
     """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
     from matplotlib.patches import Ellipse
 
-    box(axes, (4.0, 1.3), (2.8, 1.2), "computer")
-    line(axes, [(12.2, 2.6), (12.2, 1.3), (5.8, 1.3)])
-    label(axes, (8.9, 0.7), "frame angles and spots")
-    arrow(axes, (6.0, 1.3), (5.4, 1.3))
     # The lamp, the collimator and the parallel light that leaves it.
     axes.plot([0.9], [5.6], marker="*", markersize=11, color=INK)
     label(axes, (0.9, 4.4), "point\nsource")
@@ -58,6 +54,10 @@ def draw_calibration(axes: Axes) -> None:
     line(axes, [(12.8, 7.0), (12.8, 8.3)], 0.8, "-.")
     arc(axes, (12.8, 7.6), 0.45, (-150.0, 130.0), head=True)
     arc(axes, (16.4, 5.6), 0.4, (-140.0, 140.0), head=True)
+    box(axes, (4.0, 1.3), (2.8, 1.2), "computer")
+    line(axes, [(12.2, 2.6), (12.2, 1.3), (5.8, 1.3)])
+    label(axes, (8.9, 0.7), "frame angles and spots")
+    arrow(axes, (6.0, 1.3), (5.4, 1.3))
 
 
 def table_spots() -> dict[str, FloatArray]:

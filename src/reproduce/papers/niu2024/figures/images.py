@@ -185,7 +185,7 @@ def colour_facts() -> dict[str, Fact]:
     """Return what the drawing of the colours shows, in numbers."""
     (cool_red, hot_red), (cool_blue, hot_blue) = _blackbodies(np.array(images.TEMPERATURES))
     return {
-        "stars": Fact(fusion.frame_colours().measured.shape[1], "d"),
+        "stars": Fact(images.colours_of_a_frame().measured.shape[1], "d"),
         "cool-red": Fact(cool_red, ".1f"),
         "cool-blue": Fact(cool_blue, ".1f"),
         "hot-red": Fact(hot_red, ".1f"),
@@ -196,7 +196,7 @@ def colour_facts() -> dict[str, Fact]:
 @draws("niu2024-colours", named=colour_facts)
 def draw_colours(figure: Figure) -> None:
     """Colours of the stars of a frame with their errors, and those of known spectra."""
-    found = fusion.frame_colours()
+    found = images.colours_of_a_frame()
     figure.set_size_inches(6.4, 4.6)
     axes = figure.add_subplot()
     (red, blue), (red_sigma, blue_sigma) = found.measured, found.sigma
