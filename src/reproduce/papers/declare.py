@@ -13,16 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.papers.study import Fact, first_line
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from reproduce.papers.study import Fact
-
 __all__ = [
     "ROOT_SEED", "Blocked", "Computation", "Drawing", "Item", "Pending", "Prediction",
-    "Reading", "Result", "Results", "draws", "first_line", "reproduces", "seed_of", "sketches",
+    "Reading", "Result", "Results", "draws", "reproduces", "seed_of", "sketches",
     "split_seed",
 ]  # fmt: skip
 
@@ -195,11 +194,6 @@ class Computation:
                 f"{'; '.join(dict.fromkeys(ways))}"
             )
         return left[0].result if len(left) == 1 else replace(result, readings=left)
-
-
-def first_line(function: Callable[..., object]) -> str:
-    """Return the first line of a function's docstring, without its full stop."""
-    return (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
 
 
 def seed_of(name: str) -> np.random.SeedSequence:

@@ -6,13 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from reproduce.papers.declare import first_line
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["LEAST_DRAWS", "Column", "Fact", "Study", "studied"]
+__all__ = ["LEAST_DRAWS", "Column", "Fact", "Study", "first_line", "studied"]
 
 # Draws that must lie beyond a value before their count says how likely it is.
 LEAST_DRAWS = 20
@@ -63,6 +62,11 @@ class Fact:
     form: str = ""
     unit: str = ""
     zero: float = 0.0
+
+
+def first_line(function: Callable[..., object]) -> str:
+    """Return the first line of a function's docstring, without its full stop."""
+    return (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
 
 
 @dataclass(frozen=True)
