@@ -19,6 +19,7 @@ import numpy as np
 from reproduce.papers.declare import Results, reproduces
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.registration import IMAGING, scale_factors
+from reproduce.papers.niu2024.simulation import OPTICS
 from reproduce.papers.study import Column, Fact, studied
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.registration.approximations import (
@@ -43,7 +44,7 @@ READS = (
     *experiment.CAMERAS,
     simulation.IMAGING,
     f"{simulation.TRUTH}#rotation.*",
-    f"{simulation.OPTICS}#pixels-*",
+    f"{OPTICS}#pixels-*",
     SHARE,
 )
 TITLES = {
@@ -96,8 +97,7 @@ class Cost:
 
 def half_size(door: Given) -> FloatArray:
     """Return half the sides of the detector, shape (2,), in metres."""
-    pixels = np.array([door[f"{simulation.OPTICS}#pixels-{axis}"] for axis in "xy"])
-    return pixels * door[f"{simulation.OPTICS}#pixel-pitch-x"] / 2
+    return door.array(f"{OPTICS}#pixels-?") * door[f"{OPTICS}#pixel-pitch-x"] / 2
 
 
 def channels(door: Given, table: str, channel: str) -> Channels:

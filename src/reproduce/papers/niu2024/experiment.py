@@ -36,7 +36,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers.declare import Blocked, Prediction, Results, reproduces, split_seed
 from reproduce.papers.niu2024 import registration, simulation_angles
-from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS
+from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
 from reproduce.physics.optics.camera import Camera, angle_from_pixels
 from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
 from reproduce.physics.optics.simulate import (
@@ -103,15 +103,7 @@ def fitted_parameters(given: Given) -> Results:
 
 def cameras(given: Given, channels: Sequence[str] = CHANNELS) -> list[Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
-    return [
-        Camera(
-            given[f"{CALIBRATION}#focal-length.{channel}"],
-            _shift(given, channel),
-            given[f"{CALIBRATION}#radial-distortion.{channel}"],
-            given[f"{OPTICS}#pixel-pitch-x"],
-        )
-        for channel in channels
-    ]
+    return cameras_of(given, CALIBRATION, {c: _shift(given, c) for c in channels})
 
 
 def _shift(given: Given, channel: str) -> list[float]:

@@ -252,15 +252,9 @@ def centroids() -> Iterator[tuple[object, ...]]:
     arrays = stored().arrays
     for at in np.ndindex(arrays["signal_to_noise"].shape):
         star, place, magnitude, image = at
-        yield (
-            named(list(STARS)[star]),
-            PLACE_NAMES[place],
-            MAGNITUDES[magnitude],
-            MADE[image],
-            *arrays["error"][at],
-            arrays["bias"][at][LIKELY],
-            arrays["signal_to_noise"][at],
-        )
+        labels = named(list(STARS)[star]), PLACE_NAMES[place], MAGNITUDES[magnitude], MADE[image]
+        error, bias, ratio = (arrays[name][at] for name in ("error", "bias", "signal_to_noise"))
+        yield (*labels, *error, bias[LIKELY], ratio)
 
 
 @studied(

@@ -21,6 +21,7 @@ had been computed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cache, partial
 
 import numpy as np
@@ -52,7 +53,7 @@ from reproduce.printed.given import Given
 
 __all__ = [
     "CHANNELS", "IMAGING", "OPTICS", "READS", "REGISTERED", "SETTINGS", "TRUTH", "calibrations",
-    "cameras", "rotations",
+    "cameras", "cameras_of", "rotations",
 ]  # fmt: skip
 
 IMAGING = "niu2024/table-1"
@@ -115,14 +116,19 @@ def cameras(given: Given, translations: str = "table-1") -> list[Camera]:
             return given[f"{IMAGING}#principal-point-{axis}.{channel}"]
         return point("green", axis) + given[f"{TRUTH}#translation-{axis}.{channel}"]
 
+    return cameras_of(given, IMAGING, {c: [point(c, axis) for axis in "xy"] for c in CHANNELS})
+
+
+def cameras_of(given: Given, table: str, points: Mapping[str, Sequence[float]]) -> list[Camera]:
+    """Return the cameras of a table by channel, with their principal points."""
     return [
         Camera(
-            given[f"{IMAGING}#focal-length.{channel}"],
-            [point(channel, axis) for axis in "xy"],
-            given[f"{IMAGING}#radial-distortion.{channel}"],
+            given[f"{table}#focal-length.{channel}"],
+            point,
+            given[f"{table}#radial-distortion.{channel}"],
             given[f"{OPTICS}#pixel-pitch-x"],
         )
-        for channel in CHANNELS
+        for channel, point in points.items()
     ]
 
 

@@ -15,7 +15,6 @@ from reproduce.papers.niu2024.figures.looks import image_axes
 from reproduce.papers.sketch import INK, arc, arrow, beside, box, canvas, diagram, label, line
 from reproduce.physics.optics.camera import ideal_positions
 from reproduce.physics.optics.rotary import starlight
-from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,15 +59,6 @@ def draw_calibration(axes: Axes) -> None:
     arrow(axes, (6.0, 1.3), (5.4, 1.3))
 
 
-def table_spots() -> dict[str, FloatArray]:
-    """Return where the star's spot stands after a positive turn of either frame of the table.
-
-    Name of the angle to the spot, shape (2,), from the principal point.
-    """
-    turns = {"φ_1": (TURN, 0.0), "φ_2": (0.0, TURN)}
-    return {name: ideal_positions([starlight(*turn)], FOCAL)[0] for name, turn in turns.items()}
-
-
 @draws("niu2024-rotary-table")
 def draw_table(figure: Figure) -> None:
     """Where the spot of the one star goes when a frame of the rotary table turns."""
@@ -79,7 +69,8 @@ def draw_table(figure: Figure) -> None:
     image_axes(axes, (1.7, 0.9), 1.0)
     axes.plot(*centre, "*", color="#000000", markersize=12)
     label(axes, beside(centre, 0.4, -0.35), "both angles zero", ha="left")
-    for name, spot in table_spots().items():
+    for name, turn in {"φ_1": (TURN, 0.0), "φ_2": (0.0, TURN)}.items():
+        spot = ideal_positions([starlight(*turn)], FOCAL)[0]
         arrow(axes, centre, centre + spot, width=2.0)
         axis = int(np.abs(spot).argmax())
         towards = f"{'+' if spot[axis] > 0 else '−'}{'xy'[axis]}"

@@ -110,15 +110,8 @@ def draw_errors(figure: Figure) -> None:
                 error = arrays["error"][row, place, :, kind, fusion.LIKELY]
                 ratio = arrays["signal_to_noise"][row, place, :, kind]
                 for axes, values in ((above, error), (below, ratio)):
-                    axes.semilogy(
-                        fusion.MAGNITUDES,
-                        values,
-                        look.line,
-                        marker=look.marker,
-                        color=look.colour,
-                        markerfacecolor=fill,
-                        label=f"{name}, {where}",
-                    )
+                    (line,) = axes.semilogy(fusion.MAGNITUDES, values, look.line, c=look.colour)
+                    line.set(marker=look.marker, mfc=fill, label=f"{name}, {where}")
         above.set_title(f"{star}: {fusion.STARS[star]:,.0f} K")
         below.set_xlabel("V (mag)")
     grid[0, 0].set_ylabel("centroid error, RMS (px)")
@@ -167,10 +160,11 @@ def draw_stars(figure: Figure) -> None:
     right.plot(expected, rows, "|", color="#000000", markersize=14, label="root of the light")
     left.set(xscale="log", xlabel="centroid error, RMS (px)")
     right.set(xlabel="signal over noise, to that of green (1)")
-    kinds = ("table" if isinstance(s, str) else f"{s:,.0f} K" for s in fusion.STARS.values())
-    left.set_yticks(
-        rows, [f"{star}, {kind}" for star, kind in zip(fusion.STARS, kinds, strict=True)]
-    )
+    names = [
+        f"{star}, table" if isinstance(kind, str) else f"{star}, {kind:,.0f} K"
+        for star, kind in fusion.STARS.items()
+    ]
+    left.set_yticks(rows, names)
     left.set_ylim(len(rows) - 0.5, -0.5)
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
 
