@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.papers.niu2024 import readings, simulation, simulation_angles
+from reproduce.papers.niu2024 import calibration, readings, simulation, simulation_angles
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import registration_bound
@@ -33,7 +33,7 @@ def test_the_scheme_reaches_the_cramer_rao_bound(door):
 @pytest.mark.parametrize("channel", simulation.REGISTERED)
 def test_only_unequal_distortions_bias_the_fit(door, channel, monkeypatch):
     """With distortion the scale alone is moved; without it the fit finds the truth."""
-    bias = np.abs(readings.precision(door, channel)[1])
+    bias = np.abs(calibration.precision(door, channel)[1])
     assert bias[0] > 1e-6
     assert bias[1:].max() < 1e-9
     cameras = simulation.cameras
@@ -41,4 +41,4 @@ def test_only_unequal_distortions_bias_the_fit(door, channel, monkeypatch):
         Camera(one.focal_length, one.principal_point, 0.0, one.pixel_pitch) for one in cameras(door)
     ]
     monkeypatch.setattr(simulation, "cameras", lambda *_: straight)
-    assert np.abs(readings.precision(door, channel)[1]).max() < 1e-9
+    assert np.abs(calibration.precision(door, channel)[1]).max() < 1e-9

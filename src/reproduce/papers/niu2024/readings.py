@@ -34,12 +34,11 @@ from numpy.typing import NDArray
 
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.niu2024.calibration import precision
 from reproduce.papers.study import Column, studied
 from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
-from reproduce.physics.registration.calibration import registration_bound
 from reproduce.physics.registration.closed_form import rmse_per_axis
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
@@ -47,7 +46,7 @@ from reproduce.store import studies
 __all__ = [
     "ADDRESSES", "ARRANGEMENT", "CELLS", "CHOICES", "CHUNK", "COUNTED", "MEASURED", "READS",
     "REPEATS", "REPLICATES", "SEED", "STUDY", "TESTS", "Choices", "all_draws", "choices",
-    "counted", "literal", "numbers", "precision", "readings", "simulate", "simulate_channel",
+    "counted", "literal", "numbers", "readings", "simulate", "simulate_channel",
     "stored", "summarised", "summary",
 ]  # fmt: skip
 
@@ -284,22 +283,6 @@ def distributions() -> Iterator[tuple[object, ...]]:
     numbers = np.stack([middles, halves], axis=-1).reshape(len(levels), -1)
     for labels, row in zip(choices(), numbers, strict=True):
         yield (*labels, *row)
-
-
-def precision(door: Given, channel: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what theory says of one channel's `PARAMETERS` under the literal reading.
-
-    What the imaging parameters imply, distortion left aside; what the unequal distortions add to
-    the fit without noise; standard deviations of the Cramér-Rao bound.
-    """
-    place = simulation.CHANNELS.index(channel)
-    cameras, turns = simulation.cameras(door), simulation.rotations(door)
-    true = channel_centroids(cameras, turns, simulation_angles.literal(door).angles)
-    implied = similarity_between(cameras[place], turns[place], cameras[0])
-    fitted = fit_registration(true[place], true[0], cameras[place].principal_point)
-    sigma = door[f"{simulation.SETTINGS}#noise"]
-    bound = registration_bound(true[place], implied, sigma, sigma).diagonal() ** 0.5
-    return implied.parameters, fitted.parameters - implied.parameters, bound
 
 
 @studied(
