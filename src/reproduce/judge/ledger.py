@@ -21,7 +21,6 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import (
     Blocked,
     Computation,
-    Pending,
     Prediction,
     Reading,
     Result,
@@ -218,8 +217,6 @@ def _record(
         "equations": computation.equations,
         "seed": computation.entropy or None,
     }
-    if isinstance(result, Pending):
-        return _make(cell, f"not computed yet: {result.work}", source, verdict="pending")
     interval = intervals.get(cell.name)
     if isinstance(result, Blocked):
         readings = _readings(cell, result.readings, intervals)

@@ -398,7 +398,7 @@ def _middle(result: Result) -> float | None:
         return float(np.median(result.draws))
     if isinstance(result, Blocked):
         return result.stand_in
-    return float(result) if isinstance(result, int | float) else None
+    return float(result)
 
 
 def _shown(cell: Cell, result: Result) -> float | None:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.chen2023.figures.sketch import LASER, SCENE, lens
-from reproduce.papers.declare import sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.sketch import INK, Look, arc, arrow, beside, canvas, key, label, line, path
 from reproduce.papers.space import View, seen_from, sense, triad
 from reproduce.papers.study import Column, studied
@@ -77,7 +77,7 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
     return f"{'+' if across[axis] > 0 else '−'}{NAMES[axis]}"
 
 
-@sketches("chen2023-instruments")
+@draws("chen2023-instruments")
 def draw_instruments(figure: Figure) -> None:
     """Frames of camera and tracker, with the vectors of equations (1), (2) and (3)."""
     axes = canvas(figure, 15.6, 8.8, 6.8)
@@ -128,7 +128,7 @@ def _instrument(axes: Axes, view: View, name: str) -> None:
     triad(axes, view, np.zeros(3), np.diag([1.9, 2.0, 1.3]), [f"${n}_{name}$" for n in NAMES])
 
 
-@sketches("chen2023-misalignment")
+@draws("chen2023-misalignment")
 def draw_misalignment(figure: Figure) -> None:
     """Positive misalignment angles: the camera's axes before and after a turn about each."""
     axes = canvas(figure, 13.6, 6.2, 6.8)
@@ -146,7 +146,7 @@ def draw_misalignment(figure: Figure) -> None:
     label(axes, (6.8, 0.2), "dashed: zero point; thick: now")
 
 
-@sketches("chen2023-stage")
+@draws("chen2023-stage")
 def draw_stage(figure: Figure) -> None:
     """Lasers that move, and the camera whose turn they stand for, by (10) with signs."""
     axes = canvas(figure, 14.0, 8.2)

@@ -37,7 +37,7 @@ DETAILS = (
 # From this many columns on, a terminal also shows interval and probability.
 WIDE = 110
 COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
-COLOURS |= {"pending": "magenta", "input": "dim"}
+COLOURS |= {"input": "dim"}
 
 
 class Table(Item):
@@ -230,7 +230,7 @@ class Table(Item):
                 yield f"{flag} ({meaning}): {', '.join(flagged)}"
         reasons: dict[str, list[str]] = {}
         for name, one in self._records.items():
-            if one.verdict in {"differs", "blocked", "pending"}:
+            if one.verdict in {"differs", "blocked"}:
                 known = erratum(one.cell)
                 text = (reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
                 reasons.setdefault(f"{one.verdict}: {text}", []).append(name)

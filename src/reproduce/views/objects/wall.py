@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from markupsafe import Markup
 
 from reproduce.judge.ledger import Record
-from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import PrintedTable, anchor, library
 from reproduce.views import keys
 from reproduce.views.writing import verdicts
@@ -42,7 +41,6 @@ def legend(records: Sequence[Record]) -> Markup:
     entries = [
         _entry(f"rp-mark-{verdict}", verdict, f"{counts[verdict]} {verdict}", meaning)
         for verdict, meaning in verdicts.MEANINGS.items()
-        if verdict in SHAPES and verdict in VERDICTS
     ]
     weak = "agrees, but in a way that says little: a copy, a difference, a wide interval"
     entries.insert(

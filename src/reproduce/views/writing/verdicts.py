@@ -19,7 +19,6 @@ MEANINGS: dict[str, str] = {
     "consistent": "inside the central 99 % of what the reproduction predicts",
     "differs": "recomputed and does not agree",
     "blocked": "needs something the paper does not publish, or depends on how the text is read",
-    "pending": "belongs to work not done yet",
     "input": "taken from the paper, nothing to compute",
 }
 
