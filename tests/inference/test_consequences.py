@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023.consequences import (
+from reproduce.papers.chen2023.posteriors.consequences import (
     Averaged,
     OnTheGround,
     StageTest,
 )
-from reproduce.papers.niu2024.new_stars import NoiseAlone
+from reproduce.papers.niu2024.posteriors.new_stars import NoiseAlone
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude.averaging import scatter_of_averages
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -171,9 +171,7 @@ def _index(column: str) -> str:
 
 def by_column(model: Model) -> list[Model]:
     """Return the model of every column by itself: the joint model is their product."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, AveragingLikelihood):
-        raise TypeError(f"model: expected averages, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(AveragingLikelihood)
     each = model.dimension // len(likelihood.names)
     return [
         replace(

@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["log_box", "quasi_random"]
+__all__ = ["log_box", "log_interval", "quasi_random"]
 
 # Below this a probability is not told from zero: the walker stands far outside.
 SMALLEST = 1e-300

@@ -49,9 +49,7 @@ def scatter(given: Given, model: Model) -> Published:
 
 def averaged(given: Given, model: Model) -> Published:
     """Table IV, which is the data of the model; its likelihood gives all digits at once."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, AveragingLikelihood):
-        raise TypeError(f"model: expected averages, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(AveragingLikelihood)
     addresses = [f"{AVERAGES}#{n}.{column}" for column in likelihood.names
                  for n in likelihood.counts]  # fmt: skip
 
@@ -64,9 +62,7 @@ def averaged(given: Given, model: Model) -> Published:
 
 def stage_table(given: Given, model: Model) -> Published:
     """Reference and monitored angles of Table V, which are the data of the model."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, StageTableLikelihood):
-        raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(StageTableLikelihood)
 
     return published_cells(
         given, (*REFERENCE, *MONITORED), _both(model), whole=likelihood.log_same, note=OWN_DATA

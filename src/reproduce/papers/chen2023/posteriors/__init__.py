@@ -12,12 +12,11 @@ from functools import cache, partial
 
 import numpy as np
 
-from reproduce.inference.model import Model, UnsuitableModelError
+from reproduce.inference.model import Model
 from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model, by_column
 from reproduce.inference.models.lasers import SpotStatistics
 from reproduce.inference.models.misalignment import (
-    ConstantLikelihood,
-    drift_model,
+    SpotLikelihood,
     misalignment_model,
 )
 from reproduce.inference.models.reference_angles import HYPOTHESES, ReferenceAngles
@@ -30,10 +29,15 @@ from reproduce.inference.models.stage_table import StageTableLikelihood, table_m
 from reproduce.inference.models.table_readings import TableReading, TableResult, hypotheses, read
 from reproduce.inference.priors import HalfNormal
 from reproduce.inference.quadrature import small_log_evidence, summed
-from reproduce.papers.chen2023 import published, simulated_spots, users_spots, users_tables
-from reproduce.papers.chen2023.consequences import Averaged, OnTheGround, StageTest
 from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
-from reproduce.papers.chen2023.simulated_spots import images, platform
+from reproduce.papers.chen2023.posteriors import (
+    published,
+    simulated_spots,
+    users_spots,
+    users_tables,
+)
+from reproduce.papers.chen2023.posteriors.consequences import Averaged, OnTheGround, StageTest
+from reproduce.papers.chen2023.posteriors.simulated_spots import images, platform
 from reproduce.papers.declare_posterior import Aside, Declaration
 from reproduce.physics.ground.errors import altitude_for_resolution
 from reproduce.physics.validate import FloatArray
@@ -107,7 +111,7 @@ def drift(given: Given) -> Model:
     turns = [(zero, zero), (TRUTH - DRIFT / 2, TRUTH + DRIFT / 2)]
     spots = images(given, turns, given.count(FRAMES), 1)
     statistics = SpotStatistics.of(spots, (False, True))
-    return drift_model(platform(given), statistics, derived=_ground(given))
+    return misalignment_model(platform(given), statistics, drifts=True, derived=_ground(given))
 
 
 def stage_positions(given: Given) -> FloatArray:
@@ -133,9 +137,7 @@ def frame_averaging(given: Given) -> Model:
 
 def without_floor(model: Model) -> Model:
     """The same columns with white noise alone."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, AveragingLikelihood):
-        raise TypeError(f"model: expected averages, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(AveragingLikelihood)
     return averaging_model(replace(likelihood, floor=False))
 
 
@@ -217,9 +219,7 @@ def table_5(given: Given) -> Model:
 
 def of_hypothesis(model: Model, hypothesis: int) -> Model:
     """The same table under one hypothesis alone."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, StageTableLikelihood):
-        raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(StageTableLikelihood)
     return replace(
         model,
         name=f"{model.name}, {HYPOTHESES[hypothesis]}",
@@ -254,9 +254,7 @@ def table_shares() -> list[float]:
 
 def table_log_evidence(model: Model) -> float:
     """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, StageTableLikelihood):
-        raise UnsuitableModelError(f"{model.name}: expected the stage table")
+    likelihood = model.likelihood_of(StageTableLikelihood)
     both = [one.log_evidence for one in table_reads()[:2]]
     if likelihood.hypothesis is not None:
         return both[likelihood.hypothesis]
@@ -265,9 +263,7 @@ def table_log_evidence(model: Model) -> float:
 
 def with_free_lasers(model: Model) -> dict[str, Aside]:
     """How well the misalignment were known with the direction of every laser free."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, ConstantLikelihood):
-        raise TypeError(f"model: expected a misalignment, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(SpotLikelihood)
     errors = errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
     names = (f"angle-{axis}-sd-lasers-free" for axis in "xyz")
     return {name: Aside(float(e), 0.0, "arcsec") for name, e in zip(names, errors, strict=True)}
