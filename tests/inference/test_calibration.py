@@ -28,7 +28,7 @@ from reproduce.views.posterior_facts import coverage_rows
 
 SMALL = 40
 # Where a replicate takes some seconds.
-FEWER = {"frame-averaging": 60}
+FEWER = {"frame-averaging": 100}
 REDONE = 7
 STUDIES = list(posteriors())
 
