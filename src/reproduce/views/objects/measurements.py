@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from rich.console import RenderableType
 
 from reproduce.judge.rerun import CannotChangeError, in_si
-from reproduce.papers.chen2023.simulated_spots import READS, platform
-from reproduce.papers.chen2023.users_spots import COLUMNS, from_table
+from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
+from reproduce.papers.chen2023.posteriors.users_spots import COLUMNS, from_table
 from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.printed.given import given

@@ -9,6 +9,7 @@ from numpy.random import Generator
 
 from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
+from reproduce.inference.models.averaging import AveragingLikelihood
 from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare_posterior import OWN_DATA, published_cells, simulated
@@ -46,21 +47,22 @@ def scatter(given: Given, model: Model) -> Published:
     return published_cells(given, SCATTER, repeat, note=note)
 
 
-def averaged(given: Given, model: Model, column: str) -> Published:
-    """One column of Table IV, which is the data of the model; its box gives all digits at once."""
-    addresses = [f"{AVERAGES}#{int(n)}.{column}" for n in given.array(f"{AVERAGES}#*.frames")]
+def averaged(given: Given, model: Model) -> Published:
+    """Table IV, which is the data of the model; its likelihood gives all digits at once."""
+    likelihood = model.likelihood_of(AveragingLikelihood)
+    addresses = [f"{AVERAGES}#{n}.{column}" for column in likelihood.names
+                 for n in likelihood.counts]  # fmt: skip
 
     def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
-        return platform.SIGMAS * simulated(model, parameters, generator)
+        tables = simulated(model, parameters, generator)
+        return platform.SIGMAS * tables.reshape(len(tables), -1)
 
     return published_cells(given, addresses, repeat, whole=model.log_likelihood, note=OWN_DATA)
 
 
 def stage_table(given: Given, model: Model) -> Published:
     """Reference and monitored angles of Table V, which are the data of the model."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, StageTableLikelihood):
-        raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(StageTableLikelihood)
 
     return published_cells(
         given, (*REFERENCE, *MONITORED), _both(model), whole=likelihood.log_same, note=OWN_DATA

@@ -41,8 +41,9 @@ from reproduce.papers.declare_posterior import (
     published_cells,
     simulated,
 )
-from reproduce.papers.niu2024 import simulation, simulation_angles, users_stars
-from reproduce.papers.niu2024.new_stars import (
+from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.niu2024.posteriors import users_stars
+from reproduce.papers.niu2024.posteriors.new_stars import (
     COMPARED,
     ESTIMATES,
     JOINT_COLUMNS,
@@ -191,9 +192,7 @@ def published_table(given: Given, model: Model) -> Published:
 
 def beside_the_registration(model: Model) -> dict[str, Aside]:
     """Whether the noise grows across the field, and what a principal point that is off does."""
-    plain = model.likelihood
-    if not isinstance(plain, GaussianRegistration):
-        raise TypeError(f"model: expected a registration, got {type(plain).__name__}")
+    plain = model.likelihood_of(GaussianRegistration)
     scale, rotation = fit_registration(plain.source, plain.target, plain.pivot).parameters[:2]
     # A principal point off by d moves the shift by (w - 1) d.
     moved = abs(scale * np.exp(1j * rotation) - 1) * PRINCIPAL_POINT

@@ -62,7 +62,7 @@ def averaging(table: Table, pivot: object) -> Model:
         raise table.wrong(0, "frames", "expected two or more lines, the first for one frame")
     half = table.last_digit(["error_arcsec"]) / 2 / ARCSEC_PER_RADIAN
     counts, single = tuple(int(n) for n in frames), float(errors[0]) / ARCSEC_PER_RADIAN
-    likelihood = AveragingLikelihood(counts, errors / ARCSEC_PER_RADIAN, half, int(series[0]))
+    likelihood = AveragingLikelihood(counts, errors[None] / ARCSEC_PER_RADIAN, half, int(series[0]))
     model = averaging_model(likelihood)
     priors: dict[str, Prior] = {
         "white": LogUniform(single / SINGLE, single * SINGLE, "within a thousand times of the "

@@ -126,9 +126,7 @@ def one_channel(given: Given, model: Model, channel: str) -> Published:
 
 def both_channels(given: Given, model: Model) -> Published:
     """Return what the paper prints of both channels; the arguments are those of `one_channel`."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, JointRegistration):
-        raise TypeError(f"model: expected a joint registration, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(JointRegistration)
     parts = [(likelihood.single(i), JOINT_COLUMNS[i]) for i in (0, 1)]
     stars = [part.elsewhere(_source(given, channel))
              for (part, _), channel in zip(parts, simulation.REGISTERED, strict=True)]  # fmt: skip

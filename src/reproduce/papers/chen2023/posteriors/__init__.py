@@ -12,12 +12,11 @@ from functools import cache, partial
 
 import numpy as np
 
-from reproduce.inference.model import Model, UnsuitableModelError
-from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
+from reproduce.inference.model import Model
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model, by_column
 from reproduce.inference.models.lasers import SpotStatistics
 from reproduce.inference.models.misalignment import (
-    ConstantLikelihood,
-    drift_model,
+    SpotLikelihood,
     misalignment_model,
 )
 from reproduce.inference.models.reference_angles import HYPOTHESES, ReferenceAngles
@@ -30,10 +29,15 @@ from reproduce.inference.models.stage_table import StageTableLikelihood, table_m
 from reproduce.inference.models.table_readings import TableReading, TableResult, hypotheses, read
 from reproduce.inference.priors import HalfNormal
 from reproduce.inference.quadrature import small_log_evidence, summed
-from reproduce.papers.chen2023 import published, simulated_spots, users_spots, users_tables
-from reproduce.papers.chen2023.consequences import Averaged, OnTheGround, StageTest
 from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
-from reproduce.papers.chen2023.simulated_spots import images, platform
+from reproduce.papers.chen2023.posteriors import (
+    published,
+    simulated_spots,
+    users_spots,
+    users_tables,
+)
+from reproduce.papers.chen2023.posteriors.consequences import Averaged, OnTheGround, StageTest
+from reproduce.papers.chen2023.posteriors.simulated_spots import images, platform
 from reproduce.papers.declare_posterior import Aside, Declaration
 from reproduce.physics.ground.errors import altitude_for_resolution
 from reproduce.physics.validate import FloatArray
@@ -44,7 +48,6 @@ __all__ = [
     "COLUMNS",
     "FLOORS",
     "READS",
-    "column_model",
     "readings",
     "summed_columns",
     "table_reads",
@@ -66,9 +69,9 @@ STAGE_READS = (
     TELESCOPE,
     *GROUND,
 )
-# Columns of Table IV: the first is sampled, all are summed.
+# Columns of Table IV.
 COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")
-AVERAGE_READS = (f"{AVERAGES}#*.frames", FRAMES, *GROUND)
+AVERAGE_READS = (*(f"{AVERAGES}#*.{column}" for column in ("frames", *COLUMNS)), FRAMES, *GROUND)
 # Scales of the floor's prior, over ours.
 FLOORS = (0.25, 1.0, 4.0)
 # Frames whose errors are predicted: one, the most of the table, and as many as it never tried.
@@ -108,7 +111,7 @@ def drift(given: Given) -> Model:
     turns = [(zero, zero), (TRUTH - DRIFT / 2, TRUTH + DRIFT / 2)]
     spots = images(given, turns, given.count(FRAMES), 1)
     statistics = SpotStatistics.of(spots, (False, True))
-    return drift_model(platform(given), statistics, derived=_ground(given))
+    return misalignment_model(platform(given), statistics, drifts=True, derived=_ground(given))
 
 
 def stage_positions(given: Given) -> FloatArray:
@@ -122,22 +125,25 @@ def _last_motion(given: Given) -> FloatArray:
     return np.asarray(positions[-1] - positions[0])
 
 
-def frame_averaging(given: Given, column: str = COLUMNS[0]) -> Model:
-    """White noise and floor of one column of Table IV."""
+def frame_averaging(given: Given) -> Model:
+    """White noise and floor of every column of Table IV."""
     counts = tuple(int(n) for n in given.array(f"{AVERAGES}#*.frames"))
-    addresses = [f"{AVERAGES}#{count}.{column}" for count in counts]
-    printed = np.array([given[a] for a in addresses]) / SIGMAS
-    half = given.half_unit(addresses[0]) / SIGMAS
-    likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES))
-    return averaging_model(likelihood, derived=Averaged(SHOWN_COUNTS, _ground(given).altitude))
+    printed = np.stack([given.array(f"{AVERAGES}#*.{column}") for column in COLUMNS]) / SIGMAS
+    half = given.half_unit(f"{AVERAGES}#{counts[0]}.{COLUMNS[0]}") / SIGMAS
+    likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), COLUMNS)
+    consequences = Averaged(COLUMNS, SHOWN_COUNTS, _ground(given).altitude)
+    return averaging_model(likelihood, derived=consequences)
 
 
 def without_floor(model: Model) -> Model:
-    """The same column with white noise alone."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, AveragingLikelihood):
-        raise TypeError(f"model: expected averages, got {type(likelihood).__name__}")
+    """The same columns with white noise alone."""
+    likelihood = model.likelihood_of(AveragingLikelihood)
     return averaging_model(replace(likelihood, floor=False))
+
+
+def averaging_log_evidence(model: Model) -> float:
+    """Log evidence of Table IV: its columns are independent, and each is summed over nodes."""
+    return sum(map(small_log_evidence, by_column(model)))
 
 
 @dataclass(frozen=True)
@@ -162,16 +168,11 @@ class SummedColumn:
 @cache
 def summed_columns() -> tuple[SummedColumn, ...]:
     """Sum the posterior of every column of Table IV, with a floor and without one."""
-    return tuple(map(_summed_column, COLUMNS))
+    model = frame_averaging(given(AVERAGE_READS))
+    return tuple(map(_summed_column, COLUMNS, by_column(model)))
 
 
-def column_model(column: str) -> Model:
-    """Return the model of any column of Table IV, with its data."""
-    return frame_averaging(given((*AVERAGE_READS, f"{AVERAGES}#*.{column}")), column)
-
-
-def _summed_column(column: str) -> SummedColumn:
-    model = column_model(column)
+def _summed_column(column: str, model: Model) -> SummedColumn:
     white, floor = model.parameters
     prior = floor.prior
     if not isinstance(prior, HalfNormal):
@@ -218,9 +219,7 @@ def table_5(given: Given) -> Model:
 
 def of_hypothesis(model: Model, hypothesis: int) -> Model:
     """The same table under one hypothesis alone."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, StageTableLikelihood):
-        raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(StageTableLikelihood)
     return replace(
         model,
         name=f"{model.name}, {HYPOTHESES[hypothesis]}",
@@ -255,9 +254,7 @@ def table_shares() -> list[float]:
 
 def table_log_evidence(model: Model) -> float:
     """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, StageTableLikelihood):
-        raise UnsuitableModelError(f"{model.name}: expected the stage table")
+    likelihood = model.likelihood_of(StageTableLikelihood)
     both = [one.log_evidence for one in table_reads()[:2]]
     if likelihood.hypothesis is not None:
         return both[likelihood.hypothesis]
@@ -266,9 +263,7 @@ def table_log_evidence(model: Model) -> float:
 
 def with_free_lasers(model: Model) -> dict[str, Aside]:
     """How well the misalignment were known with the direction of every laser free."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, ConstantLikelihood):
-        raise TypeError(f"model: expected a misalignment, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(SpotLikelihood)
     errors = errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
     names = (f"angle-{axis}-sd-lasers-free" for axis in "xyz")
     return {name: Aside(float(e), 0.0, "arcsec") for name, e in zip(names, errors, strict=True)}
@@ -287,9 +282,9 @@ POSTERIORS = (
     ),
     Declaration(
         "frame-averaging", "White noise of one frame and the floor that averaging leaves",
-        "chen2023", (*AVERAGE_READS, f"{AVERAGES}#*.{COLUMNS[0]}"), frame_averaging,
-        users_tables.AVERAGES, published=partial(published.averaged, column=COLUMNS[0]),
-        rivals=(without_floor,), evidence=small_log_evidence, steps=300,
+        "chen2023", AVERAGE_READS, frame_averaging, users_tables.AVERAGES,
+        published=published.averaged, rivals=(without_floor,), evidence=averaging_log_evidence,
+        steps=700,
     ),
     Declaration(
         "table-5", "Effective focal length, angle bias and noise from the stage test", "chen2023",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from reproduce.inference.model import Consequence
-from reproduce.inference.models.averaging import predicted_error
 from reproduce.papers.chen2023.platform import SIGMAS
+from reproduce.physics.attitude.averaging import averaged_error
 from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.physics.ground.errors import ground_error
 from reproduce.physics.validate import FloatArray
@@ -95,23 +95,28 @@ class Averaged:
 
     Parameters
     ----------
+    columns : tuple of str
+        Whose white noise and floor the parameters are.
     counts : tuple of int
         Frames.
     altitude : float
         In metres.
     """
 
+    columns: tuple[str, ...]
     counts: tuple[int, ...]
     altitude: float
 
     def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Three-sigma errors, as the table prints them: in arcsec, and in metres on the ground."""
         found = {}
-        for count in self.counts:
-            error = SIGMAS * predicted_error(parameters, count)
-            name = f"error of {count} frame{'s' if count > 1 else ''}"
-            found[name] = Consequence(error * ARCSEC_PER_RADIAN, "arcsec", "three sigma")
-            found[f"{name}, position"] = Consequence(
-                ground_error(self.altitude, error), "m", "three sigma, on the ground"
-            )
+        for i, column in enumerate(self.columns):
+            white, floor = parameters[:, 2 * i : 2 * i + 2].T
+            for count in self.counts:
+                error = SIGMAS * averaged_error(count, white, floor)
+                name = f"{column}, error of {count} frame{'s' if count > 1 else ''}"
+                found[name] = Consequence(error * ARCSEC_PER_RADIAN, "arcsec", "three sigma")
+                found[f"{name}, position"] = Consequence(
+                    ground_error(self.altitude, error), "m", "three sigma, on the ground"
+                )
         return found

@@ -7,6 +7,7 @@ the order of the platform), ``x``, ``y``; the images of a group in the order of 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,11 +17,11 @@ from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT,
     SpotLikelihood,
-    drift_model,
     misalignment_model,
 )
+from reproduce.inference.models.registration import with_priors
 from reproduce.inference.priors import LogUniform, Normal, Prior
-from reproduce.papers.chen2023.simulated_spots import READS, platform
+from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
 from reproduce.papers.declare_posterior import File
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
@@ -38,20 +39,14 @@ NOISE = (1e-6, 1e3)
 MIRRORED = 3.0
 
 
-def constant(table: Table, pivot: object) -> Model:
-    """A constant misalignment."""
+def model(table: Table, pivot: object, drifts: bool) -> Model:
+    """A misalignment, constant or drifting through group 1."""
     instrument, images = _measured(table)
-    statistics = SpotStatistics.of(images, (False, False))
-    return _noisy(misalignment_model(instrument, statistics, priors=_priors(instrument, images)))
-
-
-def drift(table: Table, pivot: object) -> Model:
-    """A misalignment that drifts through group 1."""
-    instrument, images = _measured(table)
-    angles = _priors(instrument, images)
-    drifts = {key.replace("angle", "drift"): prior for key, prior in angles.items()}
-    statistics = SpotStatistics.of(images, (False, True))
-    return _noisy(drift_model(instrument, statistics, priors=angles | drifts))
+    priors = _priors(instrument, images)
+    if drifts:
+        priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
+    statistics = SpotStatistics.of(images, (False, drifts))
+    return _noisy(misalignment_model(instrument, statistics, drifts=drifts, priors=priors))
 
 
 def _measured(table: Table) -> tuple[Platform, list[FloatArray]]:
@@ -123,27 +118,19 @@ def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:
 
 def _noisy(model: Model) -> Model:
     """The same, noise and zero attitude free on both sides of what least squares leaves."""
-    likelihood = model.likelihood
-    if not isinstance(likelihood, SpotLikelihood):
-        raise TypeError(f"model: expected spots, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(SpotLikelihood)
     residual = likelihood.residual()
     noise = LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
                        "millionth of what least squares leaves to a thousand times it")  # fmt: skip
     turn = GENEROUS * residual / float(np.ptp(likelihood.statistics.means[0], axis=0).max())
     mount = Normal(0.0, max(MOUNT, turn), "the zero attitude is laid over the spots to begin with: "
                    "a quarter of a degree, or twenty times what their noise turns it")  # fmt: skip
-    return _wider(model, {"noise": noise, **{f"mount-{axis}": mount for axis in AXES}})
-
-
-def _wider(model: Model, priors: dict[str, Prior]) -> Model:
-    parameters = tuple(
-        replace(one, prior=priors.get(one.name, one.prior)) for one in model.parameters
-    )
-    return replace(model, parameters=parameters)
+    priors: dict[str, Prior] = {"noise": noise, **{f"mount-{axis}": mount for axis in AXES}}
+    return replace(model, parameters=with_priors(model.parameters, priors))
 
 
 SPOTS = (
     "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in the "
     "order of the platform; the images of a group in the order of time"
 )
-CONSTANT, DRIFT = (File(COLUMNS, SPOTS, read) for read in (constant, drift))
+CONSTANT, DRIFT = (File(COLUMNS, SPOTS, partial(model, drifts=drifts)) for drifts in (False, True))
