@@ -1,7 +1,8 @@
 """Sphinx extension: links to a table, a cell or an erratum find the page that holds it.
 
 What a cell of a notebook shows, such as the wall of all printed numbers, links to ``#anchor``. On a
-page that has no such anchor the link is turned into one to the page that has it.
+page that has no such anchor the link is turned into one to the page that has it. ``#tables/x.csv``
+is a file below the root of the site.
 """
 
 import re
@@ -52,6 +53,8 @@ def lead(
 
     def turned(link: re.Match[str]) -> str:
         name = link.group(1)
+        if "/" in name:
+            return f'href="{"../" * page.count("/")}{name}"'
         holder = known(app.env).get(name)
         if name in here or holder in {None, page}:
             return link.group(0)

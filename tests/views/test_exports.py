@@ -10,6 +10,8 @@ from pybtex.database import parse_string
 
 from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import library
+from reproduce.version import RELEASED, __version__
 from reproduce.views.writing.cite import citation
 from reproduce.views.writing.export import FORMATS, export
 from reproduce.views.writing.figures import draw, drawable, save
@@ -32,24 +34,41 @@ def test_csv_carries_every_field_at_full_precision(table):
         assert record.computed is None or value == record.computed
 
 
-def test_json_reads_back_as_a_ledger(table):
-    assert ledger.Ledger.model_validate_json(export(table, KEY, "json")) == table
+def test_json_reads_back_as_a_ledger_with_its_reasons(table):
+    read = ledger.Ledger.model_validate_json(export(table, KEY, "json"))
+    assert [r.model_copy(update={"reason": ""}) for r in read.records] == list(table.records)
+    frame = pd.read_csv(io.StringIO(export(table, KEY, "csv")), keep_default_na=False)
+    assert [one.reason for one in read.records] == list(frame["reason"])
+    assert read.cell(f"{KEY}#2.reference-x").reason.startswith("Four significant digits")
+    assert read.software == f"reproduce-pointing {__version__}, {RELEASED}"
 
 
-def test_markdown_has_a_row_per_cell_with_trailing_zeros(table):
+def test_markdown_and_latex_keep_the_shape_of_the_table(table):
+    printed = library()[KEY]
     lines = export(table, KEY, "markdown").splitlines()
-    assert len(lines) == 2 + len(table.records)
-    (row,) = [line for line in lines if "| 2.difference-y " in line]
-    parts = [part.strip() for part in row.strip("|").split("|")]
-    assert parts[:3] == ["2.difference-y", "-0.040", "-0.040"]
-    assert parts[4] == "exact (difference)"
-
-
-def test_latex_is_plain_ascii_with_caption_and_label(table):
+    assert len(lines) == 2 + len(printed.rows)
+    rows = [[part.strip() for part in line.strip("|").split("|")] for line in lines]
+    assert all(len(row) == 1 + len(printed.columns) for row in rows)
+    column = rows[0].index("Difference about Y (″)")
+    assert rows[3][column] == "-0.040 (-0.040, exact, difference)"
     text = export(table, KEY, "latex")
     assert text.isascii()
     assert r"\label{tab:chen2023-table-5}" in text
-    assert text.count(r"\\") == 1 + len(table.records)
+    assert text.count(r"\\") == 1 + len(printed.rows)
+    assert "Difference about Y (arcsec)" in text
+
+
+def test_a_row_that_shares_a_unit_names_it():
+    text = export(ledger.build(["niu2024/table-3"]), "niu2024/table-3", "markdown")
+    assert "| Translation, x (px) | 0.3012 (blocked) |" in text
+    assert "| Scale factor | 0.9973 (0.99756, differs) |" in text
+
+
+def test_a_cell_alone_and_a_group_have_a_row_per_cell(table):
+    assert len(export(table, f"{KEY}#2.difference-y", "markdown").splitlines()) == 3
+    group = "niu2024/text-optics"
+    lines = export(ledger.build([group]), group, "markdown").splitlines()
+    assert len(lines) == 2 + len(library()[group].cells)
 
 
 def test_unknown_formats_are_refused(table):

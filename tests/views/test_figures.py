@@ -18,7 +18,7 @@ from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
 from reproduce.views.book import pages
 from reproduce.views.writing import figures
-from reproduce.views.writing.figures import SMALLEST, inline
+from reproduce.views.writing.figures import SMALLEST, inline, vector_of
 from reproduce.views.writing.numbers import powers
 
 NAMES = [*figures.drawable(), *drawings()]
@@ -225,7 +225,7 @@ def test_the_paper_ends_outside_of_every_text():
 @pytest.mark.parametrize("name", NAMES)
 def test_text_keeps_its_size_on_a_phone(name):
     """A figure that a phone would shrink too far scrolls instead, and by less than a screen."""
-    html = inline(drawn(name), "x", "what it shows")
+    html = inline(vector_of(drawn(name)), "x", "what it shows")
     least = float(re.search(r'<svg [^>]*style="min-width:(\d+)px"', html).group(1))
     points = min(text.get_fontsize() for text, _ in texts(drawn(name)))
     natural = drawn(name).get_figwidth() * 96
@@ -235,7 +235,7 @@ def test_text_keeps_its_size_on_a_phone(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_black_follows_the_page(name):
-    html = inline(drawn(name), "x", "what it shows")
+    html = inline(vector_of(drawn(name)), "x", "what it shows")
     assert re.search(r'<svg [^>]*fill="currentColor"', html), "SVG fills in black by itself"
     assert not re.search(r"#000000\b|\bblack\b", html)
 

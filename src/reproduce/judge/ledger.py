@@ -100,6 +100,7 @@ class Record(_Frozen):
     readings: tuple[ReadingRecord, ...] = Field(
         description="for a blocked cell whose verdict depends on how the text is read: each way"
     )
+    reason: str = Field(default="", description="why, as written down with the frozen verdict")
 
 
 class TableRecord(_Frozen):
@@ -124,6 +125,7 @@ class Ledger(_Frozen):
     altered: tuple[str, ...] = Field(
         default=(), description="files of printed numbers that are not those of their checksums"
     )
+    software: str = Field(default="", description="what made an export: name, version, day")
 
     def of(self, key: str) -> tuple[Record, ...]:
         """Return the records of one item, in the order of print."""
@@ -288,7 +290,8 @@ def _make(
         flags += (qualifier,)
     flags += weak
     own = {"key": cell.key, "cell": cell.address, "printed": cell.text, "unit": cell.unit}
-    blank = dict.fromkeys(Record.model_fields) | {"readings": (), "flags": flags, "why": why}
+    blank = dict.fromkeys(n for n, field in Record.model_fields.items() if field.is_required())
+    blank |= {"readings": (), "flags": flags, "why": why}
     return Record.model_validate(blank | own | dict(source) | found)
 
 

@@ -20,7 +20,7 @@ from reproduce.views.computed import item_ledger
 from reproduce.views.objects import contradictions
 from reproduce.views.objects.contradictions import errata_register, within_paper
 from reproduce.views.writing.display import Grid, Html, folded
-from reproduce.views.writing.figures import inline, styled
+from reproduce.views.writing.figures import inline, styled, vector_of
 
 __all__ = [
     *("JOINT", "audit_facts", "corrections", "equations", "errata"),
@@ -284,7 +284,7 @@ def picture(paper: str, alternative: str) -> Html:
         right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
         right.set_xlabel("smallest sets")
         right.set_title("in how many")
-    return Html(inline(figure, f"audit-{paper}", alternative))
+    return Html(inline(vector_of(figure), f"audit-{paper}", alternative))
 
 
 def audit_facts() -> dict[str, str]:

@@ -11,11 +11,14 @@ import json
 import sys
 from pathlib import Path
 
+from reproduce.inference.parts import processes
 from reproduce.locate import data_folder
-from reproduce.printed.cells import library
+from reproduce.papers.catalogue import drawings
+from reproduce.printed.cells import anchor, library
 from reproduce.views import computed, keys
 from reproduce.views.book import facts
-from reproduce.views.writing.export import export
+from reproduce.views.writing.export import export, signed, table_files
+from reproduce.views.writing.figures import drawable, write_figure
 
 __all__ = ["shipped", "write_downloads", "write_facts"]
 
@@ -37,22 +40,24 @@ def shipped() -> dict[str, str]:
         "ledger.json": "one record per printed cell",
         "ledger.schema.json": "what each field of the ledger means",
     }
-    return files | {_path(key): f"{key}, {keys.title(key)}" for key in library()}
-
-
-def _path(key: str) -> str:
-    return f"tables/{key.replace('/', '-')}.csv"
+    return files | {f"tables/{anchor(key)}.csv": f"{key}, {keys.title(key)}" for key in library()}
 
 
 def write_downloads(folder: Path) -> None:
-    """Write the shipped files."""
+    """Write the shipped files: the ledger, and of each table and figure its data and pictures."""
     whole = computed.whole_ledger()
     schema = (data_folder() / "ledger.schema.json").read_text(encoding="utf-8")
-    texts = {"ledger.json": whole.model_dump_json(indent=2), "ledger.schema.json": schema}
-    texts |= {_path(key): export(whole, key, "csv") for key in library()}
-    (folder / "tables").mkdir(parents=True, exist_ok=True)
+    texts = {"ledger.json": signed(whole).model_dump_json(indent=2), "ledger.schema.json": schema}
+    for key in library():
+        texts |= {path: export(whole, key, form) for path, form in table_files(key).items()}
+    for name in ("tables", "figures"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    with processes() as pool:
+        drawn = [pool.submit(write_figure, key, folder) for key in (*drawable(), *drawings())]
+        for one in drawn:
+            one.result()
 
 
 if __name__ == "__main__":

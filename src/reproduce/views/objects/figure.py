@@ -80,7 +80,7 @@ class Figure(Changeable, Item):
     def _repr_html_(self) -> str:
         name = f"figure-{anchor(self.key)}" + ("-changed" if self.changes else "")
         alternative = f"{self.title}. {self._told()}".rstrip()
-        return powers_in_html(figures.inline(self.drawn, name, alternative))
+        return powers_in_html(figures.inline(figures.vector_of(self.drawn), name, alternative))
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield what the figure shows and how to look at it."""

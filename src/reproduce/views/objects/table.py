@@ -17,12 +17,13 @@ from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.views import keys
 from reproduce.views.computed import item_ledger
+from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Item, Shown, by_row, text_of
 from reproduce.views.objects.changed import Changed
 from reproduce.views.objects.sweep import Sweep
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.display import Box, Entry, Grid, columns, folded
-from reproduce.views.writing.export import export, full_frame
+from reproduce.views.writing.export import export, full_frame, table_files
 from reproduce.views.writing.numbers import powers_in_html
 
 if TYPE_CHECKING:
@@ -172,6 +173,8 @@ class Table(Item):
         if details:
             grid = Grid(f"Details of {place}", DETAILS, details, kind="rp-small")
             parts.append(folded("How each cell was judged", grid.html))
+        files = table_files(self.key)
+        parts.append(bar(self.key, anchor(self.key), files, self.source))
         item = Markup('<div class="rp-item" id="{}">\n{}\n</div>')
         return powers_in_html(item.format(anchor(self.key), Markup("\n").join(parts)))
 

@@ -2,36 +2,59 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from reproduce.judge.expected import reason
 from reproduce.judge.ledger import Ledger, Record
+from reproduce.printed.cells import anchor, library
+from reproduce.version import RELEASED, __version__
 from reproduce.views import keys
 from reproduce.views.writing import verdicts
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FORMATS", "export", "export_frame", "full_frame"]
+__all__ = ["FORMATS", "export", "export_frame", "full_frame", "signed", "table_files"]
 
 FORMATS = ("csv", "json", "latex", "markdown")
+# The endings of their files.
+ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
 def export(ledger: Ledger, address: str, form: str) -> str:
-    """Write the records of an item or a cell in a format that other programs read."""
+    """Write the records of an item or a cell in a format that other programs read.
+
+    JSON and CSV hold every field of each record; LaTeX and Markdown keep the table's own shape.
+    """
     key, _, name = address.partition("#")
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
     if form == "json":
         tables = tuple(t for t in ledger.tables if t.key == key and not name)
-        return Ledger(records=records, tables=tables).model_dump_json(indent=2)
+        return signed(Ledger(records=records, tables=tables)).model_dump_json(indent=2)
     if form == "csv":
         return full_frame(records).to_csv(index=False)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
     label = f"tab:{key.replace('/', '-')}"
-    shown = _shown_frame(records, ascii_units=form == "latex")
+    shaped = len(library()[key].columns) > 1 and not name
+    make = _shaped_frame if shaped else _shown_frame
+    shown = make(records, ascii_units=form == "latex")
     if form == "latex":
+        caption += "; printed (computed, verdict)" if shaped else ""
         return shown.to_latex(index=False, escape=True, caption=caption, label=label)
     return export_frame(shown, form)
+
+
+def table_files(key: str) -> dict[str, str]:
+    """Return where the book carries the exports of a table: path below its root to format."""
+    return {f"tables/{anchor(key)}.{ending}": form for form, ending in ENDINGS.items()}
+
+
+def signed(ledger: Ledger) -> Ledger:
+    """Return a ledger with the written reason of each verdict and what made it."""
+    told = tuple(r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records)
+    software = f"reproduce-pointing {__version__}, {RELEASED}"
+    return ledger.model_copy(update={"records": told, "software": software})
 
 
 def export_frame(frame: pd.DataFrame, form: str) -> str:
@@ -81,3 +104,34 @@ def _shown_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFr
         for record in records
     ]
     return pd.DataFrame(rows, dtype=str)
+
+
+def _shaped_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFrame:
+    """Lay out a table in the shape of the print; units stand where a row or a column shares one."""
+    import pandas as pd
+
+    table = library()[records[0].key]
+    by_name = {verdicts.name_of(record): record for record in records}
+    grid = [[by_name[f"{row.id}.{column.id}"] for column in table.columns] for row in table.rows]
+
+    def named(label: str, line: Iterable[Record]) -> str:
+        units = {one.unit if ascii_units else verdicts.unit(one) for one in line} - {"", "1"}
+        return f"{label} ({units.pop()})" if len(units) == 1 else label
+
+    heads, labels = [c.label for c in table.columns], [row.label for row in table.rows]
+    if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
+        labels = [named(*pair) for pair in zip(labels, grid, strict=True)]
+    else:
+        heads = [named(*pair) for pair in zip(heads, zip(*grid, strict=True), strict=True)]
+    rows = [[label, *map(_shaped, row)] for label, row in zip(labels, grid, strict=True)]
+    return pd.DataFrame(rows, columns=["", *heads], dtype=str)
+
+
+def _shaped(record: Record) -> str:
+    flags = [flag.replace("_", " ") for flag in record.flags if flag in verdicts.WEAK]
+    told = [verdicts.computed(record).replace("−", "-"), record.verdict, *flags]
+    return (
+        f"{record.printed} ({', '.join(filter(None, told))})"
+        if record.role == "result"
+        else (record.printed)
+    )

@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Drawing
-from reproduce.printed.cells import find, library
+from reproduce.printed.cells import anchor, find, library
+from reproduce.views.computed import once
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 __all__ = [
-    *("SMALLEST", "check_ending", "data", "declared"),
-    *("draw", "drawable", "inline", "save", "styled"),
+    *("SMALLEST", "Vector", "check_ending", "data", "declared", "draw", "drawable"),
+    *("figure_files", "inline", "save", "styled", "vector", "vector_of", "write_figure"),
 ]
 
 STYLE = Path(__file__).parent / "figures.mplstyle"
@@ -31,6 +32,13 @@ ENDINGS = (".svg", ".pdf", ".png")
 # Text smaller than this many CSS pixels is hard to read; a narrow screen scrolls instead.
 SMALLEST = 9.0
 POINTS, PIXELS = 72.0, 96.0  # per inch
+
+
+class Vector(NamedTuple):
+    """A figure as SVG, and the width in CSS pixels from which its text is readable."""
+
+    svg: str
+    least: int
 
 
 def drawable() -> list[str]:
@@ -109,11 +117,40 @@ def _write(figure: Figure, out: Path | io.StringIO, ending: str) -> None:
         figure.savefig(out, format=ending[1:], metadata=undated)
 
 
-def inline(figure: Figure, name: str, alternative: str, caption: str = "") -> str:
-    """Return a figure as an HTML fragment whose black parts follow the page's text colour."""
+def figure_files(key: str) -> list[str]:
+    """Return where the book carries the pictures and the data of a figure, below its root."""
+    return [f"figures/{anchor(key)}{ending}" for ending in (*ENDINGS, ".csv")]
+
+
+def vector(key: str) -> Vector:
+    """Draw an item or one of our own drawings for a page; once in a build."""
+    return once(f"figure-{anchor(key)}", lambda: vector_of(draw(key)))
+
+
+def vector_of(figure: Figure) -> Vector:
+    """Return a figure as SVG for a page."""
     buffer = io.StringIO()
     _write(figure, buffer, ".svg")
-    svg = buffer.getvalue()
+    return Vector(buffer.getvalue(), _least_width(figure))
+
+
+def write_figure(key: str, root: Path) -> None:
+    """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
+    figure = draw(key)
+    once(f"figure-{anchor(key)}", lambda: vector_of(figure))
+    for path in figure_files(key):
+        if path.endswith(".csv"):
+            data(figure).to_csv(root / path, index=False)
+        else:
+            save(figure, root / path)
+
+
+def inline(drawn: Vector, name: str, alternative: str, below: str = "") -> str:
+    """Return a figure as an HTML fragment whose black parts follow the page's text colour.
+
+    `below` is HTML: the caption and what else belongs to the figure.
+    """
+    svg = drawn.svg
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     # What the style file paints in black is what should follow the page. Where black fills
@@ -123,11 +160,10 @@ def inline(figure: Figure, name: str, alternative: str, caption: str = "") -> st
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>{name}-", svg)
     label = escape(alternative, quote=True)
-    least = f"min-width:{_least_width(figure)}px"
+    least = f"min-width:{drawn.least}px"
     svg = svg.replace(
         "<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" style="{least}" ', 1
     )
-    below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
     return f'<figure class="rp-figure" id="{name}">{svg}{below}</figure>'
 
 

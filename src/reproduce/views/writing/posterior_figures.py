@@ -9,7 +9,7 @@ import numpy as np
 from reproduce.inference.calibration import Ranks, band
 from reproduce.inference.model import Parameter
 from reproduce.inference.posterior import Sampled
-from reproduce.views.writing.figures import inline, styled
+from reproduce.views.writing.figures import inline, styled, vector_of
 
 __all__ = ["corner", "ranks", "traces"]
 
@@ -46,7 +46,7 @@ def traces(posterior: Sampled, alternative: str) -> str:
             axes.set_axis_off()
         for axes in panels[max(0, model.dimension - 2) : model.dimension]:
             axes.set_xlabel("step (median of the walkers)")
-    return inline(figure, f"figure-posterior-{model.name}-traces", alternative)
+    return inline(vector_of(figure), f"figure-posterior-{model.name}-traces", alternative)
 
 
 def corner(posterior: Sampled, alternative: str) -> str:
@@ -79,7 +79,7 @@ def corner(posterior: Sampled, alternative: str) -> str:
             for axes in figure.axes:
                 axes.tick_params(labelsize=7)
                 axes.xaxis.set_label_coords(0.5, BELOW)
-    return inline(figure, f"figure-posterior-{model.name}-corner", alternative)
+    return inline(vector_of(figure), f"figure-posterior-{model.name}-corner", alternative)
 
 
 def ranks(stored: Ranks, name: str, alternative: str) -> str:
@@ -97,4 +97,4 @@ def ranks(stored: Ranks, name: str, alternative: str) -> str:
             axes.plot(even, row / total - even, linestyle=dashes, linewidth=1.1, label=label)
         axes.set(xlabel="rank / number of draws", ylabel="share of ranks, less even")
         figure.legend(loc="outside lower center", fontsize=8, ncols=3)
-    return inline(figure, f"figure-posterior-{name}-ranks", alternative)
+    return inline(vector_of(figure), f"figure-posterior-{name}-ranks", alternative)

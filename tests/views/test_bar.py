@@ -1,0 +1,65 @@
+"""The bar below tables and figures: address, citation, data and function."""
+
+import csv
+import re
+
+import pytest
+
+import reproduce as rp
+from reproduce.papers.catalogue import drawings
+from reproduce.printed.cells import library
+from reproduce.views import computed
+from reproduce.views.book import build, pages
+from reproduce.views.writing import figures
+from reproduce.views.writing.export import table_files
+
+KEY = "niu2024/table-2"
+
+
+def test_a_table_can_be_cited_taken_away_and_followed_to_its_function():
+    html = rp.table(KEY)._repr_html_()
+    bar = html[html.index('<div class="rp-bar">') :]
+    assert '<a href="#niu2024-table-2" title="permalink">' in bar
+    assert "@misc" in bar and "10.3390/s24010259" in bar  # noqa: PT018
+    assert re.findall(r'href="#(tables/[^"]+)"', bar) == list(table_files(KEY))
+    assert "def true_registrations" in bar or "@reproduces" in bar
+
+
+def test_a_table_that_is_only_quoted_has_no_function():
+    assert "<summary>Function" not in rp.table("niu2024/table-1")._repr_html_()
+
+
+@pytest.mark.parametrize(("key", "cited"), [("niu2024/fig-2", True), ("chen2023-stage", False)])
+def test_a_figure_has_its_pictures_data_and_caption(key, cited):
+    html = pages.figure(
+        key, "what it shows", "The {niu2024/table-2#scale.red printed} <of> red."
+    ).text
+    assert "<figcaption>The 0.9976 &lt;of&gt; red.</figcaption>" in html
+    assert re.findall(r'href="#(figures/[^"]+)"', html) == figures.figure_files(key)
+    assert ("<summary>Cite" in html) == cited
+    assert (key in drawings()) != cited
+
+
+def test_the_book_carries_what_the_bars_offer(tmp_path, monkeypatch):
+    monkeypatch.setattr(build, "drawable", lambda: ["niu2024/fig-2"])
+    monkeypatch.setattr(build, "drawings", dict)
+    monkeypatch.setattr(computed, "whole_ledger", lambda: computed.item_ledger(*library()))
+    build.write_downloads(tmp_path)
+    for path in [*table_files(KEY), *figures.figure_files("niu2024/fig-2")]:
+        assert (tmp_path / path).stat().st_size > 0, path
+    with (tmp_path / "figures" / "niu2024-fig-2.csv").open(encoding="utf-8") as file:
+        assert next(csv.reader(file)) == ["panel", "curve", "x", "y"]
+    assert (tmp_path / "figures" / "niu2024-fig-2.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
+    monkeypatch.setenv(computed.FOLDER, str(tmp_path / "computed"))
+    computed.kept.cache_clear()
+    try:
+        (tmp_path / "figures").mkdir()
+        figures.write_figure("niu2024/fig-2", tmp_path)
+        monkeypatch.setattr(figures, "draw", lambda key: pytest.fail("drawn again"))
+        assert figures.vector("niu2024/fig-2").svg.startswith("<?xml")
+    finally:
+        monkeypatch.delenv(computed.FOLDER)
+        computed.kept.cache_clear()
