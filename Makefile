@@ -23,14 +23,8 @@ UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
-# Ledger, studies and posteriors are computed once in a build; sentences, pages and downloads read them.
-book: export REPRODUCE_BUILD := $(CURDIR)/book/_build/computed
 book: $(STAMP)  ## build the book and say where it is
-	@$(PY) tools/drop_stale_pages.py
-	@$(PY) -m reproduce.views.downloads book/_extra
-	@$(PY) -m reproduce.views.facts book/_build/facts.json
-	@$(PY) .venv/bin/jupyter-book build book -W --keep-going -n --all
-	@printf '\nThe book is ready. Open %s\n' "$(CURDIR)/book/_build/html/index.html"
+	@$(PY) tools/build_book.py
 
 test: $(TESTS)  ## run the tests, with line coverage
 	@$(PY) -m pytest -m "not browser" --numprocesses auto --maxprocesses 4 --dist worksteal \
