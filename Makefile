@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book test check browser-test bench same mutants lock checksums clean
+.PHONY: help book lab test check browser-test bench same mutants lock checksums clean
 
 export PYTHON
 # Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
@@ -25,6 +25,9 @@ help:  ## this list
 
 book: $(STAMP)  ## build the book and say where it is
 	@$(PY) tools/build_book.py
+
+lab: book  ## open JupyterLab on the notebooks of the book
+	@$(PY) -m jupyter lab book/_build/notebooks
 
 test: $(TESTS)  ## run the tests, with line coverage
 	@$(PY) -m pytest -m "not browser" --numprocesses auto --maxprocesses 4 --dist worksteal \

@@ -2,7 +2,8 @@
 
 1. `drop_stale_pages` removes what was made of other files; if nothing has changed, that is all.
 2. `run_notebooks` computes numbers and notebooks on every core.
-3. Jupyter Book writes all pages; it reads only those whose sources have changed.
+3. Jupyter Book reads and writes the pages that have changed.
+4. `pack_book` puts wheel, lock and notebooks into one archive.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import time
 from pathlib import Path
 
 from drop_stale_pages import ROOT, State
+from pack_book import build_wheel, pack
 
 # As Jupyter Book's own command line: every warning is an error, all of them are shown.
 STRICT = ("-W", "--keep-going", "-n")
@@ -40,6 +42,10 @@ def build(root: Path) -> int:
     command = (sys.executable, str(JUPYTER_BOOK), "build", str(book), *STRICT)
     if code := subprocess.run(command, check=False).returncode:
         return code
+    wheel = book / "_build" / "wheel"
+    if not wheel.is_dir():
+        build_wheel(root, wheel)
+    pack(root)
     print(f"Pages: {time.perf_counter() - begin:.0f} s", flush=True)
     state.remember()
     return 0

@@ -19,7 +19,14 @@ BUILD = "book/_build"
 # What the numbers depend on, what every page depends on, and what the whole book depends on.
 PARTS = {
     "numbers": ("src", "data", "environment.txt"),
-    "pages": ("book/_ext", "book/_config.yml", "book/_toc.yml", "tools", "pyproject.toml"),
+    "pages": (
+        "book/_ext",
+        "book/_config.yml",
+        "book/_toc.yml",
+        "tools",
+        "pyproject.toml",
+        "README.md",
+    ),
     "book": ("book", "CHANGELOG.md", "CITATION.cff"),
 }
 # The lines of a page that other pages show or count: headings, labels, citations, directives, and
@@ -88,7 +95,8 @@ class State:
         if known.get("numbers") != self.present["numbers"]:
             shutil.rmtree(self.build, ignore_errors=True)
         elif known.get("pages") != self.present["pages"]:
-            shutil.rmtree(self.build / ".doctrees", ignore_errors=True)
+            for name in (".doctrees", "wheel"):
+                shutil.rmtree(self.build / name, ignore_errors=True)
         if {**known, "book": ""} != {**self.present, "book": ""}:
             shutil.rmtree(self.build / "html", ignore_errors=True)
         # A page that was read and warned of is not warned of again: should this build be cut short,

@@ -7,6 +7,7 @@ its own. Executed notebooks go into the cache in which Jupyter Book looks for th
 
 from __future__ import annotations
 
+import asyncio
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -94,7 +95,7 @@ def executed(notebook: Any, page: Path) -> Any:
     beside = {"metadata": {"path": str(page.parent)}}
     # Times in the cells' metadata would become part of the key in the cache.
     client = NotebookClient(notebook, timeout=TIMEOUT, resources=beside, record_timing=False)
-    return client.execute()
+    return asyncio.run(client.async_execute())
 
 
 def pages_of(book: Path) -> list[Path]:
