@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Page
 from reading import HTML, built_pages
 
 pytestmark = pytest.mark.browser
@@ -43,3 +44,16 @@ def test_every_page_has_an_icon() -> None:
         page = HTML / address
         (icon,) = re.findall(r'<link rel="icon" href="([^"]+)"', page.read_text(encoding="utf-8"))
         assert (page.parent / icon).is_file()
+
+
+def test_the_icons_that_are_left_are_all_that_is_shown(page: Page) -> None:
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.goto((HTML / "niu2024" / "simulation.html").as_uri(), wait_until="load")
+    page.wait_for_selector("svg[data-icon=download]", state="attached", timeout=10_000)
+    assert page.locator("svg[data-icon] g.missing").count() == 0
+    icons = page.locator("svg[data-icon]")
+    drawings = icons.evaluate_all("all => all.map(i => i.querySelector('path')?.getAttribute('d'))")
+    assert len(drawings) > 5
+    assert [drawing for drawing in drawings if len(drawing or "") < 20] == []
+    assert [text for text in complaints if "icon" in text.lower()] == []
