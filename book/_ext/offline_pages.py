@@ -21,6 +21,10 @@ ICON = re.compile(
     r'(?:"([\w-]+)"|(\w+)):\[\d+,\d+,\[[^\]]*\],"[0-9a-f]+",(?:"[^"]*"|\[[^\]]*\])\],?'
 )
 NAMED = re.compile(r"\bfa-([a-z0-9-]+)")
+# The coordinates of a drawing, and a number with more than two decimals.
+COORDINATES = re.compile(r'(?<= )(d|x|y)="[^"]*"')
+FINE = re.compile(r"-?\d+\.\d{3,}")
+DRAWING = re.compile(r"<svg .*?</svg>", re.DOTALL)
 # The full build: the smaller one loses a page's mathematics at \boldsymbol.
 MATHJAX = "tex-svg-full.js"
 
@@ -69,6 +73,28 @@ def drop_icons(app: Sphinx, error: Exception | None) -> None:
     (root / "_static" / ICONS).write_text(only_icons(script, used), encoding="utf-8")
 
 
+def coarser(drawing: str) -> str:
+    """Return a drawing with its coordinates to a hundredth of a pixel, which nobody can see.
+
+    >>> coarser('<svg id="a1.2345"><path d="M 1.23456 -0.00123 L 3.14 2"/></svg>')
+    '<svg id="a1.2345"><path d="M 1.23 0 L 3.14 2"/></svg>'
+    """
+    return COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
+
+
+def _rounded(number: re.Match[str]) -> str:
+    """Return a number with two decimals at most, and no zeros that say nothing."""
+    return f"{float(number[0]):z.2f}".rstrip("0").rstrip(".")
+
+
+def coarsen(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """Make the drawings of a page lighter; the downloaded notebook keeps every digit."""
+    if doctree is not None:
+        context["body"] = DRAWING.sub(lambda found: coarser(found[0]), context["body"])
+
+
 def drop_mathjax(
     app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
 ) -> None:
@@ -96,6 +122,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers; thebe goes after the extension that adds it."""
     app.connect("builder-inited", point_to_local_mathjax)
     app.connect("html-page-context", drop_thebe, priority=900)
+    app.connect("html-page-context", coarsen)
     app.connect("html-page-context", drop_mathjax, priority=901)
     app.connect("build-finished", copy_mathjax)
     app.connect("build-finished", drop_icons)
