@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book test check browser-test bench same mutants lock checksums clean
+.PHONY: help book lab test check browser-test bench same mutants lock checksums clean
 
 export PYTHON
 # Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
@@ -23,13 +23,11 @@ UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
-# Ledger, studies and posteriors are computed once in a build; sentences, pages and downloads read them.
-book: export REPRODUCE_BUILD := $(CURDIR)/book/_build/computed
 book: $(STAMP)  ## build the book and say where it is
-	@$(PY) tools/drop_stale_pages.py
-	@$(PY) -m reproduce.views.book.build book
-	@$(PY) .venv/bin/jupyter-book build book -W --keep-going -n --all
-	@printf '\nThe book is ready. Open %s\n' "$(CURDIR)/book/_build/html/index.html"
+	@$(PY) tools/build_book.py
+
+lab: book  ## open JupyterLab on the notebooks of the book
+	@$(PY) -m jupyter lab book/_build/notebooks
 
 test: $(TESTS)  ## run the tests, with line coverage
 	@$(PY) -m pytest -m "not browser" --numprocesses auto --maxprocesses 4 --dist worksteal \

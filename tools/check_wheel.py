@@ -1,7 +1,8 @@
 """Build sdist and wheel, install the wheel alone into an empty environment, and use it there.
 
 The wheel is built from the sdist. In the empty environment, in a folder far from the checkout,
-`reproduce check` judges everything and one notebook of the book runs in its own kernel.
+`reproduce check` judges everything and one notebook of the book runs in its own kernel. Where the
+book is built, its archive is unpacked in another folder and installed by the very lines it gives.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ import sys
 import tempfile
 import venv
 from pathlib import Path
+from zipfile import ZipFile
 
 import nbformat
 from myst_nb.core.read import read_myst_markdown_notebook
+
+from pack_book import ARCHIVE, readme
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "book" / "niu2024" / "context.md"
@@ -54,6 +58,25 @@ def main() -> None:
         if not outputs:
             sys.exit(f"{PAGE.name}: expected outputs, got none")
         print(f"{PAGE.name}: {outputs} outputs")
+        if (archive := ROOT / "book/_build/html" / ARCHIVE).is_file():
+            check_archive(archive, folder)
+
+
+def check_archive(archive: Path, folder: Path) -> None:
+    """Unpack the archive of the book, install it as its words say, and run a notebook in it."""
+    with ZipFile(archive) as file:
+        file.extractall(folder)
+    inside = folder / "reproduce-book"
+    if (inside / "README.txt").read_text() != readme():
+        sys.exit("README.txt: expected the words of tools/pack_book.py, got others")
+    lines = [line for line in readme().splitlines() if line.startswith("    ")]
+    *install, opened = (line.strip() for line in lines)
+    for line in install:
+        run("sh", "-c", line.replace("python -m venv", f"{sys.executable} -m venv"), folder=inside)
+    run("sh", "-c", f"{opened} --version", folder=inside)
+    name = f"notebooks/{PAGE.parent.name}/{PAGE.stem}.ipynb"
+    run(inside / ".venv/bin/python", "-m", "jupyter", "execute", name, folder=inside)
+    print(f"{archive.name}: {archive.stat().st_size / 2**20:.1f} MiB, {name} runs")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
-"""Sphinx extension: pages that need no network and load without an error.
+"""Sphinx extension: pages that need no network, load without an error, and are light.
 
-MathJax is copied beside the pages from a package. It is copied after the build,
+The theme's script of icons holds two thousand of them, 1.5 MB on every page: those that no page
+shows are left out. MathJax is copied beside the pages from a package. It is copied after the build,
 and not kept under ``_static/``, because every script there is loaded by every
 page, with mathematics or without.
 """
 
+import re
 import shutil
 from importlib.metadata import distribution
 from pathlib import Path
@@ -13,6 +15,16 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
+ICONS = "scripts/fontawesome.js"
+# An icon in that script: its name, size, other names, code and drawing.
+ICON = re.compile(
+    r'(?:"([\w-]+)"|(\w+)):\[\d+,\d+,\[[^\]]*\],"[0-9a-f]+",(?:"[^"]*"|\[[^\]]*\])\],?'
+)
+NAMED = re.compile(r"\bfa-([a-z0-9-]+)")
+# The coordinates of a drawing, and a number with more than two decimals.
+COORDINATES = re.compile(r'(?<= )(d|x|y)="[^"]*"')
+FINE = re.compile(r"-?\d+\.\d{3,}")
+DRAWING = re.compile(r"<svg .*?</svg>", re.DOTALL)
 # The full build: the smaller one loses a page's mathematics at \boldsymbol.
 MATHJAX = "tex-svg-full.js"
 
@@ -36,6 +48,62 @@ def copy_mathjax(app: Sphinx, error: Exception | None) -> None:
         shutil.copyfile(mathjax_source(), target)
 
 
+def only_icons(script: str, used: set[str]) -> str:
+    """Return the script of icons with only those whose names are given.
+
+    >>> only_icons('i={sun:[8,8,[],"f1","M1"],"a-b":[8,8,[1,"c"],"f2",["M","N"]]}', {"sun"})
+    'i={sun:[8,8,[],"f1","M1"],}'
+    """
+    return ICON.sub(lambda icon: icon[0] if (icon[1] or icon[2]) in used else "", script)
+
+
+def drop_icons(app: Sphinx, error: Exception | None) -> None:
+    """Keep the icons that pages or the theme's other scripts name."""
+    if error is not None or app.builder.format != "html":
+        return
+    root = Path(app.outdir)
+    scripts = root / "_static" / "scripts"
+    naming = [*root.rglob("*.html"), *scripts.glob("*sphinx*theme.js")]
+    used = {name for file in naming for name in NAMED.findall(file.read_text(encoding="utf-8"))}
+    theme = "pydata-sphinx-theme"
+    source = distribution(theme).locate_file(
+        f"pydata_sphinx_theme/theme/pydata_sphinx_theme/static/{ICONS}"
+    )
+    script = Path(str(source)).read_text(encoding="utf-8")
+    (root / "_static" / ICONS).write_text(only_icons(script, used), encoding="utf-8")
+
+
+def coarser(drawing: str) -> str:
+    """Return a drawing with its coordinates to a hundredth of a pixel, which nobody can see.
+
+    >>> coarser('<svg id="a1.2345"><path d="M 1.23456 -0.00123 L 3.14 2"/></svg>')
+    '<svg id="a1.2345"><path d="M 1.23 0 L 3.14 2"/></svg>'
+    """
+    return COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
+
+
+def _rounded(number: re.Match[str]) -> str:
+    """Return a number with two decimals at most, and no zeros that say nothing."""
+    return f"{float(number[0]):z.2f}".rstrip("0").rstrip(".")
+
+
+def coarsen(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """Make the drawings of a page lighter; the downloaded notebook keeps every digit."""
+    if doctree is not None:
+        context["body"] = DRAWING.sub(lambda found: coarser(found[0]), context["body"])
+
+
+def drop_mathjax(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """Take MathJax out of a page whose formulas all stand in outputs that are not shown."""
+    if 'class="math' not in context.get("body", ""):
+        scripts = context.get("script_files", [])
+        context["script_files"] = [one for one in scripts if MATHJAX not in str(one.filename or "")]
+
+
 def drop_thebe(
     app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
 ) -> None:
@@ -54,5 +122,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers; thebe goes after the extension that adds it."""
     app.connect("builder-inited", point_to_local_mathjax)
     app.connect("html-page-context", drop_thebe, priority=900)
+    app.connect("html-page-context", coarsen)
+    app.connect("html-page-context", drop_mathjax, priority=901)
     app.connect("build-finished", copy_mathjax)
+    app.connect("build-finished", drop_icons)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

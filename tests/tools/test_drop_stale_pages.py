@@ -1,52 +1,99 @@
-"""The built book is dropped exactly when its inputs change."""
+"""What was built of other files is dropped, and nothing else."""
 
 from pathlib import Path
 
 import pytest
 
-from drop_stale_pages import drop_stale_pages
+from drop_stale_pages import State
+
+PAGE = "# A title\n\nA sentence.\n\n(label)=\n## A heading\n"
+NOTEBOOK, READ, _ = KINDS = (".jupyter_cache/executed", ".doctrees/page", "html/index.html")
 
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """A checkout with one file of each kind, built once."""
-    (tmp_path / "src").mkdir()
-    (tmp_path / "data").mkdir()
-    (tmp_path / "src/module.py").write_text("ANSWER = 42\n")
-    (tmp_path / "data/table.toml").write_text('value = "42"\n')
-    (tmp_path / "environment.txt").write_text("numpy==2\n")
-    assert drop_stale_pages(tmp_path)
-    for name in ("html/index.html", ".jupyter_cache/notebook"):
-        path = tmp_path / "book/_build" / name
+    for name, text in {
+        "src/module.py": "ANSWER = 42\n",
+        "data/table.toml": 'value = "42"\n',
+        "environment.txt": "numpy==2\n",
+        "book/page.md": PAGE,
+        "book/_static/style.css": "p {}\n",
+        "book/_ext/role.py": "",
+        "book/_config.yml": "",
+        "book/_toc.yml": "",
+        "tools/run.py": "",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    state = State(tmp_path)
+    assert not state.drop_stale()
+    for kind in KINDS:
+        path = tmp_path / "book/_build" / kind
         path.parent.mkdir()
         path.write_text("made before")
+    state.remember()
     return tmp_path
 
 
-def cached(checkout: Path) -> bool:
-    return (checkout / "book/_build/.jupyter_cache/notebook").exists()
+def kept(checkout: Path) -> tuple[str, ...]:
+    """Begin a build and return what it still has."""
+    assert not State(checkout).drop_stale()
+    return tuple(kind for kind in KINDS if (checkout / "book/_build" / kind).exists())
 
 
-def test_executed_notebooks_stay_and_pages_go_while_nothing_changes(checkout: Path) -> None:
-    assert not drop_stale_pages(checkout)
-    assert cached(checkout)
-    assert not (checkout / "book/_build/html").exists()
+def test_a_book_that_stands_is_not_built_again(checkout: Path) -> None:
+    assert State(checkout).drop_stale()
+    assert State(checkout).drop_stale()
 
 
 @pytest.mark.parametrize("name", ["src/module.py", "data/table.toml", "environment.txt"])
-def test_a_changed_input_drops_the_notebooks(checkout: Path, name: str) -> None:
+def test_another_number_drops_everything(checkout: Path, name: str) -> None:
     (checkout / name).write_text("changed")
-    assert drop_stale_pages(checkout)
-    assert not cached(checkout)
-    assert not drop_stale_pages(checkout)
+    assert kept(checkout) == ()
 
 
-def test_a_renamed_input_drops_the_notebooks(checkout: Path) -> None:
+def test_a_renamed_module_drops_everything(checkout: Path) -> None:
     (checkout / "src/module.py").rename(checkout / "src/other.py")
-    assert drop_stale_pages(checkout)
+    assert kept(checkout) == ()
 
 
-def test_bytecode_is_no_input(checkout: Path) -> None:
-    (checkout / "src/__pycache__").mkdir()
-    (checkout / "src/__pycache__/module.pyc").write_bytes(b"compiled")
-    assert not drop_stale_pages(checkout)
+@pytest.mark.parametrize("name", ["book/_ext/role.py", "book/_config.yml", "book/_toc.yml"])
+def test_what_makes_the_pages_leaves_the_notebooks_alone(checkout: Path, name: str) -> None:
+    (checkout / name).write_text("changed")
+    assert kept(checkout) == (NOTEBOOK,)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("# A title", "# Another title"), ("(label)=", "(other)="), ("A sentence", "A {cite}`book`")],
+)
+def test_what_other_pages_show_writes_all_of_them(checkout: Path, old: str, new: str) -> None:
+    (checkout / "book/page.md").write_text(PAGE.replace(old, new))
+    assert kept(checkout) == (NOTEBOOK, READ)
+
+
+def test_a_new_page_or_style_writes_all_pages(checkout: Path) -> None:
+    (checkout / "book/other.md").write_text("A sentence.\n")
+    assert kept(checkout) == (NOTEBOOK, READ)
+    State(checkout).remember()
+    (checkout / "book/_static/style.css").write_text("changed")
+    assert kept(checkout) == (NOTEBOOK, READ)
+
+
+def test_a_sentence_is_its_own_pages_matter(checkout: Path) -> None:
+    (checkout / "book/page.md").write_text(PAGE.replace("A sentence", "Another one"))
+    assert kept(checkout) == KINDS
+
+
+def test_a_build_that_failed_is_begun_again(checkout: Path) -> None:
+    (checkout / "book/page.md").write_text(PAGE.replace("A sentence", "Another one"))
+    assert kept(checkout) == KINDS
+    assert kept(checkout) == (NOTEBOOK,), "what was read without a word is not warned of again"
+
+
+def test_what_python_compiles_and_the_build_makes_is_no_input(checkout: Path) -> None:
+    for folder in ("src/__pycache__", "book/_extra"):
+        (checkout / folder).mkdir()
+        (checkout / folder / "made").write_text("made")
+    assert State(checkout).drop_stale()

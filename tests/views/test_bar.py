@@ -41,10 +41,9 @@ def test_a_figure_has_its_pictures_data_and_caption(key, cited):
 
 
 def test_the_book_carries_what_the_bars_offer(tmp_path, monkeypatch):
-    monkeypatch.setattr(build, "drawable", lambda: ["niu2024/fig-2"])
-    monkeypatch.setattr(build, "drawings", dict)
     monkeypatch.setattr(computed, "whole_ledger", lambda: computed.item_ledger(*library()))
-    build.write_downloads(tmp_path)
+    build.write_tables(tmp_path)
+    figures.write_figure("niu2024/fig-2", tmp_path)
     for path in [*table_files(KEY), *figures.figure_files("niu2024/fig-2")]:
         assert (tmp_path / path).stat().st_size > 0, path
     with (tmp_path / "figures" / "niu2024-fig-2.csv").open(encoding="utf-8") as file:
@@ -56,7 +55,6 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     monkeypatch.setenv(computed.FOLDER, str(tmp_path / "computed"))
     computed.kept.cache_clear()
     try:
-        (tmp_path / "figures").mkdir()
         figures.write_figure("niu2024/fig-2", tmp_path)
         monkeypatch.setattr(figures, "draw", lambda key: pytest.fail("drawn again"))
         assert figures.vector("niu2024/fig-2").svg.startswith("<?xml")

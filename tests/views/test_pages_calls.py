@@ -10,7 +10,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.study import Column, Fact
 from reproduce.printed.cells import library
 from reproduce.views.book import pages
-from reproduce.views.book.build import shipped, write_downloads
+from reproduce.views.book.build import shipped, write_tables
 from reproduce.views.book.facts import facts_of
 from reproduce.views.computed import whole_ledger
 from reproduce.views.writing import numbers
@@ -182,7 +182,7 @@ def test_a_long_table_is_folded_and_what_is_outside_is_bold():
 
 
 def test_shipped_files_are_written(tmp_path):
-    write_downloads(tmp_path)
+    write_tables(tmp_path)
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     assert written == set(shipped())
     assert whole_ledger().model_validate_json((tmp_path / "ledger.json").read_text()) == (

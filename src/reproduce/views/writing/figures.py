@@ -137,6 +137,7 @@ def vector_of(figure: Figure) -> Vector:
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
     figure = draw(key)
+    (root / "figures").mkdir(parents=True, exist_ok=True)
     once(f"figure-{anchor(key)}", lambda: vector_of(figure))
     for path in figure_files(key):
         if path.endswith(".csv"):

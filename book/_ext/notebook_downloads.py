@@ -1,0 +1,153 @@
+"""Sphinx extension: a page with code can be downloaded as a notebook that reads as the page does.
+
+Jupyter Book keeps the executed notebooks with the sources of their sentences. Here roles become the
+text that they stand for, so that the notebook says in Jupyter what the page says: the computed
+numbers, the papers' equation numbers, links to the other notebooks. They are written to
+``_build/notebooks`` and beside the pages' sources, where the theme's own button looks for them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+from equation_numbers import printed_number
+from fact_roles import FILE, facts, name_of
+
+FOLDER = "notebooks"
+ROLE = re.compile(r"\{(?P<role>[a-z:]+)\}`(?P<text>[^`]+)`")
+TITLED = re.compile(r"(?P<title>.+?)\s*<(?P<target>[^>]+)>")
+LABEL_LINE = re.compile(r"^\([^)\s]+\)=\n", re.MULTILINE)
+EQUATION = re.compile(r"^\$\$ \((?P<label>[^)\s]+)\)$", re.MULTILINE)
+FENCE = re.compile(
+    r"^(`{3,}|:{3,})\{(?P<kind>[a-z-]+)\}.*\n(?P<body>(?:.*\n)*?)\1 *$", re.MULTILINE
+)
+Spoken = Callable[[str, str], str]
+
+
+def plain(text: str, spoken: Spoken, number: Callable[[str], str]) -> str:
+    r"""Return the Markdown of a cell without what only the book understands.
+
+    >>> plain("We get {computed}`a`.", lambda role, text: f"{role} {text}", str)
+    'We get computed a.'
+    >>> plain("(label)=\n# Title", lambda role, text: text, str)
+    '# Title'
+    >>> print(plain("$$\nx = 1\n$$ (niu2024-17)", lambda role, text: text, lambda label: "17"))
+    $$
+    x = 1
+    \tag{17}
+    $$
+    >>> print(plain(":::{note}\nBeware.\n:::", lambda role, text: text, str))
+    > Beware.
+    """
+    text = LABEL_LINE.sub("", text)
+    text = EQUATION.sub(lambda found: f"\\tag{{{number(found['label'])}}}\n$$", text)
+    text = FENCE.sub(_fence, text)
+    return ROLE.sub(lambda found: spoken(found["role"], found["text"]), text)
+
+
+def _fence(found: re.Match[str]) -> str:
+    """Return a note as a quotation; what only Sphinx can make is left out."""
+    if found["kind"] not in ("note", "warning"):
+        return ""
+    return "\n".join(f"> {line}".rstrip() for line in found["body"].splitlines())
+
+
+def spoken_in(app: Sphinx, page: str) -> Spoken:
+    """Return what turns a role of a page into text."""
+    path = Path(app.srcdir) / FILE
+    known = facts(path, path.stat().st_mtime)
+    prefixes = app.config.equation_prefixes
+
+    def spoken(role: str, text: str) -> str:
+        titled = TITLED.fullmatch(text)
+        title, target = (titled["title"], titled["target"]) if titled else ("", text)
+        if role in ("printed", "computed", "verdict", "fact"):
+            return known[name_of(role, text)]
+        if role == "eq":
+            return f"({printed_number(target, prefixes)})"
+        if role == "doc":
+            return _link(app, page, title, target)
+        if role.startswith("cite"):
+            return f"({text})" if role.endswith(":p") else text
+        return (
+            title or f"`{target.lstrip('~!').rpartition('.')[2] if target[:1] == '~' else target}`"
+        )
+
+    return spoken
+
+
+def _link(app: Sphinx, page: str, title: str, target: str) -> str:
+    """Return a link to another notebook, or the words alone where it is none."""
+    base = PurePosixPath("/") if target.startswith("/") else PurePosixPath(page).parent
+    parts: list[str] = []
+    for part in (base / target.lstrip("/")).parts:
+        parts = parts[:-1] if part == ".." else [*parts, part]
+    name = "/".join(part for part in parts if part != "/")
+    words = title or app.env.titles[name].astext()
+    if not executed(app, name).is_file():
+        return f"*{words}*"
+    up = "../" * (len(PurePosixPath(page).parts) - 1)
+    return f"[{words}]({up}{name}.ipynb)"
+
+
+def executed(app: Sphinx, page: str) -> Path:
+    """Return where Jupyter Book keeps the executed notebook of a page."""
+    return Path(app.outdir).parent / "jupyter_execute" / f"{page}.ipynb"
+
+
+def is_notebook(app: Sphinx, page: str) -> bool:
+    """Tell whether a page has code."""
+    if page not in app.env.found_docs:
+        return False
+    with Path(app.env.doc2path(page)).open(encoding="utf-8") as source:
+        return source.read(30).startswith("---\nfile_format: mystnb\n")
+
+
+def written(app: Sphinx, page: str) -> str:
+    """Return the notebook of a page as a reader gets it."""
+    notebook = json.loads(executed(app, page).read_text(encoding="utf-8"))
+    spoken, prefixes = spoken_in(app, page), app.config.equation_prefixes
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "markdown":
+            text = "".join(cell["source"])
+            cell["source"] = plain(text, spoken, lambda label: str(printed_number(label, prefixes)))
+    notebook["metadata"] = {"kernelspec": notebook["metadata"]["kernelspec"]}
+    return json.dumps(notebook, ensure_ascii=False, indent=1) + "\n"
+
+
+def offer(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """Make the theme's download button offer the notebook."""
+    if doctree is not None and is_notebook(app, page):
+        context["ipynb_source"] = f"{page}.ipynb"
+
+
+def write(app: Sphinx, error: Exception | None) -> None:
+    """Write all notebooks, beside the sources of the pages and in a folder of their own."""
+    if error is not None or app.builder.format != "html":
+        return
+    folder = Path(app.outdir).parent / FOLDER
+    shutil.rmtree(folder, ignore_errors=True)
+    for page in sorted(app.env.found_docs):
+        if is_notebook(app, page):
+            text = written(app, page)
+            for root in (folder, Path(app.outdir) / "_sources"):
+                path = root / f"{page}.ipynb"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect the handlers; the offer goes before the theme makes its buttons."""
+    app.connect("html-page-context", offer, priority=400)
+    app.connect("build-finished", write)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

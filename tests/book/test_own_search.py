@@ -1,0 +1,84 @@
+"""What a reader types is found on the first rank, from a disk and without a network."""
+
+from pathlib import Path
+from urllib.parse import quote, unquote, urldefrag
+
+import pytest
+from playwright.sync_api import Page
+from reading import HTML
+
+from own_search import of_items, of_pages, places, renumbered
+from reproduce.printed.cells import library
+
+FOUND = "#rp-found li a"
+
+
+def test_anchors_are_found_with_their_pages(tmp_path: Path) -> None:
+    (tmp_path / "niu2024").mkdir()
+    (tmp_path / "niu2024/a.html").write_text('<p id="one">')
+    (tmp_path / "index.html").write_text('<p id="one"><p id="two">')
+    assert places(tmp_path, {"niu2024/a": "A", "index": "Front"}) == {
+        "one": {"index": "index.html#one", "niu2024": "niu2024/a.html#one"},
+        "two": {"index": "index.html#two"},
+    }
+
+
+def test_every_printed_number_of_a_shown_table_is_in_the_index() -> None:
+    anchors = {"niu2024-table-3": {"index": "index.html#niu2024-table-3", "niu2024": "here"}}
+    table, *cells = of_items(anchors)
+    assert table[0] == "here"
+    assert {"niu2024/table-3", "Table 3", "niu2024 Table 3"} <= set(table[2])
+    assert len(cells) == len(library()["niu2024/table-3"].cells)
+    (scale,) = (cell for cell in cells if cell[2] == ["niu2024/table-3#scale.red"])
+    assert scale[0] == "here"
+    assert "0.9973" in scale[3]
+
+
+def test_both_kinds_of_numerals_are_known() -> None:
+    assert renumbered("Table IV") == ["Table 4"]
+    assert renumbered("Figure 4") == []
+
+
+def test_pages_are_found_by_title() -> None:
+    assert list(of_pages({"data": "Data"})) == [("data.html", "Data", ["Data"], [])]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(
+    ("query", "anchor"),
+    [
+        ("Table 3", "niu2024-table-3"),
+        ("table iii", "chen2023-table-3"),
+        ("Table V", "chen2023-table-5"),
+        ("0.9973", "niu2024-table-3-scale-red"),
+        ("niu2024/table-3", "niu2024-table-3"),
+        ("niu2024/table-3#scale.red", "niu2024-table-3-scale-red"),
+        ("niu2024 equation 17", "equation-niu2024-17"),
+    ],
+)
+def test_first_rank_from_the_disk(page: Page, query: str, anchor: str) -> None:
+    page.goto(f"{(HTML / 'search.html').as_uri()}?q={quote(query)}")
+    first = page.locator(FOUND).first
+    first.wait_for(timeout=10_000)
+    address, fragment = urldefrag(str(first.get_attribute("href")))
+    assert unquote(fragment) == anchor
+    assert f'id="{anchor}"' in (HTML / address).read_text(encoding="utf-8")
+
+
+@pytest.mark.browser
+def test_answers_stand_before_those_of_sphinx(page: Page, served: str) -> None:
+    page.goto(f"{served}/search.html?q=simulation")
+    page.wait_for_selector("#search-results ul.search li a", timeout=10_000)
+    ours, theirs = (
+        page.locator(one).first.bounding_box() for one in (FOUND, "#search-results ul.search")
+    )
+    assert ours is not None
+    assert theirs is not None
+    assert ours["y"] < theirs["y"]
+
+
+@pytest.mark.browser
+def test_nonsense_finds_nothing_of_ours(page: Page) -> None:
+    page.goto(f"{(HTML / 'search.html').as_uri()}?q=xyzzy")
+    page.wait_for_load_state("load")
+    assert page.locator(FOUND).count() == 0

@@ -1,0 +1,68 @@
+"""Put wheel, lock and notebooks into one archive: the notebooks run without the checkout."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+ARCHIVE = "downloads/reproduce-book.zip"
+INSTALL = (
+    "python -m venv .venv",
+    ".venv/bin/python -m pip install -r environment.txt",
+    ".venv/bin/python -m pip install --no-deps reproduce_pointing-*.whl",
+)
+OPEN = ".venv/bin/python -m jupyter lab notebooks"
+README = """The book "Pointing, reproduced", to run and to change.
+
+Install, once, with Python 3.11, 3.12 or 3.13:
+
+{install}
+
+Open the notebooks:
+
+    {open}
+
+On Windows the programs lie in .venv\\Scripts in place of .venv/bin. environment.txt pins every
+package with its hash. Each notebook runs by itself, in any order.
+"""
+
+
+def readme() -> str:
+    """Return what the archive says of itself."""
+    return README.format(install="\n".join(f"    {line}" for line in INSTALL), open=OPEN)
+
+
+def build_wheel(root: Path, folder: Path) -> None:
+    """Build the wheel of a checkout into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "uv", "build", "--quiet", "--wheel", "--no-build-isolation"]
+    command += ["--python", sys.executable, "--out-dir", str(folder), str(root)]
+    subprocess.run(command, check=True)
+    (folder / ".gitignore").unlink(missing_ok=True)
+
+
+def contents(root: Path, build: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield the files of the archive, by name."""
+    yield "README.txt", readme().encode()
+    yield "environment.txt", (root / "environment.txt").read_bytes()
+    (wheel,) = (build / "wheel").glob("*.whl")
+    yield wheel.name, wheel.read_bytes()
+    folder = build / "notebooks"
+    for path in sorted(folder.rglob("*.ipynb")):
+        yield f"notebooks/{path.relative_to(folder).as_posix()}", path.read_bytes()
+
+
+def pack(root: Path) -> Path:
+    """Write the archive of a built book and return its path; equal files give an equal archive."""
+    build = root / "book" / "_build"
+    archive = build / "html" / ARCHIVE
+    archive.parent.mkdir(parents=True, exist_ok=True)
+    with ZipFile(archive, "w") as file:
+        for name, content in contents(root, build):
+            entry = ZipInfo(f"reproduce-book/{name}", (1980, 1, 1, 0, 0, 0))
+            entry.external_attr = 0o644 << 16
+            file.writestr(entry, content, ZIP_DEFLATED)
+    return archive
