@@ -7,11 +7,11 @@ runs no cell; every kernel is a fresh fork of it. `run` does the same for any ot
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint
+from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -33,8 +33,8 @@ IMPORTED = (
     *("reproduce.views.front", "reproduce.views.objects.measurements"),
 )
 # Where processes cannot be forked each starts cold: slower, and the same otherwise.
-FORKED = "forkserver" in multiprocessing.get_all_start_methods()
-context = multiprocessing.get_context("forkserver" if FORKED else "spawn")
+FORKED = "forkserver" in get_all_start_methods()
+context = get_context("forkserver") if FORKED else get_context("spawn")
 
 
 class Forked:
