@@ -27,6 +27,7 @@ __all__ = [
     "Computation",
     "Drawing",
     "Item",
+    "Marks",
     "Pending",
     "Prediction",
     "Reading",
@@ -307,6 +308,16 @@ def reproduces(
     return declare
 
 
+class Marks(dict[str, float]):
+    """Values of printed cells by address, with the interval that each of them stands for."""
+
+    def __init__(
+        self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]]
+    ) -> None:
+        super().__init__(values)
+        self.intervals = intervals
+
+
 @dataclass(frozen=True)
 class Drawing:
     """A function that draws an item on a matplotlib figure, with what it marks.
@@ -317,7 +328,8 @@ class Drawing:
         The item.
     function : callable
         Takes the figure, ``printed``, which maps the addresses of the cells to be marked to their
-        values and comes from the caller, and, if anything is given, the door.
+        values in SI units and comes from the caller as `Marks`, and, if anything is given, the
+        door.
     given : tuple of str
         Addresses of all printed cells that what is drawn is computed from.
     marks : tuple of str
