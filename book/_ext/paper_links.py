@@ -33,6 +33,19 @@ def linked(line: str) -> str:
     return f"{indent}{verb} {paper} {claim}{stop}{remark}"
 
 
+def claimed(line: str) -> list[str]:
+    """Return the labels of the equations that a docstring line claims.
+
+    >>> claimed("Implements: niu2024 (17), (18).")
+    ['niu2024-17', 'niu2024-18']
+    >>> claimed("Printed form of niu2024 (24). It diverges.")
+    ['niu2024-24-printed']
+    >>> claimed("Nothing is claimed (17).")
+    []
+    """
+    return re.findall(r":eq:`([^`]+)`", linked(line)) if CLAIM.match(line) else []
+
+
 def link_equations(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]
 ) -> None:
