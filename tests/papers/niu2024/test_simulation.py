@@ -213,7 +213,7 @@ def test_no_green_point_reconciles_tables_1_and_2():
 
 
 def test_the_drawing_of_table_3_shows_the_predictions_that_judge_it():
-    """Bars are the ledger's intervals; the marks lie on the same side, as far away, as its print."""
+    """Bars are the ledger's intervals, one for each reading."""
     records = {record.cell: record for record in ledger.build(["niu2024/table-3"]).records}
     rows = drawings.table_3()
     assert {row.address for row in rows} == set(records)
@@ -228,7 +228,7 @@ def test_the_drawing_of_table_3_shows_the_predictions_that_judge_it():
 
 
 def test_a_far_print_is_an_arrow_at_its_side_and_a_near_one_keeps_its_rounding():
-    row = drawings.Row("a", "scale, red", "red", 1.0, 2.0, 3.0)
+    row = drawings.Row("a", "scale, red", 1.0, 2.0, 3.0)
     far, near = Figure().add_subplot(), Figure().add_subplot()
     drawings._printed(far, 0, row, Marks({"a": -50.0}, {"a": (-50.5, -49.5)}))
     drawings._printed(near, 0, row, Marks({"a": 4.0}, {"a": (3.5, 4.5)}))

@@ -9,7 +9,6 @@ import numpy as np
 
 from reproduce.papers.declare import Blocked, Marks, Prediction, draws, sketches
 from reproduce.papers.niu2024 import simulation, simulation_angles
-from reproduce.papers.niu2024.figures.looks import LOOKS
 from reproduce.papers.sketch import INK
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
@@ -25,6 +24,7 @@ __all__ = ["Row", "draw", "table_3"]
 TABLE_3 = "niu2024/table-3"
 # Half-widths of the prediction shown to either side; what lies further out is an arrow at the edge.
 REACH = 12.0
+PREDICTED = "#2E8BC0"
 
 
 @draws("niu2024/fig-4", given=simulation_angles.READS)
@@ -46,7 +46,6 @@ class Row:
 
     address: str
     label: str
-    channel: str
     low: float  # ends of the central 99 %
     middle: float  # median
     high: float
@@ -70,18 +69,17 @@ def table_3() -> list[Row]:
             result, label = results[f"{quantity}.{channel}"], f"{title}, {channel}"
             address = f"{TABLE_3}#{quantity}.{channel}"
             if isinstance(result, Prediction):
-                rows.append(_row(address, label, channel, result))
+                rows.append(_row(address, label, result))
             elif isinstance(result, Blocked):
                 for table, reading in zip(simulation.SHIFTS, result.readings, strict=True):
                     if isinstance(reading.result, Prediction):
-                        named = f"{label}: {table}"
-                        rows.append(_row(address, named, channel, reading.result))
+                        rows.append(_row(address, f"{label}: {table}", reading.result))
     return rows
 
 
-def _row(address: str, label: str, channel: str, prediction: Prediction) -> Row:
+def _row(address: str, label: str, prediction: Prediction) -> Row:
     low, middle, high = np.quantile(prediction.draws, (0.005, 0.5, 0.995))
-    return Row(address, label, channel, float(low), float(middle), float(high))
+    return Row(address, label, float(low), float(middle), float(high))
 
 
 @sketches("niu2024-table-3", marks=[TABLE_3])
@@ -104,8 +102,7 @@ def draw_table_3(figure: Figure, printed: Marks) -> None:
 
 
 def _predicted(axes: Axes, height: int, row: Row) -> None:
-    look = LOOKS[row.channel]
-    axes.plot([-1, 1], [height, height], color=look.colour, linewidth=8, solid_capstyle="butt")
+    axes.plot([-1, 1], [height, height], color=PREDICTED, linewidth=8, solid_capstyle="butt")
     axes.plot(row.scaled(row.middle), height, "|", color=INK, markersize=13, markeredgewidth=1.2)
 
 
@@ -127,14 +124,12 @@ def _printed(axes: Axes, height: int, row: Row, printed: Marks) -> None:
 def _legend(figure: Figure) -> None:
     from matplotlib.lines import Line2D
 
-    looks = [LOOKS[channel] for channel in simulation.REGISTERED]
-    bars = [Line2D([], [], color=look.colour, linewidth=8) for look in looks]
+    bar = Line2D([], [], color=PREDICTED, linewidth=8)
     median = Line2D([], [], color=INK, marker="|", markersize=13, linewidth=0)
     mark = Line2D([], [], color=INK, marker="D", markersize=4.5, linewidth=1.3)
-    labels = [f"{look.name}: central 99 %" for look in looks]
     figure.legend(
-        [*bars, median, mark],
-        [*labels, "median", "printed, with its rounding"],
+        [bar, median, mark],
+        ["predicted, central 99 %", "median", "printed, with its rounding"],
         loc="outside lower center",
         ncols=2,
         fontsize=9,
