@@ -27,8 +27,7 @@ help:  ## this list
 book: export REPRODUCE_BUILD := $(CURDIR)/book/_build/computed
 book: $(STAMP)  ## build the book and say where it is
 	@$(PY) tools/drop_stale_pages.py
-	@$(PY) -m reproduce.views.downloads book/_extra
-	@$(PY) -m reproduce.views.facts book/_build/facts.json
+	@$(PY) -m reproduce.views.book.build book
 	@$(PY) .venv/bin/jupyter-book build book -W --keep-going -n --all
 	@printf '\nThe book is ready. Open %s\n' "$(CURDIR)/book/_build/html/index.html"
 

@@ -24,6 +24,7 @@ from skimage.transform import SimilarityTransform
 
 from reproduce.papers.niu2024 import experiment, images, readings
 from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.resample import fused_image
 from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
 
@@ -96,7 +97,7 @@ def whole_frame() -> int:
     magnitude = generator.uniform(2, 6, STARS)
     sky = images.frames(door, angles, magnitude, np.full(STARS, 5800.0), seed=3)
     layers = images.register(sky.images, images.similarities(door))
-    return len(images.extract(images.fused(layers), len(layers)))
+    return len(images.extract(fused_image(layers), len(layers)))
 
 
 @pytest.mark.benchmark(group="image chain")

@@ -17,7 +17,7 @@ from photutils.centroids import centroid_com
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from reproduce.papers.chen2023 import platform_twin, resolution
-from reproduce.papers.chen2023.figures.resolution import monte_carlo
+from reproduce.papers.chen2023.resolution import monte_carlo
 from reproduce.physics.ground.earth import earth_fixed, satellite_from_inertial
 from reproduce.physics.ground.imaging import image_vectors, imaged_position
 from reproduce.physics.images.centroids import centre_of_gravity

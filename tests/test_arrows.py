@@ -17,7 +17,7 @@ ARROWS = {
         *{"papers", "inference", "physics", "store", "printed.given", "units"},
         *{"locate.papers", "locate.search_path"},
     },
-    "judge": {"judge", "papers", "printed", "locate"},
+    "judge": {"judge", "papers", "printed", "locate", "inference.parts"},
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
@@ -112,7 +112,7 @@ def test_physics_opens_no_file(path):
         ("physics", "import pathlib"),
         ("papers", "from reproduce.printed.cells import library"),
         ("papers", "from reproduce.judge import ledger"),
-        ("judge", "from reproduce.views import record_text"),
+        ("judge", "from reproduce.views import keys"),
         ("store", "from reproduce.papers import catalogue"),
         ("views", "from reproduce.physics import camera"),
         ("views", "from . import words"),

@@ -9,7 +9,7 @@ import yaml
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.printed.cells import library
-from reproduce.views.figures import drawable
+from reproduce.views.writing.figures import drawable
 
 BOOK = Path(__file__).parent.parent / "book"
 PAGES = sorted(p for p in BOOK.rglob("*.md") if "_build" not in p.parts)

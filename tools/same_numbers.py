@@ -101,8 +101,8 @@ def arithmetic() -> dict[str, Any]:
 def computed(pages: list[str]) -> dict[str, Any]:
     """Return the ledger and what the given pages show, computed in this process."""
     shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}
-    from reproduce.views.build import whole_ledger
-    from reproduce.views.facts import of_posteriors, unsampled
+    from reproduce.views.book.facts import of_posteriors, unsampled
+    from reproduce.views.computed import whole_ledger
 
     if pages:
         for name in pages:  # the posteriors of a page are sampled here already

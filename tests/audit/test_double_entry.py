@@ -24,9 +24,9 @@ from reproduce.printed.cells import PAPERS
 from reproduce.printed.given import given
 from reproduce.printed.number import PrintedNumber
 from reproduce.printed.units import si_factor
-from reproduce.views import double_entry
-from reproduce.views.double_entry import disagreement, disagreements
 from reproduce.views.front import check
+from reproduce.views.objects import check as double_entry
+from reproduce.views.objects.check import disagreement, disagreements
 
 SHEET = {address: cell for paper in PAPERS for address, cell in paper_sheet(paper).items()}
 RELATIONS = [r for paper in PAPERS for r in relations_of(paper, paper_sheet(paper))]

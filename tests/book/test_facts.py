@@ -11,7 +11,8 @@ from sphinx.application import Sphinx
 import reproduce as rp
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.study import Study
-from reproduce.views import build, facts
+from reproduce.views import computed
+from reproduce.views.book import build, facts
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
 ROLE = re.compile(r"\{(printed|computed|verdict|fact)\}`([^`]+)`")
@@ -54,19 +55,19 @@ def test_facts_are_those_of_the_ledger(known):
 
 def test_a_build_computes_ledger_and_studies_once(tmp_path, monkeypatch):
     key, study = "niu2024/table-2", "chen2023/dichroic"
-    alone = build.item_ledger(key)
-    monkeypatch.setenv(build.FOLDER, str(tmp_path))
-    cached = (build.kept, build.item_ledger, build.whole_ledger)
+    alone = computed.item_ledger(key)
+    monkeypatch.setenv(computed.FOLDER, str(tmp_path))
+    cached = (computed.kept, computed.item_ledger, computed.whole_ledger)
     for one in cached:
         one.cache_clear()
     try:
-        assert build.item_ledger(key) == alone
+        assert computed.item_ledger(key) == alone
         shown = repr(rp.table(study))
-        build.whole_ledger.cache_clear()
-        build.item_ledger.cache_clear()
-        monkeypatch.setattr(build.ledger, "build", None)
+        computed.whole_ledger.cache_clear()
+        computed.item_ledger.cache_clear()
+        monkeypatch.setattr(computed.ledger, "build", None)
         monkeypatch.setattr(Study, "__call__", None)
-        assert build.item_ledger(key) == alone
+        assert computed.item_ledger(key) == alone
         assert repr(rp.table(study)) == shown
     finally:
         for one in cached:
@@ -76,11 +77,11 @@ def test_a_build_computes_ledger_and_studies_once(tmp_path, monkeypatch):
 def test_facts_are_computed_once_until_something_changes(tmp_path, monkeypatch):
     monkeypatch.setattr(facts, "facts", lambda: {"a": "1"})
     path = tmp_path / "new" / "facts.json"
-    assert facts.write(path)
-    assert not facts.write(path)
+    assert build.write_facts(path)
+    assert not build.write_facts(path)
     assert json.loads(path.read_text())["facts"] == {"a": "1"}
-    monkeypatch.setattr(build, "fingerprint", lambda: "another")
-    assert facts.write(path)
+    monkeypatch.setattr(computed, "fingerprint", lambda: "another")
+    assert build.write_facts(path)
 
 
 def built(folder: Path, text: str) -> tuple[str, str]:

@@ -7,7 +7,7 @@ import pytest
 
 import page_cells
 from page_cells import BOOK, Shown, cells, notebooks, posteriors_on, run
-from reproduce.views.facts import of_posteriors
+from reproduce.views.book.facts import of_posteriors
 
 PAGES = notebooks()
 SAMPLED = re.compile(r"\{fact\}`(posterior/[^`]+)`")

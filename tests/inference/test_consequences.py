@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from reproduce.inference.models.averaging import predicted_error, scatter_of_averages
-from reproduce.papers.chen2023.consequences import (
+from reproduce.papers.chen2023.posteriors.consequences import (
     Averaged,
     OnTheGround,
     StageTest,
 )
-from reproduce.papers.niu2024.new_stars import NoiseAlone
+from reproduce.papers.niu2024.posteriors.new_stars import NoiseAlone
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.attitude.averaging import scatter_of_averages
 from reproduce.units import ARCSEC_PER_RADIAN
 
 ALTITUDE = 500e3
@@ -48,15 +48,16 @@ def test_bias_and_noise_of_the_stage_test():
 def test_errors_of_averages_on_the_ground():
     """Three standard deviations of simulated averages, times the altitude."""
     generator = np.random.default_rng(3)
-    parameters = np.array([[1e-6, 0.0]])
-    told = Averaged((1, 25), ALTITUDE)(parameters)
+    parameters = np.array([[2e-6, 3e-6, 1e-6, 0.0]])
+    told = Averaged(("a", "b"), (1, 25), ALTITUDE)(parameters)
     series = 1e-6 * generator.normal(size=(2000, 800))
     scatter = np.sqrt(np.mean([scatter_of_averages(one, (1, 25)) ** 2 for one in series], axis=0))
-    names = ("error of 1 frame", "error of 25 frames")
+    names = ("b, error of 1 frame", "b, error of 25 frames")
     for name, one in zip(names, 3 * scatter, strict=True):
         np.testing.assert_allclose(told[name].values, one * ARCSEC_PER_RADIAN, rtol=0.02)
         np.testing.assert_allclose(told[f"{name}, position"].values, one * ALTITUDE, rtol=0.02)
-    assert predicted_error(parameters, 25) < predicted_error(parameters, 1)
+    floor = told["a, error of 25 frames"].values / ARCSEC_PER_RADIAN
+    np.testing.assert_allclose(floor, 3 * np.hypot(2e-6 / 5, 3e-6))
 
 
 def test_ground_error_of_a_misalignment():

@@ -8,7 +8,7 @@ from arviz_stats.base import array_stats
 from reproduce.inference import diagnostics, evidence
 from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require, thinned
 from reproduce.inference.moves import mixture
-from reproduce.views.numbers import digits
+from reproduce.views.writing.numbers import digits
 
 
 def autoregressive(correlation, shape, seed=1):

@@ -8,7 +8,6 @@ from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quan
 from reproduce.inference.evidence import log_evidence
 from reproduce.inference.models.lasers import SpotStatistics
 from reproduce.inference.models.misalignment import (
-    drift_model,
     misalignment_model,
 )
 from reproduce.inference.models.small_angle import (
@@ -88,7 +87,7 @@ def test_sufficient_statistics_agree_with_all_images(constant, spots):
 def test_drift_statistics_agree_with_all_images(platform):
     """Near the posterior; the bend of the paths is all that differs."""
     groups = images(platform, [(np.zeros(3),) * 2, (TURN - DRIFT / 2, TURN + DRIFT / 2)])
-    model = drift_model(platform, SpotStatistics.of(groups, (False, True)))
+    model = misalignment_model(platform, SpotStatistics.of(groups, (False, True)), drifts=True)
     centre, spread = model.likelihood.start()
     points = centre + 0.5 * spread * np.random.default_rng(1).normal(size=(8, len(centre)))
     whole = image_by_image(model.likelihood, points, groups)

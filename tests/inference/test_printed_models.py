@@ -66,20 +66,20 @@ def test_moments_of_running_averages_against_simulation():
 
 def test_likelihood_of_a_table_against_counting():
     """Short series, coarse print, a strong floor: how often does each table come out?"""
-    likelihood = averaging.AveragingLikelihood((1, 4), np.zeros(2), 0.05, 60)
+    likelihood = averaging.AveragingLikelihood((1, 4), np.zeros((1, 2)), 0.05, 60)
     truth = np.array([1.0, 0.8])
     generator = np.random.default_rng(1)
-    tables = np.array([likelihood.simulate(truth, generator) for _ in range(12_000)]).round(6)
+    tables = np.array([likelihood.simulate(truth, generator)[0] for _ in range(12_000)]).round(6)
     common, counts = np.unique(tables, axis=0, return_counts=True)
     best = np.argsort(counts)[-8:]
-    found = [np.exp(likelihood.given(common[i])(truth[None])[0]) for i in best]
+    found = [np.exp(likelihood.given(common[i][None])(truth[None])[0]) for i in best]
     expected = counts[best] / len(tables)
     error = np.sqrt(expected / len(tables))
     assert (np.abs(found - expected) < 4 * error + 0.04 * expected).all()
 
 
 def test_floor_is_found_and_its_absence_too():
-    model = posteriors()["frame-averaging"].model()
+    model = averaging.by_column(posteriors()["frame-averaging"].model())[0]
     radian = model.parameters[0].shown
     for truth in (0.0, 0.15):
         data = model.simulate(np.array([0.39, truth]) / radian, np.random.default_rng(5))

@@ -11,7 +11,6 @@ from reproduce.inference.model import Estimated
 from reproduce.inference.models.joint import JointRegistration, joint_model
 from reproduce.inference.models.lasers import Quest, SpotStatistics
 from reproduce.inference.models.misalignment import (
-    drift_model,
     misalignment_model,
 )
 from reproduce.inference.models.variants import distortion_model, student_model
@@ -69,7 +68,7 @@ WELL_SPECIFIED = {
     ),
     "misalignment": lambda _, p: misalignment_model(p, group()),
     "misalignment-drift": lambda _, p: held(
-        drift_model(p, group(lever=134.0)), **dict.fromkeys(DRIFT, 0.0)
+        misalignment_model(p, group(lever=134.0), drifts=True), **dict.fromkeys(DRIFT, 0.0)
     ),
 }
 
@@ -154,7 +153,7 @@ def test_errors_of_quest_are_its_response_to_every_spot(name, platform):
 
 def test_drift_is_taken_for_noise(platform):
     """The scatter about the mean of a drifting group holds the drift."""
-    model = drift_model(platform, group(lever=134.0))
+    model = misalignment_model(platform, group(lever=134.0), drifts=True)
     truth = np.array([0, 0, 0, 0, 0, 0, 4e-4, 0, 0, 1.0, 0.017])
     data = model.given(model.simulate(truth, np.random.default_rng(1))).likelihood
     noise = data.estimate()[0][-1]

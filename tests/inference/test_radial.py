@@ -21,7 +21,7 @@ from reproduce.inference.models.registration import registration_model
 from reproduce.inference.models.variants import distortion_model
 from reproduce.inference.priors import Uniform
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import posterior_pages
+from reproduce.views.book import posteriors as pages
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_other_priors_are_refused(few):
 
 def test_table_shows_every_width_and_whose_data_they_are():
     base = posteriors()["registration"].model()
-    table = posterior_pages.transform_choice().text
+    table = pages.transform_choice().text
     rows = [re.sub("<[^>]+>", " ", row).split() for row in table.split("<tr>")]
     for shape in TERMS:
         row = next(row for row in rows if row[:1] == [f"registration-{shape}"])

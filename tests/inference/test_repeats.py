@@ -71,14 +71,14 @@ def test_same_digits_against_the_closed_form(registration, drawn):
 
 def test_all_digits_at_once_counted_or_from_the_box():
     """A short table in coarse print: the likelihood's box is the share of repeats that agree."""
-    likelihood = AveragingLikelihood((1, 4), np.array([1.0, 0.5]), 0.05, 100)
+    likelihood = AveragingLikelihood((1, 4), np.array([[1.0, 0.5]]), 0.05, 100)
     model = averaging_model(likelihood, shown=1.0)
     posterior = sample(model, Plan(5, steps=400, warmup=150))
 
     def repeat(parameters, generator):
-        return np.stack([model.repeat(one, generator) for one in parameters])
+        return np.concatenate([model.repeat(one, generator) for one in parameters])
 
-    columns = (("a", "b"), ("1", "1"), ("1.0", "0.5"), likelihood.printed, np.full(2, 0.05),
+    columns = (("a", "b"), ("1", "1"), ("1.0", "0.5"), likelihood.printed[0], np.full(2, 0.05),
                np.ones(2), repeat, ("", ""))  # fmt: skip
     _, counted = repeats(posterior, Published(*columns))
     _, boxed = repeats(posterior, Published(*columns, model.log_likelihood))

@@ -1,159 +1,92 @@
-"""Boxes of correlated printed numbers: the rule of Table IV against plainer and finer integrals."""
-
-from dataclasses import dataclass, replace
+"""Boxes of correlated printed numbers, and digits as a variance, against plainer integrals."""
 
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.special import logsumexp
 
-from reproduce.inference.models import averaging, rounded
+from reproduce.inference.models import rounded
+from reproduce.inference.models.averaging import by_column
 from reproduce.inference.quadrature import small_log_evidence, summed
-from reproduce.inference.sampling import Plan, sample
-from reproduce.papers.chen2023.posteriors import COLUMNS, column_model, without_floor
+from reproduce.papers.chen2023.posteriors import COLUMNS, averaging_log_evidence, without_floor
 from reproduce.papers.posteriors import posteriors
 
 
 @pytest.fixture(scope="module")
-def sampled():
-    return {name: sample(column_model(name), Plan(5, steps=250, warmup=100)) for name in COLUMNS}
+def table_4():
+    return posteriors()["frame-averaging"].model()
 
 
-def plain_integral(mean, covariance, low, high, nodes=5):
-    """Sum the density itself over a product of rules: nothing is conditioned or standardised."""
-    places, weights = np.polynomial.legendre.leggauss(nodes)
-    middle, half = (high + low) / 2, (high - low) / 2
-    grid = np.stack(np.meshgrid(*middle[:, None] + half[:, None] * places, indexing="ij"), axis=-1)
-    shares = np.meshgrid(*np.log(half[:, None] * weights), indexing="ij")
-    total = np.sum(shares, axis=0).ravel()
-    grid = grid.reshape(-1, len(low))
+@pytest.mark.parametrize("column", range(4))
+def test_digits_of_table_4_are_nearly_the_integral_of_the_density(table_4, column):
+    """Against SciPy's integral of the same Gaussian over the box, but for a constant."""
+    likelihood = by_column(table_4)[column].likelihood
+    white, floor = likelihood.start()[0]
+    points = np.array([[white, 0.01 * white], [white, floor], [1.03 * white, 2 * floor]])
+    printed, half = likelihood.printed[0], likelihood.half_unit
     found = []
-    for centre, square in zip(mean, covariance, strict=True):
-        root = np.linalg.cholesky(square)
-        scaled = np.linalg.solve(root, (grid - centre).T)
-        logs = -0.5 * (scaled**2).sum(axis=0) - 0.5 * len(low) * np.log(2 * np.pi)
-        found.append(logsumexp(logs + total) - np.log(np.diagonal(root)).sum())
-    return np.array(found)
+    for mean, covariance in zip(*likelihood.distribution(points), strict=True):
+        scale = np.sqrt(np.diagonal(covariance[0]))
+        share = stats.multivariate_normal.cdf(
+            (printed + half - mean[0]) / scale, np.zeros(6), covariance[0] / np.outer(scale, scale),
+            lower_limit=(printed - half - mean[0]) / scale,
+            maxpts=500_000, abseps=1e-14, releps=1e-3, rng=np.random.default_rng(1),
+        )  # fmt: skip
+        found.append(np.log(share))
+    less = likelihood(points) - found
+    assert np.ptp(less) < 0.03
+    assert abs(less).max() < 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class PlainAveraging(averaging.AveragingLikelihood):
-    """The same likelihood with four nodes of the density itself along every number."""
-
-    def __call__(self, parameters):
-        return plain_integral(*self._distribution(parameters), *self.box, nodes=4)
-
-
-def scipys(mean, covariance, low, high):
-    """Log probability of one box by SciPy, in units of the scatter."""
-    scale = np.sqrt(np.diagonal(covariance))
-    correlation = covariance / np.outer(scale, scale)
-    share = stats.multivariate_normal.cdf(
-        (high - mean) / scale, np.zeros(len(mean)), correlation, lower_limit=(low - mean) / scale,
-        maxpts=2_000_000, abseps=1e-14, releps=3e-4, rng=np.random.default_rng(1),
-    )  # fmt: skip
-    return np.log(share)
-
-
-def posterior_like(posterior):
-    """Draws of a posterior, those with the greatest floors among them."""
-    draws = posterior.draws[np.argsort(posterior.draws[:, 1])]
-    return np.concatenate([draws[:: len(draws) // 20], draws[-10:]])
+def test_columns_multiply(table_4):
+    """The likelihood of all columns is the product of theirs, and so is the evidence."""
+    points = table_4.start(np.random.default_rng(1), 8)
+    parts = by_column(table_4)
+    logs = sum(part.log_posterior(points[:, 2 * i : 2 * i + 2]) for i, part in enumerate(parts))
+    np.testing.assert_allclose(table_4.log_posterior(points), logs, rtol=1e-13)
+    names = [name for part in parts for name in part.names]
+    assert names == list(table_4.names) == [f"{c}-{k}" for c in COLUMNS for k in ("white", "floor")]
+    plain = without_floor(table_4)
+    expected = sum(small_log_evidence(part) for part in by_column(plain))
+    assert averaging_log_evidence(plain) == expected
+    np.testing.assert_allclose(
+        plain.log_likelihood(points[:, ::2]),
+        table_4.log_likelihood(points * np.tile([1, 0], 4)),
+        rtol=1e-13,
+    )
 
 
-@pytest.mark.parametrize("name", COLUMNS)
-def test_likelihood_is_the_integral_of_the_density(sampled, name):
-    likelihood, points = sampled[name].model.likelihood, posterior_like(sampled[name])
-    distribution = likelihood._distribution(points)
-    plain = plain_integral(*distribution, *likelihood.box)
-    np.testing.assert_allclose(likelihood(points), plain, rtol=0, atol=2e-3)
-    middle = len(points) // 2
-    theirs = scipys(*(part[middle] for part in distribution), *likelihood.box)
-    assert abs(theirs - plain[middle]) < 1e-3
+def test_columns_are_simulated_one_by_one(table_4):
+    """White noise and floor of a column shape that column alone."""
+    truth = table_4.likelihood.start()[0] * np.array([1, 0, 2, 0, 1, 0, 1, 9])
+    data = table_4.simulate(truth, np.random.default_rng(1))
+    over = data / table_4.likelihood.printed
+    assert np.abs(over[1, 0] / over[0, 0] - 2) < 0.2
+    assert over[3, -1] > 1.5 > over[0, -1]
 
 
-def test_likelihood_of_data_from_the_prior():
-    """Coarse print and fine, against many points: good in the bulk, and never far off."""
-    model = posteriors()["frame-averaging"].model()
-    generator = np.random.default_rng(2)
-    errors = []
-    for truth in model.draw_prior(generator, 24):
-        likelihood = model.given(model.simulate(truth, generator)).likelihood
-        around = truth * np.array([[1.0, 1.0], [1.02, 0.7], [0.98, 1.3]])
-        mean, covariance = likelihood._distribution(around)
-        order = likelihood.rule.order
-        root = np.linalg.cholesky(covariance[:, order[:, None], order])
-        low, high = likelihood.box
-        points = rounded.quasi_random(6, 2**13, seed=3)
-        many = rounded.log_box(mean[:, order], root, low[order], high[order], points)
-        # Where a posterior would be.
-        errors.append(np.abs(likelihood(around) - many)[many > many.max() - 8].max())
-    assert np.median(errors) < 2e-3
-    assert np.quantile(errors, 0.8) < 0.02
-    assert max(errors) < 0.2
-
-
-@pytest.mark.parametrize("size", [5, 12])
-def test_independent_numbers_multiply(size):
-    """Narrow and wide boxes in any order; twelve numbers need points."""
-    generator = np.random.default_rng(size)
-    scatter, mean = generator.uniform(0.2, 3, size), generator.normal(size=(4, size))
-    low = generator.normal(size=size)
-    high = low + generator.uniform(0.05, 4, size)
-    covariance = np.repeat(np.diag(scatter**2)[None], 4, axis=0)
-    rule = rounded.BoxRule.of(covariance[0], high - low)
-    assert (rule.points is not None) == (size == 12)
-    found = rounded.log_box_by_rule(mean, covariance, low, high, rule)
-    exact = rounded.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
-    np.testing.assert_allclose(found, exact, atol=2e-3)
-
-
-def test_narrow_numbers_come_first_and_take_few_nodes():
-    widths = np.array([0.5, 0.01, 9.0, 0.1, 1.0])
-    rule = rounded.BoxRule.of(np.eye(5), widths)
-    np.testing.assert_array_equal(rule.order, np.argsort(widths))
-    assert rule.nodes == (1, 2, 3, 4)
-    assert not any(rule.wide)
-    # The second number is narrow given the first, not by itself.
-    close = np.array([[1.0, 0.9, 0], [0.9, 1.0, 0], [0, 0, 1.0]])
-    rule = rounded.BoxRule.of(close, np.array([1.0, 1.01, 1.5]))
-    np.testing.assert_array_equal(rule.order, [0, 2, 1])
-    assert rule.wide == (False, True)
-
-
-def test_rows_do_not_depend_on_each_other(sampled):
-    """More rows than are worked on at once."""
-    likelihood, draws = sampled[COLUMNS[0]].model.likelihood, sampled[COLUMNS[0]].draws[:300]
-    assert len(draws) * likelihood.rule.size > 2 * rounded.AT_ONCE
-    alone = np.concatenate([likelihood(row[None]) for row in draws[::37]])
-    np.testing.assert_allclose(likelihood(draws)[::37], alone, rtol=1e-13)
-
-
-@pytest.mark.parametrize("kind", ["points", "rule"])
-def test_result_is_smooth_where_intervals_change_sides(kind):
+def test_result_is_smooth_where_intervals_change_sides():
     covariance = 0.7 + 0.3 * np.eye(3)
     low, high = np.array([-1.0, -2.0, -0.5]), np.array([2.0, 1.5, 1.0])
     mean = np.linspace(-1, 1, 2001)[:, None] * np.array([1.0, 0.7, 0.4])
-    many = np.repeat(covariance[None], len(mean), axis=0)
-    if kind == "rule":
-        rule = rounded.BoxRule.of(covariance, high - low)
-        assert all(rule.wide)
-        found = rounded.log_box_by_rule(mean, many, low, high, rule)
-    else:
-        root = np.linalg.cholesky(many)
-        found = rounded.log_box(mean, root, low, high, rounded.quasi_random(3))
+    root = np.linalg.cholesky(np.repeat(covariance[None], len(mean), axis=0))
+    found = rounded.log_box(mean, root, low, high, rounded.quasi_random(3))
     # Bends of a smooth function are as small as the square of the step.
     assert np.abs(np.diff(found, 2)).max() < 10 * (mean[1, 0] - mean[0, 0]) ** 2
 
 
+@pytest.mark.parametrize("size", [2, 5])
+def test_independent_numbers_multiply(size):
+    generator = np.random.default_rng(size)
+    scatter, mean = generator.uniform(0.2, 3, size), generator.normal(size=(4, size))
+    low = generator.normal(size=size)
+    high = low + generator.uniform(0.05, 4, size)
+    root = np.repeat(np.diag(scatter)[None], 4, axis=0)
+    found = rounded.log_box(mean, root, low, high, rounded.quasi_random(size))
+    exact = rounded.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
+    np.testing.assert_allclose(found, exact, atol=1e-10)
+
+
 @pytest.mark.parametrize("floor", [True, False])
-def test_evidence_by_quadrature_against_a_finer_integral(floor):
-    """Other nodes for the parameters, and another integral of the box."""
-    model = column_model("misalignment-x")
-    model = model if floor else without_floor(model)
-    likelihood = model.likelihood
-    plain = PlainAveraging(
-        likelihood.counts, likelihood.printed, likelihood.half_unit, likelihood.frames, floor
-    )
-    finer = summed(replace(model, likelihood=plain), 0.2)
-    assert abs(small_log_evidence(model) - finer.log_evidence) < 1e-3
+def test_evidence_by_quadrature_against_fewer_nodes(table_4, floor):
+    model = by_column(table_4 if floor else without_floor(table_4))[2]
+    assert abs(small_log_evidence(model) - summed(model, 0.3).log_evidence) < 1e-5

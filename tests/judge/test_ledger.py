@@ -74,7 +74,7 @@ def test_numbers_fit_their_verdicts(whole):
             assert record.share == pytest.approx((1 - record.probability) / 0.99)
         if exact and record.share is not None and "through_rounding" not in record.flags:
             assert record.share <= 1 + 1e-9, record.cell
-        if record.verdict in {"input", "pending"}:
+        if record.verdict == "input":
             assert record.computed is None
         if record.verdict == "differs":
             assert record.share is None
@@ -98,12 +98,6 @@ def test_what_repeats_another_cell_is_flagged(whole):
         others = [c for t in library().values() for c in t.cells if c.is_number]
         values = [c.number.value for c in others if c.unit == record.unit and c.key != record.key]
         assert any(record.computed == pytest.approx(value) for value in values), record.cell
-
-
-def test_only_work_not_done_is_pending(whole):
-    """The Monte Carlo of Figure 11 is still to come."""
-    pending = {record.key for record in whole.records if record.verdict == "pending"}
-    assert pending <= {"chen2023/text-resolution"}
 
 
 def test_one_item_alone_is_judged_as_in_the_whole(whole):

@@ -8,7 +8,8 @@ from matplotlib.patches import FancyArrowPatch
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers import space
-from reproduce.papers.chen2023.figures import attitude, platform, satellite
+from reproduce.papers.chen2023 import attitude
+from reproduce.papers.chen2023.figures import platform, satellite
 from reproduce.papers.niu2024.figures import calibration, registration
 from reproduce.physics.attitude.lasers import emitted_directions
 from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
@@ -112,7 +113,9 @@ def test_a_moved_laser_stands_for_the_turn_that_is_measured(index, said):
     found = measured(emitted_directions(LASERS, 1.0), emitted_directions(LASERS + shift, 1.0))
     turn = int(np.abs(found).argmax())
     assert said == rf"$\theta_{'XYZ'[turn]} {'>' if found[turn] > 0 else '<'} 0$"
-    assert platform.stage_sense(index) == f"{'+' if found[turn] > 0 else '−'}{'XYZ'[turn]}"
+    sense = f"{'+' if found[turn] > 0 else '−'}{'XYZ'[turn]}"
+    text = f"towards {'XY'[index]}: as if the camera turned about {sense}"
+    assert text in words(painted(platform.draw_stage, {"laser-diagonal": 22e-3}))
     beam = ends(axes)[3 * index + 1]
     assert beam[1, 0] < beam[0, 0], "light of a laser at a positive place goes the other way"
     curve = curves(axes)[-2 + index]
@@ -135,15 +138,15 @@ def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
 
 
 def test_the_line_of_sight_ends_where_the_camera_looks():
-    scene, view = satellite.scene(given([satellite.INSTALLED])), satellite.VIEW
-    sight = scene.target - scene.satellite
-    boresight = scene.earth_from_camera @ [0.0, 0.0, 1.0]
+    place, target, frames = satellite.scene(given([satellite.INSTALLED]))
+    sight, view = target - place, satellite.VIEW
+    boresight = frames["camera"] @ [0.0, 0.0, 1.0]
     assert sight / np.linalg.norm(sight) == pytest.approx(boresight, abs=1e-12)
-    assert erfa.gc2gd(1, scene.target)[2] == pytest.approx(0.0, abs=1e-3)
-    both = scene.earth_from_tracker[:, 2] @ boresight
+    assert erfa.gc2gd(1, target)[2] == pytest.approx(0.0, abs=1e-3)
+    both = frames["tracker"][:, 2] @ boresight
     assert np.degrees(np.arccos(both)) == pytest.approx(120.0)
     axes = painted(satellite.draw_scene, {})
-    assert holds_arrow(axes, view.point(scene.target), view.point(scene.satellite))
+    assert holds_arrow(axes, view.point(target), view.point(place))
 
 
 def test_the_bench_folds_the_laser_into_the_tracker():

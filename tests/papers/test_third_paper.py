@@ -17,7 +17,6 @@ import json
 import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import pages
 
 table = rp.table("lamp2025/table-2")
 changed = table.rerun({"lamp2025/table-1#focal-length.far": "150 mm"}).frame()
@@ -113,7 +112,7 @@ def test_its_page_is_built_with_its_numbers(tmp_path):
     (book / "_toc.yml").write_text("format: jb-book\nroot: lamp2025\n", encoding="utf-8")
     builder = Path(sys.executable).parent / "jupyter-book"
     for command in (
-        ["-m", "reproduce.views.facts", str(book / "_build" / "facts.json"), "lamp2025"],
+        ["-m", "reproduce.views.book.build", str(book), "lamp2025"],
         [str(builder), "build", str(book), "-W", "--keep-going"],
     ):
         result = run(*command)

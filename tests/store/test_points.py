@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reproduce.store.points import TableFileError, last_place, read_columns, read_table
+from reproduce.store.points import TableFileError, last_place, read_table
 
 COLUMNS = ("x", "y")
 
@@ -17,7 +17,7 @@ def write(tmp_path, text):
 
 def test_columns_in_any_order_with_comments(tmp_path):
     path = write(tmp_path, "# from the bench\n y , x\n\n2, 1\n4.5,-3e2\n")
-    np.testing.assert_array_equal(read_columns(path, COLUMNS), [[1, 2], [-300, 4.5]])
+    np.testing.assert_array_equal(read_table(path, COLUMNS).values, [[1, 2], [-300, 4.5]])
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_columns_in_any_order_with_comments(tmp_path):
 def test_errors_name_file_line_and_column(tmp_path, text, message):
     path = write(tmp_path, text)
     with pytest.raises(TableFileError, match=message) as caught:
-        read_columns(path, COLUMNS)
+        read_table(path, COLUMNS)
     assert str(path) in str(caught.value)
 
 
@@ -49,7 +49,7 @@ def test_other_bytes(tmp_path):
     path = tmp_path / "spots.csv"
     path.write_bytes(b"x,y\n\xff\xfe,1\n")
     with pytest.raises(TableFileError, match="UTF-8"):
-        read_columns(path, COLUMNS)
+        read_table(path, COLUMNS)
 
 
 @pytest.mark.parametrize(

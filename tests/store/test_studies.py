@@ -1,14 +1,16 @@
 """Stored studies: what is written is read, and what was changed is refused."""
 
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from reproduce.inference.parts import Store, run_parts
+from reproduce.judge.studies import SLOW
 from reproduce.store import studies
-from reproduce.views import studies as slow
+from reproduce.views import recompute as slow
 
 NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
 ARRAYS = {"one": np.arange(6.0).reshape(2, 3), "two": np.array([1, 2])}
@@ -72,11 +74,11 @@ def test_a_table_changed_by_hand_is_refused(tmp_path):
 
 
 def test_every_study_of_the_project_is_whole():
-    assert slow.STUDIES
-    for name in slow.STUDIES:
+    assert SLOW
+    for name in SLOW:
         found = studies.read(name)
         assert found.arrays
-        assert found.note["command"] == f"python -m reproduce.views.studies {name}"
+        assert found.note["command"] == f"python -m reproduce.views.recompute {name}"
 
 
 def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatch):
@@ -89,11 +91,13 @@ def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatc
         computed.append(number)
         return (np.full(2, number),)
 
-    def function(executor, folder):
-        parts = run_parts(part, range(3), None, Store(folder, {}))
-        return {"numbers": np.stack([array for (array,) in parts])}
+    def recomputed(executor, folder, note):
+        parts = run_parts(part, range(3), None, Store(folder, note))
+        return {"numbers": np.stack([array for (array,) in parts])}, 3
 
-    monkeypatch.setattr(slow, "STUDIES", {"small": (function, 7, 3)})
+    made_up = SimpleNamespace(recomputed=recomputed, SEED=7)
+    monkeypatch.setattr(slow, "SLOW", {"small": "made up"})
+    monkeypatch.setattr(slow, "import_module", {"made up": made_up}.get)
     monkeypatch.setattr(slow.tempfile, "gettempdir", lambda: str(tmp_path))
     with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
         slow.run("small", tmp_path, pool)

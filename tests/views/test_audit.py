@@ -13,8 +13,9 @@ from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
 from reproduce.printed.cells import anchor
-from reproduce.views import audit_pages, pages
+from reproduce.views.book import audit
 from reproduce.views.cli import main
+from reproduce.views.objects.contradictions import errata_register
 
 TABLE = """
 title = "A bill"
@@ -67,10 +68,10 @@ def test_the_audit_as_json():
     audits = json.loads(result.stdout)
     assert [a["name"] for a in audits] == ["niu2024", "chen2023"]
     for told in audits:
-        audit = audit_paper(told["name"])
-        assert told["outcomes"] == audit.tally()
-        assert len(told["relations"]) == len(audit.findings)
-        assert told["cells_examined"] == len(audit.examined) <= told["cells"]
+        found = audit_paper(told["name"])
+        assert told["outcomes"] == found.tally()
+        assert len(told["relations"]) == len(found.findings)
+        assert told["cells_examined"] == len(found.examined) <= told["cells"]
         assert {r["outcome"] for r in told["relations"]} <= set(told["outcomes"])
     best = next(
         g["corrections"][0] for g in audits[1]["contradictions"] if "motion-4-y" in g["relations"]
@@ -95,24 +96,24 @@ def test_a_table_of_ones_own(tmp_path):
 
 
 def test_the_score_counts_what_the_audit_found():
-    text = audit_pages.score().text
+    text = audit.score().text
     for paper in ("niu2024", "chen2023"):
-        audit = audit_paper(paper)
-        own, again = (audit.tally(restating=chosen) for chosen in (False, True))
+        found = audit_paper(paper)
+        own, again = (found.tally(restating=chosen) for chosen in (False, True))
         row = re.search(rf"<code>{paper}</code></th>(.*?)</tr>", text).group(1)
         counts = [int(n) for n in re.findall(r"<td>(\d+)</td>", row)]
-        assert counts[:3] == [len(audit.cells), len(audit.examined), len(audit.bounded)]
+        assert counts[:3] == [len(found.cells), len(found.examined), len(found.bounded)]
         assert counts[3:7] == [sum(own.values()), *own.values()]
-        assert counts[7:9] == [len(audit.restating), again["contradicts"]]
-        assert counts[3] + counts[7] == len(audit.read)
-        supposing = [shown for shown in audit.equations if shown.supposition]
-        assert counts[-1] == len(audit.supposed) + len(supposing)
+        assert counts[7:9] == [len(found.restating), again["contradicts"]]
+        assert counts[3] + counts[7] == len(found.read)
+        supposing = [shown for shown in found.equations if shown.supposition]
+        assert counts[-1] == len(found.supposed) + len(supposing)
 
 
 def test_a_relation_that_restates_a_cell_links_to_it():
     """To the page that shows its table, at the anchor of the cell, for each of them."""
     for paper in ("niu2024", "chen2023"):
-        text = audit_pages.relations(paper).text
+        text = audit.relations(paper).text
         links = re.findall(r'restates <a href="\.\./([^"#]+)\.html#([^"]+)"', text)
         findings = audit_paper(paper).findings
         addresses = [f.relation.restates.partition(" (")[0] for f in findings]
@@ -128,12 +129,12 @@ def test_a_generated_name_leads_to_its_declaration():
     folder = Path(relation.__file__).parent / "relations"
     for paper in ("niu2024", "chen2023"):
         source = (folder / f"{paper}.toml").read_text()
-        text = audit_pages.relations(paper).text
+        text = audit.relations(paper).text
         for finding in audit_paper(paper).findings:
             pattern = finding.relation.declared
             assert f'name = "{pattern}"' in source
             assert pattern == finding.relation.name or f"<small>{pattern}</small>" in text
-    section = re.search(r'id="chen2023-table-5-motion".*?</section>', audit_pages.errata().text)
+    section = re.search(r'id="chen2023-table-5-motion".*?</section>', audit.errata().text)
     assert "declared as <code>motion-{state}-{axis}</code>" in section.group()
     (found,) = json.loads(run("audit", "chen2023", "--json").stdout)
     by_name = {r["name"]: r for r in found["relations"]}
@@ -143,18 +144,18 @@ def test_a_generated_name_leads_to_its_declaration():
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
-    anchors = re.findall(r'<tr id="([^"]+)"', audit_pages.relations(paper).text)
+    anchors = re.findall(r'<tr id="([^"]+)"', audit.relations(paper).text)
     assert len(anchors) == len(set(anchors)) == len(audit_paper(paper).findings)
-    shown = audit_pages.errata().text + audit_pages.errata(supposed=True).text
+    shown = audit.errata().text + audit.errata(supposed=True).text
     links = re.findall(r'href="relations.html#([^"]+)"', shown)
     assert {link for link in links if f"-{paper}-" in link} <= set(anchors)
     assert any(f"-{paper}-" in link for link in links)
 
 
 def test_every_erratum_has_its_anchor():
-    register = audit_pages.errata_register()
+    register = errata_register()
     for supposed in (False, True):
-        text = audit_pages.errata(supposed).text
+        text = audit.errata(supposed).text
         anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', text)
         assert anchors == [entry.id for entry in register if bool(entry.supposition) == supposed]
         assert len(anchors) == len(set(anchors)) > 0
@@ -162,10 +163,10 @@ def test_every_erratum_has_its_anchor():
 
 
 def test_a_differs_links_to_its_erratum():
-    known = {entry.id for entry in audit_pages.errata_register()}
+    known = {entry.id for entry in errata_register()}
     linked = {a: e.erratum for a, e in frozen().items() if e.erratum}
     assert set(linked.values()) <= known
-    text = pages.table("niu2024/table-2").text
+    text = rp.table("niu2024/table-2")._repr_html_()
     assert text.count('href="../audit/errata.html#niu2024-table-2-translation"') == 4
     assert erratum("niu2024/table-1#focal-length.red") == ""
     shown = " ".join(run("show", "niu2024/table-2").stdout.split())
@@ -174,14 +175,14 @@ def test_a_differs_links_to_its_erratum():
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_pages_show_corrections_equations_and_pictures(paper):
-    assert "→" in audit_pages.corrections(paper).text
-    assert audit_pages.equations(paper).text.count("<tr>") == 1 + len(audit_paper(paper).equations)
-    sets = audit_pages.smallest_sets(paper).text
+    assert "→" in audit.corrections(paper).text
+    assert audit.equations(paper).text.count("<tr>") == 1 + len(audit_paper(paper).equations)
+    sets = audit.smallest_sets(paper).text
     assert sets.count("<tr>") == 1 + len(audit_paper(paper).conflicts)
     wrong = {f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"}
     joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
-    assert sets.count(audit_pages.JOINT) == len(joint)
-    svg = audit_pages.picture(paper, "what it shows").text
+    assert sets.count(audit.JOINT) == len(joint)
+    svg = audit.picture(paper, "what it shows").text
     assert 'aria-label="what it shows"' in svg
     blamed = audit_paper(paper).blamed()
     worst = max(blamed, key=blamed.get)
@@ -189,7 +190,7 @@ def test_pages_show_corrections_equations_and_pictures(paper):
 
 
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():
-    text = audit_pages.errata().text
+    text = audit.errata().text
     section = re.search(r'id="chen2023-table-5-motion".*?</section>', text, flags=re.DOTALL).group()
     assert "table-5#4.motion-y</code>: 60.66 printed, 60.36 computed" in section
     section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, flags=re.DOTALL)
@@ -200,7 +201,7 @@ def test_an_erratum_shows_the_verdicts_that_rest_on_it():
 
 def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():
     """20.27 um and 2.006 arcsec ask for 2084.3 mm, with the rounding of both, and for no other."""
-    text = audit_pages.errata().text
+    text = audit.errata().text
     section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, flags=re.DOTALL)
     told = re.search(
         r"reference-2-x-y</code></a>: asks for a focal length of the telescope from "

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from reproduce.papers.catalogue import drawings
-from reproduce.views import figures, pages
+from reproduce.views.book import pages
+from reproduce.views.writing import figures
 
 BOOK = Path(__file__).parents[2] / "book"
 TEXTS = [p.read_text(encoding="utf-8") for p in BOOK.rglob("*.md") if "_build" not in p.parts]

@@ -10,9 +10,9 @@ from pybtex.database import parse_string
 
 from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
-from reproduce.views.cite import citation
-from reproduce.views.export import FORMATS, export
-from reproduce.views.figures import draw, drawable, save
+from reproduce.views.writing.cite import citation
+from reproduce.views.writing.export import FORMATS, export
+from reproduce.views.writing.figures import draw, drawable, save
 
 KEY = "chen2023/table-5"
 

@@ -13,11 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.path import Path
 
+import reproduce as rp
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
-from reproduce.views import figures, pages
-from reproduce.views.inline_svg import SMALLEST, inline
-from reproduce.views.numbers import powers
+from reproduce.views.book import pages
+from reproduce.views.writing import figures
+from reproduce.views.writing.figures import SMALLEST, inline
+from reproduce.views.writing.numbers import powers
 
 NAMES = [*figures.drawable(), *drawings()]
 # The theme's backgrounds, and what it writes with; black in a figure becomes the latter.
@@ -280,7 +282,7 @@ def test_no_table_shows_an_exponent_as_a_letter():
     key = "niu2024/table-1"
     written = " ".join(cell.shown for cell in library()[key].cells)
     assert re.search(r"\d[eE][−+-]?\d", written), "nothing to rewrite: this test is void"
-    html = pages.table(key)._repr_html_()
+    html = rp.table(key)._repr_html_()
     prose = re.sub(r"<(code|pre)\b.*?</\1>|<[^>]*>", " ", html, flags=re.DOTALL)
     assert "10⁻" in prose
     assert not re.search(r"(?<![\w.])\d+(\.\d+)?[eE][−+-]?\d", prose)

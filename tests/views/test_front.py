@@ -195,7 +195,7 @@ def test_a_posterior_is_sampled_when_looked_at_and_rerun_with_a_change():
     assert "as printed" in repr(plain)
     assert "<svg" in plain.corner()._repr_html_()
     other = plain.rerun(seed=3)
-    assert other.frame().loc["white", "mean"] != plain.frame().loc["white", "mean"]
+    assert (other.frame()["mean"] != plain.frame()["mean"]).all()
 
 
 def written_stars(path):
@@ -275,13 +275,13 @@ def test_every_object_has_the_same_verbs(make):
 
 def test_priors_of_ones_own_take_the_place_of_the_books():
     plain = rp.posterior("frame-averaging")
-    other = plain.rerun(priors={"white": (0.2, 0.6)})
-    assert other.priors.loc["white", "why"] == "a reader's own"
-    assert plain.priors.loc["white", "why"] != "a reader's own"
+    other = plain.rerun(priors={"transform-x-white": (0.2, 0.6)})
+    assert other.priors.loc["transform-x-white", "why"] == "a reader's own"
+    assert plain.priors.loc["transform-x-white", "why"] != "a reader's own"
     assert "sampled" not in vars(other)
     parameter = other.model.parameters[0]
     assert parameter.prior.high * parameter.shown == pytest.approx(0.6)
-    with pytest.raises(ValueError, match="has no parameter whit; it has white"):
+    with pytest.raises(ValueError, match="has no parameter whit; it has transform-x-white"):
         plain.rerun(priors={"whit": (0, 1)})
 
 

@@ -5,14 +5,16 @@ from html.parser import HTMLParser
 
 import pytest
 
+import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.study import Column, Fact
 from reproduce.printed.cells import library
-from reproduce.views import numbers, pages
-from reproduce.views.build import whole_ledger
-from reproduce.views.downloads import shipped, write
-from reproduce.views.figures import drawable
-from reproduce.views.record_text import facts_of
+from reproduce.views.book import pages
+from reproduce.views.book.build import shipped, write_downloads
+from reproduce.views.book.facts import facts_of
+from reproduce.views.computed import whole_ledger
+from reproduce.views.writing import numbers
+from reproduce.views.writing.figures import drawable
 
 TABLES = list(library())
 
@@ -46,7 +48,7 @@ class Reader(HTMLParser):
 
 @pytest.mark.parametrize("key", TABLES)
 def test_every_cell_has_its_anchor_and_its_print(key):
-    reader = Reader(pages.table(key)._repr_html_())
+    reader = Reader(rp.table(key)._repr_html_())
     for cell in library()[key].cells:
         assert reader.ids.count(cell.anchor) == 1
     assert reader.printed == [numbers.powers(cell.shown) for cell in library()[key].cells]
@@ -54,12 +56,12 @@ def test_every_cell_has_its_anchor_and_its_print(key):
 
 
 def test_anchors_are_unique_over_all_tables():
-    ids = [name for key in TABLES for name in Reader(pages.table(key).text).ids]
+    ids = [name for key in TABLES for name in Reader(rp.table(key)._repr_html_()).ids]
     assert len(ids) == len(set(ids))
 
 
 def test_computed_and_verdict_stand_beside_the_print():
-    html = pages.table("niu2024/table-2").text
+    html = rp.table("niu2024/table-2")._repr_html_()
     (cell,) = re.findall(r'<td id="niu2024-table-2-translation-x-red".*?</td>', html, re.DOTALL)
     assert "0.3\u202fpx" in cell
     assert "1.90" in cell
@@ -69,7 +71,7 @@ def test_computed_and_verdict_stand_beside_the_print():
 
 def test_unknown_keys_are_refused():
     with pytest.raises(KeyError, match="did you mean niu2024/table-3"):
-        pages.table("niu2024/tabel-3")
+        rp.table("niu2024/tabel-3")
 
 
 @pytest.mark.parametrize("key", drawable())
@@ -90,7 +92,7 @@ def test_figures_follow_the_theme_and_have_alternative_text(key):
 
 
 def test_the_score_adds_up():
-    html = pages.score().text
+    html = rp.contents()._repr_html_()
     rows = [re.findall(r"<td>([\d·]+)</td>", row) for row in html.split("<tr>")[2:]]
     numbers = [[int(n.replace("·", "0")) for n in row] for row in rows]
     assert len(numbers) == 3
@@ -101,7 +103,7 @@ def test_the_score_adds_up():
 
 
 def test_the_score_of_one_paper_lists_its_items():
-    html = pages.score("chen2023").text
+    html = rp.contents("chen2023")._repr_html_()
     for key in catalogue():
         paper, _, name = key.partition("/")
         if key in library() and paper == "chen2023":
@@ -170,7 +172,7 @@ def test_facts_are_written_like_numbers_of_tables(quoted, text):
 
 
 def test_a_long_table_is_folded_and_what_is_outside_is_bold():
-    table = pages.study("niu2024/readings")
+    table = rp.table("niu2024/readings")
     html = table._repr_html_()
     assert html.count("<details") == html.count("<table") == len(table.grids) == 9
     assert html.count('<details class="rp-details" open>') == 1
@@ -180,7 +182,7 @@ def test_a_long_table_is_folded_and_what_is_outside_is_bold():
 
 
 def test_shipped_files_are_written(tmp_path):
-    write(tmp_path)
+    write_downloads(tmp_path)
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     assert written == set(shipped())
     assert whole_ledger().model_validate_json((tmp_path / "ledger.json").read_text()) == (

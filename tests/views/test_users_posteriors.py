@@ -13,15 +13,15 @@ from reproduce.inference.posterior import Sampled
 from reproduce.inference.priors import LogUniform
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.inference.sensitivity import leanings
-from reproduce.papers.chen2023.simulated_spots import READS, platform
+from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
-from reproduce.views.numbers import ranged
-from reproduce.views.sampled import Posterior
+from reproduce.views.objects.posterior import Posterior
+from reproduce.views.writing.numbers import ranged
 
 FIELD = np.array([2064.0, 1544.0])
 STAR_COLUMNS = "x,y,x_reference,y_reference"

@@ -10,8 +10,7 @@ import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
-from reproduce.views import wall
-from reproduce.views.index import index
+from reproduce.views.objects import wall
 
 TABLE = "niu2024/table-2"
 FOCAL = "niu2024/table-1#focal-length.red"
@@ -77,7 +76,7 @@ def test_contents_show_the_walls_of_their_papers():
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_the_index_leads_to_every_item_in_order_of_print(paper):
     keys = [key for key in catalogue() if key.startswith(f"{paper}/")]
-    leads = [a["href"] for a in Tags(str(index(paper).html)).all("a")]
+    leads = [a["href"] for a in Tags(str(rp.contents(paper).index.html)).all("a")]
     expected = [anchor(key) if key in library() else f"figure-{anchor(key)}" for key in keys]
     assert leads == [f"#{name}" for name in expected]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
@@ -24,13 +24,15 @@ __all__ = [
     "UnsuitableModelError",
 ]  # fmt: skip
 
+Kind = TypeVar("Kind")
+
 # A start is this many times wider than the posterior is expected to be.
 OVERDISPERSION = 3.0
 TRIES = 1000
 
 
 class UnsuitableModelError(ValueError):
-    """A closed form, bound or quadrature does not exist for this model."""
+    """Something, such as a closed form, bound or quadrature, does not exist for this model."""
 
 
 class StartError(ValueError):
@@ -115,6 +117,13 @@ class Model:
     likelihood: Likelihood
     estimate: Mapping[str, float] = field(default_factory=dict)
     derived: Derived | None = None
+
+    def likelihood_of(self, kind: type[Kind]) -> Kind:
+        """The likelihood, if it is of a kind; else an `UnsuitableModelError`."""
+        if not isinstance(self.likelihood, kind):
+            got = type(self.likelihood).__name__
+            raise UnsuitableModelError(f"{self.name}: expected a {kind.__name__}, got {got}")
+        return self.likelihood
 
     @property
     def names(self) -> tuple[str, ...]:

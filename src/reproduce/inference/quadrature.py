@@ -90,8 +90,8 @@ def summed(model: Model, finer: float = 1) -> Summed:
     """Sum the posterior of a model of one or two parameters.
 
     The sum adds an error far below a thousandth, for the posteriors are smooth. What remains is the
-    error of the log likelihood itself: for boxes of printed numbers, that of `log_box_by_rule` or
-    `log_box`, averaged over the posterior. `finer` multiplies the number of nodes.
+    error of the log likelihood itself: for boxes of printed numbers, that of `log_box`, averaged
+    over the posterior. `finer` multiplies the number of nodes.
     """
     if model.dimension not in NODES:
         raise UnsuitableModelError(

@@ -26,10 +26,7 @@ class Expectation:
 
 @cache
 def frozen(key: str | None = None) -> dict[str, Expectation]:
-    """Return the frozen verdicts by address.
-
-    Address to expectation.
-    """
+    """Return the frozen verdicts by address, those of one item or all."""
     expectations: dict[str, Expectation] = {}
     for entry in _entries():
         verdict, reason = entry["verdict"], entry.get("reason", "")
@@ -48,11 +45,8 @@ def frozen(key: str | None = None) -> dict[str, Expectation]:
 @cache
 def _entries() -> list[dict[str, Any]]:
     """Return the entries of the frozen verdicts of all papers."""
-    return [
-        entry
-        for folder in data_folders()
-        for entry in tomllib.loads((folder / "verdicts.toml").read_text(encoding="utf-8"))["expect"]
-    ]
+    texts = [(one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()]
+    return [entry for text in texts for entry in tomllib.loads(text)["expect"]]
 
 
 @dataclass(frozen=True)
@@ -75,13 +69,15 @@ def surprises(ledger: Ledger) -> list[Surprise]:
     return [surprise for surprise in found if surprise.expected != surprise.found]
 
 
+def _of(address: str) -> Expectation:
+    return frozen(address.partition("#")[0]).get(address, Expectation("", ""))
+
+
 def reason(address: str) -> str:
     """Return the written reason for the frozen verdict of a cell, empty where there is none."""
-    expectation = frozen(address.partition("#")[0]).get(address)
-    return expectation.reason if expectation else ""
+    return _of(address).reason
 
 
 def erratum(address: str) -> str:
     """Return the id of the erratum behind a `differs`, empty where the register has none."""
-    expectation = frozen(address.partition("#")[0]).get(address)
-    return expectation.erratum if expectation else ""
+    return _of(address).erratum

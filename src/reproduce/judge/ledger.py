@@ -21,8 +21,6 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import (
     Blocked,
     Computation,
-    Item,
-    Pending,
     Prediction,
     Reading,
     Result,
@@ -46,10 +44,12 @@ Flag = Literal[
 ]
 
 
-class ReadingRecord(BaseModel):
-    """What a blocked cell would be judged as under one reading of the text."""
-
+class _Frozen(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ReadingRecord(_Frozen):
+    """What a blocked cell would be judged as under one reading of the text."""
 
     name: str = Field(description="the reading in a few words")
     place: str = Field(description="where the text leaves room for it")
@@ -68,10 +68,8 @@ class ReadingRecord(BaseModel):
         return self.verdict in {"exact", "consistent"}
 
 
-class Record(BaseModel):
+class Record(_Frozen):
     """What became of one printed cell. Numbers are in the unit of print."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     key: str = Field(description="table, figure or group of quoted numbers")
     cell: str = Field(description="address of the cell: key#row.column or key#name")
@@ -104,10 +102,8 @@ class Record(BaseModel):
     )
 
 
-class TableRecord(BaseModel):
+class TableRecord(_Frozen):
     """The joint verdict on a table whose cells were drawn or measured together."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     key: str
     cells: int = Field(description="cells with a predicted distribution")
@@ -120,10 +116,8 @@ class TableRecord(BaseModel):
     replicates: int
 
 
-class Ledger(BaseModel):
+class Ledger(_Frozen):
     """All records, in the order of print."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     records: tuple[Record, ...]
     tables: tuple[TableRecord, ...]
@@ -148,7 +142,7 @@ class Ledger(BaseModel):
 
 
 def build(
-    keys: Iterable[str] | None = None, progress: Callable[[str], None] | None = None
+    keys: Iterable[str] | None = None, progress: Callable[[int, int], None] | None = None
 ) -> Ledger:
     """Run the computations of the items and judge every printed cell."""
     items = catalogue()
@@ -158,12 +152,12 @@ def build(
     wanted = [key for key in items if key in asked]
     records: list[Record] = []
     tables: list[TableRecord] = []
-    for key in wanted:
+    for done, key in enumerate(wanted, start=1):
         made, joint = _judged(key)
         records += made
         tables += joint
         if progress is not None:
-            progress(key)
+            progress(done, len(wanted))
     return Ledger(records=tuple(records), tables=tuple(tables), altered=altered_files())
 
 
@@ -180,20 +174,16 @@ def _judged(
     table = library().get(key)
     if table is None:  # a figure: nothing of it is printed as a number
         return (), ()
-    item = catalogue()[key]
-    records: dict[str, Record] = {}
+    made: dict[str, Record] = {}
     predictions: dict[str, Prediction] = {}
-    for computation in item.computations:
-        made, drawn = _run(computation.under(dict(chosen)), table)
-        doubly = records.keys() & made.keys()
-        if doubly:
+    for computation in catalogue()[key].computations:
+        records, drawn = _run(computation.under(dict(chosen)), table)
+        if doubly := made.keys() & records.keys():
             raise ValueError(f"{key}: cells made by two computations: {sorted(doubly)}")
-        records |= made
+        made |= records
         predictions |= drawn
-    inputs = {c.name: _input(c) for c in table.cells if c.name not in records}
-    everything = records | inputs
-    ordered = tuple(everything[cell.name] for cell in table.cells)
-    return ordered, _joint(item, table, predictions, everything)
+    ordered = tuple(made.get(cell.name) or _input(cell) for cell in table.cells)
+    return ordered, _joint(table, predictions, made)
 
 
 def _run(
@@ -204,51 +194,60 @@ def _run(
     strays = [name for name in results if not computation.makes(name)]
     if strays:
         raise ValueError(f"{computation.name} makes cells it does not declare: {strays}")
-    intervals = {} if computation.replicates else result_intervals(computation, door)
+    intervals, plain = {}, {}
+    if not computation.replicates:
+        intervals, plain = result_intervals(computation, door), plain_results(computation, door)
     records = {
-        name: _record(computation, table[name], result, intervals)
+        name: _record(computation, table[name], result, intervals, plain.get(name))
         for name, result in results.items()
     }
-    plain = {} if computation.replicates else plain_results(computation, door)
-    for name, flag in plain.items():
-        if name in records and records[name].verdict == "exact":
-            flags = (*records[name].flags, flag)
-            records[name] = records[name].model_copy(update={"flags": flags})
     return records, {n: r for n, r in results.items() if isinstance(r, Prediction)}
 
 
 def _record(
-    computation: Computation, cell: Cell, result: Result, intervals: Mapping[str, Interval]
+    computation: Computation,
+    cell: Cell,
+    result: Result,
+    intervals: Mapping[str, Interval],
+    plain: str | None,
 ) -> Record:
-    source: dict[str, object] = {
+    source = {
         "role": "result",
         "function": computation.name,
         "equations": computation.equations,
         "seed": computation.entropy or None,
     }
     interval = intervals.get(cell.name)
-    if isinstance(result, Blocked) and _decided(cell, result, intervals, computation):
+    if isinstance(result, Blocked):
+        readings = _readings(cell, result.readings, intervals)
+        if len({reading.agrees for reading in readings}) != 1:
+            return _blocked(cell, result, readings, source)
+        if not computation.chosen:
+            raise ValueError(
+                f"{cell.address}: all {len(readings)} readings give {readings[0].verdict}; "
+                "the cell is not blocked: return the result of the literal reading"
+            )
+        # What is left of the readings gives one verdict; all of them together may not.
         first = result.readings[0]
         result, interval = first.result, intervals.get(reading_name(cell.name, first.name))
-    if isinstance(result, Blocked):
-        stand_in = None if result.stand_in is None else result.stand_in / si_factor(cell.unit)
-        flags = () if stand_in is None else ("stand_in",)
-        readings = _readings(cell, result.readings, intervals)
-        why = f"needs {result.missing}"
-        if readings:
-            agreeing = sum(reading.agrees for reading in readings)
-            why = (
-                f"depends on {result.missing}: "
-                f"the print agrees with {agreeing} of {len(readings)} readings"
-            )
-        found: dict[str, object] = {"computed": stand_in, "readings": readings}
-        return _make(cell, "blocked", why, source | found, flags)
-    if isinstance(result, Pending):
-        return _make(cell, "pending", f"not computed yet: {result.work}", source)
-    judgement = _judgement(cell, result, interval)
-    judged = ("computed", "interval", "tolerance", "share", "probability", "mcse")
-    numbers: dict[str, object] = {name: getattr(judgement, name) for name in judged}
-    return _make(cell, judgement.verdict, _why(cell, judgement), source | numbers, judgement.flags)
+    found = _judgement(cell, result, interval)
+    weak = (plain,) if plain and found.verdict == "exact" else ()
+    return _make(cell, _why(cell, found), source, weak, **vars(found))
+
+
+def _blocked(
+    cell: Cell, result: Blocked, readings: tuple[ReadingRecord, ...], source: Mapping[str, object]
+) -> Record:
+    stand_in = None if result.stand_in is None else result.stand_in / si_factor(cell.unit)
+    why = f"needs {result.missing}"
+    if readings:
+        agreeing = sum(reading.agrees for reading in readings)
+        why = (
+            f"depends on {result.missing}: "
+            f"the print agrees with {agreeing} of {len(readings)} readings"
+        )
+    own = {"verdict": "blocked", "computed": stand_in, "readings": readings}
+    return _make(cell, why, {**source, **own}, flags=() if stand_in is None else ("stand_in",))
 
 
 def _judgement(cell: Cell, result: float | Prediction, interval: Interval | None) -> Judgement:
@@ -263,57 +262,34 @@ def _readings(
     cell: Cell, readings: tuple[Reading, ...], intervals: Mapping[str, Interval]
 ) -> tuple[ReadingRecord, ...]:
     records = []
-    for reading in readings:
-        interval = intervals.get(reading_name(cell.name, reading.name))
-        judgement = _judgement(cell, reading.result, interval)
-        shared = ("verdict", "computed", "interval", "flags", "probability", "mcse")
-        found = {name: getattr(judgement, name) for name in shared}
-        records.append(ReadingRecord(name=reading.name, place=reading.place, **found))
+    for one in readings:
+        interval = intervals.get(reading_name(cell.name, one.name))
+        found = vars(_judgement(cell, one.result, interval))
+        kept = {name: found[name] for name in ReadingRecord.model_fields if name in found}
+        records.append(ReadingRecord(name=one.name, place=one.place, **kept))
     return tuple(records)
-
-
-def _decided(
-    cell: Cell, result: Blocked, intervals: Mapping[str, Interval], computation: Computation
-) -> bool:
-    """Tell whether the readings that are left give one verdict; all of them together may not."""
-    records = _readings(cell, result.readings, intervals)
-    if len({record.agrees for record in records}) != 1:
-        return False
-    if not computation.chosen:
-        raise ValueError(
-            f"{cell.address}: all {len(records)} readings give {records[0].verdict}; "
-            "the cell is not blocked: return the result of the literal reading"
-        )
-    return True
 
 
 def _input(cell: Cell) -> Record:
     why = f"taken from the paper ({cell.role})" if cell.is_number else "words or a dash"
-    return _make(cell, "input", why, {})
+    return _make(cell, why, {"role": "given", "equations": ()}, verdict="input")
 
 
 def _make(
     cell: Cell,
-    verdict: Verdict,
     why: str,
-    found: Mapping[str, object],
+    source: Mapping[str, object],
+    weak: tuple[str, ...] = (),
     flags: tuple[str, ...] = (),
+    **found: object,
 ) -> Record:
     qualifier = cell.number.qualifier if cell.is_number else None
     if qualifier in {"about", "nominal"}:
         flags += (qualifier,)
-    blank: dict[str, object] = dict.fromkeys(Record.model_fields)
-    blank |= {"role": "given", "equations": (), "readings": ()} | dict(found)
-    blank |= {
-        "key": cell.key,
-        "cell": cell.address,
-        "printed": cell.text,
-        "unit": cell.unit,
-        "verdict": verdict,
-        "flags": flags,
-        "why": why,
-    }
-    return Record.model_validate(blank)
+    flags += weak
+    own = {"key": cell.key, "cell": cell.address, "printed": cell.text, "unit": cell.unit}
+    blank = dict.fromkeys(Record.model_fields) | {"readings": (), "flags": flags, "why": why}
+    return Record.model_validate(blank | own | dict(source) | found)
 
 
 def _why(cell: Cell, found: Judgement) -> str:
@@ -340,25 +316,20 @@ def _why(cell: Cell, found: Judgement) -> str:
 
 
 def _joint(
-    item: Item,
-    table: PrintedTable,
-    predictions: dict[str, Prediction],
-    records: dict[str, Record],
+    table: PrintedTable, predictions: Mapping[str, Prediction], records: Mapping[str, Record]
 ) -> tuple[TableRecord, ...]:
-    if not predictions:
+    cells = [cell for cell in table.cells if cell.name in predictions]
+    if not cells:
         return ()
-    names = [cell.name for cell in table.cells if cell.name in predictions]
-    probability, mcse = joint_probability(
-        [table[name].number for name in names],
-        [predictions[name].draws / si_factor(table[name].unit) for name in names],
-    )
+    draws = [predictions[cell.name].draws / si_factor(cell.unit) for cell in cells]
+    probability, mcse = joint_probability([cell.number for cell in cells], draws)
     record = TableRecord(
-        key=item.key,
-        cells=len(names),
-        outside=sum(records[name].verdict == "differs" for name in names),
-        expected_outside=len(names) * (1 - CENTRAL),
+        key=table.key,
+        cells=len(cells),
+        outside=sum(records[cell.name].verdict == "differs" for cell in cells),
+        expected_outside=len(cells) * (1 - CENTRAL),
         joint_probability=probability,
         mcse=mcse,
-        replicates=min(predictions[name].draws.size for name in names),
+        replicates=min(one.size for one in draws),
     )
     return (record,)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from decimal import Decimal
 
@@ -38,10 +37,13 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
             for name, value in moved.items():
                 if value != centre[name]:
                     slopes[name][cell.address] = side if value > centre[name] else -side
-    return {
-        name: _corners(computation, given, name, slopes[name]) if slopes[name] else (value, value)
-        for name, value in centre.items()
-    }
+    found = {name: (value, value) for name, value in centre.items()}
+    for name, signs in slopes.items():
+        if signs:
+            moves = ({a: side * sign for a, sign in signs.items()} for side in (-1.0, 1.0))
+            ends = [numbers(computation, given.shifted(one))[name] for one in moves]
+            found[name] = min(ends), max(ends)
+    return found
 
 
 def plain_results(computation: Computation, given: Given) -> dict[str, str]:
@@ -88,16 +90,6 @@ def _moved(cell: Cell, steps: int) -> Cell:
 def reading_name(cell: str, reading: str) -> str:
     """Return the name of one reading of a blocked cell among the results of its computation."""
     return f"{cell} ({reading})"
-
-
-def _corners(
-    computation: Computation, given: Given, name: str, signs: Mapping[str, float]
-) -> Interval:
-    ends = [
-        numbers(computation, given.shifted({a: side * s for a, s in signs.items()}))[name]
-        for side in (-1.0, 1.0)
-    ]
-    return min(ends), max(ends)
 
 
 def numbers(computation: Computation, given: Given) -> dict[str, float]:

@@ -9,11 +9,14 @@ follow is used, see `reproduce.judge.laws`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Executor
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.inference.parts import Store, run_parts
 from reproduce.judge import laws
 from reproduce.judge.verdicts import CENTRAL, judge_prediction
 from reproduce.papers.niu2024 import readings, simulation
@@ -53,6 +56,19 @@ LEAST_CORRECTED = 1e3 * LEAST  # a correction multiplies by nearly a thousand re
 # by the law of the draws; the same of each group; the Mahalanobis distance of each group. The first
 # axes are the readings, and how (26) counts the axes.
 COMPARED = ("tails", "law_tails", "joint", "law_joint", "distance")
+
+
+def recomputed(
+    executor: Executor, folder: Path, note: Mapping[str, str]
+) -> tuple[dict[str, Array], int]:
+    """Simulate the paper under every reading, compare each with the print, and count replicates.
+
+    Arrays as in `readings.summary`, and those of `COMPARED`.
+    """
+    note = {**note, "replicates": str(readings.REPLICATES)}
+    draws = readings.all_draws(readings.REPLICATES, executor, Store(folder / "draws", note))
+    rows = run_parts(compare, list(draws), executor, Store(folder / "compared", note))
+    return {**readings.summary(draws), **stacked(rows)}, readings.REPLICATES
 
 
 def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:

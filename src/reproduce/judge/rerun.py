@@ -11,9 +11,13 @@ the paper, and says what each cell would be judged as.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache, cached_property
+from itertools import chain
+from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,27 +31,19 @@ from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor, symbol
 
 __all__ = [
-    "CannotChangeError",
-    "ChangedCell",
-    "Rerun",
-    "changeable",
-    "checked_values",
-    "door_under",
-    "in_si",
-    "maker",
-    "options",
-    "reads",
-    "rerun",
-    "told_why",
+    *("CannotChangeError", "ChangedCell", "Rerun", "changeable", "checked_values", "in_si"),
+    *("maker", "options", "reads", "rerun", "under"),
 ]
 
 Replaced = dict[str, float]
+Made = TypeVar("Made")
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"
 )
 # The central 99 % of a prediction, as in the ledger.
 _ENDS = (0.005, 0.995)
 _ANGLES = {"deg", "arcsec"}
+_NOTHING: Mapping[str, str] = MappingProxyType({})
 # More than so many times a printed count, or so many replicates, would only fill the memory.
 LARGEST, MOST_REPLICATES = 20, 100_000
 
@@ -117,15 +113,10 @@ class Rerun:
         return bool(self.options) and not self.changes
 
 
-def makers(key: str) -> tuple[Computation, ...]:
-    """Return the computations of an item."""
-    return catalogue()[key].computations
-
-
 def maker(address: str) -> Computation | None:
     """Return the computation that makes a printed cell, if one does."""
     key, _, name = address.partition("#")
-    return next((one for one in makers(key) if one.makes(name)), None)
+    return next((one for one in catalogue()[key].computations if one.makes(name)), None)
 
 
 def reads(computation: Computation) -> tuple[str, ...]:
@@ -144,7 +135,7 @@ def options(key: str) -> dict[str, dict[str, str]]:
     ['table-1', 'table-2']
     """
     found: dict[str, dict[str, str]] = {}
-    for computation in makers(key):
+    for computation in catalogue()[key].computations:
         for name, ways in computation.options.items():
             found[name] = found.get(name, {}) | dict(ways)
     return found
@@ -161,62 +152,54 @@ def changeable(key: str) -> tuple[str, ...]:
     True
     """
     if key in studies():
-        waiting = _read(studies()[key].given)
-    else:
-        item = catalogue()[key]
-        waiting = [cell for one in item.computations for cell in _read(one.given)]
-        waiting += _read(item.draw.given) if item.draw is not None else []
+        return _upstream(studies()[key].given)
+    item = catalogue()[key]
+    patterns = [one.given for one in item.computations]
+    patterns += [] if item.draw is None else [item.draw.given]
+    return _upstream(tuple(chain.from_iterable(patterns)))
+
+
+@cache
+def _upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the addresses of the numbers that match, and of all that these are computed from."""
     found: dict[str, None] = {}
+    waiting = list(patterns)
     while waiting:
-        cell = waiting.pop(0)
-        if cell.address not in found and cell.is_number:
-            found[cell.address] = None
-            above = maker(cell.address)
-            waiting += [] if above is None else _read(above.given)
+        for cell in find(waiting.pop(0)):
+            if cell.address not in found and cell.is_number:
+                found[cell.address] = None
+                above = maker(cell.address)
+                waiting += [] if above is None else above.given
     return tuple(found)
-
-
-def _read(patterns: tuple[str, ...]) -> list[Cell]:
-    return [cell for pattern in patterns for cell in find(pattern)]
 
 
 def in_si(cell: Cell, value: str | float) -> float:
     """Return a value written as in the print, such as ``"0.2 px"``, in SI units."""
-    text = f"{value:.17g}" if isinstance(value, int | float) else str(value)
-    matched = _VALUE.fullmatch(text)
-    bare = cell.unit in {"1", "count"}
+    bare = isinstance(value, int | float)
+    matched = _VALUE.fullmatch(f"{value:.17g}" if bare else str(value))
     if matched is None:
-        raise CannotChangeError(
-            f"{cell.address}: expected a number as in the print ({cell.shown}), got {value!r}"
-        )
-    number = float(matched[1].replace("−", "-"))
-    written = matched[2].strip()
-    if not written and (bare or isinstance(value, int | float)):
-        unit = cell.unit
-    else:
-        units = {name: name for name in UNITS} | {symbol(name): name for name in UNITS}
-        unit = units.get(written, "") if written else ""
-        if not unit or not _same_kind(unit, cell.unit):
-            wanted = symbol(cell.unit) or "no unit"
-            raise CannotChangeError(
-                f"{cell.address}: expected {wanted} as in the print ({cell.shown}), got {value!r}"
-            )
+        raise _unfit(cell, f"a number as in the print ({cell.shown})", value)
+    number, written = float(matched[1].replace("−", "-")), matched[2].strip()
+    units = {name: name for name in UNITS} | {symbol(name): name for name in UNITS}
+    as_printed = not written and (bare or cell.unit in {"1", "count"})
+    unit = cell.unit if as_printed else units.get(written, "") if written else ""
+    if not unit or not _same_kind(unit, cell.unit):
+        wanted = symbol(cell.unit) or "no unit"
+        raise _unfit(cell, f"{wanted} as in the print ({cell.shown})", value)
     if not np.isfinite(number):
-        raise CannotChangeError(f"{cell.address}: expected a finite number, got {value!r}")
+        raise _unfit(cell, "a finite number", value)
     if cell.unit == "count":
-        _check_count(cell, number, value)
+        most = LARGEST * cell.number.value
+        if number != round(number):
+            raise _unfit(cell, "a whole number", value)
+        if not 0 <= number <= most:
+            wanted = f"a count up to {LARGEST} times the printed one, {most:.0f}"
+            raise _unfit(cell, wanted, value)
     return number * si_factor(unit)
 
 
-def _check_count(cell: Cell, number: float, value: str | float) -> None:
-    if number != round(number):
-        raise CannotChangeError(f"{cell.address}: expected a whole number, got {value!r}")
-    most = LARGEST * cell.number.value
-    if not 0 <= number <= most:
-        raise CannotChangeError(
-            f"{cell.address}: expected a count up to {LARGEST} times the printed one, "
-            f"{most:.0f}, got {value!r}"
-        )
+def _unfit(cell: Cell, wanted: str, value: str | float) -> CannotChangeError:
+    return CannotChangeError(f"{cell.address}: expected {wanted}, got {value!r}")
 
 
 def _same_kind(one: str, other: str) -> bool:
@@ -252,12 +235,12 @@ def rerun(
     told = {address: str(value) for address, value in changes.items()}
     told |= {} if seed is None else {"seed": str(seed)}
     told |= {} if replicates is None else {"replicates": str(replicates)}
-    with told_why(key, told | chosen):
+    with _told_why(key, told | chosen):
         if chosen and not told:
             return _reading(key, chosen)
-        run, plain = _Run(values, seed, replicates, chosen), _Run({}, None, None, chosen)
+        run, plain = _Run(values, seed, replicates, chosen), _Run({}, chosen=chosen)
         cells: list[ChangedCell] = []
-        for computation in makers(key):
+        for computation in catalogue()[key].computations:
             after, before = run.results(computation), plain.results(computation)
             for name, result in after.items():
                 cells += _changed(library()[key][name], before[name], result)
@@ -278,14 +261,20 @@ def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, fl
     return {address: in_si(_cell(address), text) for address, text in changes.items()}
 
 
-def door_under(patterns: tuple[str, ...], values: Mapping[str, float]) -> tuple[Given, Replaced]:
-    """Return the door for some cells under a change, and which recomputed values it holds."""
-    run = _Run(values, None, None, {})
-    return run.door(patterns), run.replaced
+def under(
+    key: str,
+    patterns: tuple[str, ...],
+    changes: Mapping[str, str | float],
+    compute: Callable[[Given], Made],
+) -> tuple[Made, Replaced]:
+    """Return what a function computes through its door under a change, and what was replaced."""
+    run = _Run(checked_values(key, changes))
+    with _told_why(key, {address: str(value) for address, value in changes.items()}):
+        return compute(run.door(patterns)), run.replaced
 
 
 @contextmanager
-def told_why(key: str, told: Mapping[str, str]) -> Iterator[None]:
+def _told_why(key: str, told: Mapping[str, str]) -> Iterator[None]:
     """Say in one sentence why an item cannot be computed under a change."""
     try:
         with np.errstate(all="ignore"):
@@ -355,16 +344,14 @@ class _Run:
     def __init__(
         self,
         values: Mapping[str, float],
-        seed: int | None,
-        replicates: int | None,
-        chosen: Mapping[str, str],
+        seed: int | None = None,
+        replicates: int | None = None,
+        chosen: Mapping[str, str] = _NOTHING,
     ) -> None:
         self.values, self.seed, self.replicates = dict(values), seed, replicates
         self.chosen = chosen
         self.replaced: Replaced = {}
         self._results: dict[str, Mapping[str, Result]] = {}
-        self._touched: dict[str, bool] = {}
-        self._unchanged: _Run | None = None
 
     def results(self, computation: Computation) -> Mapping[str, Result]:
         """Return the results of a computation whose inputs follow the changes."""
@@ -383,30 +370,22 @@ class _Run:
         if address in self.values:
             return self.values[address]
         above = maker(address)
-        if above is None or not self._reached(above):
+        if above is None or not self.values.keys() & set(_upstream(above.given)):
             return None
         cell = _cell(address)
-        found = self._made(above, cell)
-        if self._unchanged is None:
-            self._unchanged = _Run({}, self.seed, self.replicates, self.chosen)
-        if found is None or found == self._unchanged._made(above, cell):
+        found, unchanged = self._made(above, cell), self._unchanged._made(above, cell)
+        if found is None or found == unchanged:
             return None  # nothing is computed, or no change reaches this cell
         self.replaced[address] = found / si_factor(cell.unit)
         return found
 
+    @cached_property
+    def _unchanged(self) -> _Run:
+        return _Run({}, self.seed, self.replicates, self.chosen)
+
     def _made(self, computation: Computation, cell: Cell) -> float | None:
         result = self.results(computation).get(cell.name)
         return None if result is None else _middle(result)
-
-    def _reached(self, computation: Computation) -> bool:
-        """Tell whether a change reaches a computation."""
-        if computation.name not in self._touched:
-            self._touched[computation.name] = any(
-                address in self.values
-                or ((above := maker(address)) is not None and self._reached(above))
-                for address in reads(computation)
-            )
-        return self._touched[computation.name]
 
 
 def _cell(address: str) -> Cell:
@@ -419,7 +398,7 @@ def _middle(result: Result) -> float | None:
         return float(np.median(result.draws))
     if isinstance(result, Blocked):
         return result.stand_in
-    return float(result) if isinstance(result, int | float) else None
+    return float(result)
 
 
 def _shown(cell: Cell, result: Result) -> float | None:

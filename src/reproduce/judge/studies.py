@@ -7,10 +7,16 @@ from functools import cache
 from reproduce.papers import catalogue
 from reproduce.papers.study import Study
 
-__all__ = ["studies"]
+__all__ = ["SLOW", "studies"]
 
 # The modules of the tables that see printed answers, which no module of a paper may.
 JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")
+
+# The modules whose `recomputed` redoes a slow study, by the name of its files.
+SLOW = {
+    "niu2024-readings": "reproduce.judge.readings",
+    "niu2024-fusion": "reproduce.papers.niu2024.images_fusion",
+}
 
 
 @cache

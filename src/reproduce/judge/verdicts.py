@@ -22,8 +22,8 @@ __all__ = [
     "tail_mid_p",
 ]
 
-Verdict = Literal["input", "exact", "consistent", "differs", "blocked", "pending"]
-VERDICTS: tuple[Verdict, ...] = ("exact", "consistent", "differs", "blocked", "pending", "input")
+Verdict = Literal["input", "exact", "consistent", "differs", "blocked"]
+VERDICTS: tuple[Verdict, ...] = ("exact", "consistent", "differs", "blocked", "input")
 
 # The central share of the predicted distribution in which a printed value counts as consistent.
 CENTRAL = 0.99

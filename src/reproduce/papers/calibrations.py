@@ -65,14 +65,8 @@ def load(key: str, where: Path | None = None) -> Ranks:
     """Return the stored calibration of a posterior."""
     study = studies.read(study_name(key), where)
     names = tuple(str(study.note["names"]).split("\t"))
-    arrays = study.arrays
-    ranks, covered = np.asarray(arrays["ranks"], dtype=np.int64), arrays["covered"]
-    if covered.dtype != np.int8:
-        raise studies.StudyError(
-            f"{study.name}: expected intervals as int8, got {covered.dtype}; redo them without "
-            f"sampling: reproduce calibrate {key} --intervals"
-        )
-    return Ranks(names, ranks, arrays["failed"].astype(np.bool_), covered)
+    ranks, failed, covered = (study.arrays[name] for name in ("ranks", "failed", "covered"))
+    return Ranks(names, ranks.astype(np.int64), failed.astype(np.bool_), covered)
 
 
 def renew(key: str, where: Path | None = None) -> Ranks:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Mapping
 from functools import cache
-from types import ModuleType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from reproduce.locate import papers
 from reproduce.papers.declare import Computation, Drawing, Item
@@ -14,33 +13,49 @@ from reproduce.papers.study import Study
 
 __all__ = ["Declared", "catalogue", "drawings", "studies"]
 
-Own = TypeVar("Own", bound=Study | Drawing)
+Own = TypeVar("Own", bound=Item | Study | Drawing)
 
 
-class Catalogue(Mapping[str, Item]):
-    """Every item by its key."""
+class Declared(Mapping[str, Own]):
+    """Tables or drawings of our own by their key; a module is imported when it is used."""
 
-    def __init__(self, modules: Mapping[str, str]) -> None:
-        self._modules = modules
-        self._items: dict[str, Item] = {}
+    def __init__(self, kind: type[Own], modules: Mapping[str, str]) -> None:
+        self.kind, self.modules = kind, modules
+        self._found: dict[str, Own] = {}
 
-    def __getitem__(self, key: str) -> Item:
-        """Return an item, with what its modules declare of it."""
-        if key not in self._items:
-            self._items[key] = _item(key, self._modules[key].split())
-        return self._items[key]
+    def __getitem__(self, key: str) -> Own:
+        """Return what is declared under a key."""
+        if key not in self.modules:
+            raise KeyError(f"unknown key {key!r}; expected one of {', '.join(self.modules)}")
+        if key not in self._found:
+            self._found[key] = self._made(key)
+        return self._found[key]
+
+    def _made(self, key: str) -> Own:
+        found: Own = _declared(key, self.modules[key], self.kind)[0]
+        return found
 
     def __contains__(self, key: object) -> bool:
-        """Tell whether there is such an item, without importing it."""
-        return key in self._modules
+        """Tell whether there is such a one, without importing it."""
+        return key in self.modules
 
     def __iter__(self) -> Iterator[str]:
-        """Go through the keys, in order of print."""
-        return iter(self._modules)
+        """Go through the keys, paper by paper, in order of print."""
+        return iter(self.modules)
 
     def __len__(self) -> int:
         """Return how many there are."""
-        return len(self._modules)
+        return len(self.modules)
+
+
+class Catalogue(Declared[Item]):
+    """Every item by its key, made of its computations and its drawing."""
+
+    def _made(self, key: str) -> Item:
+        found = _declared(key, self.modules[key], Computation, Drawing)
+        computations = tuple(one for one in found if isinstance(one, Computation))
+        drawings = [one for one in found if isinstance(one, Drawing)]
+        return Item(key, computations, *drawings)
 
 
 @cache
@@ -52,39 +67,7 @@ def catalogue() -> Catalogue:
     >>> list(catalogue())[0]
     'niu2024/text-context'
     """
-    return Catalogue(
-        {key: name for paper in papers() for key, name in _module(paper).ITEMS.items()}
-    )
-
-
-class Declared(Mapping[str, Own]):
-    """Tables or drawings of our own by their key; a module is imported when it is used."""
-
-    def __init__(self, kind: type[Own], modules: Mapping[str, str]) -> None:
-        self.kind, self.modules = kind, modules
-
-    def __getitem__(self, key: str) -> Own:
-        """Return what a module declares under this key."""
-        if key not in self.modules:
-            raise KeyError(f"unknown key {key!r}; expected one of {', '.join(self.modules)}")
-        module = importlib.import_module(self.modules[key])
-        declared = [one for one in vars(module).values() if isinstance(one, self.kind)]
-        found = next((one for one in declared if one.key == key), None)
-        if found is None:
-            raise ValueError(f"{key}: expected its declaration in {module.__name__}")
-        return found
-
-    def __contains__(self, key: object) -> bool:
-        """Tell whether there is such a one, without importing it."""
-        return key in self.modules
-
-    def __iter__(self) -> Iterator[str]:
-        """Go through the keys, paper by paper."""
-        return iter(self.modules)
-
-    def __len__(self) -> int:
-        """Return how many there are."""
-        return len(self.modules)
+    return Catalogue(Item, _modules("ITEMS"))
 
 
 @cache
@@ -112,32 +95,23 @@ def drawings() -> Declared[Drawing]:
 
 
 def _modules(kind: str) -> dict[str, str]:
-    return {
-        key: f"{__package__}.{paper}.{name}"
-        for paper in papers()
-        for key, name in getattr(_module(paper), kind, {}).items()
-    }
+    found = {}
+    for paper in papers():
+        package = f"{__package__}.{paper}"
+        for key, names in getattr(importlib.import_module(package), kind, {}).items():
+            found[key] = " ".join(f"{package}.{name}" for name in names.split())
+    return found
 
 
-def _module(*path: str) -> ModuleType:
-    return importlib.import_module(".".join(("reproduce.papers", *path)))
-
-
-def _item(key: str, names: list[str]) -> Item:
-    computations: list[Computation] = []
-    drawings: list[Drawing] = []
-    for name in names:
-        module = _module(key.partition("/")[0], name)
-        for declared in vars(module).values():
-            if not isinstance(declared, Computation | Drawing) or declared.key != key:
-                continue
-            if isinstance(declared, Drawing):
-                drawings.append(declared)
-            elif declared.function.__module__ == module.__name__:  # not one that it imports
-                computations.append(declared)
-    if (names and not computations and not drawings) or len(drawings) > 1:
-        raise ValueError(
-            f"{key}: expected computations or one drawing in {', '.join(names)}, got "
-            f"{len(computations)} computations and {len(drawings)} drawings"
-        )
-    return Item(key, tuple(computations), drawings[0] if drawings else None)
+def _declared(key: str, names: str, *kinds: type[Any]) -> list[Any]:
+    """Return what modules, named in one string, declare under a key; not what they import."""
+    modules = [importlib.import_module(name) for name in names.split()]
+    found = [
+        one
+        for module in modules
+        for one in vars(module).values()
+        if isinstance(one, kinds) and one.key == key and one.function.__module__ == module.__name__
+    ]
+    if modules and not found:
+        raise ValueError(f"{key}: expected its declaration in {names}")
+    return found

@@ -7,38 +7,23 @@ import inspect
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import wraps
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.papers.study import Fact, first_line
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from reproduce.papers.study import Fact
-
 __all__ = [
-    "ROOT_SEED",
-    "Blocked",
-    "Computation",
-    "Drawing",
-    "Item",
-    "Marks",
-    "Pending",
-    "Prediction",
-    "Reading",
-    "Result",
-    "Results",
-    "draws",
-    "reproduces",
-    "seed_of",
-    "sketches",
+    "ROOT_SEED", "Blocked", "Computation", "Drawing", "Item", "Marks", "Prediction",
+    "Reading", "Result", "Results", "draws", "reproduces", "seed_of",
     "split_seed",
-]
+]  # fmt: skip
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
@@ -101,20 +86,7 @@ class Blocked:
     readings: tuple[Reading, ...] = ()
 
 
-@dataclass(frozen=True)
-class Pending:
-    """A number whose computation is not written yet.
-
-    Parameters
-    ----------
-    work : str
-        The work that will compute it.
-    """
-
-    work: str
-
-
-Result = float | Prediction | Blocked | Pending
+Result = float | Prediction | Blocked
 Results = Mapping[str, Result]
 Options = Mapping[str, Mapping[str, str]]
 
@@ -155,19 +127,9 @@ class Computation:
     chosen: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @property
-    def paper(self) -> str:
-        """The paper's key."""
-        return self.key.split("/")[0]
-
-    @property
     def name(self) -> str:
         """The function's full name, as the ledger and the pages cite it."""
         return f"{self.function.__module__}.{self.function.__qualname__}"
-
-    @property
-    def summary(self) -> str:
-        """What the function computes, in one sentence."""
-        return (self.function.__doc__ or "").strip().split("\n")[0]
 
     @property
     def entropy(self) -> tuple[int, ...]:
@@ -294,18 +256,8 @@ def reproduces(
     'niu2024/text-context'
     """
 
-    def declare(function: Callable[..., Results]) -> Computation:
-        return Computation(
-            key,
-            function,
-            tuple(cells),
-            tuple(given),
-            tuple(equations),
-            replicates,
-            options or {},
-        )
-
-    return declare
+    declared = (tuple(cells), tuple(given), tuple(equations), replicates, options or {})
+    return lambda function: Computation(key, function, *declared)
 
 
 class Marks(dict[str, float]):
@@ -320,16 +272,15 @@ class Marks(dict[str, float]):
 
 @dataclass(frozen=True)
 class Drawing:
-    """A function that draws an item on a matplotlib figure, with what it marks.
+    """A function that draws an item, or a picture of our own, with what it marks.
 
     Parameters
     ----------
     key : str
-        The item.
+        The item or the picture.
     function : callable
-        Takes the figure, ``printed``, which maps the addresses of the cells to be marked to their
-        values in SI units and comes from the caller as `Marks`, and, if anything is given, the
-        door.
+        Takes the figure and, as far as it has room for them: ``printed``, which maps the addresses
+        of the cells to be marked to their values and comes from the caller as `Marks`; the door.
     given : tuple of str
         Addresses of all printed cells that what is drawn is computed from.
     marks : tuple of str
@@ -348,44 +299,26 @@ class Drawing:
     @property
     def title(self) -> str:
         """What the figure shows: the first line of the function's docstring."""
-        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+        return first_line(self.function)
 
     def __call__(
         self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
+        taken = inspect.signature(self.function, follow_wrapped=False).parameters
         doors = [given(self.given) if door is None else door] if self.given else []
-        self.function(figure, printed, *doors)
+        self.function(*[figure, printed, *doors][: len(taken)])
 
 
 def draws(
-    key: str, *, given: Sequence[str] = (), marks: Sequence[str] = ()
+    key: str,
+    *,
+    given: Sequence[str] = (),
+    marks: Sequence[str] = (),
+    named: Callable[[], Mapping[str, Fact]] | None = None,
 ) -> Callable[[Callable[..., None]], Drawing]:
     """Declare that a function draws `key`; the arguments are those of `Drawing`."""
-
-    def declare(function: Callable[..., None]) -> Drawing:
-        return Drawing(key, function, tuple(given), tuple(marks))
-
-    return declare
-
-
-def sketches(
-    key: str, *, marks: Sequence[str] = (), named: Callable[[], Mapping[str, Fact]] | None = None
-) -> Callable[[Callable[..., None]], Drawing]:
-    """Declare that a function draws a picture of our own, which is no item of the paper.
-
-    The function takes the figure, and ``printed`` if anything is marked; the arguments are those of
-    `Drawing`.
-    """
-
-    def declare(function: Callable[..., None]) -> Drawing:
-        @wraps(function)
-        def draw(figure: Figure, printed: Mapping[str, float]) -> None:
-            function(figure, *([printed] if marks else []))
-
-        return Drawing(key, draw, (), tuple(marks), named)
-
-    return declare
+    return lambda function: Drawing(key, function, tuple(given), tuple(marks), named)
 
 
 @dataclass(frozen=True)

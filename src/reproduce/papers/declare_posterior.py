@@ -23,15 +23,9 @@ from reproduce.printed.given import Given, given
 from reproduce.store.points import Table, TableFileError, read_table
 
 __all__ = [
-    "OWN_DATA",
-    "Aside",
-    "Declaration",
-    "File",
-    "Pivot",
-    "Supplied",
-    "published_cells",
+    "OWN_DATA", "Aside", "Declaration", "File", "Pivot", "Supplied", "published_cells",
     "simulated",
-]
+]  # fmt: skip
 
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.

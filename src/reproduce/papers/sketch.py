@@ -23,23 +23,9 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 __all__ = [
-    "INK",
-    "SIZE",
-    "Look",
-    "Point",
-    "arc",
-    "arrow",
-    "beside",
-    "box",
-    "canvas",
-    "diagram",
-    "key",
-    "label",
-    "line",
-    "path",
-    "turned",
-    "turning",
-]
+    "INK", "INKED", "SIZE", "Look", "Point", "arc", "arrow", "beside", "box", "canvas",
+    "diagram", "key", "label", "line", "path", "turned", "turning",
+]  # fmt: skip
 
 Point = tuple[float, float]
 Draw = Callable[..., None]
@@ -55,6 +41,9 @@ class Look:
     colour: str
     line: str
     marker: str = "o"
+
+
+INKED = Look("", INK, "-")
 
 
 def canvas(figure: Figure, width: float, height: float, inches: float = 6.4) -> Axes:
@@ -89,8 +78,7 @@ def pair(point: ArrayLike) -> Point:
 
 def beside(place: ArrayLike, right: float, up: float) -> FloatArray:
     """Return the place so far to the right of another and so far above it."""
-    result: FloatArray = np.asarray(place, dtype=np.float64) + np.array([right, up])
-    return result
+    return np.add(place, [right, up], dtype=np.float64)
 
 
 def turned(points: ArrayLike, degrees: float) -> FloatArray:
@@ -117,7 +105,7 @@ def arrow(
     axes: Axes,
     start: ArrayLike,
     end: ArrayLike,
-    look: Look | None = None,
+    look: Look = INKED,
     *,
     style: str = "-|>",
     width: float = 1.3,
@@ -128,12 +116,11 @@ def arrow(
     patch = FancyArrowPatch(
         pair(start), pair(end), arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9
     )
-    patch.set(color=look.colour if look else INK, linestyle=look.line if look else "-")
-    patch.set(linewidth=width)
+    patch.set(color=look.colour, linestyle=look.line, linewidth=width)
     axes.add_patch(patch)
 
 
-def path(axes: Axes, points: Sequence[ArrayLike], look: Look | None = None) -> None:
+def path(axes: Axes, points: Sequence[ArrayLike], look: Look = INKED) -> None:
     """Draw an arrow over several straight pieces, each with a head."""
     for start, end in pairwise(points):
         arrow(axes, start, end, look)
@@ -153,8 +140,7 @@ def box(
     """Draw a labelled rectangle about a centre, turned by some degrees."""
     from matplotlib.patches import Polygon
 
-    half = np.array(size) / 2
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * size
     patch = Polygon(turned(corners, turn) + np.asarray(centre), closed=True)
     patch.set(facecolor="none", edgecolor=look.colour if look else INK)
     patch.set(linewidth=width, linestyle=look.line if look else style)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.papers.sketch import SIZE, Look, Point, arrow, label, turning
+from reproduce.papers.sketch import INKED, SIZE, Look, Point, arrow, label, turning
 from reproduce.physics.attitude.rotations import rotation_from_vector, unit
 from reproduce.physics.validate import FloatArray
 
@@ -71,7 +71,7 @@ def triad(
     directions: FloatArray,
     names: Sequence[str],
     *,
-    look: Look | None = None,
+    look: Look = INKED,
     width: float = 1.3,
 ) -> None:
     """Draw axes of a frame with their names."""
@@ -87,23 +87,9 @@ def triad(
             label(axes, end + gap * away, name, size=SIZE, ha=side)
 
 
-def swept(axis: ArrayLike, start: ArrayLike, angle: float) -> FloatArray:
-    """Return the way that a vector takes while it turns about an axis.
-
-    Shape (60, 3). The vector at sixty equal steps, the first before the turn.
-
-    Examples
-    --------
-    >>> swept([0, 0, 1], [1, 0, 0], np.pi / 2)[-1].round(12) + 0.0
-    array([0., 1., 0.])
-    """
-    steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)
-    result: FloatArray = rotation_from_vector(steps) @ np.asarray(start, dtype=np.float64)
-    return result
-
-
 def sense(
     axes: Axes, view: View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
 ) -> None:
-    """Draw the sense of a right-handed turn: a curved arrow about an axis."""
-    turning(axes, view.point(np.asarray(origin) + swept(axis, start, angle)))
+    """Draw the sense of a right-handed turn: the way of a vector while it turns about an axis."""
+    steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)
+    turning(axes, view.point(np.asarray(origin) + rotation_from_vector(steps) @ np.asarray(start)))

@@ -11,7 +11,7 @@ from reproduce.printed.given import Given, given
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["LEAST_DRAWS", "Column", "Fact", "Study", "studied"]
+__all__ = ["LEAST_DRAWS", "Column", "Fact", "Study", "first_line", "studied"]
 
 # Draws that must lie beyond a value before their count says how likely it is.
 LEAST_DRAWS = 20
@@ -64,6 +64,11 @@ class Fact:
     zero: float = 0.0
 
 
+def first_line(function: Callable[..., object]) -> str:
+    """Return the first line of a function's docstring, without its full stop."""
+    return (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+
+
 @dataclass(frozen=True)
 class Study:
     """A table that no paper prints, with what it reads.
@@ -98,7 +103,7 @@ class Study:
     @property
     def title(self) -> str:
         """What it shows: the first line of the function's docstring."""
-        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+        return first_line(self.function)
 
     def __call__(self, door: Given | None = None) -> pd.DataFrame:
         """Compute the table, from the print or from what another door holds."""
@@ -147,8 +152,5 @@ def studied(
     named: Callable[..., Mapping[str, Fact]] | None = None,
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the study `key`; the arguments are those of `Study`."""
-
-    def declare(function: Callable[..., Any]) -> Study:
-        return Study(key, function, tuple(columns), caption, tuple(given), folded, named)
-
-    return declare
+    declared = (tuple(columns), caption, tuple(given), folded, named)
+    return lambda function: Study(key, function, *declared)

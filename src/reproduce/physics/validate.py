@@ -1,36 +1,64 @@
 """Checks on what a public function is given: once, at the border; kernels behind it trust it.
 
-Every message says what was expected, what came and what to do about it.
+A function under `checked` declares what it takes by annotations such as `Points` or `Positive`, and
+has float arrays in its body. Every message says what was expected, what came and what to do.
 """
 
 from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "NON_NEGATIVE",
-    "POSITIVE",
-    "ROTATION",
     "DegenerateGeometryError",
+    "Direction",
+    "Directions",
     "FloatArray",
+    "Image",
     "MirroredPointsError",
+    "NonNegative",
+    "Number",
+    "Point",
+    "Points",
+    "Positive",
+    "Rotation",
+    "Size",
+    "Weights",
+    "checked",
     "common_batch",
     "finite_array",
+    "kernel",
     "non_negative",
     "number_array",
     "positive",
     "rotations",
-    "together",
     "weights_for",
     "whole_number",
 ]
 
 FloatArray = NDArray[np.float64]
-Shape = tuple[int | None, ...]
+Shape = tuple[int | str | None, ...]
+P = ParamSpec("P")
+R = TypeVar("R")
 
-# What `together` is told of an argument, in place of its shape.
-POSITIVE, NON_NEGATIVE, ROTATION = "positive", "non-negative", "rotation"
+# What an argument of a `checked` function may be, leading (batch) axes aside: its trailing shape,
+# or what it is. A dimension with a name, such as n, is the same number in all arguments.
+Number = Annotated[Any, ()]
+Positive = Annotated[Any, "positive"]
+NonNegative = Annotated[Any, "non-negative"]
+Size = Annotated[Any, "size"]  # one positive number, which stays a float
+Point = Annotated[Any, (2,)]
+Points = Annotated[Any, ("n", 2)]
+Direction = Annotated[Any, (3,)]
+Directions = Annotated[Any, ("n", 3)]
+Rotation = Annotated[Any, "rotation"]
+Weights = Annotated[Any, ("n",)]
+Image = Annotated[Any, (None, None)]
 # A matrix this far from orthogonal is a transcription error, not a rounding error.
 _ORTHOGONALITY_TOLERANCE = 1e-6
 # What NumPy's kinds of arrays that hold no numbers are called.
@@ -54,8 +82,8 @@ def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
         What the caller calls the array; it opens the error message.
     value : array_like
         Anything NumPy turns into floating point numbers; not copied when it is a float64 array.
-    shape : tuple of int or None
-        The trailing dimensions; None leaves a dimension open, but it must not be empty.
+    shape : tuple of int, str or None
+        The trailing dimensions; a name or None leaves one open, but it must not be empty.
         Leading (batch) dimensions are always allowed.
 
     Raises
@@ -103,11 +131,11 @@ def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
             "or convert it"
         ) from None
     fits = array.ndim >= len(shape) and all(
-        want is None or want == have
+        not isinstance(want, int) or want == have
         for want, have in zip(shape[::-1], array.shape[::-1], strict=False)
     )
     if not fits:
-        wanted = ", ".join("n" if want is None else str(want) for want in shape)
+        wanted = ", ".join(str(want or "n") for want in shape)
         raise ValueError(
             f"{name}: expected shape (..., {wanted}), got {array.shape}; "
             "rows are observations, columns are coordinates"
@@ -163,29 +191,80 @@ def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> Float
     return array
 
 
-def together(**arguments: tuple[ArrayLike, Shape | str]) -> tuple[FloatArray, ...]:
-    """Return several arguments as float arrays after checking each, and that batches broadcast.
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Check arguments by their annotations, and that batches broadcast; None passes.
 
-    Each argument is a pair: what came, and its trailing shape as `finite_array` takes it. The shape
-    () is a number with batch axes; `POSITIVE` and `NON_NEGATIVE` stand for such a number with a
-    sign, and `ROTATION` for a matrix (3, 3).
+    The function gets float arrays in their place.
 
     Examples
     --------
-    >>> together(points=([[1, 2]], (None, 2)), focal_length=(3, POSITIVE))
-    (array([[1., 2.]]), array(3.))
+    >>> @checked
+    ... def offsets(points: Points, pivot: Point):
+    ...     return points - pivot[..., None, :]
+    >>> offsets([[1, 2]], (1, 0))
+    array([[0., 2.]])
     """
-    checks = {POSITIVE: positive, NON_NEGATIVE: non_negative, ROTATION: rotations}
-    arrays, batches = [], {}
-    for name, (value, kind) in arguments.items():
-        if isinstance(kind, str):
-            array, inner = checks[kind](name, value), 2 if kind == ROTATION else 0
-        else:
-            array, inner = finite_array(name, value, shape=kind), len(kind)
-        arrays.append(array)
-        batches[name] = array.shape[: array.ndim - inner]
-    common_batch(**batches)
-    return tuple(arrays)
+    signature = inspect.signature(function)
+    aliases = function.__globals__
+    hints = {n: aliases.get(hint, hint) for n, hint in function.__annotations__.items()}
+    kinds = {n: get_args(hint)[1] for n, hint in hints.items() if get_origin(hint) is Annotated}
+
+    @functools.wraps(function)
+    def at_the_border(*args: P.args, **kwargs: P.kwargs) -> R:
+        bound = signature.bind(*args, **kwargs)
+        bound.apply_defaults()
+        given = bound.arguments
+        batches, sizes = {}, dict[str, tuple[str, int]]()
+        for name, value in given.items():
+            kind = kinds.get(name)
+            if kind is None or value is None:
+                if isinstance(batch := getattr(value, "batch", None), tuple):
+                    batches[name if name != "self" else type(value).__name__] = batch
+                continue
+            if isinstance(kind, str):
+                array, inner = _CHECKS[kind](name, value), 2 if kind == "rotation" else 0
+            else:
+                array, inner = finite_array(name, value, shape=kind), len(kind)
+                _refuse_other_size(name, kind, array, sizes)
+            given[name] = float(array) if kind == "size" else array
+            batches[name] = array.shape[: array.ndim - inner]
+        common_batch(**batches)
+        return function(*bound.args, **bound.kwargs)
+
+    return at_the_border
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a checked function without its checks, for arrays that have passed them."""
+    return inspect.unwrap(function)
+
+
+def _size(name: str, value: ArrayLike) -> FloatArray:
+    array = positive(name, value)
+    if array.ndim:
+        raise ValueError(f"{name}: expected one number, got shape {array.shape}; give one")
+    return array
+
+
+_CHECKS: dict[str, Callable[[str, ArrayLike], FloatArray]] = {
+    "size": _size,
+    "positive": positive,
+    "non-negative": non_negative,
+    "rotation": rotations,
+}
+
+
+def _refuse_other_size(
+    name: str, shape: Shape, array: FloatArray, sizes: dict[str, tuple[str, int]]
+) -> None:
+    for dimension, size in zip(shape, array.shape[array.ndim - len(shape) :], strict=True):
+        if isinstance(dimension, str):
+            first, wanted = sizes.setdefault(dimension, (name, size))
+            if size != wanted:
+                raise ValueError(
+                    f"{first} and {name}: expected as many rows, got {wanted} and {size}; row i "
+                    "of both must be the same observation"
+                )
 
 
 def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:

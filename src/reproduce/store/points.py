@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Table", "TableFileError", "last_place", "read_columns", "read_table"]
+__all__ = ["Table", "TableFileError", "last_place", "read_table"]
 
 # Significant digits that tell any two doubles apart.
 DIGITS = 17
@@ -101,11 +101,6 @@ def last_place(text: str) -> int:
         shortest = Decimal(repr(float(text))).normalize()
         return min(0, int(shortest.as_tuple().exponent))
     return int(place)
-
-
-def read_columns(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """Read named columns of numbers; as `read_table`, without the places."""
-    return read_table(path, columns).values
 
 
 def read_table(path: Path, columns: Sequence[str]) -> Table:

@@ -4,53 +4,39 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
 
+from reproduce.judge.rerun import CannotChangeError
+from reproduce.papers.catalogue import catalogue
 from reproduce.version import __version__
-from reproduce.views.keys import UnknownKeyError, check_key
-from reproduce.views.posterior_commands import calibrate, posterior
+from reproduce.views import front
+from reproduce.views.cli_posteriors import _JSON, bar, calibrate, posterior
+from reproduce.views.keys import check_address, check_key
+from reproduce.views.objects.contents import score_table
 
 __all__ = ["main"]
 
-
-class _Key(click.ParamType[str]):
-    name = "key"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        try:
-            return check_key(value)
-        except UnknownKeyError as error:
-            self.fail(str(error), param, ctx)
-
-
-class _Address(_Key):
-    name = "address"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from reproduce.judge.studies import studies
-        from reproduce.printed.cells import library
-
-        if value in studies():
-            return str(value)
-        key, mark, name = str(value).partition("#")
-        key = super().convert(key, param, ctx)
-        if not mark:
-            return key
-        try:
-            return library()[key][name].address
-        except KeyError as error:
-            self.fail(str(error.args[0]), param, ctx)
-
-
-KEY = _Key()
-ADDRESS = _Address()
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+def _checked(check: Callable[[str], str]) -> Callable[..., Any]:
+    """Return a callback that refuses keys or addresses that name nothing."""
+
+    def convert(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...]) -> Any:
+        try:
+            return tuple(map(check, value)) if isinstance(value, tuple) else check(value)
+        except KeyError as error:
+            raise click.BadParameter(str(error.args[0])) from error
+
+    return convert
+
+
+_ADDRESS = click.argument("address", callback=_checked(check_address), metavar="KEY[#CELL]")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -67,11 +53,9 @@ main.add_command(calibrate)
 
 
 @main.command("list")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+@_JSON
 def list_items(as_json: bool) -> None:
     """List all items, in order of print."""
-    from reproduce.views import front
-
     contents = front.contents()
     if as_json:
         click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
@@ -81,7 +65,7 @@ def list_items(as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("keys", nargs=-1, type=KEY, metavar="[KEY]...")
+@click.argument("keys", nargs=-1, callback=_checked(check_key), metavar="[KEY]...")
 @click.option("--json", "as_json", is_flag=True, help="Print one record per printed cell.")
 def check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
@@ -89,15 +73,12 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
     checksum, else with 1.
     """
-    from reproduce.papers.catalogue import catalogue
-    from reproduce.views import front
-
-    with _progress(len(keys or catalogue())) as advance:
-        found = front.check(*keys, progress=advance)
+    with bar("recomputing", len(keys or catalogue())) as progress:
+        found = front.check(*keys, progress=progress)
     if as_json:
         click.echo(found.ledger.model_dump_json(indent=2))
     else:
-        Console().print(found.score())
+        Console().print(score_table(found.ledger))
         for line in found.remarks():
             click.echo(line)
     for line in found.faults():
@@ -107,7 +88,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("address", type=ADDRESS, metavar="KEY[#CELL]")
+@_ADDRESS
 @click.option(
     "--set",
     "changes",
@@ -125,26 +106,17 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     help="How to read what the text leaves open, such as translations=table-2.",
 )
 def show(
-    address: str,
-    changes: tuple[str, ...],
-    seed: int | None,
-    replicates: int | None,
-    options: tuple[str, ...],
+    address: str, changes: tuple[str, ...], options: tuple[str, ...], **numbers: int | None
 ) -> None:
     """Show an item or a cell, computed beside printed; or computed again with a change.
 
     With nothing but options, the cells say what they would be judged as under that reading.
     """
-    from reproduce.judge.rerun import CannotChangeError
-    from reproduce.views import front
-
-    found = front.item(address)
-    again: dict[str, Any] = {"seed": seed, "replicates": replicates, **_pairs("--option", options)}
-    again = {name: value for name, value in again.items() if value is not None}
+    found, set_to = front.item(address), _pairs("--set", changes)
+    again: dict[str, Any] = {n: value for n, value in numbers.items() if value is not None}
+    again |= _pairs("--option", options)
     try:
-        changed = changes or again
-        shown = found.rerun(_pairs("--set", changes), **again) if changed else found
-        shown.print(Console())
+        (found.rerun(set_to, **again) if set_to or again else found).print(Console())
     except CannotChangeError as error:
         raise click.UsageError(str(error)) from error
 
@@ -159,7 +131,7 @@ def _pairs(option: str, texts: tuple[str, ...]) -> dict[str, str]:
 
 
 @main.command("export")
-@click.argument("address", type=ADDRESS, metavar="KEY[#CELL]")
+@_ADDRESS
 @click.option(
     "--format",
     "form",
@@ -169,13 +141,11 @@ def _pairs(option: str, texts: tuple[str, ...]) -> dict[str, str]:
 )
 def export_item(address: str, form: str) -> None:
     """Write the records of an item or a cell to standard output."""
-    from reproduce.views import front
-
     click.echo(front.item(address).export(form))
 
 
 @main.command()
-@click.argument("key", type=KEY)
+@click.argument("key", callback=_checked(check_key))
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -191,8 +161,6 @@ def export_item(address: str, form: str) -> None:
 )
 def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
     """Draw an item that draws."""
-    from reproduce.views import front
-
     try:
         front.figure(key).rerun(_pairs("--set", changes)).save(out)
     except ValueError as error:
@@ -203,7 +171,7 @@ def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
 
 
 @main.command()
-@click.argument("address", type=ADDRESS, metavar="KEY[#CELL]")
+@_ADDRESS
 @click.option(
     "--format",
     "form",
@@ -213,20 +181,16 @@ def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
 )
 def cite(address: str, form: str) -> None:
     """Print how to cite a reproduced item or cell and its paper."""
-    from reproduce.views import front
-
     click.echo(front.cite(address, form))
 
 
 @main.command()
 @click.argument("paper", required=False, metavar="[PAPER]")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+@_JSON
 @click.option("--table", type=_FILE, help="Audit this table of yours (format: data/README.md).")
 @click.option("--relations", type=_FILE, help="What its numbers should keep, in TOML.")
 def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path | None) -> None:
     """Cross-examine the printed numbers of a paper, or of a table of your own."""
-    from reproduce.views import front
-
     try:
         found = front.contradictions(paper, table=table, relations=relations)
         if as_json:
@@ -235,22 +199,3 @@ def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path 
             found.print(Console())
     except (ValueError, OSError) as error:
         raise click.UsageError(str(error)) from error
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Any]:
-    """Show a bar on a terminal's standard error, and nothing in a pipe."""
-    console = Console(stderr=True)
-    if not console.is_terminal or total < 2:
-        yield None
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("recomputing", total=total)
-        yield lambda key: bar.update(task, advance=1, description=f"done {key}")
-
-
-if __name__ == "__main__":
-    main()

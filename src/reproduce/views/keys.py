@@ -1,4 +1,4 @@
-"""Keys as a reader may type them, with suggestions for slips."""
+"""Keys as a reader may type them, with suggestions for slips, and what they name."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import difflib
 
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import library
+from reproduce.printed.cells import PAPERS, library
 
-__all__ = ["UnknownKeyError", "check_key", "place", "title"]
+__all__ = ["UnknownKeyError", "check_address", "check_key", "check_paper", "place", "title"]
 
 
 class UnknownKeyError(KeyError):
@@ -37,18 +37,29 @@ def check_key(key: str) -> str:
     raise UnknownKeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
 
 
+def check_address(address: str) -> str:
+    """Return `address` if it names an item, a cell of one, or a table of our own."""
+    key, mark, name = address.partition("#")
+    if address in studies():
+        return address
+    return library()[check_key(key)][name].address if mark else check_key(key)
+
+
+def check_paper(paper: str) -> str:
+    """Return `paper` if it is the key of one."""
+    if paper not in PAPERS:
+        raise ValueError(f"unknown paper {paper!r}: expected one of {', '.join(PAPERS)}")
+    return paper
+
+
 def title(key: str) -> str:
     """Return the title of an item, in our words."""
-    table = library().get(key)
-    if table is not None:
-        return table.title
+    if key in library():
+        return library()[key].title
     draw = catalogue()[key].draw
     return "" if draw is None else draw.title
 
 
 def place(key: str) -> str:
     """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``."""
-    table = library().get(key)
-    if table is not None:
-        return table.place
-    return f"Figure {key.rpartition('-')[2]}"
+    return library()[key].place if key in library() else f"Figure {key.rpartition('-')[2]}"

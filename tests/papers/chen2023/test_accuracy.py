@@ -64,14 +64,14 @@ def test_a_floor_is_found_in_the_column_that_has_one_and_in_no_other(tables):
     raised = tables[0].copy()
     raised[2] = np.hypot(raised[2], floor)
     found = accuracy.fit(raised, tables[1:], 0.01 * ARCSEC)
-    assert found.among[2] < 0.01
-    assert found.anywhere < 0.01
-    assert found.without < 0.01
-    assert found.floors[2] == pytest.approx(floor, rel=0.3)
-    assert found.upper[2] > floor
+    assert found["among"][2] < 0.01
+    assert found["single"][-1] < 0.01
+    assert found["without"] < 0.01
+    assert found["floors"][2] == pytest.approx(floor, rel=0.3)
+    assert found["upper"][2] > floor
     others = [0, 1, 3]
-    assert (found.single[others] > 0.02).all()
-    assert (found.upper[others] < floor).all()
+    assert (found["single"][others] > 0.02).all()
+    assert (found["upper"][others] < floor).all()
 
 
 def test_fresh_tables_without_floors_prefer_them_as_strongly_as_the_others(tables):
@@ -108,7 +108,8 @@ def test_the_four_columns_know_nothing_of_each_other_and_the_rows_much(tables):
 
 
 def test_table_4_as_printed_needs_no_floor():
-    found = accuracy.printed_fit(given(accuracy.floors.given))
-    assert found.without > 0.05
-    assert found.anywhere > 0.05
-    assert (found.among > 0.05).all()
+    frame = accuracy.floors()
+    assert frame.attrs["without"] > 0.05
+    *columns, together = frame["probability"]
+    assert together > 0.05
+    assert (frame["in any of four columns"][: len(columns)] > 0.05).all()

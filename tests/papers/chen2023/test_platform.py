@@ -1,5 +1,7 @@
 """The ground platform and its twin: rendered frames against the linear prediction of the ledger."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.random import SeedSequence, default_rng
@@ -11,7 +13,7 @@ from reproduce.papers.chen2023.platform import (
     angle_response,
     designed_positions,
     scatter,
-    tracker_centre,
+    tracker,
 )
 from reproduce.physics.attitude.averaging import scatter_of_averages
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
@@ -47,7 +49,7 @@ def test_each_laser_sits_at_the_corner_towards_its_spot():
 
 def test_the_linear_response_is_that_of_the_full_solution():
     noise = np.random.default_rng(8).normal(0, 0.017, (800, 4, 2))
-    linear = np.tensordot(noise, angle_response(DOOR), axes=([1, 2], [1, 2]))
+    linear = np.tensordot(noise, angle_response(DOOR)[:2], axes=([1, 2], [1, 2]))
     full = full_solution(PRINTED + noise)
     # The error is of second order: noise times noise over the size of the cluster.
     np.testing.assert_allclose(linear, full, atol=2e-3 * full.std())
@@ -58,13 +60,13 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
     step = 1e-3
     moves = step * np.eye(8).reshape(8, 4, 2)
     numeric = (full_solution(PRINTED + moves) - full_solution(PRINTED - moves)) / (2 * step)
-    response = angle_response(DOOR).reshape(2, 8).T
+    response = angle_response(DOOR)[:2].reshape(2, 8).T
     np.testing.assert_allclose(response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max())
     np.testing.assert_array_equal(posteriors.platform(DOOR).principal_point, [511.5, 511.5])
 
 
 def test_the_centre_of_the_detector_is_where_pixels_are_counted_from_zero():
-    np.testing.assert_array_equal(tracker_centre(DOOR), [511.5, 511.5])
+    np.testing.assert_array_equal(tracker(DOOR)[0], [511.5, 511.5])
 
 
 @pytest.fixture(scope="module")
@@ -146,13 +148,16 @@ def test_a_turn_is_measured_about_its_axis_with_its_sign_and_size(platform, axis
 
 
 def test_the_designed_pattern_is_a_twentieth_too_large():
-    found = platform_twin.pattern_misfit(platform_twin.bench(DOOR))
+    bench = platform_twin.bench(DOOR)
+    residual, scale = bench.misfit()
     spots = DOOR.array(SPOTS).reshape(-1, 2)
     pairs = ((spots[2, 0] - spots[1, 0]) + (spots[3, 1] - spots[0, 1])) / 2 * 13e-6 / 60e-3
-    assert found.scale == pytest.approx(pairs / (22e-3 / 2.0), rel=1e-3)
+    assert scale == pytest.approx(pairs / (22e-3 / 2.0), rel=1e-3)
     offsets = np.linalg.norm(spots - spots.mean(axis=0), axis=1).mean()
-    assert found.residual == pytest.approx(offsets * (1 / found.scale - 1), rel=0.02)
-    assert found.after_scale < 0.1 * found.residual
+    expected = offsets * (1 / scale - 1) * 13e-6 / 60e-3
+    assert residual == pytest.approx(expected, rel=0.02)
+    shrunk = replace(bench, camera_directions=bench.camera_directions * [scale, scale, 1.0])
+    assert shrunk.misfit()[0] < 0.1 * residual
 
 
 def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open():
@@ -169,28 +174,28 @@ def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open():
 
 
 def test_the_ride_follows_the_reference_one_average_later():
-    content = figures.ride(given(figures.STAGE_READS))
+    _, reference, monitored = figures.ride(given(figures.STAGE_READS))
     each = 400
     for state in range(5):
         settled = slice(state * each + 100, (state + 1) * each)
-        away = content.monitored[settled] - content.reference[settled]
+        away = monitored[settled] - reference[settled]
         assert np.abs(away).max() < 0.25 * ARCSEC
     # The last state by hand: 79.88 um along X turns about Y, 79.91 um along Y about X, at 2 m.
     by_hand = -np.arctan2([79.91e-6, 79.88e-6], 2.0)
-    np.testing.assert_allclose(content.reference[-1], by_hand, rtol=1e-9)
-    just_moved = content.monitored[each + 10] - content.reference[each + 10]
+    np.testing.assert_allclose(reference[-1], by_hand, rtol=1e-9)
+    just_moved = monitored[each + 10] - reference[each + 10]
     assert (np.abs(just_moved) > 1.5 * ARCSEC).all(), "an average lags behind a jump"
 
 
 def test_the_twin_monitors_states_as_the_ledger_predicts():
     """Means over a state, from rendered frames, less the reference: within the predicted noise."""
-    content = figures.ride(given(figures.STAGE_READS))
+    monitored = figures.ride(given(figures.STAGE_READS))[2]
     door = given(effectiveness.monitored_angle.given)
     errors = effectiveness.monitoring_errors(door, np.random.SeedSequence(5), 4000)
     for state in (2, 3, 4, 5):
         for index, axis in enumerate("yx"):  # the motion along Y turns about X
             motion = door[f"{effectiveness.TABLE}#{state}.motion-{axis}"]
-            last = content.monitored[state * 400 - 1, index]
+            last = monitored[state * 400 - 1, index]
             draws = -np.arctan(motion / 2.0) + errors[:, state - 2, index]
             # The last average holds a quarter of the state's frames.
             assert abs(last - draws.mean()) < 4 * 2 * draws.std()
@@ -199,7 +204,7 @@ def test_the_twin_monitors_states_as_the_ledger_predicts():
 def test_the_taste_test_believes_the_calibrated_directions_and_not_the_designed_ones(platform):
     designed, shrunk, calibrated, aside = platform_twin.believable().to_numpy()[:, 1:]
     # Two pixels of freedom per spot: the misfit in units of the scatter, plus the freedom.
-    misfit = platform_twin.pattern_misfit(platform).residual
+    misfit = platform.misfit()[0] / (13e-6 / 60e-3)
     noise = np.sqrt((scatter(DOOR, 2) ** 2).mean())
     assert designed[0] == pytest.approx(4 * (misfit / noise) ** 2 + 4.35, rel=0.08)
     assert [row[2] for row in (designed, shrunk, aside)] == [100.0, 100.0, 100.0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023 import positioning, satellite
+from reproduce.papers.chen2023 import platform, positioning, satellite
 from reproduce.physics.ground.errors import circular_error
 from reproduce.physics.ground.imaging import ground_jacobian
 from reproduce.printed.given import given
@@ -17,7 +17,7 @@ BUDGET = {term.name: (term,) for term in positioning.terms(DOOR)} | positioning.
 @pytest.mark.parametrize("line", BUDGET)
 def test_the_budget_by_formula_and_by_draws_agree(line, name, tilt, off):
     view = positioning.look(DOOR, tilt, off)
-    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+    jacobian = ground_jacobian(*view)
     exact = sum(positioning.analytic(jacobian, term) for term in BUDGET[line])
     drawn = positioning.simulated(view, BUDGET[line], name)
     spread = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()) + exact**2)
@@ -41,7 +41,7 @@ def test_the_budget_holds_every_term_of_the_model_once():
 
 def test_at_nadir_an_angle_is_worth_the_altitude():
     view = positioning.look(DOOR, 0.0, 0.0)
-    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+    jacobian = ground_jacobian(*view)
     attitude = positioning.terms(DOOR)[0]
     found = float(circular_error(positioning.analytic(jacobian, attitude)))
     # Geodetic up and the radius part by a fifth of a degree: a few parts in a million.
@@ -50,7 +50,7 @@ def test_at_nadir_an_angle_is_worth_the_altitude():
 
 def test_the_roll_moves_the_ground_by_its_arm():
     view = positioning.look(DOOR, 0.0, 5e3)
-    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+    jacobian = ground_jacobian(*view)
     roll = BUDGET["misalignment about Z (roll), one frame"][0]
     found = np.sqrt(np.trace(positioning.analytic(jacobian, roll)))
     assert found == pytest.approx(5e3 * roll.sigma[2], rel=1e-3)
@@ -76,7 +76,7 @@ def test_a_correction_whose_noise_alone_is_too_large_bears_no_amplitude():
 
 def test_monitoring_leaves_its_own_noise_when_nothing_bends():
     errors = positioning.residuals(DOOR, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
-    expected = positioning.monitoring_sigma(DOOR, 100)[:2]
+    expected = platform.angle_sigma(DOOR, 2, 100)[:2]
     np.testing.assert_allclose(errors.std(axis=0), expected, rtol=0.01)
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from reproduce.judge.ledger import build
 from reproduce.papers.chen2023 import resolution
-from reproduce.papers.chen2023.figures import resolution as figures
 from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.phase_study import (
@@ -27,7 +26,7 @@ ARCSEC = np.pi / 180 / 3600
 
 @pytest.fixture(scope="module")
 def content():
-    return figures.compute(given(resolution.READS))
+    return resolution.curves(given(resolution.READS))
 
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
@@ -96,8 +95,7 @@ def test_the_optimum_stands_between_window_and_pixel(content):
 
 
 def test_replicated_studies_scatter_as_their_size_says():
-    cases = (resolution.LITERAL,)
-    (found,) = resolution.replicated_scatter(DOOR, np.random.SeedSequence(3), 400, cases)
+    found = resolution.replicated_scatter(DOOR, np.random.SeedSequence(3), 400)[0]
     relative = found.std(axis=0) / found.mean(axis=0)
     middle = resolution.resolutions(DOOR) / ARCSEC
     unbiased = (middle > 40) & (middle < 50)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023 import satellite, satellite_terms
+from reproduce.papers.chen2023 import satellite
 from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.spots import spot_windows
 from reproduce.printed.given import given
@@ -47,7 +47,7 @@ def test_the_claim_about_the_retroreflector_holds_for_a_corner_cube_alone():
 
 def test_280_belongs_to_a_tracker_with_the_field_of_table_1():
     """Fourteen metres over 280 are fifty millimetres; Table II's are sixty, and see less."""
-    flight, mixed, bench = by_name(satellite_terms.heat()).to_numpy()
+    flight, mixed, bench = by_name(satellite.heat()).to_numpy()
     factors = [flight[0], mixed[0], bench[0]]
     assert factors == pytest.approx([280, 14 / 0.06, 2 / 0.06])
     assert flight[1] == pytest.approx(50)
@@ -59,7 +59,7 @@ def test_280_belongs_to_a_tracker_with_the_field_of_table_1():
 
 
 def test_thermal_terms_by_hand():
-    rows = by_name(satellite_terms.thermal()).drop(columns="unit of its motion").T
+    rows = by_name(satellite.thermal()).drop(columns="unit of its motion").T
     accuracy = 0.15 * ARCSEC
     _, motion, kelvin = rows["all lasers move together"]
     assert motion == pytest.approx(accuracy * 14 * 1e6, rel=1e-3)
@@ -76,8 +76,8 @@ def test_thermal_terms_by_hand():
 
 def test_stray_light_up_to_its_tolerance_does_what_the_table_says():
     """By simulation: an even background raises the scatter by a tenth, a slope shifts the mean."""
-    door = given(satellite_terms.stray.given)
-    signal, background, slope = satellite_terms.tolerances(door)
+    door = given(satellite.stray.given)
+    signal, background, slope = satellite.tolerances(door)
     mean = spot_windows([0.0, 0.0], signal, 7.5 / 13, [-2, -2], 5)
     rng, shape = np.random.default_rng(6), (60_000, 5, 5)
     plain = centre_of_gravity(rng.poisson(mean, shape), [-2, -2])[:, 0]
@@ -89,7 +89,7 @@ def test_stray_light_up_to_its_tolerance_does_what_the_table_says():
 
 
 def test_shares_of_stray_light_follow_from_table_2():
-    shares = by_name(satellite_terms.stray())["at most (%)"]
+    shares = by_name(satellite.stray())["at most (%)"]
     assert shares["laser light that the mirror loses"] == pytest.approx(2.0)
     assert shares["starlight that the mirror loses"] == pytest.approx(10.0)
     # Ten nanometres of the band from 840, where the mirror begins, to 1000, where the sensor ends.

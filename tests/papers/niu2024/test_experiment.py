@@ -124,7 +124,7 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
         draws = fits[channel].camera.radial_distortion
         assert draws.mean() == pytest.approx(coefficient, abs=4 * draws.std() / np.sqrt(2000))
-    apart = experiment.distortion_range(door, seed, 2000, error)
+    apart = np.ptp([fit.camera.radial_distortion for fit in fits.values()], axis=0)
     assert (apart < 34.166 - 34.147).mean() < 0.01
 
 
@@ -135,7 +135,7 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     fits = experiment.registrations(door, np.random.SeedSequence(3), replicates, error)
     used, turns = experiment.cameras(door), experiment.rotations(door)
     true = channel_centroids(used, turns, simulation_angles.literal(door).angles)
-    for place, channel in enumerate(experiment.REGISTERED, start=1):
+    for place, channel in enumerate(("red", "blue"), start=1):
         implied = similarity_between(used[place], turns[place], used[0])
         found = fits[channel].parameters
         bound = np.sqrt(registration_bound(true[place], implied, error, error).diagonal())

@@ -53,7 +53,7 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
     monkeypatch.setattr(simulation, "channel_centroids", seen)
     simulation.calibrations(DOOR, SEED, 1)
     figure = Figure()
-    drawings.draw(figure, {})
+    simulation_angles.draw(figure, {})
     points = figure.axes[0].lines[0]
     drawn = np.column_stack([points.get_xdata(), points.get_ydata()])
     np.testing.assert_array_equal(drawn, np.degrees(used[0]))
@@ -63,12 +63,12 @@ def test_the_translations_of_table_2_carry_the_whole_calibration_along():
     """Both readings calibrate alike; the translations differ by the principal points' shift."""
     door = given(simulation.calibrated_translations.given)
     first, second = (
-        simulation.calibrations(door, SEED, 3, shifts=shifts) for shifts in simulation.SHIFTS
+        simulation.calibrations(door, SEED, 3, translations=way) for way in ("table-1", "table-2")
     )
     for position, channel in enumerate(simulation.REGISTERED, start=1):
         before, after = (
-            simulation.cameras(door, shifts)[position].principal_point
-            for shifts in simulation.SHIFTS
+            simulation.cameras(door, way)[position].principal_point
+            for way in ("table-1", "table-2")
         )
         expected = first[channel].parameters + np.concatenate([[0, 0], after - before])
         np.testing.assert_allclose(second[channel].parameters, expected, rtol=0, atol=1e-9)

@@ -23,7 +23,7 @@ SATELLITE = np.array([WGS84.equatorial_radius + 500e3, 0, 0])
 
 
 def on_the_ellipsoid(points, ellipsoid=WGS84):
-    axes = [ellipsoid.equatorial_radius] * 2 + [ellipsoid.polar_radius]
+    axes = ellipsoid.equatorial_radius * np.array([1, 1, 1 - ellipsoid.flattening])
     return np.sum((points / np.array(axes)) ** 2, axis=-1)
 
 

@@ -65,7 +65,7 @@ def test_a_batch_gives_what_each_gives_alone():
 @pytest.mark.parametrize(
     ("points", "error", "message"),
     [
-        (CLEAN[:5], ValueError, "as many directions as points"),
+        (CLEAN[:5], ValueError, "directions and points: expected as many rows"),
         (np.full_like(CLEAN, np.nan), ValueError, "finite"),
         (-CLEAN, ValueError, "signs of the axes"),
     ],

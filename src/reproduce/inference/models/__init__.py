@@ -1,1 +1,14 @@
-"""One file per model: likelihood, parameters, and what is known of it without sampling."""
+"""Models of the posteriors: which file serves which posterior.
+
+- registration: `registration`; beside it `closed_form` (its posterior without a sampler) and its
+  rivals, in `variants` and `radial`.
+- registration-student, registration-distortion: `variants`, point by point.
+- registration-joint: `joint`, of two `registration`.
+- All four share `least_squares` (the published estimator) and `new_stars` (its consequences).
+- centroid-noise: `centroid_noise`, with the printed digits of `rounded`.
+- misalignment, misalignment-drift: `misalignment`, of the data in `lasers`; beside them
+  `small_angle`, without a sampler.
+- frame-averaging: `averaging`.
+- table-5: `stage_table`, of `reference_angles`; beside it `table_readings`, every reading of the
+  table summed.
+"""

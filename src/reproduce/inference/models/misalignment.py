@@ -7,7 +7,6 @@ in the posterior of the misalignment. Angles in radians, right-handed about the 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,8 +23,7 @@ from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
 __all__ = [
-    "AXES", "MOUNT", "ConstantLikelihood", "SpotLikelihood", "drift_model",
-    "misalignment_model",
+    "AXES", "MOUNT", "SpotLikelihood", "misalignment_model",
 ]  # fmt: skip
 
 AXES = "xyz"
@@ -36,31 +34,33 @@ STEP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class SpotLikelihood(ABC):
-    """Spots of one or more groups; a subclass says how the camera turns in each group.
+class SpotLikelihood:
+    """Spots of two groups: the zero point, and a misalignment that may drift evenly.
 
     - `platform`: the instrument.
     - `statistics`: the data.
+    - `drifts`: whether there is a drift over the second group, in the middle of which the
+      misalignment then holds.
 
     Notes
     -----
-    The first three parameters are the mount angles, the last two the laser scale and the noise.
+    The parameters are the mount angles, the misalignment, the drift if any, the laser scale and the
+    noise.
     """
 
     platform: Platform
     statistics: SpotStatistics
+    drifts: bool = False
 
-    @abstractmethod
     def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Misalignment at the start and at the end of each group, (n, groups, 3)."""
-
-    @abstractmethod
-    def middle(self) -> tuple[FloatArray, FloatArray]:
-        """Rough values and scales of the parameters between mount and laser scale."""
-
-    @abstractmethod
-    def by_quest(self, found: Quest) -> list[FloatArray]:
-        """What QUEST gives of all parameters but the noise, in pieces of shape (2, m)."""
+        angle = parameters[:, 3:6]
+        zero = np.zeros_like(angle)
+        if not self.drifts:
+            turn = np.stack([zero, angle], axis=1)
+            return turn, turn
+        half = 0.5 * parameters[:, 6:9]
+        return np.stack([zero, angle - half], axis=1), np.stack([zero, angle + half], axis=1)
 
     def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
         """Spots after turns of shape (n, groups, 3), in px."""
@@ -95,16 +95,17 @@ class SpotLikelihood(ABC):
         return self.fitted
 
     def estimate(self) -> tuple[FloatArray, FloatArray]:
-        """What the paper's own method gives, and its standard errors."""
+        """QUEST of both groups, and its standard errors; it knows no drift and no laser scale."""
         found = Quest(self.platform, self.statistics)
-        values, errors = np.concatenate([*self.by_quest(found), found.noise], axis=1)
+        nothing = none(4 if self.drifts else 1)
+        pieces = [found.mount, found.turned(1), nothing, found.noise]
+        values, errors = np.concatenate(pieces, axis=1)
         return values, errors
 
     def rough(self) -> tuple[FloatArray, FloatArray]:
-        """Rough values and scales of all parameters but the noise."""
-        middle, scales = self.middle()
-        centre = np.concatenate([np.zeros(3), middle, [1.0]])
-        return centre, np.concatenate([np.full(3, 1e-2), scales, [0.3]])
+        """Rough values and scales of all parameters but the noise: some arc minutes, a tenth."""
+        angles = 9 if self.drifts else 6
+        return np.append(np.zeros(angles), 1.0), np.append(np.full(angles, 1e-2), 0.3)
 
     @cached_property
     def fitted(self) -> tuple[FloatArray, FloatArray]:
@@ -166,65 +167,10 @@ class SpotLikelihood(ABC):
         }
 
 
-class ConstantLikelihood(SpotLikelihood):
-    """Two groups: the zero point and one misalignment (parameters 3 to 5)."""
-
-    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """No turn in the first group, the misalignment in the second."""
-        turn = np.stack([np.zeros_like(parameters[:, 3:6]), parameters[:, 3:6]], axis=1)
-        return turn, turn
-
-    def middle(self) -> tuple[FloatArray, FloatArray]:
-        """No misalignment, give or take some arc minutes."""
-        return np.zeros(3), np.full(3, 1e-2)
-
-    def by_quest(self, found: Quest) -> list[FloatArray]:
-        """Zero attitude and misalignment; the laser scale drops out of them."""
-        return [found.mount, found.turned(1), none(1)]
-
-
-class DriftLikelihood(SpotLikelihood):
-    """The zero point, and a misalignment (3 to 5) that drifts evenly (by 6 to 8 over the group)."""
-
-    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The misalignment in the middle of the group, less and plus half the drift."""
-        zero = np.zeros_like(parameters[:, 3:6])
-        half = 0.5 * parameters[:, 6:9]
-        first = np.stack([zero, parameters[:, 3:6] - half], axis=1)
-        last = np.stack([zero, parameters[:, 3:6] + half], axis=1)
-        return first, last
-
-    def middle(self) -> tuple[FloatArray, FloatArray]:
-        """No misalignment and no drift, give or take some arc minutes."""
-        return np.zeros(6), np.full(6, 1e-2)
-
-    def by_quest(self, found: Quest) -> list[FloatArray]:
-        """Zero attitude, and the mean misalignment of the group, which is that in its middle."""
-        return [found.mount, found.turned(1), none(4)]
-
-
 def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC_PER_RADIAN) for a in AXES
     )
-
-
-def spots_model(
-    name: str,
-    middle: tuple[Parameter, ...],
-    likelihood: SpotLikelihood,
-    priors: Mapping[str, Prior] | None,
-    derived: Derived | None,
-) -> Model:
-    mount = Normal(0.0, MOUNT, "the zero attitude is laid over the spots to begin with, so only "
-                   "the misfit of the design is left: a quarter of a degree is "
-                   "generous")  # fmt: skip
-    scale = Parameter("laser-scale", "s", "1", Normal(1.0, 0.1, "a pattern within a tenth or so of "
-                      "its design; the printed spots lie a twentieth off"))  # fmt: skip
-    noise = Parameter("noise", r"\sigma", "px", LogUniform(1e-4, 1.0, "from far finer than any "
-                      "centroid to a whole pixel, no scale preferred"))  # fmt: skip
-    parameters = (*_angles("mount", r"\alpha", mount), *middle, scale, noise)
-    return Model(name, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
 
 
 MISALIGNED = Normal(
@@ -236,33 +182,26 @@ def misalignment_model(
     platform: Platform,
     statistics: SpotStatistics,
     *,
+    drifts: bool = False,
     priors: Mapping[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
-    """A constant misalignment from two groups of images, the first at the zero point.
+    """A misalignment from two groups of images, the first at the zero point.
 
-    Parameters mount-x..z, angle-x..z (rad), laser-scale, noise (px).
+    Parameters mount-x..z, angle-x..z (rad; in the middle of the group), drift-x..z (over the whole
+    group, if it drifts: the statistics then have slopes), laser-scale, noise (px).
     """
-    likelihood = ConstantLikelihood(platform, statistics)
-    middle = _angles("angle", r"\theta", MISALIGNED)
-    return spots_model("misalignment", middle, likelihood, priors, derived)
-
-
-def drift_model(
-    platform: Platform,
-    statistics: SpotStatistics,
-    *,
-    priors: Mapping[str, Prior] | None = None,
-    derived: Derived | None = None,
-) -> Model:
-    """A misalignment that drifts evenly through the second group, of which there are slopes.
-
-    Parameters mount-x..z, angle-x..z (middle of the group), drift-x..z (over the whole group),
-    laser-scale, noise.
-    """
-    likelihood = DriftLikelihood(platform, statistics)
-    middle = (
-        *_angles("angle", r"\theta", MISALIGNED),
-        *_angles("drift", r"\dot\theta", MISALIGNED),
-    )
-    return spots_model("misalignment-drift", middle, likelihood, priors, derived)
+    angles = _angles("angle", r"\theta", MISALIGNED)
+    if drifts:
+        angles += _angles("drift", r"\dot\theta", MISALIGNED)
+    mount = Normal(0.0, MOUNT, "the zero attitude is laid over the spots to begin with, so only "
+                   "the misfit of the design is left: a quarter of a degree is "
+                   "generous")  # fmt: skip
+    scale = Parameter("laser-scale", "s", "1", Normal(1.0, 0.1, "a pattern within a tenth or so of "
+                      "its design; the printed spots lie a twentieth off"))  # fmt: skip
+    noise = Parameter("noise", r"\sigma", "px", LogUniform(1e-4, 1.0, "from far finer than any "
+                      "centroid to a whole pixel, no scale preferred"))  # fmt: skip
+    parameters = (*_angles("mount", r"\alpha", mount), *angles, scale, noise)
+    likelihood = SpotLikelihood(platform, statistics, drifts)
+    name = "misalignment-drift" if drifts else "misalignment"
+    return Model(name, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)

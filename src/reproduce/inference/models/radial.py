@@ -125,12 +125,7 @@ def linear_log_evidence(model: Model) -> float:
     estimates of the shape are Gaussian about nothing, with the covariances of prior and estimate
     added. Exact but for what the posterior leaves outside the ends of the flat priors.
     """
-    likelihood = model.likelihood
-    if not isinstance(likelihood, LinearRegistration):
-        raise UnsuitableModelError(
-            f"model: expected a linear registration, got {type(likelihood).__name__}; "
-            "use `evidence.log_evidence`"
-        )
+    likelihood = model.likelihood_of(LinearRegistration)
     flat = len(SIMILARITY)
     _, root, least = likelihood.reduced
     size = len(likelihood.design)
@@ -190,9 +185,7 @@ def linear_model(base: Model, shape: Shape, width: float = WIDTH) -> Model:
     Coefficients as displacements at the edge of the field, in px, and the noise. `width` is the
     prior standard deviation of the terms of the shape.
     """
-    plain = base.likelihood
-    if not isinstance(plain, GaussianRegistration):
-        raise TypeError(f"base: expected a Gaussian registration, got {type(plain).__name__}")
+    plain = base.likelihood_of(GaussianRegistration)
     likelihood = LinearRegistration(plain.source, plain.target, plain.pivot, shape)
     placed = Uniform(-50.0, 50.0, "channels of one prism lie within some tens of px of each other, "
                      "turned and scaled alike")  # fmt: skip

@@ -15,7 +15,7 @@ from numpy.random import Generator
 from scipy.special import logsumexp
 
 from reproduce.inference.model import Model, UnsuitableModelError
-from reproduce.inference.models.misalignment import ConstantLikelihood, SpotLikelihood
+from reproduce.inference.models.misalignment import SpotLikelihood
 from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 
@@ -72,11 +72,7 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
 
     Exact in the limit of small angles; every prior but that of the noise has to be a `Normal`.
     """
-    likelihood = model.likelihood
-    if not isinstance(likelihood, SpotLikelihood):
-        raise UnsuitableModelError(
-            f"model: expected a misalignment, got {type(likelihood).__name__}"
-        )
+    likelihood = model.likelihood_of(SpotLikelihood)
     priors = [parameter.prior for parameter in model.parameters[:-1]]
     if not all(isinstance(prior, Normal) for prior in priors):
         raise UnsuitableModelError(
@@ -118,11 +114,7 @@ def spot_bound(model: Model) -> FloatArray:
     In SI units and px, the noise last: roots of the diagonal of the inverse Fisher information at
     the best fit.
     """
-    likelihood = model.likelihood
-    if not isinstance(likelihood, SpotLikelihood):
-        raise UnsuitableModelError(
-            f"model: expected a misalignment, got {type(likelihood).__name__}"
-        )
+    likelihood = model.likelihood_of(SpotLikelihood)
     centre, spread = likelihood.start()
     scale, noise = spread[:-1], centre[-1]
     response = likelihood.linearised(centre, scale)[0] * scale / noise
@@ -136,7 +128,7 @@ def small_angle_log_evidence(model: Model) -> float:
     return small_angle_posterior(model).log_evidence
 
 
-def errors_with_free_lasers(likelihood: ConstantLikelihood) -> FloatArray:
+def errors_with_free_lasers(likelihood: SpotLikelihood) -> FloatArray:
     """Standard errors of the misalignment if the direction of every laser were free, (3,), radians.
 
     The first group then measures where each laser points, and only the motion of its spot from

@@ -95,9 +95,7 @@ def read(model: Model, reading: TableReading, finer: float = 1) -> TableResult:
 
     The model's own hypothesis plays no part; `finer` multiplies the points of every grid.
     """
-    likelihood = model.likelihood
-    if not isinstance(likelihood, StageTableLikelihood):
-        raise TypeError(f"model: expected the stage table, got {type(likelihood).__name__}")
+    likelihood = model.likelihood_of(StageTableLikelihood)
     table = StageTable.of(model, likelihood, reading)
     points = EVERY * round(finer * POINTS / EVERY) + 1
     orders = [round(finer * order) for order in ORDERS]

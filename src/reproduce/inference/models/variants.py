@@ -218,9 +218,7 @@ def _extended(
     suffix: str,
     extra: tuple[Parameter, ...],
 ) -> Model:
-    plain = base.likelihood
-    if not isinstance(plain, GaussianRegistration):
-        raise TypeError(f"base: expected a Gaussian registration, got {type(plain).__name__}")
+    plain = base.likelihood_of(GaussianRegistration)
     return replace(
         base,
         name=f"registration-{suffix}",

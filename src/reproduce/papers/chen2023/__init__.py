@@ -1,69 +1,46 @@
 """Chen et al., IEEE TGRS (2023): watching a camera's misalignment with lasers on SVGF-1."""
 
+
+def _made(*modules: tuple[str, str]) -> dict[str, str]:
+    """Return each key with its module, in order."""
+    return {f"chen2023/{key}": module for module, keys in modules for key in keys.split()}
+
+
 # The modules that make and draw each item, in order of print; none for one that is only quoted.
-ITEMS = {
-    "chen2023/text-context": "",
-    "chen2023/fig-1a": "figures.satellite",
-    "chen2023/fig-1b": "figures.satellite",
-    "chen2023/fig-1c": "figures.platform",
-    "chen2023/fig-1d": "figures.platform",
-    "chen2023/table-1": "satellite",
-    "chen2023/text-positioning": "positioning",
-    "chen2023/fig-2a": "figures.satellite",
-    "chen2023/fig-2b": "figures.satellite",
-    "chen2023/fig-3a": "figures.satellite",
-    "chen2023/fig-3b": "figures.satellite",
-    "chen2023/fig-3c": "figures.satellite",
-    "chen2023/text-satellite": "satellite",
-    "chen2023/fig-4": "figures.satellite",
-    "chen2023/fig-5": "figures.satellite",
-    "chen2023/fig-6a": "figures.platform",
-    "chen2023/fig-6b": "figures.platform",
-    "chen2023/text-hardware": "",
-    "chen2023/table-2": "platform",
-    "chen2023/text-effectiveness": "effectiveness",
-    "chen2023/text-platform": "platform",
-    "chen2023/fig-7": "figures.platform",
-    "chen2023/table-3": "",
-    "chen2023/text-accuracy": "accuracy",
-    "chen2023/fig-8": "figures.platform",
-    "chen2023/fig-9": "figures.platform",
-    "chen2023/table-4": "accuracy",
-    "chen2023/table-5": "effectiveness",
-    "chen2023/fig-10a": "figures.platform",
-    "chen2023/fig-10b": "figures.platform",
-    "chen2023/fig-10c": "figures.platform",
-    "chen2023/text-resolution": "resolution",
-    "chen2023/fig-11a": "figures.resolution",
-    "chen2023/fig-11b": "figures.resolution",
-}
+ITEMS = _made(
+    ("", "text-context"),
+    ("figures.satellite", "fig-1a fig-1b"),
+    ("figures.platform", "fig-1c fig-1d"),
+    ("satellite", "table-1"),
+    ("positioning", "text-positioning"),
+    ("figures.satellite", "fig-2a fig-2b fig-3a fig-3b fig-3c"),
+    ("satellite", "text-satellite"),
+    ("figures.satellite", "fig-4 fig-5"),
+    ("figures.platform", "fig-6a fig-6b"),
+    ("", "text-hardware"),
+    ("platform", "table-2"),
+    ("effectiveness", "text-effectiveness"),
+    ("platform", "text-platform"),
+    ("figures.platform", "fig-7"),
+    ("", "table-3"),
+    ("accuracy", "text-accuracy"),
+    ("figures.platform", "fig-8 fig-9"),
+    ("accuracy", "table-4"),
+    ("effectiveness", "table-5"),
+    ("figures.platform", "fig-10a fig-10b fig-10c"),
+    ("resolution", "text-resolution fig-11a fig-11b"),
+)
 
 # The modules of our own tables beside the paper's.
-STUDIES = {
-    "chen2023/retro-reflectors": "satellite",
-    "chen2023/dichroic": "satellite",
-    "chen2023/heat": "satellite_terms",
-    "chen2023/thermal": "satellite_terms",
-    "chen2023/stray": "satellite_terms",
-    "chen2023/budget": "positioning",
-    "chen2023/strategies": "positioning",
-    "chen2023/ages": "positioning",
-    "chen2023/suffices": "positioning",
-    "chen2023/floors": "accuracy",
-    "chen2023/orders": "attitude",
-    "chen2023/misfit": "platform_twin",
-    "chen2023/believable": "platform_twin",
-    "chen2023/sensors": "platform_twin",
-    "chen2023/roll": "platform_twin",
-    "chen2023/focal-lengths": "effectiveness",
-    "chen2023/readings": "resolution",
-    "chen2023/errors": "resolution",
-    "chen2023/estimators": "resolution",
-}
+STUDIES = _made(
+    ("satellite", "retro-reflectors dichroic heat thermal stray"),
+    ("positioning", "budget strategies ages suffices"),
+    ("accuracy", "floors"),
+    ("attitude", "orders"),
+    ("platform_twin", "misfit believable sensors roll"),
+    ("effectiveness", "focal-lengths"),
+    ("resolution", "readings errors estimators"),
+)
 
 # The modules of our own drawings.
-DRAWINGS = {
-    "chen2023-instruments": "figures.attitude",
-    "chen2023-misalignment": "figures.attitude",
-    "chen2023-stage": "figures.attitude",
-}
+DRAWINGS = {f"chen2023-{what}": "attitude" for what in ("instruments", "misalignment", "stage")}

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,7 +47,6 @@ __all__ = [
     "fit",
     "joint_model",
     "preferences",
-    "printed_fit",
     "simulated_accuracies",
 ]
 
@@ -56,13 +56,12 @@ FRAMES = f"{TEXT}#frames"
 SMOOTHED = f"{TEXT}#smoothing-frames"
 DURATION = f"{TEXT}#duration"
 RATE = f"{TEXT}#frame-rate"
-MATRICES = ("transform", "misalignment")
-TITLES = {"transform": "laser transform", "misalignment": "misalignment"}
+MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 REPLICATES = 2000
 READS = (*platform.INSTRUMENT, platform.SCATTER, FRAMES, f"{TABLE}#*.frames")
 # Replicates simulated at once: enough to be fast, few enough to stay small in memory.
 BATCH = 250
-COLUMNS = tuple((matrix, axis) for matrix in MATRICES for axis in "xy")
+COLUMNS = tuple(product(MATRICES, "xy"))
 DIGIT = 0.01 * RADIANS_PER_ARCSEC
 # Floors that are tried, in units of the column's single-frame accuracy.
 TRIED = np.linspace(0.0, 0.4, 81)
@@ -83,13 +82,14 @@ NEEDED = 0.01
 )
 def frame_averaging(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Accuracy of the two matrices, for averages over more and more frames."""
-    counts = [int(n) for n in given.array(f"{TABLE}#*.frames")]
+    counts = _counts(given)
     accuracies = simulated_accuracies(given, seed, replicates, counts)
+    # Group, count and axis come first: each cell is then one series of replicates.
+    cells = product(MATRICES, counts, "xy")
+    series = np.moveaxis(accuracies, 0, -1).reshape(-1, replicates)
     return {
-        f"{count}.{matrix}-{axis}": Prediction(accuracies[:, m, c, a])
-        for m, matrix in enumerate(MATRICES)
-        for c, count in enumerate(counts)
-        for a, axis in enumerate("xy")
+        f"{count}.{matrix}-{axis}": Prediction(draws)
+        for (matrix, count, axis), draws in zip(cells, series, strict=True)
     }
 
 
@@ -100,7 +100,7 @@ def simulated_accuracies(
 
     Shape (replicates, 2 groups, counts, 2 axes). Three standard deviations, in radians.
     """
-    response = platform.angle_response(given)
+    response = platform.angle_response(given)[:2]
     spots = np.stack([platform.scatter(given, group) for group in (1, 2)])
     frames = given.count(FRAMES)
     parts = []
@@ -115,11 +115,7 @@ def simulated_accuracies(
     return platform.SIGMAS * np.concatenate(parts)
 
 
-@reproduces(
-    TEXT,
-    cells=["smoothing-time-*"],
-    given=[DURATION, FRAMES, SMOOTHED, RATE],
-)
+@reproduces(TEXT, cells=["smoothing-time-*"], given=[DURATION, FRAMES, SMOOTHED, RATE])
 def times(given: Given) -> Results:
     """Time to take the averaged frames, in flight and on the ground platform."""
     averaged = given.count(SMOOTHED)
@@ -136,13 +132,10 @@ def times(given: Given) -> Results:
 )
 def quoted_accuracy(given: Given) -> Results:
     """First and last row of Table IV, quoted again in the text."""
-    results = {}
-    for matrix in MATRICES:
-        for axis in "xy":
-            results[f"{matrix}-single-{axis}"] = given[f"{TABLE}#1.{matrix}-{axis}"]
-        smoothed = given.array(f"{TABLE}#100.{matrix}-?")
-        results[f"{matrix}-smoothed-bound"] = float(smoothed.max())
-    return results
+    smoothed = {matrix: given.array(f"{TABLE}#100.{matrix}-?") for matrix in MATRICES}
+    return {
+        f"{matrix}-single-{axis}": given[f"{TABLE}#1.{matrix}-{axis}"] for matrix, axis in COLUMNS
+    } | {f"{matrix}-smoothed-bound": float(both.max()) for matrix, both in smoothed.items()}
 
 
 @reproduces(TEXT, cells=["centroid-accuracy"], given=[f"{platform.SCATTER}#1-*"])
@@ -158,56 +151,48 @@ def pixel_angle(given: Given) -> Results:
 
 
 @cache
-def _predicted(door: Given) -> Results:
-    return frame_averaging(door)
-
-
-def replicated_table(door: Given, counts: list[int]) -> FloatArray:
+def replicated_table(door: Given) -> FloatArray:
     """Return the replicates of Table IV that its prediction rests on.
 
     Shape (replicates, columns, counts). Three standard deviations, in radians; X and Y of the laser
     transform, then of the misalignment.
     """
-    # The door that the drawing is given, so that both share one simulation.
-    predicted = _predicted(door.narrowed(READS))
-    columns = [
-        np.stack([_draws(predicted[f"{count}.{matrix}-{axis}"]) for count in counts], axis=-1)
-        for matrix, axis in COLUMNS
-    ]
-    return np.stack(columns, axis=1)
+    predicted = frame_averaging(door)
+    cells = product(MATRICES, _counts(door), "xy")
+    found = [predicted[f"{count}.{matrix}-{axis}"] for matrix, count, axis in cells]
+    draws = np.stack([cell.draws for cell in found if isinstance(cell, Prediction)], axis=-1)
+    tables = draws.reshape(len(draws), len(MATRICES), -1, 2)
+    return tables.swapaxes(2, 3).reshape(len(draws), len(COLUMNS), -1)
+
+
+def _counts(given: Given) -> list[int]:
+    return [int(n) for n in given.array(f"{TABLE}#*.frames")]
 
 
 @draws("chen2023/table-4", given=READS)
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Accuracy of the matrices against the number of averaged frames."""
-    predicted = _predicted(door)
-    counts = [int(n) for n in door.array(f"{TABLE}#*.frames")]
+    counts = _counts(door)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    for axes, matrix in zip(panels, MATRICES, strict=True):
-        for axis, marker, line in (("x", "o", "-"), ("y", "s", "--")):
-            names = [f"{count}.{matrix}-{axis}" for count in counts]
-            draws = np.stack([_draws(predicted[name]) for name in names])
-            ends = np.quantile(draws, [0.005, 0.5, 0.995], axis=1)
-            low, middle, high = ends * ARCSEC_PER_RADIAN
-            (drawn,) = axes.loglog(counts, middle, line, label=f"predicted, {axis.upper()}")
-            colour = drawn.get_color()
-            axes.fill_between(
-                counts, low, high, facecolor=(colour, 0.15), edgecolor=colour, linestyle=line
-            )
-            values = [printed[f"{TABLE}#{name}"] * ARCSEC_PER_RADIAN for name in names]
-            axes.plot(counts, values, marker, color=colour, label=f"printed, {axis.upper()}")
-        axes.set(xlabel="frames averaged", title=TITLES[matrix])
+    looks = (("o", "-"), ("s", "--")) * 2
+    columns = zip(COLUMNS, looks, replicated_table(door).transpose(1, 2, 0), strict=True)
+    for (matrix, axis), (marker, line), tables in columns:
+        axes = panels[list(MATRICES).index(matrix)]
+        low, middle, high = np.quantile(tables, [0.005, 0.5, 0.995], axis=1) * ARCSEC_PER_RADIAN
+        (drawn,) = axes.loglog(counts, middle, line, label=f"predicted, {axis.upper()}")
+        colour = drawn.get_color()
+        face = (colour, 0.15)
+        axes.fill_between(counts, low, high, facecolor=face, edgecolor=colour, linestyle=line)
+        values = np.array([printed[f"{TABLE}#{count}.{matrix}-{axis}"] for count in counts])
+        label = f"printed, {axis.upper()}"
+        axes.plot(counts, values * ARCSEC_PER_RADIAN, marker, color=colour, label=label)
+    for axes, title in zip(panels, MATRICES.values(), strict=True):
+        axes.set(xlabel="frames averaged", title=title)
         axes.set_xticks(counts, [str(count) for count in counts], minor=False)
         axes.set_yticks([0.1, 0.2, 0.5, 1.0], ["0.1", "0.2", "0.5", "1"], minor=False)
         axes.minorticks_off()
     panels[0].set_ylabel("accuracy (3σ, arcsec)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-
-
-def _draws(result: object) -> FloatArray:
-    if not isinstance(result, Prediction):
-        raise TypeError(f"expected a Prediction, got {type(result).__name__}")
-    return result.draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,76 +215,48 @@ class Model:
     floors: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class JointFit:
-    """Floors under all columns of a table, fitted together.
-
-    Attributes
-    ----------
-    without : float
-        How often a table without floors is at least as far from its own mean as the printed one.
-    anywhere : float
-        How often a table without floors prefers floors at least as strongly as the printed one.
-    floors, upper : ndarray, shape (columns,)
-        The most likely floors, and the largest that are not refused at 95 %, in radians.
-    single, among : ndarray, shape (columns,)
-        How often a table without floors prefers one in this column at least as strongly; and how
-        often in any of its columns.
-    """
-
-    without: float
-    anywhere: float
-    floors: FloatArray
-    upper: FloatArray
-    single: FloatArray
-    among: FloatArray
-
-
 def joint_model(noise: FloatArray, digit: float) -> Model:
     """Return the joint law of a table from replicates without floors.
 
     A floor raises the mean of a logarithm and narrows it; which cells rise and fall together stays.
     """
-    columns, counts = noise.shape[1:]
     floors = TRIED * noise[:, :, 0].mean(axis=0)[:, np.newaxis]
-    shape = (columns, len(TRIED), counts)
-    means, spreads = np.empty(shape), np.empty(shape)
-    for column, row in enumerate(floors):
-        for place, floor in enumerate(row):
-            model = np.log(averaged_error(1.0, noise[:, column], floor))
-            means[column, place], spreads[column, place] = model.mean(axis=0), model.std(axis=0)
-    spreads /= spreads[:, :1]
+    logarithms = np.log(averaged_error(1.0, noise[:, :, np.newaxis], floors[..., np.newaxis]))
+    means, spreads = logarithms.mean(axis=0), logarithms.std(axis=0)
     rows = noise.reshape(len(noise), -1)
     # Rounding spreads a number evenly over one digit.
     rounding = np.diag((digit / rows.mean(axis=0)) ** 2 / 12.0)
     weight = np.linalg.inv(np.cov(np.log(rows).T) + rounding)
-    return Model(means, spreads, weight.reshape(columns, counts, columns, counts), floors)
+    return Model(means, spreads / spreads[:, :1], weight.reshape(noise.shape[1:] * 2), floors)
 
 
-def fit(printed: FloatArray, noise: FloatArray, digit: float) -> JointFit:
-    """Fit floors under all columns together and compare with tables that have none."""
+def fit(printed: FloatArray, noise: FloatArray, digit: float) -> dict[str, FloatArray]:
+    """Fit floors under all columns together and compare with tables that have none.
+
+    ``without``: how often a table without floors is at least as far from its own mean as the
+    printed one. ``floors`` and ``upper``: the most likely floors of the columns, and the largest
+    that are not refused at 95 %, in radians. ``single``: how often a table without floors prefers
+    one in this column at least as strongly; last, floors anywhere. ``among``: how often in any of
+    its columns.
+    """
     model = joint_model(noise, digit)
     tables = np.concatenate([printed[np.newaxis], np.round(noise / digit) * digit])
     none, gains, best = preferences(tables, model)
     away = _away(tables[:1], model)
     least = _descended(model, away)[1]
-    upper = [
-        max(
-            place
-            for place in range(len(TRIED))
-            if (_descended(model, away, {column: place})[1] - least)[0] <= LIMIT
-        )
-        for column in range(len(printed))
+    columns = range(len(printed))
+    lost = [
+        [(_descended(model, away, {column: place})[1] - least)[0] for place in range(len(TRIED))]
+        for column in columns
     ]
-    columns = np.arange(len(printed))
-    return JointFit(
-        without=_share(none),
-        anywhere=_share(gains[:, -1]),
-        floors=model.floors[columns, best[0]],
-        upper=model.floors[columns, upper],
-        single=np.array([_share(gains[:, column]) for column in columns]),
-        among=(gains[1:, :-1].max(axis=1)[:, np.newaxis] >= gains[0, :-1]).mean(axis=0),
-    )
+    upper = [np.flatnonzero(np.array(row) <= LIMIT).max() for row in lost]
+    return {
+        "without": (none[1:] >= none[0]).mean(),
+        "floors": model.floors[columns, best[0]],
+        "upper": model.floors[columns, upper],
+        "single": (gains[1:] >= gains[0]).mean(axis=0),
+        "among": (gains[1:, :-1].max(axis=1)[:, np.newaxis] >= gains[0, :-1]).mean(axis=0),
+    }
 
 
 def preferences(
@@ -321,11 +278,6 @@ def preferences(
 def _away(tables: FloatArray, model: Model) -> FloatArray:
     """Return tables' logarithms less the mean under every floor, in units of its spread."""
     return np.asarray((np.log(tables)[:, :, np.newaxis] - model.means) / model.spreads)
-
-
-def _share(values: FloatArray) -> float:
-    """Return how many of the others are at least as large as the first."""
-    return float((values[1:] >= values[0]).mean())
 
 
 def _descended(
@@ -363,13 +315,6 @@ def _at(away: FloatArray, places: NDArray[np.intp]) -> FloatArray:
     return np.take_along_axis(away, index, axis=2)[:, :, 0]
 
 
-def printed_fit(given: Given) -> JointFit:
-    """Return the joint fit of Table IV as printed."""
-    counts = [int(n) for n in given.array(f"{TABLE}#*.frames")]
-    printed = np.stack([given.array(f"{TABLE}#*.{matrix}-{axis}") for matrix, axis in COLUMNS])
-    return fit(printed, replicated_table(given, counts), DIGIT)
-
-
 @studied(
     "chen2023/floors",
     given=(*READS, *(f"{TABLE}#*.{matrix}-?" for matrix in MATRICES)),
@@ -387,18 +332,19 @@ def printed_fit(given: Given) -> JointFit:
 )
 def floors(given: Given) -> pd.DataFrame:
     """Whether Table IV needs floors that averaging does not reduce, all cells together."""
-    found = printed_fit(given)
-    best, most = found.floors * ARCSEC_PER_RADIAN, found.upper * ARCSEC_PER_RADIAN
+    printed = np.stack([given.array(f"{TABLE}#*.{matrix}-{axis}") for matrix, axis in COLUMNS])
+    # The door that the drawing is given, so that both share one simulation.
+    found = fit(printed, replicated_table(given.narrowed(READS)), DIGIT)
+    *single, anywhere = found["single"]
+    best, most = found["floors"] * ARCSEC_PER_RADIAN, found["upper"] * ARCSEC_PER_RADIAN
+    columns = zip(best, most, single, found["among"], found["among"], strict=True)
+    lines = {
+        f"{matrix}, {axis.upper()}": numbers
+        for (matrix, axis), numbers in zip(COLUMNS, columns, strict=True)
+    }
+    lines["all four together"] = (np.nan, np.nan, anywhere, np.nan, anywhere)
     rows = [
-        (f"{matrix}, {axis.upper()}", *numbers, _needed(numbers[-1]))
-        for (matrix, axis), *numbers in zip(
-            COLUMNS, best, most, found.single, found.among, strict=True
-        )
+        (name, *numbers, "needed" if decides < NEEDED else "not needed")
+        for name, (*numbers, decides) in lines.items()
     ]
-    open_ended = (np.nan, np.nan, found.anywhere, np.nan)
-    rows.append(("all four together", *open_ended, _needed(found.anywhere)))
-    return floors.frame(rows, without=found.without)
-
-
-def _needed(probability: float) -> str:
-    return "needed" if probability < NEEDED else "not needed"
+    return floors.frame(rows, without=found["without"])

@@ -17,7 +17,7 @@ angles of an axis, which share the noise of the zero state.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,37 +69,25 @@ REPLICATES = 4000
 LAST = f"{TABLE}#5.reference-y"
 MISSING = "the focal length of the telescope, of which a nominal one is printed"
 COLUMNS = f"{MISSING}, and on which columns of Table V belong together"
-AS_QUOTED = ("columns as printed; 2000 mm", "IV-B writes it without 'nominal'")
-NOMINAL = ("columns as printed; nominal 2000 mm", "Table II")
-AS_PRINTED = ("columns as printed; one focal length", "(10), with the last angle about Y")
-MOTIONS = (
-    "positions and motions interchanged; one focal length",
-    "headings of Table V; (10), with the last angle about Y",
-)
-REFERENCES = (
-    "reference angles interchanged; one focal length",
-    "headings of Table V; (10), with the last angle about Y",
-)
-# What each reading chooses of what Table V leaves open.
-CHOICES = {
-    AS_QUOTED: {"columns": "printed", "telescope": "quoted"},
-    NOMINAL: {"columns": "printed", "telescope": "nominal"},
-    AS_PRINTED: {"columns": "printed", "telescope": "common"},
-    MOTIONS: {"columns": "motions", "telescope": "common"},
-    REFERENCES: {"columns": "references", "telescope": "common"},
+# Each reading chooses columns and focal length: its name, and where the text leaves room for it.
+BY_LAST = "(10), with the last angle about Y"
+BY_HEADINGS = f"headings of Table V; {BY_LAST}"
+READINGS = {
+    ("printed", "quoted"): ("columns as printed; 2000 mm", "IV-B writes it without 'nominal'"),
+    ("printed", "nominal"): ("columns as printed; nominal 2000 mm", "Table II"),
+    ("printed", "common"): ("columns as printed; one focal length", BY_LAST),
+    ("motions", "common"): ("positions and motions interchanged; one focal length", BY_HEADINGS),
+    ("references", "common"): ("reference angles interchanged; one focal length", BY_HEADINGS),
 }
 LENGTHS = {
     "quoted": "2000 mm, as IV-B writes it without 'nominal'",
     "nominal": "the nominal 2000 mm of Table II, known to a few per cent",
     "common": "the one that joins the last angle about Y with its motion",
 }
-OPTIONS = {
-    "columns": {
-        "printed": "columns as printed",
-        "motions": "positions and motions interchanged",
-        "references": "reference angles interchanged",
-    },
-    "telescope": LENGTHS,
+INTERCHANGED = {
+    "printed": "columns as printed",
+    "motions": "positions and motions interchanged",
+    "references": "reference angles interchanged",
 }
 # A monitored angle that agrees with every reading: no reading decides it.
 DECIDED = ("2.monitoring-y",)
@@ -108,12 +96,7 @@ DECIDED = ("2.monitoring-y",)
 @reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
 def motion(given: Given) -> Results:
     """Motion of the stage: the position less that of the first state."""
-    return {
-        f"{state}.motion-{axis}": given[f"{TABLE}#{state}.position-{axis}"]
-        - given[f"{TABLE}#1.position-{axis}"]
-        for axis in TURNS
-        for state in STATES
-    }
+    return {f"{s}.motion-{axis}": _moved(given, s, axis) for axis in TURNS for s in STATES}
 
 
 MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, QUOTED)
@@ -130,22 +113,18 @@ def common_length(given: Given, axis: str) -> float:
 
 
 def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
-    """Return the angle of the stage in a state under every reading of Table V.
-
-    Name and place of the reading to the angle in radians.
-    """
-    axis = TURNS[turn]
+    """Return the angle of the stage in a state under every reading of Table V, in radians."""
+    axis, exchanged = TURNS[turn], common_length(given, "y")
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
-    own, other = _moved(given, state, axis), _moved(given, state, turn)
-    exchanged = common_length(given, "y")
-    sides = {
-        AS_QUOTED: (printed, given[QUOTED]),
-        NOMINAL: (printed, given[platform.TELESCOPE]),
-        AS_PRINTED: (printed, common_length(given, "x")),
-        MOTIONS: (other, exchanged),
-        REFERENCES: (own, exchanged),
-    }
-    return {reading: float(stage_angle(*pair)) for reading, pair in sides.items()}
+    sides = (
+        (printed, given[QUOTED]),
+        (printed, given[platform.TELESCOPE]),
+        (printed, common_length(given, "x")),
+        (_moved(given, state, turn), exchanged),
+        (_moved(given, state, axis), exchanged),
+    )
+    angles = (float(stage_angle(*pair)) for pair in sides)
+    return dict(zip(READINGS, angles, strict=True))
 
 
 @reproduces(
@@ -153,18 +132,17 @@ def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str]
     cells=["[2-4].reference-?", "5.reference-x"],
     given=MEASURED,
     equations=["10"],
-    options=OPTIONS,
+    options={"columns": INTERCHANGED, "telescope": LENGTHS},
 )
 def reference_angle(given: Given) -> Results:
     """Reference angles from the motions and each focal length that the text leaves open."""
     results = {}
-    for turn in TURNS:
-        for state in MOVED:
+    for turn, state in product(TURNS, MOVED):
+        if f"{TABLE}#{state}.reference-{turn}" != LAST:
             angles = expected_angles(given, state, turn)
             # An angle under the other heading is one of the other motion.
-            angles[REFERENCES] = angles[MOTIONS]
-            if f"{TABLE}#{state}.reference-{turn}" != LAST:
-                results[f"{state}.reference-{turn}"] = _blocked(COLUMNS, angles)
+            angles["references", "common"] = angles["motions", "common"]
+            results[f"{state}.reference-{turn}"] = _blocked(COLUMNS, angles)
     return results
 
 
@@ -177,24 +155,19 @@ def reference_angle(given: Given) -> Results:
 )
 def last_reference_angle(given: Given) -> Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
+    lengths = {"quoted": given[QUOTED], "nominal": given[platform.TELESCOPE]}
     motion = given[f"{TABLE}#5.motion-x"]
-    lengths = {AS_QUOTED: given[QUOTED], NOMINAL: given[platform.TELESCOPE]}
-    angles = {reading: float(stage_angle(motion, length)) for reading, length in lengths.items()}
+    angles = {("printed", n): float(stage_angle(motion, one)) for n, one in lengths.items()}
     return {"5.reference-y": _blocked(MISSING, angles)}
 
 
-def _blocked(
-    missing: str,
-    angles: Mapping[tuple[str, str], float | Prediction],
-    choices: Mapping[tuple[str, str], Mapping[str, str]] = CHOICES,
-) -> Blocked:
+def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
     """Return all readings of an angle; the nominal focal length stands in."""
-    stand_in = angles.get(NOMINAL)
-    return Blocked(
-        missing,
-        stand_in if isinstance(stand_in, float) else None,
-        tuple(Reading(*name, result, choices[name]) for name, result in angles.items()),
+    readings = (
+        Reading(*READINGS[choice], angle, dict(zip(("columns", "telescope"), choice, strict=True)))
+        for choice, angle in angles.items()
     )
+    return Blocked(missing, angles["printed", "nominal"], tuple(readings))
 
 
 @reproduces(
@@ -204,7 +177,7 @@ def _blocked(
     equations=["7", "10"],
     replicates=REPLICATES,
     options={
-        "columns": OPTIONS["columns"],
+        "columns": INTERCHANGED,
         "telescope": {name: LENGTHS[name] for name in ("quoted", "common")},
         "images": {
             "state": "means of all images of a state",
@@ -215,21 +188,23 @@ def _blocked(
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
     errors, count = monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
-    fewer = np.sqrt(given.count(FRAMES) / count)
-    choices = {reading: {**chosen, "images": "state"} for reading, chosen in CHOICES.items()}
+    few, fewer = f"; means of {count} images", np.sqrt(given.count(FRAMES) / count)
+    means = {"state": ("", "", 1.0), "ramp": (few, "; V-C on the ramps", fewer)}
     results: dict[str, Result] = {}
-    for turn in TURNS:
-        for row, state in enumerate(MOVED):
-            noise, name = errors[:, row, "xy".index(turn)], f"{state}.monitoring-{turn}"
-            angles = expected_angles(given, state, turn)
-            del angles[NOMINAL]  # a length known to a few per cent is no law to draw from
-            found = {reading: Prediction(angle + noise) for reading, angle in angles.items()}
-            for label, place in (MOTIONS, REFERENCES):
-                reading = (f"{label}; means of {count} images", f"{place}; V-C on the ramps")
-                found[reading] = Prediction(angles[label, place] + fewer * noise)
-                choices[reading] = {**CHOICES[label, place], "images": "ramp"}
-            blocked = _blocked(COLUMNS, found, choices)
-            results[name] = found[AS_QUOTED] if name in DECIDED else blocked
+    for turn, state in product(TURNS, MOVED):
+        noise, angles = errors[:, state - 2, "xy".index(turn)], expected_angles(given, state, turn)
+        readings = []
+        for images, (label, why, share) in means.items():
+            for (columns, telescope), (name, place) in READINGS.items():
+                # A length known to a few per cent is no law to draw from.
+                if telescope == "nominal" or (images == "ramp" and columns == "printed"):
+                    continue
+                draws = Prediction(angles[columns, telescope] + share * noise)
+                choices = {"columns": columns, "telescope": telescope, "images": images}
+                readings.append(Reading(name + label, place + why, draws, choices))
+        name = f"{state}.monitoring-{turn}"
+        blocked = Blocked(COLUMNS, readings=tuple(readings))
+        results[name] = readings[0].result if name in DECIDED else blocked
     return results
 
 
@@ -239,7 +214,7 @@ def monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> Floa
     Shape (replicates, states, 2). About X and Y, in radians, for all states but the zero state,
     whose error they share.
     """
-    response = platform.angle_response(given)
+    response = platform.angle_response(given)[:2]
     spots = platform.scatter(given, 2) / np.sqrt(given.count(FRAMES))
     noise = spawned_normals(seed, replicates, (len(STATES), *spots.shape)) * spots
     angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
@@ -256,22 +231,14 @@ def difference(given: Given) -> Results:
     return {
         f"{state}.difference-{turn}": given[f"{TABLE}#{state}.monitoring-{turn}"]
         - given[f"{TABLE}#{state}.reference-{turn}"]
-        for turn in TURNS.values()
-        for state in MOVED
+        for turn, state in product(TURNS.values(), MOVED)
     }
 
 
 @reproduces(
     PLAN,
     cells=["states", "time-per-state"],
-    given=[
-        f"{PLAN}#travel-start",
-        f"{PLAN}#travel-end",
-        f"{PLAN}#step",
-        FRAMES,
-        accuracy.DURATION,
-        accuracy.FRAMES,
-    ],
+    given=[f"{PLAN}#travel-*", f"{PLAN}#step", FRAMES, accuracy.DURATION, accuracy.FRAMES],
 )
 def plan(given: Given) -> Results:
     """Number of states, and the time that each one takes at the pace of the first groups."""
@@ -284,14 +251,11 @@ def plan(given: Given) -> Results:
 
 
 @reproduces(
-    PLAN,
-    cells=["simulated-angle"],
-    given=[f"{PLAN}#maximum-travel", f"{PLAN}#focal-length"],
-    equations=["10"],
+    PLAN, cells=["simulated-angle"], given=[f"{PLAN}#maximum-travel", QUOTED], equations=["10"]
 )
 def largest_angle(given: Given) -> Results:
     """Largest misalignment that the stage can simulate, without its sign."""
-    angle = stage_angle(given[f"{PLAN}#maximum-travel"], given[f"{PLAN}#focal-length"])
+    angle = stage_angle(given[f"{PLAN}#maximum-travel"], given[QUOTED])
     return {"simulated-angle": abs(float(angle))}
 
 
@@ -305,35 +269,31 @@ def bound(given: Given) -> Results:
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion."""
     panels = figure.subplots(1, 2, sharey=True)
+    sigma = platform.angle_sigma(door, 2, door.count(FRAMES))
     for axes, (axis, turn) in zip(panels, TURNS.items(), strict=True):
-        motions = np.array([printed[f"{TABLE}#{state}.motion-{axis}"] for state in MOVED])
-        angles = {
-            name: np.array([printed[f"{TABLE}#{state}.{name}-{turn}"] for state in MOVED])
-            for name in ("reference", "monitoring")
-        }
-        noise = np.sqrt(2.0) * state_noise(door, turn)  # of the state and of the zero state
-        error = _implied(motions, angles["monitoring"]) * noise / np.abs(angles["monitoring"])
+        motions = _column(printed, f"motion-{axis}")
+        reference = _column(printed, f"reference-{turn}")
+        monitoring = _column(printed, f"monitoring-{turn}")
+        noise = np.sqrt(2.0) * sigma["xy".index(turn)]  # of the state and of the zero state
+        length = _implied(motions, monitoring)
+        error = length * noise / np.abs(monitoring)
         left, right = np.add(MOVED, -0.1), np.add(MOVED, 0.1)
-        own, blue = _implied(motions, angles["reference"]), "#0072B2"
+        own, blue = _implied(motions, reference), "#0072B2"
         axes.plot(left, own, "o", color=blue, label="reference")
         # Differences of the positions, not the printed motions: one of these holds a slip.
-        motions_across = np.array([_moved(printed, state, turn) for state in MOVED])
-        exchanged = _implied(motions_across, angles["reference"])
+        across = np.array([_moved(printed, state, turn) for state in MOVED])
+        exchanged = _implied(across, reference)
         axes.plot(left, exchanged, "o", fillstyle="none", color=blue, label="reference, exchanged")
-        axes.errorbar(
-            right,
-            _implied(motions, angles["monitoring"]),
-            error,
-            fmt="s",
-            color="#D55E00",
-            label="monitoring",
-        )
-        axes.axhline(
-            door[platform.TELESCOPE] * 1e3, color="#000000", ls="--", lw=1, label="nominal"
-        )
+        axes.errorbar(right, length, error, fmt="s", color="#D55E00", label="monitoring")
+        nominal = door[platform.TELESCOPE] * 1e3
+        axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=MOVED)
     panels[0].set_ylabel("focal length (mm)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+def _column(printed: Given | Mapping[str, float], name: str) -> FloatArray:
+    return np.array([printed[f"{TABLE}#{state}.{name}"] for state in MOVED])
 
 
 def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
@@ -341,41 +301,19 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
     return np.asarray(-motions / np.tan(angles) * 1e3)
 
 
-def state_noise(given: Given, turn: str) -> float:
-    """Return the standard deviation of a mean over one state about one axis, in radians."""
-    response = platform.angle_response(given)["xy".index(turn)]
-    spots = platform.scatter(given, 2)
-    return float(np.sqrt((response**2 * spots**2).sum() / given.count(FRAMES)))
+def fitted_length(
+    motions: FloatArray, angles: FloatArray, sigma: float
+) -> tuple[float, float, float]:
+    """Fit one focal length to angles that each carry the noise of the same zero state.
 
-
-@dataclass(frozen=True, eq=False)
-class FittedLength:
-    """One focal length fitted to monitored angles that share their zero point.
-
-    Attributes
-    ----------
-    length : float
-        In metres.
-    error : float
-        Its standard deviation, in metres.
-    chi_square : float
-        Of the rows about it.
+    Length and its standard deviation, in metres, and chi-square of the rows about it.
     """
-
-    length: float
-    error: float
-    chi_square: float
-
-
-def fitted_length(motions: FloatArray, angles: FloatArray, sigma: float) -> FittedLength:
-    """Fit one focal length to angles that each carry the noise of the same zero state."""
-    covariance = sigma**2 * (np.eye(len(angles)) + 1.0)
-    inverse = np.linalg.inv(covariance)
+    inverse = np.linalg.inv(sigma**2 * (np.eye(len(angles)) + 1.0))
     information = float(motions @ inverse @ motions)
     slope = -float(motions @ inverse @ angles) / information
     away = angles + slope * motions
-    error = float(np.sqrt(1.0 / information))
-    return FittedLength(1.0 / slope, error / slope**2, float(away @ inverse @ away))
+    error = float(np.sqrt(1.0 / information)) / slope**2
+    return 1.0 / slope, error, float(away @ inverse @ away)
 
 
 @studied(
@@ -397,26 +335,21 @@ def fitted_length(motions: FloatArray, angles: FloatArray, sigma: float) -> Fitt
 )
 def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
+    sigma = platform.angle_sigma(given, 2, given.count(FRAMES))
     rows: list[tuple[str | float, ...]] = []
     for axis, turn in TURNS.items():
-        motions = [
-            np.array([_moved(given, state, moving) for state in MOVED]) for moving in (axis, turn)
-        ]
-        for index, state in enumerate(MOVED):
-            angle = given[f"{TABLE}#{state}.reference-{turn}"]
-            own, other = (-float(motion[index] / np.tan(angle)) * 1e3 for motion in motions)
-            error = _rounding(own, motions[0][index], angle)
+        motions = [np.array([_moved(given, s, moving) for s in MOVED]) for moving in (axis, turn)]
+        angles = _column(given, f"reference-{turn}")
+        own, other = (_implied(motion, angles) for motion in motions)
+        # What the rounding of both numbers allows; a motion is the difference of two positions,
+        # each printed to a hundredth of a micrometre.
+        half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
+        error = np.abs(own) * (half_motion / np.abs(motions[0]) + half_angle / np.abs(angles))
+        for state, *one in zip(MOVED, own, error, other, strict=True):
             label = f"reference about {turn.upper()}, state {state}"
-            rows.append((label, own, error, np.nan, other, error, np.nan))
-        angles = np.array([given[f"{TABLE}#{state}.monitoring-{turn}"] for state in MOVED])
-        fits = [fitted_length(motion, angles, state_noise(given, turn)) for motion in motions]
-        numbers = [n for fit in fits for n in (fit.length * 1e3, fit.error * 1e3, fit.chi_square)]
+            rows.append((label, one[0], one[1], np.nan, one[2], one[1], np.nan))
+        monitored, noise = _column(given, f"monitoring-{turn}"), sigma["xy".index(turn)]
+        fits = (fitted_length(motion, monitored, noise) for motion in motions)
+        numbers = [n for length, error, away in fits for n in (length * 1e3, error * 1e3, away)]
         rows.append((f"all monitored about {turn.upper()}", *numbers))
     return rows
-
-
-def _rounding(length: float, motion: float, angle: float) -> float:
-    """Return half the width of focal lengths that the rounding of both numbers allows."""
-    # A motion is the difference of two positions, each printed to a hundredth of a micrometre.
-    half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
-    return abs(length) * (half_motion / abs(motion) + half_angle / abs(angle))

@@ -39,11 +39,13 @@ __all__ = [
     "TRACKER",
     "angle_of_one_pixel",
     "angle_response",
+    "angle_sigma",
     "designed_positions",
+    "lasers",
+    "printed_spots",
     "responses",
     "scatter",
-    "tracker_centre",
-    "turn_response",
+    "tracker",
 ]
 
 PLATFORM = "chen2023/table-2"
@@ -84,23 +86,21 @@ def scatter_range(given: Given) -> Results:
 def angle_response(given: Given) -> FloatArray:
     """Return how the camera's misalignment angles respond to errors of the four centroids.
 
-    Shape (2, 4, 2). Derivative of the angles about X and Y of the camera by x and y of each spot,
-    in rad/px.
+    Shape (3, 4, 2). Derivative of the angles about X, Y and Z of the camera by x and y of each
+    spot, in rad/px.
     """
-    return turn_response(given)[:2]
+    return responses(given, tracker(given)[0])[0]
 
 
-def turn_response(given: Given) -> FloatArray:
-    """Return the same response for the angles about X, Y and Z, roll included.
-
-    Shape (3, 4, 2). In rad/px.
-    """
-    return responses(given, tracker_centre(given))[0]
+def angle_sigma(given: Given, group: int, frames: int) -> FloatArray:
+    """Return the standard deviation of the angles about X, Y and Z from some frames of a group."""
+    squares = angle_response(given) ** 2 * scatter(given, group) ** 2
+    return np.asarray(np.sqrt(squares.sum(axis=(1, 2)) / frames))
 
 
-def tracker_centre(given: Given) -> FloatArray:
-    """Return the centre of the tracker's detector, in px."""
-    return detector_centre(given.array(PIXELS))
+def tracker(given: Given) -> tuple[FloatArray, float, float]:
+    """Return the centre of the tracker's detector, in px, pixel pitch and focal length."""
+    return detector_centre(given.array(PIXELS)), given[PIXEL], given[FOCAL_LENGTH]
 
 
 def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -108,14 +108,23 @@ def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, Fl
 
     Shape (3, 4, 2). About the axes of the camera, and about those of the tracker, in rad/px.
     """
-    spots = given.array(SPOTS).reshape(-1, 2)
-    tracker = (spots, principal_point, given[PIXEL], given[FOCAL_LENGTH])
-    camera = emitted_directions(designed_positions(spots, given[DIAGONAL]), given[TELESCOPE])
-    received = received_directions(*tracker)
-    response = angle_jacobian(camera, received, received_jacobian(*tracker))
+    seen = (printed_spots(given), principal_point, given[PIXEL], given[FOCAL_LENGTH])
+    camera = emitted_directions(lasers(given), given[TELESCOPE])
+    received = received_directions(*seen)
+    response = angle_jacobian(camera, received, received_jacobian(*seen))
     # One small rotation, seen in the other frame: its vector turns with the laser transform.
     turned = np.tensordot(laser_transform(camera, received), response, axes=1)
     return response, np.asarray(turned)
+
+
+def printed_spots(given: Given) -> FloatArray:
+    """Return the printed centroids, in px, of shape (4, 2)."""
+    return given.array(SPOTS).reshape(-1, 2)
+
+
+def lasers(given: Given) -> FloatArray:
+    """Return the designed lasers, in metres, of shape (4, 2)."""
+    return designed_positions(printed_spots(given), given[DIAGONAL])
 
 
 def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:

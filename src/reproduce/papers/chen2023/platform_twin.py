@@ -29,21 +29,7 @@ from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
 from scipy.stats import chi2, kstest
 
-from reproduce.papers.chen2023 import accuracy, effectiveness, resolution, satellite
-from reproduce.papers.chen2023.platform import (
-    DIAGONAL,
-    FOCAL_LENGTH,
-    INSTRUMENT,
-    PIXEL,
-    PIXELS,
-    SCATTER,
-    SIGMAS,
-    SPOTS,
-    TELESCOPE,
-    TEXT,
-    designed_positions,
-    scatter,
-)
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution, satellite
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import moving_average
@@ -60,11 +46,9 @@ from reproduce.physics.attitude.misalignment import (
 )
 from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
 from reproduce.physics.attitude.wahba import mean_rotation, solve, taste
-from reproduce.physics.images.centroid_theory import centre_of_gravity_error
 from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.detector import Detector, electrons, expose
 from reproduce.physics.images.spots import spot_windows, window_corners
-from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -72,21 +56,12 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "READS",
-    "SENSORS",
-    "Bench",
-    "Series",
-    "bench",
-    "centroids",
-    "pattern_misfit",
-    "two_groups",
-]
+__all__ = ["READS", "SENSORS", "Bench", "Series", "bench", "centroids", "two_groups"]
 
-WINDOW = f"{TEXT}#window-x"
+WINDOW = f"{platform.TEXT}#window-x"
 # The sensor that the predictions rest on.
 PHOTONS = Detector()
-BENCH = (*INSTRUMENT, SCATTER, resolution.SPOT_RADIUS, WINDOW)
+BENCH = (*platform.INSTRUMENT, platform.SCATTER, resolution.SPOT_RADIUS, WINDOW)
 READS = (*BENCH, accuracy.FRAMES)
 
 
@@ -128,54 +103,65 @@ class Bench:
         """Return the laser transform of every frame, tracker_from_camera."""
         return laser_transform(self.camera_directions, self.directions(spots))
 
+    def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
+        """Return the misalignment angles of every frame against a laser transform."""
+        now = misalignment(self.camera_directions, self.directions(spots), zero)
+        return misalignment_angles(now)
+
     def turned(self, angles: ArrayLike) -> FloatArray:
         """Return where the spots stand when the camera has turned by angles of shape (..., 3)."""
-        rest = self.directions(self.spots)
         zero = self.transform(self.spots)
         now = moved_laser_transform(zero, rotation_from_vector(-np.asarray(angles)))
         # The light goes back to the camera of the zero point, then by the present transform.
-        moved = rest @ zero @ transpose(now)
+        moved = self.directions(self.spots) @ zero @ transpose(now)
         return received_spots(moved, *self.tracker)
+
+    def misfit(self) -> tuple[float, float]:
+        """Return how far the spots lie from the designed lasers, and their size over that of these.
+
+        Root-mean-square distance after the best rotation, in radians; size of the pattern of
+        directions.
+        """
+        patterns = self.directions(self.spots), self.camera_directions
+        sizes = [np.linalg.norm(rows - rows.mean(axis=0)) for rows in patterns]
+        distance = np.sqrt(solve(*patterns).loss / len(self.spots))
+        return float(distance), float(sizes[0] / sizes[1])
 
 
 def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
     """Set the twin up from printed numbers."""
-    printed = given.array(SPOTS).reshape(-1, 2)
-    pitch = given[PIXEL]
-    radius, window = given[resolution.SPOT_RADIUS] / pitch, round(given[WINDOW])
-    corners = window_corners(printed, window)
-    law = centre_of_gravity_error(printed, 1.0, radius, corners, window)
-    noisy = centre_of_gravity_error(printed, 1.0, radius, corners, window, 1.0)
-    groups = np.stack([scatter(given, group) for group in (1, 2)])
+    printed, window = platform.printed_spots(given), round(given[WINDOW])
+    radius = given[resolution.SPOT_RADIUS] / given[platform.PIXEL]
+    law, noisy = resolution.spot_laws(printed, radius, window)
+    target = np.stack([(platform.scatter(given, g) ** 2).mean(axis=-1) for g in (1, 2)])
     # The variance is photon / light + read noise^2 read / light^2: a quadratic in the light.
-    target, photon = (groups**2).mean(axis=-1), law.variance.mean(axis=-1)
+    photon = law.variance.mean(axis=-1)
     read = sensor.noise_electrons() ** 2 * (noisy.variance.mean(axis=-1) - photon)
     light = (photon + np.sqrt(photon**2 + 4.0 * target * read)) / (2.0 * target)
-    designed = designed_positions(printed, given[DIAGONAL])
     return Bench(
         spots=printed - law.bias,
         light=np.asarray(light),
         radius=radius,
         window=window,
-        camera_directions=emitted_directions(designed, given[TELESCOPE]),
-        tracker=(detector_centre(given.array(PIXELS)), pitch, given[FOCAL_LENGTH]),
+        camera_directions=emitted_directions(platform.lasers(given), given[platform.TELESCOPE]),
+        tracker=platform.tracker(given),
         sensor=sensor,
     )
 
 
 def centroids(
-    platform: Bench, spots: ArrayLike, light: ArrayLike, frames: int, generator: Generator
+    twin: Bench, spots: ArrayLike, light: ArrayLike, frames: int, generator: Generator
 ) -> FloatArray:
     """Render frames and extract the spots, as the bench does.
 
     Shape (..., frames, 4, 2). Centres of gravity, in px.
     """
     places = np.asarray(spots, dtype=np.float64)[..., np.newaxis, :, :]
-    corners = window_corners(places, platform.window)
-    mean = spot_windows(places, light, platform.radius, corners, platform.window)
+    corners = window_corners(places, twin.window)
+    mean = spot_windows(places, light, twin.radius, corners, twin.window)
     shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-    photons = np.broadcast_to(mean / platform.sensor.quantum_efficiency, shape)
-    seen = electrons(expose(photons, platform.sensor, generator), platform.sensor)
+    photons = np.broadcast_to(mean / twin.sensor.quantum_efficiency, shape)
+    seen = electrons(expose(photons, twin.sensor, generator), twin.sensor)
     return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
 
 
@@ -198,49 +184,15 @@ class Series:
     misalignment: FloatArray
 
 
-def two_groups(platform: Bench, frames: int, generator: Generator) -> Series:
+def two_groups(twin: Bench, frames: int, generator: Generator) -> Series:
     """Take two groups of frames and solve them, as the accuracy test does."""
     found = np.stack(
-        [centroids(platform, platform.spots, light, frames, generator) for light in platform.light]
+        [centroids(twin, twin.spots, light, frames, generator) for light in twin.light]
     )
-    single = platform.transform(found[0])
+    single = twin.transform(found[0])
     zero = mean_rotation(single)
     errors = misalignment_angles(transpose(single) @ zero)
-    now = misalignment(platform.camera_directions, platform.directions(found[1]), zero)
-    return Series(found, errors, misalignment_angles(now))
-
-
-@dataclass(frozen=True)
-class Misfit:
-    """How far the printed spots lie from where the designed lasers would put them.
-
-    Attributes
-    ----------
-    residual : float
-        Root-mean-square distance of a spot from its laser after the best rotation, in px.
-    scale : float
-        Size of the printed pattern over the designed one.
-    after_scale : float
-        The distance that is left when the pattern may also shrink, in px.
-    """
-
-    residual: float
-    scale: float
-    after_scale: float
-
-
-def pattern_misfit(platform: Bench) -> Misfit:
-    """Return how far the printed spots lie from the designed lasers."""
-    rest, designed = platform.directions(platform.spots), platform.camera_directions
-    pixel = platform.tracker[1] / platform.tracker[2]
-
-    def miss(camera: FloatArray) -> float:
-        return float(np.sqrt(solve(rest, camera).loss / len(rest))) / pixel
-
-    sizes = [np.linalg.norm(rows - rows.mean(axis=0)) for rows in (rest, designed)]
-    scale = float(sizes[0] / sizes[1])
-    shrunk = designed * np.array([scale, scale, 1.0])
-    return Misfit(miss(designed), scale, miss(shrunk))
+    return Series(found, errors, twin.misalignment(found[1], zero))
 
 
 @studied(
@@ -259,17 +211,16 @@ def pattern_misfit(platform: Bench) -> Misfit:
 )
 def misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
-    platform, printed = bench(given), given.array(SPOTS).reshape(-1, 2)
-    pixel = platform.tracker[1] / platform.tracker[2]
-    nominal, common = given[TELESCOPE], effectiveness.common_length(given, "y")
-    diagonal = given[DIAGONAL]
-    least = diagonal - given.half_unit(DIAGONAL)
+    common, diagonal = effectiveness.common_length(given, "y"), given[platform.DIAGONAL]
+    least = diagonal - given.half_unit(platform.DIAGONAL)
     rows = []
-    for length, across in ((nominal, diagonal), (common, diagonal), (common, least)):
-        directions = emitted_directions(designed_positions(printed, across), length)
-        found = pattern_misfit(replace(platform, camera_directions=directions))
-        on_stage = found.residual * pixel * length * 1e3
-        rows.append((length * 1e3, across * 1e3, found.scale, found.residual, on_stage))
+    sizes = ((given[platform.TELESCOPE], diagonal), (common, diagonal), (common, least))
+    for length, across in sizes:
+        lasers = platform.designed_positions(platform.printed_spots(given), across)
+        directions = emitted_directions(lasers, length)
+        distance, scale = replace(bench(given), camera_directions=directions).misfit()
+        pixels = distance / (given[platform.PIXEL] / given[platform.FOCAL_LENGTH])
+        rows.append((length * 1e3, across * 1e3, scale, pixels, distance * length * 1e3))
     return misfit.frame(rows, diagonal=diagonal * 1e3)
 
 
@@ -293,47 +244,35 @@ REFUSED, NUDGE = 0.01, 0.1
 )
 def believable(given: Given) -> pd.DataFrame:
     """Whether the frames of the second group pass the TASTE test, for several laser directions."""
-    platform, frames = bench(given), given.count(accuracy.FRAMES)
-    series = two_groups(platform, frames, default_rng(seed_of("chen2023/believable")))
+    twin, frames = bench(given), given.count(accuracy.FRAMES)
+    series = two_groups(twin, frames, default_rng(seed_of("chen2023/believable")))
     zero = series.spots[0].mean(axis=0)
     nudged = zero + NUDGE * np.eye(len(zero), 2)
-    shrunk = platform.camera_directions * np.array([*[pattern_misfit(platform).scale] * 2, 1.0])
-    pixel = platform.tracker[1] / platform.tracker[2]
-    noise = np.sqrt((scatter(given, 2) ** 2).mean(axis=-1)) * pixel
-    rows = [
-        (name, *_tasted(platform.directions(series.spots[1]), directions, noise))
-        for name, directions in (
-            ("as designed, nominal numbers as they stand", platform.camera_directions),
-            ("as designed, its size within what the print leaves open", shrunk),
-            ("as the first group saw them", platform.directions(zero)),
-            (f"the same, one laser {NUDGE:g} px aside", platform.directions(nudged)),
-        )
-    ]
+    designed, scale = twin.camera_directions, twin.misfit()[1]
+    pixel = given[platform.PIXEL] / given[platform.FOCAL_LENGTH]
+    noise = np.sqrt((platform.scatter(given, 2) ** 2).mean(axis=-1)) * pixel
+    rows = []
+    for name, directions in (
+        ("as designed, nominal numbers as they stand", designed),
+        ("as designed, its size within what the print leaves open", designed * [scale, scale, 1.0]),
+        ("as the first group saw them", twin.directions(zero)),
+        (f"the same, one laser {NUDGE:g} px aside", twin.directions(nudged)),
+    ):
+        found = taste(solve(twin.directions(series.spots[1]), directions, noise**-2.0), noise)
+        law = chi2(found.freedom.flat[0])
+        refused = 100 * (found.probability < REFUSED).mean()
+        agrees = kstest(found.statistic, law.cdf).pvalue
+        rows.append((name, np.median(found.statistic), law.median(), refused, agrees))
     return believable.frame(rows, frames=frames, spots=len(zero), freedom=2 * len(zero) - 3)
-
-
-def _tasted(
-    tracker_directions: FloatArray, camera_directions: FloatArray, noise: FloatArray
-) -> tuple[float, float, float, float]:
-    """Return what the TASTE test says of all frames, column by column."""
-    found = taste(solve(tracker_directions, camera_directions, noise**-2.0), noise)
-    law = chi2(found.freedom.flat[0])
-    return (
-        float(np.median(found.statistic)),
-        float(law.median()),
-        float((found.probability < REFUSED).mean()) * 100,
-        float(kstest(found.statistic, law.cdf).pvalue),
-    )
 
 
 # Sensors for the twin: read noise of some electrons, dark charge whose variance is as large, twelve
 # bits at two electrons a step; and a full well of half the brightest pixel.
-READ_NOISE, BITS, GAIN = 5.0, 12, 0.5
 SENSORS = {
     "photon noise alone": PHOTONS,
-    "read noise": Detector(read_noise=READ_NOISE),
+    "read noise": Detector(read_noise=5.0),
     "read noise, dark charge, twelve bits": Detector(
-        read_noise=READ_NOISE, dark_signal=READ_NOISE**2, gain=GAIN, offset=100.0, bits=BITS
+        read_noise=5.0, dark_signal=25.0, gain=0.5, offset=100.0, bits=12
     ),
 }
 FULL = 0.5
@@ -362,24 +301,20 @@ def sensors(given: Given) -> pd.DataFrame:
     filled = replace(plain, sensor=Detector(full_well=FULL * float(windows.max())))
     benches = {name: bench(given, sensor) for name, sensor in SENSORS.items()}
     rows = []
-    for name, platform in (benches | {"pixels full at half the brightest": filled}).items():
-        series = two_groups(platform, frames, default_rng(seed_of(f"sensor {name}")))
-        spread = SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
-        angles = [_tilt(_spread(series.misalignment, count)) for count in (1, many)]
-        rows.append((name, float(platform.light.mean()), float(spread), *angles))
-    groups = [(scatter(given, group) ** 2).mean() for group in (1, 2)]
-    printed = SIGMAS * float(np.sqrt(np.mean(groups)))
+    for name, twin in (benches | {"pixels full at half the brightest": filled}).items():
+        series = two_groups(twin, frames, default_rng(seed_of(f"sensor {name}")))
+        spread = platform.SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
+        angles = [_spread(series.misalignment, count)[0] for count in (1, many)]
+        rows.append((name, twin.light.mean(), spread, *angles))
+    groups = [(platform.scatter(given, group) ** 2).mean() for group in (1, 2)]
+    printed = platform.SIGMAS * float(np.sqrt(np.mean(groups)))
     return sensors.frame(rows, frames=frames, many=many, printed=printed)
 
 
 def _spread(series: FloatArray, count: int) -> FloatArray:
-    """Return three standard deviations of averages over some frames, axis by axis, in arcsec."""
-    averages = moving_average(series, count, axis=0)
-    return np.asarray(SIGMAS * averages.std(axis=0) * ARCSEC_PER_RADIAN)
-
-
-def _tilt(spread: FloatArray) -> float:
-    return float(np.hypot(*spread[:2]) / np.sqrt(2))
+    """Return 3σ of averages over some frames, about X or Y and about Z, in arcsec."""
+    x, y, z = platform.SIGMAS * moving_average(series, count, axis=0).std(axis=0)
+    return np.array([np.hypot(x, y) / np.sqrt(2), z]) * ARCSEC_PER_RADIAN
 
 
 # Distances from the middle of the image, on the ground, for which the roll is studied.
@@ -406,8 +341,7 @@ def roll(given: Given) -> pd.DataFrame:
     rows = []
     for count in (1, many):
         spread = _spread(series, count)
-        turns = spread / ARCSEC_PER_RADIAN
-        across = float(np.hypot(*turns[:2])) * height
-        moved = (float(np.hypot(across, turns[2] * off)) for off in OFF_CENTRE)
-        rows.append((count, _tilt(spread), float(spread[2]), *moved))
+        tilt, turn = spread / ARCSEC_PER_RADIAN
+        moved = (np.hypot(np.sqrt(2) * tilt * height, turn * off) for off in OFF_CENTRE)
+        rows.append((count, *spread, *moved))
     return roll.frame(rows, altitude=height / 1e3)

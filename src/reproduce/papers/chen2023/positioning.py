@@ -52,12 +52,9 @@ __all__ = [
     "analytic",
     "largest_amplitude",
     "look",
-    "monitoring_sigma",
     "residuals",
     "simulated",
     "spans",
-    "strategies",
-    "suffices",
     "terms",
     "together",
     "year",
@@ -69,7 +66,6 @@ READS = (*MONITORING, *satellite.CAMERA, POINTING)
 YEAR_READS = (*MONITORING, *satellite.CAMERA, accuracy.RATE)
 ORBIT = 0.05
 DRAWS = 20_000
-SIZES = ("CE90", "major", "minor")
 SINGLE, AVERAGED = "one frame", "averaged"
 # Where the satellite stands and how it looks: name, tilt off the nadir, image point off the centre.
 LOOKS = (
@@ -77,6 +73,8 @@ LOOKS = (
     ("nadir, 5 km off", 0.0, 5e3),
     ("30° aside, centre", 30.0, 0.0),
 )
+# What an error goes through, and the unit in which it is written.
+UNITS = {"satellite": (1.0, "m"), "turn": (RADIANS_PER_ARCSEC, "arcsec"), "image": (1e-6, "µm")}
 CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
 PER_ORBIT = 64
 # Long enough for the trend to stand out from what wanders; a week makes it far worse.
@@ -136,29 +134,22 @@ class Term:
     sigma: FloatArray
 
 
-def monitoring_sigma(given: Given, frames: int) -> FloatArray:
-    """Return the standard deviation of the monitored angles about X, Y and Z, in radians."""
-    response = platform.turn_response(given)
-    spots = platform.scatter(given, 2)
-    return np.asarray(np.sqrt((response**2 * spots**2).sum(axis=(1, 2)) / frames))
-
-
 def terms(given: Given) -> tuple[Term, ...]:
     """Return the errors of the imaging model for SVGF-1.
 
     The misalignment axis by axis, for one frame and for the average of many.
     """
-    pixel = np.array([1.0, 1.0, 0.0]) * given[satellite.CAMERA[1]]
     attitude = np.full(3, given[POINTING] / platform.SIGMAS)
-    turns = [("attitude of the tracker, at its limit", attitude)]
-    for frames, label in ((1, SINGLE), (given.count(accuracy.SMOOTHED), AVERAGED)):
-        sigma = monitoring_sigma(given, frames)
-        turns += [
-            (f"misalignment about {axis}, {label}", sigma * unit)
-            for axis, unit in zip(("X", "Y", "Z (roll)"), np.eye(3), strict=True)
-        ]
+    turns = (
+        Term(f"misalignment about {axis}, {label}", "turn", sigma * unit)
+        for frames, label in ((1, SINGLE), (given.count(accuracy.SMOOTHED), AVERAGED))
+        for sigma in [platform.angle_sigma(given, 2, frames)]
+        for axis, unit in zip(("X", "Y", "Z (roll)"), np.eye(3), strict=True)
+    )
+    pixel = np.array([1.0, 1.0, 0.0]) * given[satellite.CAMERA[1]]
     return (
-        *(Term(name, "turn", sigma) for name, sigma in turns),
+        Term("attitude of the tracker, at its limit", "turn", attitude),
+        *turns,
         Term("orbit", "satellite", np.full(3, ORBIT)),
         Term("principal point, one pixel", "image", pixel),
     )
@@ -166,55 +157,49 @@ def terms(given: Given) -> tuple[Term, ...]:
 
 def together(given: Given) -> dict[str, tuple[Term, ...]]:
     """Return the whole budget twice: monitoring with one frame, and with the average of many."""
-    every = terms(given)
     return {
-        f"all together, {label}": tuple(term for term in every if not term.name.endswith(other))
+        f"all together, {label}": tuple(t for t in terms(given) if not t.name.endswith(other))
         for label, other in ((SINGLE, AVERAGED), (AVERAGED, SINGLE))
     }
 
 
-@dataclass(frozen=True, eq=False)
-class Look:
-    """A line of sight of the satellite: image vector, place, rotation chain."""
+def look(given: Given, tilt: float, off: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Set the satellite up over a place of middle latitude.
 
-    vectors: FloatArray
-    satellite: FloatArray
-    chain: FloatArray
-
-
-def look(given: Given, tilt: float, off: float) -> Look:
-    """Set the satellite up over a place of middle latitude."""
+    Image vector, place and rotation chain, as the imaging model takes them.
+    """
     height, focal = satellite.altitude(given), given[satellite.CAMERA[0]]
     place = earth_fixed([0.5, 0.8, height])
     flight = np.cross(np.cross(place, [0.0, 0.0, 1.0]), place)
     down = satellite_from_inertial(place, flight).T
     chain = down @ rotation_from_vector([np.radians(tilt), 0.0, 0.0])
-    return Look(np.array([[off / height * focal, 0.0, -focal]]), place, chain)
+    return np.array([[off / height * focal, 0.0, -focal]]), place, chain
 
 
 def analytic(jacobian: GroundJacobian, term: Term) -> FloatArray:
     """Return the covariance of east and north that a term causes, in square metres."""
-    slopes = {
-        "satellite": jacobian.by_satellite,
-        "turn": jacobian.by_turn,
-        "image": jacobian.by_image,
-    }[term.kind]
+    slopes = getattr(jacobian, f"by_{term.kind}")
     return np.asarray(ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0])
 
 
-def simulated(view: Look, errors: tuple[Term, ...], name: str) -> FloatArray:
+def simulated(
+    view: tuple[FloatArray, FloatArray, FloatArray], errors: tuple[Term, ...], name: str
+) -> FloatArray:
     """Return errors on the ground from draws of several errors through the whole imaging model.
 
     Shape (draws, 2). East and north of the true place, in metres.
     """
-    noise = dict.fromkeys(("satellite", "turn", "image"), np.zeros((DRAWS, 3)))
+    noise = dict.fromkeys(UNITS, np.zeros((DRAWS, 3)))
     for term in errors:
         generator = default_rng(seed_of(f"budget {name} {term.name}"))
         noise[term.kind] = noise[term.kind] + term.sigma * generator.normal(size=(DRAWS, 3))
-    chain = view.chain @ rotation_from_vector(noise["turn"])
-    vectors = view.vectors + noise["image"][:, np.newaxis]
-    found = imaged_position(vectors, view.satellite + noise["satellite"], chain).position[:, 0]
-    true = imaged_position(view.vectors, view.satellite, view.chain).position[0]
+    vectors, place, chain = view
+    found = imaged_position(
+        vectors + noise["image"][:, np.newaxis],
+        place + noise["satellite"],
+        chain @ rotation_from_vector(noise["turn"]),
+    ).position[:, 0]
+    true = imaged_position(*view).position[0]
     return np.asarray((found - true) @ local_axes(true)[:2].T)
 
 
@@ -228,7 +213,7 @@ def simulated(view: Look, errors: tuple[Term, ...], name: str) -> FloatArray:
         Column("Look"),
         *(
             Column(f"{size}, {source} (m)", ".2f")
-            for size, source in product(SIZES, ("formula", "draws"))
+            for size, source in product(("CE90", "major", "minor"), ("formula", "draws"))
         ),
     ),
     caption="Error on the ground: CE90 from the derivative and from draws, and the major and "
@@ -239,24 +224,17 @@ def budget(given: Given) -> pd.DataFrame:
     rows = []
     lines = {term.name: (term,) for term in terms(given)} | together(given)
     for label, errors in lines.items():
-        sigma = _sigma(errors[0]) if len(errors) == 1 else (np.nan, "")
+        scale, unit = UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
+        sigma = errors[0].sigma.max() / scale
         for name, tilt, off in LOOKS:
             view = look(given, tilt, off)
-            jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
+            jacobian, drawn = ground_jacobian(*view), simulated(view, errors, name)
             exact = sum((analytic(jacobian, term) for term in errors), np.zeros((2, 2)))
-            drawn = simulated(view, errors, name)
-            radii = circular_error(exact), np.quantile(np.linalg.norm(drawn, axis=1), 0.9)
-            shapes = ellipse(exact), ellipse(np.cov(drawn.T))
-            axes = (*(shape.major for shape in shapes), *(shape.minor for shape in shapes))
-            rows.append((label, *sigma, name, *map(float, (*radii, *axes))))
+            radii = float(circular_error(exact)), _quantile(drawn)
+            true, found = ellipse(exact), ellipse(np.cov(drawn.T))
+            axes = (true.major, found.major, true.minor, found.minor)
+            rows.append((label, sigma, unit, name, *radii, *axes))
     return budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
-
-
-def _sigma(term: Term) -> tuple[float, str]:
-    largest = float(term.sigma.max())
-    if term.kind == "turn":
-        return largest / RADIANS_PER_ARCSEC, "arcsec"
-    return (largest * 1e6, "µm") if term.kind == "image" else (largest, "m")
 
 
 @cache
@@ -280,34 +258,26 @@ def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     Name to errors of shape (samples, 2), in radians.
     """
     times, unit, noise = year(satellite.altitude(given))
-    true = amplitude * unit
-    known = int(np.searchsorted(times, 0.0))
-    phase = np.arange(len(times)) / PER_ORBIT
+    true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
     measured = true + CALIBRATION * noise
+    # The lasers give the misalignment half an average late, with its noise.
+    count = given.count(accuracy.SMOOTHED)
+    late = times - 0.5 * count / given[accuracy.RATE] / DAY
+    delayed = np.stack([np.interp(late, times, angle) for angle in true.T], axis=-1)
     estimates = (
         np.zeros_like(true),
-        np.broadcast_to(measured[known - 1], true.shape),
-        trend_and_fourier(times, phase, measured, known),
+        measured[known - 1],
+        trend_and_fourier(times, np.arange(len(times)) / PER_ORBIT, measured, known),
         last_orbits(measured, PER_ORBIT),
-        _monitored(given, times, true, noise),
+        delayed + platform.angle_sigma(given, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
     return {name: (true - found)[known:] for name, found in zip(names, estimates, strict=True)}
 
 
-def _monitored(given: Given, times: FloatArray, true: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return the misalignment as the lasers give it: half an average late, with its noise."""
-    count = given.count(accuracy.SMOOTHED)
-    sigma = monitoring_sigma(given, count)[:2]
-    late = 0.5 * count / given[accuracy.RATE] / DAY
-    delayed = np.stack(
-        [np.interp(times - late, times, true[:, axis]) for axis in range(2)], axis=-1
-    )
-    return np.asarray(delayed + sigma * noise)
-
-
-def _ce90(errors: FloatArray, height: float) -> float:
-    return float(np.quantile(np.hypot(errors[:, 0], errors[:, 1]), 0.9) * height)
+def _quantile(errors: FloatArray) -> float:
+    """Return the length that nine tenths of errors of shape (n, 2) stay within."""
+    return float(np.quantile(np.linalg.norm(errors, axis=1), 0.9))
 
 
 @studied(
@@ -325,7 +295,7 @@ def strategies(given: Given) -> list[tuple[str | float, ...]]:
     height = satellite.altitude(given)
     left = [residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES]
     return [
-        (name, *(_ce90(errors[name], height) for errors in left))
+        (name, *(_quantile(errors[name]) * height for errors in left))
         for name in (UNCORRECTED, *CORRECTIONS)
     ]
 
@@ -334,9 +304,7 @@ def spans(given: Given) -> dict[str, slice]:
     """Return the samples of each age, from the end of the campaign on; last, the whole year."""
     times = year(satellite.altitude(given))[0]
     times = times[np.searchsorted(times, 0.0) :]
-    ages = {
-        name: slice(*(int(i) for i in np.searchsorted(times, days))) for name, days in AGES.items()
-    }
+    ages = {name: slice(*np.searchsorted(times, days)) for name, days in AGES.items()}
     return {**ages, WHOLE: slice(0, None, STRIDE)}
 
 
@@ -355,7 +323,7 @@ def ages(given: Given) -> list[tuple[str | float, ...]]:
     height, samples = satellite.altitude(given), spans(given)
     left = {amplitude: residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES}
     return [
-        (name, amplitude, *(_ce90(errors[name][samples[age]], height) for age in AGES))
+        (name, amplitude, *(_quantile(errors[name][samples[age]]) * height for age in AGES))
         for name in CORRECTIONS
         for amplitude, errors in left.items()
     ]
@@ -375,30 +343,22 @@ def ages(given: Given) -> list[tuple[str | float, ...]]:
 )
 def suffices(given: Given) -> list[tuple[str | float, ...]]:
     """Up to which thermal amplitude each correction suffices, by age of the calibration."""
-    height, samples = satellite.altitude(given), spans(given)
+    height, samples = satellite.altitude(given), spans(given).values()
     # Every correction is linear in what is true and in the noise: two runs tell all amplitudes.
     noise, whole = residuals(given, 0.0), residuals(given, RADIANS_PER_ARCSEC)
-    rows: list[tuple[str | float, ...]] = []
-    for name in CORRECTIONS:
-        for label, limit in _limits(given).items():
-            pairs = [
-                (whole[name][span] - noise[name][span], noise[name][span])
-                for span in samples.values()
-            ]
-            amplitudes = [largest_amplitude(*pair, limit / height) for pair in pairs]
-            rows.append((name, label, limit, *amplitudes))
-    return rows
-
-
-def _limits(given: Given) -> dict[str, float]:
-    """Return errors on the ground that a correction may be asked to keep below, in metres."""
-    view = look(given, 0.0, 0.0)
-    jacobian = ground_jacobian(view.vectors, view.satellite, view.chain)
-    attitude = analytic(jacobian, terms(given)[0])
-    return {
+    # Errors on the ground that a correction may be asked to keep below, in metres.
+    attitude = analytic(ground_jacobian(*look(given, 0.0, 0.0)), terms(given)[0])
+    limits = {
         "panchromatic pixel": given[satellite.CAMERA[2]],
         "what the tracker itself errs by": float(circular_error(attitude)),
     }
+    rows: list[tuple[str | float, ...]] = []
+    for name in CORRECTIONS:
+        pairs = [(whole[name][s] - noise[name][s], noise[name][s]) for s in samples]
+        for label, limit in limits.items():
+            amplitudes = (largest_amplitude(*pair, limit / height) for pair in pairs)
+            rows.append((name, label, limit, *amplitudes))
+    return rows
 
 
 def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
@@ -406,11 +366,11 @@ def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> flo
 
     In the unit of the slope, from 0 to `LARGEST`; not a number if noise alone goes beyond.
     """
-    if _ce90(noise, 1.0) > limit:
+    if _quantile(noise) > limit:
         return float("nan")
     low, high = 0.0, LARGEST
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        within = _ce90(middle * slope + noise, 1.0) <= limit
+        within = _quantile(middle * slope + noise) <= limit
         low, high = (middle, high) if within else (low, middle)
     return low

@@ -30,10 +30,11 @@ Our own tables say what the optimum depends on, and what better estimators would
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import Generator, SeedSequence
+from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
@@ -41,6 +42,7 @@ from reproduce.papers.declare import (
     Prediction,
     Reading,
     Results,
+    draws,
     reproduces,
     seed_of,
 )
@@ -54,8 +56,10 @@ from reproduce.physics.images.phase_study import (
     biased_bound,
     bound,
     even_phases,
+    observed_scatter,
     predicted_errors,
     predicted_scatter,
+    simulated_errors,
 )
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import spot_windows, window_corners
@@ -65,7 +69,11 @@ from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "CASES",
@@ -76,32 +84,28 @@ __all__ = [
     "STUDY",
     "TAKEN_APART",
     "THRESHOLDS",
+    "curves",
     "light_for_table",
+    "monte_carlo",
     "radii",
     "relative_error",
     "replicated_scatter",
     "resolutions",
     "saturation",
+    "spot_laws",
     "window",
 ]
 
 STUDY = "chen2023/text-resolution"
 SPOT_RADIUS = f"{STUDY}#spot-radius"
 # The spot on pixels of any size, with the light that Table III implies.
-SPOT_READS = (
-    SPOT_RADIUS,
-    f"{STUDY}#window-x",
-    *platform.TRACKER,
-    platform.SPOTS,
-    platform.SCATTER,
-)
+WINDOW = f"{STUDY}#window-x"
+SPOT_READS = (SPOT_RADIUS, WINDOW, *platform.TRACKER, platform.SPOTS, platform.SCATTER)
 PHASES = f"{STUDY}#phases"
-READS = (
-    *SPOT_READS,
-    PHASES,
-    *(f"{STUDY}#{name}" for name in ("trials", "lasers", "resolution-low", "resolution-high")),
-)
-STEP = RADIANS_PER_ARCSEC
+STUDIED = ("trials", "lasers", "resolution-low", "resolution-high")
+READS = (*SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in STUDIED))
+OPTIMUM = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
+SATURATION = f"{STUDY}#saturation"
 REPLICATES = 2000
 # Frames and iterations of the comparison of estimators.
 TRIALS, STEPS_OF_WEIGHT = 40, 12
@@ -213,41 +217,33 @@ def spot(given: Given) -> Results:
 def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
     angles = resolutions(given)
-    scatter = replicated_scatter(given, seed, replicates, CASES)
+    scatter = replicated_scatter(given, seed, replicates)
     monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
     relative = relative_error(given)
-
-    def by_case(results: FloatArray, **more: str) -> tuple[Reading, ...]:
-        return tuple(
-            Reading(case.name, case.place, Prediction(draws), case.choices | more)
-            for case, draws in zip(CASES, results, strict=True)
-        )
-
-    by_threshold = tuple(
+    by_threshold = [
         Reading(
-            f"gain counts beyond {errors:g} standard error{'s' * (errors > 1)}; as the first below",
+            f"{text.removeprefix('a ')}; as the first below",
             "V-D does not say which gain is significant",
-            Prediction(angles[saturation(monitoring[0], relative, errors)]),
-            LITERAL.choices | {"threshold": f"{errors:g}"},
+            Prediction(angles[saturation(monitoring[0], relative, float(errors))]),
+            LITERAL.choices | {"threshold": errors},
         )
-        for errors in THRESHOLDS
-    )
-    chosen = f"{CHOSEN:g}"
-    others = by_case(angles[saturation(monitoring, relative, CHOSEN)], threshold=chosen)[1:]
-    found = {
-        "optimum": by_case(angles[scatter.argmin(axis=-1)]),
-        "optimum-accuracy": by_case(scatter.min(axis=-1)),
-        "saturation": (*by_threshold, *others),
-    }
-    literal = {
-        "optimum": found["optimum"][0],
-        "optimum-accuracy": found["optimum-accuracy"][0],
-        "saturation": by_threshold[THRESHOLDS.index(CHOSEN)],
-    }
-    return {
-        name: Blocked(MISSING[name], _median(literal[name]), readings)
-        for name, readings in found.items()
-    }
+        for errors, text in OPTIONS["threshold"].items()
+    ]
+    results = {}
+    for name, found in {
+        "optimum": angles[scatter.argmin(axis=-1)],
+        "optimum-accuracy": scatter.min(axis=-1),
+        "saturation": angles[saturation(monitoring, relative)],
+    }.items():
+        more = {"threshold": f"{CHOSEN:g}"} if name == "saturation" else {}
+        readings = [
+            Reading(case.name, case.place, Prediction(replicated), case.choices | more)
+            for case, replicated in zip(CASES, found, strict=True)
+        ]
+        if more:
+            readings[:1] = by_threshold
+        results[name] = Blocked(MISSING[name], float(np.median(found[0])), tuple(readings))
+    return results
 
 
 MISSING = {
@@ -257,16 +253,10 @@ MISSING = {
 }
 
 
-def _median(reading: Reading) -> float:
-    if not isinstance(reading.result, Prediction):
-        raise TypeError(f"expected a Prediction, got {type(reading.result).__name__}")
-    return float(np.median(reading.result.draws))
-
-
 def resolutions(given: Given) -> FloatArray:
     """Return the angular resolutions of the study, one arc second apart, in radians."""
     low, high = given[f"{STUDY}#resolution-low"], given[f"{STUDY}#resolution-high"]
-    return np.asarray(np.linspace(low, high, round((high - low) / STEP) + 1))
+    return np.asarray(np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1))
 
 
 def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
@@ -275,32 +265,37 @@ def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
     return np.asarray(sigma / (angles * given[platform.FOCAL_LENGTH]))
 
 
+def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError]:
+    """Return the errors of spots of one electron: by photons alone, and with as much read noise."""
+    corners = window_corners(spots, size)
+    noises = (0.0, 1.0)
+    return [centre_of_gravity_error(spots, 1.0, radius, corners, size, noise) for noise in noises]
+
+
 def light_for_table(given: Given, case: Case = LITERAL) -> Light:
     """Return the light for the mean variance of Table III, or as much more as a case says."""
-    printed = (given.array(platform.SCATTER) / platform.SIGMAS) ** 2
-    spots = given.array(platform.SPOTS).reshape(-1, 2)
-    size = window(given)
     radius = given[SPOT_RADIUS] / case.width / given[platform.PIXEL]
-    corners = window_corners(spots, size)
+    laws = spot_laws(platform.printed_spots(given), radius, window(given))
     # Photon variance goes as one over the light, read variance as one over its square.
-    photon = centre_of_gravity_error(spots, 1.0, radius, corners, size).variance.mean()
-    both = centre_of_gravity_error(spots, 1.0, radius, corners, size, 1.0).variance.mean()
-    target = printed.mean()
+    photon, both = (law.variance.mean() for law in laws)
+    target = ((given.array(platform.SCATTER) / platform.SIGMAS) ** 2).mean()
     signal = photon / ((1.0 - case.read_share) * target)
     read = signal * np.sqrt(case.read_share * target / (both - photon))
     return Light(float(case.brighter * signal), float(read))
 
 
-def law(given: Given, case: Case = LITERAL) -> CentroidError:
-    """Return bias and variance of every resolution and phase, shape (resolutions, phases)."""
+def setting(
+    given: Given, angles: FloatArray | None = None, case: Case = LITERAL
+) -> tuple[FloatArray, Light, FloatArray, int]:
+    """Return phases, light, spot radii for pixels of the given angles or of all, and the window."""
+    radius = radii(given, resolutions(given) if angles is None else angles, case)
     phases = even_phases(given.count(PHASES))
-    radius = radii(given, resolutions(given), case)
-    return predicted_errors(phases, light_for_table(given, case), radius, window(given))
+    return phases, light_for_table(given, case), radius, window(given)
 
 
 def window(given: Given) -> int:
     """Return the width of the window, in px."""
-    return round(given[f"{STUDY}#window-x"])
+    return round(given[WINDOW])
 
 
 def relative_error(given: Given) -> float:
@@ -308,25 +303,23 @@ def relative_error(given: Given) -> float:
     return float(1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials")))
 
 
-def replicated_scatter(
-    given: Given, seed: SeedSequence, replicates: int, cases: tuple[Case, ...] = CASES
-) -> FloatArray:
+def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
     """Return what studies of the printed size would find, from the closed form.
 
     Shape (cases, replicates, resolutions). Standard deviation of the errors of all phases and
     trials, in px.
     """
-    trials, laws = given.count(f"{STUDY}#trials"), [law(given, case) for case in cases]
-    shape = laws[0].bias.shape
-    found = np.empty((len(cases), replicates, shape[0]))
-    for place, stream in enumerate(spawned_streams(seed, replicates)):
+    trials = given.count(f"{STUDY}#trials")
+    laws = [predicted_errors(*setting(given, case=case)) for case in CASES]
+    bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
+    found, shape = [], bias.shape[1:]
+    for stream in spawned_streams(seed, replicates):
         # Mean and variance of normal errors within a phase are independent.
         noise, spread = stream.standard_normal(shape), stream.chisquare(trials - 1, shape)
-        for row, errors_of in zip(found[:, place], laws, strict=True):
-            means = errors_of.bias + np.sqrt(errors_of.variance / trials) * noise
-            inside = errors_of.variance * spread / trials
-            row[...] = np.sqrt(inside.mean(axis=-1) + means.var(axis=-1))
-    return found
+        means = bias + np.sqrt(variance / trials) * noise
+        inside = variance * spread / trials
+        found.append(np.sqrt(inside.mean(axis=-1) + means.var(axis=-1)))
+    return np.stack(found, axis=1)
 
 
 def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) -> FloatArray:
@@ -340,30 +333,72 @@ def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) 
     return np.asarray(monitoring.shape[-1] - 1 - unbeaten[..., ::-1].argmax(axis=-1))
 
 
-@dataclass(frozen=True)
-class Variant:
-    """One way to read the study: spot and noise, the window, and where the spot may lie."""
-
-    name: str
-    case: Case
-    window: int
-    whole_pixel: bool = True
-    scatter_only: bool = False
+def monte_carlo(given: Given) -> FloatArray:
+    """Simulate the study as described: the error of all phases and trials at every resolution."""
+    (phases, light, radius, size), trials = setting(given), given.count(f"{STUDY}#trials")
+    streams = spawned_streams(seed_of("chen2023/fig-11a"), len(radius))
+    pairs = zip(radius, streams, strict=True)
+    errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
+    return np.array([observed_scatter(drawn).total for drawn in errors])
 
 
-def _variants(given: Given) -> list[Variant]:
-    variants = [Variant(case.name, case, window(given)) for case in CASES]
-    literal = variants[0]
-    for share in (0.25, 0.5, 0.75, 0.95):
-        case = replace(LITERAL, read_share=share)
-        variants.append(replace(literal, name=f"read noise is {share:.0%} of variance", case=case))
-    for factor in (0.5, 2.0):
-        case = replace(LITERAL, brighter=factor)
-        variants.append(replace(literal, name=f"{factor:g} times the light", case=case))
-    for size in (3, 7):
-        variants.append(replace(literal, name=f"window of {size} × {size} px", window=size))
-    variants.append(replace(literal, name="spot within ±6.5 µm always", whole_pixel=False))
-    return [*variants, replace(literal, name="scatter without bias", scatter_only=True)]
+@cache
+def curves(door: Given) -> dict[str, FloatArray]:
+    """Compute what both panels of Figure 11 show.
+
+    ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within`` (scatter
+    without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
+    """
+    study = setting(door)
+    law = predicted_scatter(predicted_errors(*study))
+    return {
+        "angles": resolutions(door),
+        "simulated": monte_carlo(door),
+        "predicted": law.total,
+        "within": law.within,
+        "bias": law.bias,
+        "bound": bound(*study),
+    }
+
+
+@draws("chen2023/fig-11a", given=READS, marks=OPTIMUM)
+def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Centroiding accuracy against the angular resolution of the tracker."""
+    axes = _curves(figure, curves(door), 1.0)
+    optimum, accuracy = (printed[address] for address in OPTIMUM)
+    place = optimum * ARCSEC_PER_RADIAN
+    axes.plot(place, accuracy, "*", markersize=13, color="#000000", label="printed best")
+    axes.set(ylabel="centroid error (1σ, px)")
+    figure.legend(loc="outside lower center", ncols=3)
+
+
+@draws("chen2023/fig-11b", given=READS, marks=[SATURATION])
+def draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Monitoring accuracy against the angular resolution of the tracker."""
+    content, lasers = curves(door), door.count(f"{STUDY}#lasers")
+    scale = attitude_accuracy(1.0, lasers, content["angles"]) * ARCSEC_PER_RADIAN
+    axes = _curves(figure, content, scale)
+    limit = printed[SATURATION] * ARCSEC_PER_RADIAN
+    axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
+    axes.set(ylabel="monitoring error (1σ, arcsec)")
+    figure.legend(loc="outside lower center", ncols=3)
+
+
+def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | float) -> Axes:
+    axes = figure.add_subplot()
+    angles, few = content["angles"] * ARCSEC_PER_RADIAN, slice(None, None, 2)
+    simulated = (content["simulated"] * scale)[few]
+    axes.plot(angles[few], simulated, "o", markersize=4, label="Monte Carlo")
+    for name, line, what in (
+        ("predicted", "-", "closed form"),
+        ("within", "--", "its scatter alone"),
+        ("bias", "-.", "its bias alone"),
+        ("bound", ":", "unbiased bound"),
+    ):
+        axes.plot(angles, content[name] * scale, line, label=what)
+    axes.set(xlabel="angular resolution (arcsec per px)", yscale="log")
+    axes.set_ylim(bottom=float((content["bound"] * scale).min()) / 4)
+    return axes
 
 
 @studied(
@@ -382,34 +417,35 @@ def _variants(given: Given) -> list[Variant]:
 def readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
     angles, relative = resolutions(given), relative_error(given)
+    studies = {case.name: setting(given, case=case) for case in CASES}
+    for share in (0.25, 0.5, 0.75, 0.95):
+        noisy = setting(given, case=replace(LITERAL, read_share=share))
+        studies[f"read noise is {share:.0%} of variance"] = noisy
+    for factor in (0.5, 2.0):
+        lit = setting(given, case=replace(LITERAL, brighter=factor))
+        studies[f"{factor:g} times the light"] = lit
+    for size in (3, 7):
+        studies[f"window of {size} × {size} px"] = (*setting(given)[:3], size)
+    laws = {name: predicted_scatter(predicted_errors(*one)) for name, one in studies.items()}
+    found = {name: law.total for name, law in laws.items()}
+    found["spot within ±6.5 µm always"] = _fixed_travel(given)
+    found["scatter without bias"] = laws[LITERAL.name].within
     rows = []
-    for variant in _variants(given):
-        error = _error(given, variant, angles)
+    for name, error in found.items():
         monitoring = attitude_accuracy(error, given.count(f"{STUDY}#lasers"), angles)
         limit = angles[saturation(monitoring, relative)] * ARCSEC_PER_RADIAN
-        best = int(error.argmin())
-        optimum = angles[best] * ARCSEC_PER_RADIAN
-        rows.append((variant.name, float(optimum), float(error[best]), float(limit)))
+        rows.append((name, angles[error.argmin()] * ARCSEC_PER_RADIAN, error.min(), float(limit)))
     return rows
 
 
-def _error(given: Given, variant: Variant, angles: FloatArray) -> FloatArray:
-    """Return the error of the centroids at every resolution, in px."""
-    phases = even_phases(given.count(PHASES))
-    radius = radii(given, angles, variant.case)
-    light = light_for_table(given, variant.case)
-    if variant.whole_pixel:
-        law = predicted_scatter(predicted_errors(phases, light, radius, variant.window))
-        return law.within if variant.scatter_only else law.total
-    # The spot's travel is the tracker's pixel, whatever the size of a pixel.
-    pitch = given[SPOT_RADIUS] / variant.case.width / radius
-    found = []
-    for wide, size in zip(radius, pitch, strict=True):
-        travel = phases * given[platform.PIXEL] / size
-        nearest = travel - np.floor(travel + 0.5)
-        law = predicted_scatter(predicted_errors(nearest, light, float(wide), variant.window))
-        found.append(float(law.total))
-    return np.array(found)
+def _fixed_travel(given: Given) -> FloatArray:
+    """Return the errors if the spot's travel is the tracker's pixel, whatever the pixel's size."""
+    phases, light, radius, size = setting(given)
+    travel = phases * given[platform.PIXEL] * (radius / given[SPOT_RADIUS])[:, np.newaxis]
+    nearest = travel - np.floor(travel + 0.5)
+    pairs = zip(nearest, radius, strict=True)
+    laws = (predicted_errors(places, light, wide, size) for places, wide in pairs)
+    return np.array([predicted_scatter(law).total for law in laws])
 
 
 @studied(
@@ -421,20 +457,18 @@ def _error(given: Given, variant: Variant, angles: FloatArray) -> FloatArray:
 )
 def errors(given: Given) -> list[tuple[str | float, ...]]:
     """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
-    light, size = light_for_table(given), window(given)
-    phases = even_phases(given.count(PHASES))
-    radius = radii(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
-    law = predicted_errors(phases, light, radius, size)
-    parts, least = predicted_scatter(law), bound(phases, light, radius, size)
+    study = setting(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
+    law = predicted_errors(*study)
+    parts, least = predicted_scatter(law), bound(*study)
     lines = {
         "standard deviation at one place": parts.within,
         "bias, root mean square over the places": parts.bias,
         "root-mean-square error": np.sqrt(law.mean_square.mean(axis=-1)),
         "bound without bias": least,
-        "bound for the bias that it has": biased_bound(phases, light, radius, size),
+        "bound for the bias that it has": biased_bound(*study),
         "standard deviation over the bound without bias": parts.within / least,
     }
-    return [(name, *map(float, values)) for name, values in lines.items()]
+    return [(name, *values) for name, values in lines.items()]
 
 
 @studied(
@@ -448,36 +482,23 @@ def errors(given: Given) -> list[tuple[str | float, ...]]:
 def estimators(given: Given) -> pd.DataFrame:
     """Errors of four estimators over all phases, against the bound, by simulation."""
     # Half of the variance at the tracker's own pixel from the readout: a middle case.
-    light = light_for_table(given, replace(LITERAL, read_share=0.5))
-    size, phases = window(given), even_phases(given.count(PHASES))
-    radius = radii(given, np.array(COMPARED) * RADIANS_PER_ARCSEC)
-    streams = spawned_streams(seed_of("chen2023/estimators"), len(radius))
-    columns = [
-        _compared(phases, light, float(wide), size, stream)
-        for wide, stream in zip(radius, streams, strict=True)
-    ]
-    rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
-    rows.append(("unbiased bound", *map(float, bound(phases, light, radius, size))))
-    return estimators.frame(rows, signal=light.signal, read_noise=light.read_noise)
-
-
-def _compared(
-    phases: FloatArray, light: Light, radius: float, size: int, generator: Generator
-) -> dict[str, float]:
-    """Return the root-mean-square error of each estimator on the same frames, in px."""
+    case, angles = replace(LITERAL, read_share=0.5), np.array(COMPARED) * RADIANS_PER_ARCSEC
+    phases, light, radius, size = study = setting(given, angles, case)
     points = np.stack([phases, np.zeros_like(phases)], axis=-1)
-    corner = np.full(2, -(size // 2))
-    mean = spot_windows(points, light.signal, radius, corner, size)
-    sensor = Detector(read_noise=light.read_noise)
-    seen = expose(np.broadcast_to(mean, (TRIALS, *mean.shape)), sensor, generator)
-    noise = light.read_noise
-    centres = {
-        "centre of gravity": centre_of_gravity(seen, corner),
-        "Gaussian weight that follows": windowed_centre(seen, corner, radius, STEPS_OF_WEIGHT),
-        "matched filter": fitted_centre(seen, corner, radius, noise, "uniform").centre,
-        "maximum likelihood": fitted_centre(seen, corner, radius, noise, "likelihood").centre,
-    }
-    return {
-        name: float(np.sqrt(np.mean((centre[..., 0] - phases) ** 2)))
-        for name, centre in centres.items()
-    }
+    corner, noise = np.full(2, -(size // 2)), light.read_noise
+    found: dict[str, list[float]] = {}
+    streams = spawned_streams(seed_of("chen2023/estimators"), len(radius))
+    for wide, stream in zip(radius, streams, strict=True):
+        mean = spot_windows(points, light.signal, wide, corner, size)
+        frames = np.broadcast_to(mean, (TRIALS, *mean.shape))
+        seen = expose(frames, Detector(read_noise=noise), stream)
+        for name, centre in {
+            "centre of gravity": centre_of_gravity(seen, corner),
+            "Gaussian weight that follows": windowed_centre(seen, corner, wide, STEPS_OF_WEIGHT),
+            "matched filter": fitted_centre(seen, corner, wide, noise, "uniform").centre,
+            "maximum likelihood": fitted_centre(seen, corner, wide, noise, "likelihood").centre,
+        }.items():
+            error = np.sqrt(np.mean((centre[..., 0] - phases) ** 2))
+            found.setdefault(name, []).append(error)
+    rows = [(name, *row) for name, row in (found | {"unbiased bound": bound(*study)}).items()]
+    return estimators.frame(rows, signal=light.signal, read_noise=noise)

@@ -11,7 +11,7 @@ ITEMS = {
     "niu2024/table-1": "",
     "niu2024/table-2": "registration",
     "niu2024/text-simulation": "simulation",
-    "niu2024/fig-4": "figures.simulation",
+    "niu2024/fig-4": "simulation_angles",
     "niu2024/table-3": "simulation",
     "niu2024/text-experiment": "experiment",
     "niu2024/fig-5": "figures.experiment",

@@ -10,15 +10,18 @@ does not print; the stand-ins are ours:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from reproduce.papers.declare import Results, reproduces
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.registration import IMAGING, scale_factors
+from reproduce.papers.niu2024.simulation import OPTICS
 from reproduce.papers.study import Column, Fact, studied
+from reproduce.physics.optics.camera import Camera
 from reproduce.physics.registration.approximations import (
     EFFECTS,
     Channels,
@@ -32,16 +35,16 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = ["READS", "ROUNDING", "TABLES", "TITLES", "Cost", "channels", "costs", "facts"]
+__all__ = ["READS", "ROUNDING", "TABLES", "TITLES", "Cost", "costs", "facts"]
 
 APPROXIMATIONS = "niu2024/text-approximations"
 SHARE = f"{APPROXIMATIONS}#first-term-share"
-TABLES = ("Table 1", "Table 4")
+TABLES = {"Table 1": simulation, "Table 4": experiment}
 READS = (
     *experiment.CAMERAS,
     simulation.IMAGING,
     f"{simulation.TRUTH}#rotation.*",
-    f"{simulation.OPTICS}#pixels-*",
+    f"{OPTICS}#pixels-*",
     SHARE,
 )
 TITLES = {
@@ -84,105 +87,76 @@ def parameter_count(given: Given) -> Results:
 class Cost:
     """What one approximation costs in one registration: lengths in px, biases in rad and px."""
 
-    table: str
-    channel: str
-    effect: str
+    labels: tuple[str, str, str]  # what is left out, whose parameters, what is registered
     peak: float  # largest length of the error over the detector
     rms: float  # its root mean square
     left: float  # what a fit of the four parameters leaves of it
     analytic: FloatArray  # what it adds to k, theta, shift x, shift y
     simulated: FloatArray  # the same, by a fit
 
-    @property
-    def labels(self) -> tuple[str, str, str]:
-        """What is left out, where the parameters stand, what is registered."""
-        return TITLES[self.effect], self.table, self.channel
-
 
 def half_size(door: Given) -> FloatArray:
     """Return half the sides of the detector, shape (2,), in metres."""
-    pixels = np.array([door[f"{simulation.OPTICS}#pixels-{axis}"] for axis in "xy"])
-    return pixels * door[f"{simulation.OPTICS}#pixel-pitch-x"] / 2
+    return door.array(f"{OPTICS}#pixels-?") * door[f"{OPTICS}#pixel-pitch-x"] / 2
 
 
 def channels(door: Given, table: str, channel: str) -> Channels:
     """Return a channel beside green, with the printed parameters and our stand-ins."""
-    if table not in TABLES:
-        raise ValueError(f"table: expected one of {TABLES}, got {table!r}")
-    module = simulation if table == TABLES[0] else experiment
     place = simulation.CHANNELS.index(channel)
-    used, rotation = module.cameras(door), module.rotations(door)[place]
-    corner, share = np.hypot(*half_size(door)), door[SHARE]
-    second = [second_term_from_share(used[i], share, corner) for i in (place, 0)]
-    lean = float(np.tan(abs(rotation)))
-    off = used[0].principal_point - used[place].principal_point
-    return Channels(
-        used[place],
-        used[0],
-        rotation,
-        (float(off[0]), float(off[1])),
-        (lean, lean),
-        (second[0], second[1]),
-    )
+    cameras: list[Camera] = TABLES[table].cameras(door)
+    source, green, rotation = cameras[place], cameras[0], TABLES[table].rotations(door)[place]
+    corner, lean = np.hypot(*half_size(door)), float(np.tan(abs(rotation)))
+    second = [second_term_from_share(one, door[SHARE], corner) for one in (source, green)]
+    x, y = (green.principal_point - source.principal_point).tolist()
+    return Channels(source, green, rotation, (x, y), (lean, lean), (second[0], second[1]))
 
 
 def costs(door: Given, across: int = 200) -> list[Cost]:
     """Return what every approximation costs, for both tables and both channels."""
-    positions = even_positions(half_size(door), across)
-    return [
-        _cost(table, channel, effect, channels(door, table, channel), positions, half_size(door))
-        for table in TABLES
-        for channel in simulation.REGISTERED
-        for effect in EFFECTS
-    ]
+    sides = half_size(door)
+    positions = even_positions(sides, across)
+    found = []
+    for table, channel, effect in product(TABLES, simulation.REGISTERED, EFFECTS):
+        whole = channels(door, table, channel)
+        error = isolated(error_field, whole, effect, positions)
+        length = np.hypot(*error.T)
+        # The same projection that a fit makes: onto scale, rotation and shift of the positions.
+        left = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0)).residuals
+        cost = Cost(
+            (TITLES[effect], table, channel),
+            float(length.max()),
+            float(np.sqrt(np.square(length).mean())),
+            float(np.sqrt(np.square(left).sum(axis=-1).mean())),
+            analytic_bias(whole, effect, sides),
+            isolated(simulated_bias, whole, effect, positions),
+        )
+        found.append(cost)
+    return found
 
 
-def isolated_error(whole: Channels, effect: str, positions: FloatArray) -> FloatArray:
-    """Return the error field of one effect alone, shape (n, 2), in px."""
-    error = error_field(whole.only(effect), positions)
-    if effect == "coefficients":
-        error = error - error_field(whole.only("cube"), positions)
-    return error
-
-
-def _cost(
-    table: str,
-    channel: str,
-    effect: str,
+def isolated(
+    measured: Callable[[Channels, FloatArray], FloatArray],
     whole: Channels,
+    effect: str,
     positions: FloatArray,
-    sides: FloatArray,
-) -> Cost:
-    error = isolated_error(whole, effect, positions)
-    simulated = simulated_bias(whole.only(effect), positions)
-    if effect == "coefficients":
-        simulated = simulated - simulated_bias(whole.only("cube"), positions)
-    length = np.hypot(*error.T)
-    # The same projection that a fit makes: onto scale, rotation and shift of the positions.
-    left = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0)).residuals
-    return Cost(
-        table,
-        channel,
-        effect,
-        float(length.max()),
-        float(np.sqrt(np.square(length).mean())),
-        float(np.sqrt(np.square(left).sum(axis=-1).mean())),
-        analytic_bias(whole, effect, sides),
-        simulated,
-    )
+) -> FloatArray:
+    """Return what is measured of one effect alone."""
+    found = measured(whole.only(effect), positions)
+    return found - measured(whole.only("cube"), positions) if effect == "coefficients" else found
 
 
 LABELS = (Column("Left out"), Column("Parameters of"), Column("Channel"))
 
 
 def facts(door: Given) -> dict[str, Fact]:
-    """Return ``EFFECT-TABLE-CHANNEL-rms``, ``-left`` and ``-peak``."""
-    found = {}
-    for cost in costs(door):
-        name = "-".join((cost.effect, cost.table, cost.channel)).lower().replace(" ", "-")
-        for size in ("rms", "left", "peak"):
-            found[f"{name}-{size}"] = Fact(getattr(cost, size), ".2g", "px", ROUNDING)
-    return found
+    """Return ``EFFECT-TABLE-CHANNEL-rms``."""
+    names = product(TABLES, simulation.REGISTERED, EFFECTS)
+    return {
+        f"{effect}-{table}-{channel}-rms".lower().replace(" ", "-"): Fact(
+            cost.rms, ".2g", "px", ROUNDING
+        )
+        for (table, channel, effect), cost in zip(names, costs(door), strict=True)
+    }
 
 
 @studied(
@@ -206,13 +180,8 @@ def errors(door: Given) -> Iterator[tuple[object, ...]]:
     columns=(
         *LABELS,
         *(
-            Column(f"{name}, {source}", ".2e", rounding)
-            for name, rounding in (
-                ("k", 1e-12),
-                ("θ (rad)", 1e-12),
-                ("Δx (px)", ROUNDING),
-                ("Δy (px)", ROUNDING),
-            )
+            Column(f"{name}, {source}", ".2e", ROUNDING if "px" in name else 1e-12)
+            for name in ("k", "θ (rad)", "Δx (px)", "Δy (px)")
             for source in ("analytic", "simulated")
         ),
     ),

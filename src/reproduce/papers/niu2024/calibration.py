@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from reproduce.papers.niu2024 import simulation, simulation_angles
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import registration_bound
@@ -12,25 +10,20 @@ from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = ["Precision", "precision"]
+__all__ = ["precision"]
 
 
-@dataclass(frozen=True, eq=False)
-class Precision:
-    """Theory of one channel's four parameters, in the order k, theta, shift x, shift y."""
+def precision(door: Given, channel: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the theory of one channel's k, theta, shift x and shift y under the literal reading.
 
-    truth: FloatArray  # what the imaging parameters imply, distortion left aside
-    bias: FloatArray  # what the unequal distortions add to the fit without noise
-    bound: FloatArray  # standard deviations of the Cramér-Rao bound
-
-
-def precision(door: Given, channel: str) -> Precision:
-    """Return the theory of one channel under the ledger's reading."""
+    What the imaging parameters imply, distortion left aside; what the unequal distortions add to
+    the fit without noise; standard deviations of the Cramér-Rao bound.
+    """
     place = simulation.CHANNELS.index(channel)
-    used, turns = simulation.cameras(door), simulation.rotations(door)
-    true = channel_centroids(used, turns, simulation_angles.literal(door).angles)
-    implied = similarity_between(used[place], turns[place], used[0])
-    fitted = fit_registration(true[place], true[0], used[place].principal_point)
+    cameras, turns = simulation.cameras(door), simulation.rotations(door)
+    true = channel_centroids(cameras, turns, simulation_angles.literal(door).angles)
+    implied = similarity_between(cameras[place], turns[place], cameras[0])
+    fitted = fit_registration(true[place], true[0], cameras[place].principal_point)
     sigma = door[f"{simulation.SETTINGS}#noise"]
-    bound = registration_bound(true[place], implied, sigma, sigma).diagonal()
-    return Precision(implied.parameters, fitted.parameters - implied.parameters, bound**0.5)
+    bound = registration_bound(true[place], implied, sigma, sigma).diagonal() ** 0.5
+    return implied.parameters, fitted.parameters - implied.parameters, bound

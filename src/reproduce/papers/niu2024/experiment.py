@@ -29,12 +29,14 @@ nothing is judged with them.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.declare import Blocked, Prediction, Results, reproduces, split_seed
-from reproduce.papers.niu2024 import simulation_angles
-from reproduce.physics.optics import chromatic
+from reproduce.papers.niu2024 import registration, simulation_angles
+from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
 from reproduce.physics.optics.camera import Camera, angle_from_pixels
 from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
 from reproduce.physics.optics.simulate import (
@@ -51,50 +53,27 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 __all__ = [
-    "CAMERAS",
-    "CHANNELS",
-    "INSTRUMENT",
-    "OPTICS",
-    "OUTCOME",
-    "REGISTERED",
-    "before_by_focal_lengths",
-    "calibrated_cameras",
-    "cameras",
-    "centroid_errors",
-    "distortion_range",
-    "half_field",
-    "registered_points",
-    "registrations",
+    "CAMERAS", "INSTRUMENT", "OUTCOME", "before_by_focal_lengths", "calibrated_cameras",
+    "cameras", "centroid_errors", "half_field", "registered_points", "registrations",
     "rotations",
-]
+]  # fmt: skip
 
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
-OPTICS = "niu2024/text-optics"
-SETTINGS = "niu2024/text-simulation"
-CHANNELS = ("green", "red", "blue")
-REGISTERED = ("red", "blue")
 REPLICATES = 10_000
+ARRANGEMENT = (
+    f"{CALIBRATION}#rotation.*",
+    f"{CALIBRATION}#translation-*",
+    f"{OPTICS}#pixel-pitch-x",
+)
 # The cameras of all channels, each by its own focal length and distortion.
 CAMERAS = (
     f"{CALIBRATION}#focal-length.*",
     f"{CALIBRATION}#radial-distortion.*",
-    f"{CALIBRATION}#rotation.*",
-    f"{CALIBRATION}#translation-*",
-    f"{OPTICS}#pixel-pitch-x",
+    *ARRANGEMENT,
 )
 # The same, and how far the positions reach.
 INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
-# The green camera, and the registration of red and blue with it.
-REGISTRATION = (
-    f"{CALIBRATION}#focal-length.green",
-    f"{CALIBRATION}#radial-distortion.green",
-    f"{CALIBRATION}#scale.*",
-    f"{CALIBRATION}#rotation.*",
-    f"{CALIBRATION}#translation-*",
-    f"{OPTICS}#pixel-pitch-x",
-    f"{OPTICS}#field-of-view-*",
-)
 
 
 @reproduces(
@@ -109,49 +88,28 @@ def scale_factors(given: Given) -> Results:
         "the star centroids measured on the three detectors, to which scale factors and focal "
         "lengths are fitted apart; our stand-in is the ratio of the focal lengths"
     )
-    green = given[f"{CALIBRATION}#focal-length.green"]
-    return {
-        f"scale.{channel}": Blocked(
-            centroids,
-            float(chromatic.scale_factor(green, given[f"{CALIBRATION}#focal-length.{channel}"])),
-        )
-        for channel in REGISTERED
-    }
+    ratios = registration.scale_factors(given, CALIBRATION)
+    return {f"scale.{channel}": Blocked(centroids, ratio) for channel, ratio in ratios.items()}
 
 
 @reproduces(CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
 def fitted_parameters(given: Given) -> Results:
     """Rotation, translation and distortion: fitted to centroids that are not published."""
     centroids = Blocked("the star centroids measured on the three detectors")
-    fitted = [
-        f"{row}.{channel}"
-        for row in ("rotation", "translation-x", "translation-y")
-        for channel in REGISTERED
-    ]
-    fitted += [f"radial-distortion.{channel}" for channel in ("red", "green", "blue")]
-    return dict.fromkeys(fitted, centroids)
+    rows = ("rotation", "translation-x", "translation-y", "radial-distortion")
+    fitted = [f"{row}.{channel}" for row in rows for channel in REGISTERED]
+    return dict.fromkeys([*fitted, "radial-distortion.green"], centroids)
 
 
-def cameras(given: Given) -> list[Camera]:
-    """Return the cameras of Table 4, image points counted from the green principal point.
-
-    Green, red, blue.
-    """
-    shifts = {"green": (0.0, 0.0)} | {channel: _shift(given, channel) for channel in REGISTERED}
-    return [
-        Camera(
-            given[f"{CALIBRATION}#focal-length.{channel}"],
-            shifts[channel],
-            given[f"{CALIBRATION}#radial-distortion.{channel}"],
-            given[f"{OPTICS}#pixel-pitch-x"],
-        )
-        for channel in CHANNELS
-    ]
+def cameras(given: Given, channels: Sequence[str] = CHANNELS) -> list[Camera]:
+    """Return the cameras of Table 4, image points counted from the green principal point."""
+    return cameras_of(given, CALIBRATION, {c: _shift(given, c) for c in channels})
 
 
-def _shift(given: Given, channel: str) -> tuple[float, float]:
-    x, y = (given[f"{CALIBRATION}#translation-{axis}.{channel}"] for axis in "xy")
-    return x, y
+def _shift(given: Given, channel: str) -> list[float]:
+    if channel == "green":
+        return [0.0, 0.0]
+    return [given[f"{CALIBRATION}#translation-{axis}.{channel}"] for axis in "xy"]
 
 
 def rotations(given: Given) -> list[float]:
@@ -161,10 +119,7 @@ def rotations(given: Given) -> list[float]:
 
 def half_field(given: Given) -> tuple[float, float]:
     """Return half the printed field of view along x and y, in radians."""
-    return (
-        given[f"{OPTICS}#field-of-view-x"] / 2,
-        given[f"{OPTICS}#field-of-view-y"] / 2,
-    )
+    return given[f"{OPTICS}#field-of-view-x"] / 2, given[f"{OPTICS}#field-of-view-y"] / 2
 
 
 def centroid_errors(given: Given) -> FloatArray:
@@ -180,24 +135,12 @@ def centroid_errors(given: Given) -> FloatArray:
     return np.asarray(np.sqrt(np.stack([green, *(np.square(after) - green)]))[:, None, :])
 
 
-def random_positions(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
-    """Return random table angles to test at, shape (replicates, positions, 2), in radians."""
-    count = given.count(f"{OUTCOME}#test-points")
-    return spawned_angles(seed, replicates, count, half_field(given))
-
-
 def registered_points(given: Given, angles: FloatArray) -> FloatArray:
     """Return green points, and those that the similarities of Table 4 lay over them.
 
     Shape (..., 3, n, 2). In px from the green principal point; channels green, red, blue.
     """
-    camera = Camera(
-        given[f"{CALIBRATION}#focal-length.green"],
-        (0.0, 0.0),
-        given[f"{CALIBRATION}#radial-distortion.green"],
-        given[f"{OPTICS}#pixel-pitch-x"],
-    )
-    green = channel_centroids([camera], [0.0], angles)[..., 0, :, :]
+    green = channel_centroids(cameras(given, ["green"]), [0.0], angles)[..., 0, :, :]
     points = [green]
     for position, channel in enumerate(REGISTERED, start=1):
         # The source's principal point is the shift, as green's is the origin here.
@@ -208,28 +151,54 @@ def registered_points(given: Given, angles: FloatArray) -> FloatArray:
     return np.stack(points, axis=-3)
 
 
+def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
+    """Return the points of the cameras of Table 4 in the same form, without its scale factors."""
+    return channel_centroids(cameras(given), rotations(given), angles)
+
+
 @reproduces(
     OUTCOME,
     cells=["rmse-before-*"],
-    given=[*REGISTRATION, f"{OUTCOME}#test-points", f"{OUTCOME}#rmse-after-*"],
+    given=[
+        f"{CALIBRATION}#focal-length.green",
+        f"{CALIBRATION}#radial-distortion.green",
+        f"{CALIBRATION}#scale.*",
+        *ARRANGEMENT,
+        f"{OPTICS}#field-of-view-*",
+        f"{OUTCOME}#test-points",
+        f"{OUTCOME}#rmse-after-*",
+    ],
     equations=["17", "18", "21"],
     replicates=REPLICATES,
 )
 def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
-    for_positions, for_errors = split_seed(seed, 2)
-    true = registered_points(given, random_positions(given, for_positions, replicates))
-    errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
-    return _per_axis(true + errors)
+    return _before(given, seed, replicates, registered_points)
 
 
 def before_by_focal_lengths(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Return the RMSE before registration: cameras of Table 4, without its scale factors."""
+    return _before(given, seed, replicates, _by_focal_lengths)
+
+
+def _before(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    points: Callable[[Given, FloatArray], FloatArray],
+) -> dict[str, Prediction]:
     for_positions, for_errors = split_seed(seed, 2)
-    positions = random_positions(given, for_positions, replicates)
-    true = channel_centroids(cameras(given), rotations(given), positions)
+    count = given.count(f"{OUTCOME}#test-points")
+    true = points(given, spawned_angles(for_positions, replicates, count, half_field(given)))
     errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
-    return _per_axis(true + errors)
+    measured = true + errors
+    return {
+        f"rmse-before-{channel}-{axis}": Prediction(draws)
+        for position, channel in enumerate(REGISTERED, start=1)
+        for axis, draws in zip(
+            "xy", rmse_per_axis(measured[:, position], measured[:, 0]).T, strict=True
+        )
+    }
 
 
 @reproduces(
@@ -243,24 +212,14 @@ def rmse_after(given: Given) -> Results:
     missing = "the centroid errors of the laboratory; our stand-in has the simulation's noise"
     half_x, half_y = half_field(given)
     grid = np.meshgrid(np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25))
-    true = channel_centroids(cameras(given), rotations(given), np.stack(grid, -1).reshape(-1, 2))
+    true = _by_focal_lengths(given, np.stack(grid, -1).reshape(-1, 2))
     results: dict[str, Blocked] = {}
     for position, channel in enumerate(REGISTERED, start=1):
-        pivot = cameras(given)[position].principal_point
-        fit = fit_registration(true[position], true[0], pivot)
+        fit = fit_registration(true[position], true[0], _shift(given, channel))
         misfit = np.square(fit.residuals).mean(axis=0)
         expected = np.sqrt(misfit + 2 * given[f"{SETTINGS}#noise"] ** 2)
         for axis, value in zip("xy", expected, strict=True):
             results[f"rmse-after-{channel}-{axis}"] = Blocked(missing, float(value))
-    return results
-
-
-def _per_axis(measured: FloatArray) -> dict[str, Prediction]:
-    results: dict[str, Prediction] = {}
-    for position, channel in enumerate(REGISTERED, start=1):
-        found = rmse_per_axis(measured[:, position], measured[:, 0])
-        for axis, draws in zip("xy", found.T, strict=True):
-            results[f"rmse-before-{channel}-{axis}"] = Prediction(draws)
     return results
 
 
@@ -275,18 +234,15 @@ def _per_axis(measured: FloatArray) -> dict[str, Prediction]:
 )
 def pointing_errors(given: Given) -> Results:
     """Residuals in pixels as angles: they lie in the green image, so its focal length applies."""
+    pitches = given.array(f"{OPTICS}#pixel-pitch-?")
     focal_length = given[f"{CALIBRATION}#focal-length.green"]
-    return {
-        f"pointing-error-{channel}-{axis}": float(
-            angle_from_pixels(
-                given[f"{OUTCOME}#rmse-after-{channel}-{axis}"],
-                given[f"{OPTICS}#pixel-pitch-{axis}"],
-                focal_length,
-            )
-        )
-        for channel in REGISTERED
-        for axis in "xy"
-    }
+    results = {}
+    for channel in REGISTERED:
+        for axis, pitch in zip("xy", pitches, strict=True):
+            residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
+            angle = angle_from_pixels(residual, pitch, focal_length)
+            results[f"pointing-error-{channel}-{axis}"] = float(angle)
+    return results
 
 
 def calibrated_cameras(
@@ -296,9 +252,7 @@ def calibrated_cameras(
 
     Channel to its calibrations, batch shape (replicates,).
     """
-    table = simulation_angles.literal(given).angles
-    true = channel_centroids(cameras(given), rotations(given), table)
-    noisy = noisy_centroids(true, error, seed, replicates)
+    table, noisy = _twin(given, seed, replicates, error)
     directions, pitch = table_starlight(table), given[f"{OPTICS}#pixel-pitch-x"]
     return {
         channel: fit_camera(directions, noisy[:, position], pitch, rotations(given)[position])
@@ -316,9 +270,7 @@ def registrations(
 
     Channel to its fits, batch shape (replicates,).
     """
-    table = simulation_angles.literal(given).angles
-    true = channel_centroids(cameras(given), rotations(given), table)
-    noisy = noisy_centroids(true, error, seed, replicates)
+    table, noisy = _twin(given, seed, replicates, error)
     zero = np.flatnonzero(np.isclose(table, 0.0).all(axis=-1)).item()
     return {
         channel: fit_registration(noisy[:, place], noisy[:, 0], noisy[:, place, zero])
@@ -326,7 +278,9 @@ def registrations(
     }
 
 
-def distortion_range(given: Given, seed: SeedSequence, replicates: int, error: float) -> FloatArray:
-    """Return largest minus smallest distortion of the three channels, shape (replicates,), m^-2."""
-    fits = calibrated_cameras(given, seed, replicates, error)
-    return np.asarray(np.ptp([fit.camera.radial_distortion for fit in fits.values()], axis=0))
+def _twin(
+    given: Given, seed: SeedSequence, replicates: int, error: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the angles of the simulation, and what the twin measures there."""
+    table = simulation_angles.literal(given).angles
+    return table, noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)

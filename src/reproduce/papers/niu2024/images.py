@@ -15,15 +15,17 @@ says that it stands. Colours are red / green and blue / green.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
 
 from reproduce.papers.niu2024 import experiment
+from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.study import Column, studied
 from reproduce.physics.images.centroids import cut_windows, detect_spots
 from reproduce.physics.images.detector import Detector, electrons, expose
@@ -35,31 +37,16 @@ from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.resample import fused_image, registered_image
 from reproduce.physics.registration.transforms import Registration, similarity_between
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
 from reproduce.store.stars import spectra
 
 __all__ = [
-    "RADIUS",
-    "READS",
-    "SENSOR",
-    "TEMPERATURES",
-    "WINDOW",
-    "Colours",
-    "cameras",
-    "colours_of_a_frame",
-    "exposed",
-    "extract",
-    "frames",
-    "fused",
-    "isolated",
-    "matched_errors",
-    "register",
-    "similarities",
-    "star_photons",
-    "tabulated_photons",
-]
+    "RADIUS", "READS", "SENSOR", "TEMPERATURES", "WINDOW", "Colours", "cameras",
+    "colours_of_a_frame", "exposed", "extract", "frames", "isolated", "matched_errors",
+    "ratios", "register", "similarities", "star_photons",
+]  # fmt: skip
 
-OPTICS, OUTCOME = experiment.OPTICS, experiment.OUTCOME
+OUTCOME = experiment.OUTCOME
 READS = (
     *experiment.INSTRUMENT,
     f"{OPTICS}#pixels-*",
@@ -96,8 +83,8 @@ def cameras(door: Given) -> list[Camera]:
     """Return the cameras of Table 4 with green's principal point in the detector's middle."""
     middle = detector_centre(shape(door))
     return [
-        Camera(c.focal_length, c.principal_point + middle, c.radial_distortion, c.pixel_pitch)
-        for c in experiment.cameras(door)
+        replace(camera, principal_point=camera.principal_point + middle)
+        for camera in experiment.cameras(door)
     ]
 
 
@@ -107,28 +94,21 @@ def similarities(door: Given) -> list[Registration]:
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 
 
-def star_photons(door: Given, magnitude: ArrayLike, temperature: ArrayLike) -> FloatArray:
-    """Return the photons that stars send to each detector in one exposure, shape (3, n)."""
-    bands = [blackbody_band(magnitude, temperature, *edges) for edges in _bands(door)]
-    return _collected(door) * np.stack(bands)
+def star_photons(door: Given, magnitude: ArrayLike, star: ArrayLike | str) -> FloatArray:
+    """Return the photons that stars send to each detector in one exposure, shape (3, ...).
 
-
-def tabulated_photons(door: Given, magnitude: ArrayLike, name: str) -> FloatArray:
-    """Return the same of stars with a tabulated spectrum."""
-    table = spectra()[name]
-    bands = [tabulated_star(magnitude, *table, *edges) for edges in _bands(door)]
-    return _collected(door) * np.stack(bands)
-
-
-def _bands(door: Given) -> list[tuple[float, float]]:
-    """Return the edges of the bands of green, red and blue, in metres."""
-    edges = [(f"{OPTICS}#band-{c}-low", f"{OPTICS}#band-{c}-high") for c in experiment.CHANNELS]
-    return [(door[low], door[high]) for low, high in edges]
-
-
-def _collected(door: Given) -> float:
-    """Return the square metres and seconds that an exposure collects."""
-    return float(np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{OUTCOME}#exposure"])
+    Blackbodies by their temperature in kelvin, a tabulated spectrum by its name.
+    """
+    bands = []
+    for channel in CHANNELS:
+        low, high = (door[f"{OPTICS}#band-{channel}-{edge}"] for edge in ("low", "high"))
+        if isinstance(star, str):
+            bands.append(tabulated_star(magnitude, *spectra()[star], low, high))
+        else:
+            bands.append(blackbody_band(magnitude, star, low, high))
+    # Square metres and seconds that an exposure collects.
+    collected = float(np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{OUTCOME}#exposure"])
+    return collected * np.stack(bands)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +122,7 @@ class Frames:
 
 def exposed(image: FloatArray, generator: Generator) -> FloatArray:
     """Return one exposure of a noiseless image, brought back to electrons."""
-    detector = SENSOR
-    return electrons(expose(image, detector, generator), detector)
+    return electrons(expose(image, SENSOR, generator), SENSOR)
 
 
 def frames(
@@ -152,23 +131,17 @@ def frames(
     """Render and expose a full frame in all three channels."""
     positions = channel_centroids(cameras(door), experiment.rotations(door), angles)
     photons = star_photons(door, magnitude, temperature)
-    streams = [np.random.default_rng(s) for s in SeedSequence(seed).spawn(len(photons))]
-
-    def one(channel: int) -> FloatArray:
-        clean = render_frame(positions[channel], photons[channel], RADIUS, shape(door))
-        return exposed(clean, streams[channel])
-
-    # NumPy lets other threads run while it draws; every channel has its own generator.
-    with ThreadPoolExecutor(2) as pool:
-        images = list(pool.map(one, range(len(photons))))
+    streams = SeedSequence(seed).spawn(len(photons))
+    images = [
+        exposed(render_frame(spots, light, RADIUS, shape(door)), np.random.default_rng(stream))
+        for spots, light, stream in zip(positions, photons, streams, strict=True)
+    ]
     return Frames(images, positions, photons)
 
 
 def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
     """Return green as it is, and the other images on the pixels of green."""
-    with ThreadPoolExecutor(2) as pool:
-        moved = list(pool.map(registered_image, images[1:], transforms))
-    return [images[0], *moved]
+    return [images[0], *map(registered_image, images[1:], transforms)]
 
 
 def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatArray:
@@ -179,8 +152,7 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
     noise = SENSOR.noise_electrons() * np.sqrt(layers)
     found = detect_spots(image, significance * noise)
     half = WINDOW // 2
-    height, width = image.shape
-    inside = (found >= half) & (found < np.array([width, height]) - half)
+    inside = (found >= half) & (found < np.flip(image.shape) - half)
     kept = found[inside.all(axis=-1)]
     if not len(kept):
         return np.empty((0, 2))
@@ -194,18 +166,9 @@ def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) ->
     """Return found minus true position of every star, shape (n, 2), nan where it is not found."""
     if not len(found):
         return np.full(truth.shape, np.nan)
-    difference = found[None] - truth[:, None]
-    distance = np.hypot(difference[..., 0], difference[..., 1])
-    nearest = distance.argmin(axis=1)
-    rows = np.arange(len(truth))
-    errors = difference[rows, nearest]
-    errors[distance[rows, nearest] > within] = np.nan
-    return np.asarray(errors)
-
-
-def fused(images: Sequence[FloatArray]) -> FloatArray:
-    """Return the sum of three images on one grid."""
-    return fused_image(images)
+    distance = cdist(truth, found)
+    nearest = found[distance.argmin(axis=1)]
+    return np.where(distance.min(axis=1, keepdims=True) <= within, nearest - truth, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,47 +187,43 @@ class Colours:
         return (self.measured - self.truth) / self.sigma
 
 
-def colours_of_a_frame(door: Given, stars: int = STARS, seed: int = SEED) -> Colours:
-    """Measure the colours of all stars of a frame that were found and stand alone."""
-    generator = np.random.default_rng(seed)
-    half = np.array(experiment.half_field(door))
-    angles = generator.uniform(-0.98 * half, 0.98 * half, (stars, 2))
-    magnitude = generator.uniform(*MAGNITUDES, stars)
+@cache
+def colours_of_a_frame() -> Colours:
+    """Measure the colours of all stars of a frame that were found and stand alone.
+
+    It takes seconds, so it is kept.
+    """
+    door, generator = given(READS), np.random.default_rng(SEED)
+    half = 0.98 * np.array(experiment.half_field(door))
+    angles = generator.uniform(-half, half, (STARS, 2))
+    magnitude = generator.uniform(*MAGNITUDES, STARS)
     low, high = np.log(TEMPERATURES)
-    temperature = np.exp(generator.uniform(low, high, stars))
-    sky = frames(door, angles, magnitude, temperature, seed)
-    layers = register(sky.images, similarities(door))
-    centres = extract(fused(layers), len(layers))
-    errors = matched_errors(centres, sky.positions[0])
+    temperature = np.exp(generator.uniform(low, high, STARS))
+    sky, transforms = frames(door, angles, magnitude, temperature, SEED), similarities(door)
+    layers = register(sky.images, transforms)
+    errors = matched_errors(extract(fused_image(layers), len(layers)), sky.positions[0])
     kept = np.isfinite(errors[:, 0]) & isolated(sky.positions[0])
-    ratio, sigma = measured_colours(door, sky.images, (sky.positions[0] + errors)[kept])
+    green = (sky.positions[0] + errors)[kept]
+    places = [green, *(transform.inverse().apply(green) for transform in transforms)]
+    windows = (
+        cut_windows(image, window_corners(at, WINDOW), WINDOW)
+        for image, at in zip(sky.images, places, strict=True)
+    )
     truth = (sky.photons[1:] / sky.photons[0])[:, kept]
-    return Colours(ratio, sigma, truth, magnitude[kept], stars)
+    return Colours(*ratios(windows), truth, magnitude[kept], STARS)
 
 
 def isolated(positions: FloatArray) -> FloatArray:
     """Return which spots, shape (n, 2) in px, have no neighbour within reach of their window."""
-    apart = np.hypot(*np.moveaxis(positions[:, None] - positions[None], -1, 0))
-    np.fill_diagonal(apart, np.inf)
-    return np.asarray(apart.min(axis=1) > MARGIN * WINDOW)
+    to_next = np.sort(cdist(positions, positions))[:, 1]  # the first is the spot itself
+    return np.asarray(to_next > MARGIN * WINDOW)
 
 
-def measured_colours(
-    door: Given, exposures: list[FloatArray], centres: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the colours of stars and their predicted standard deviations, shape (2, n)."""
-    back = [transform.inverse() for transform in similarities(door)]
-    places = [centres, *(transform.apply(centres) for transform in back)]
-    light = [
-        cut_windows(image, window_corners(at, WINDOW), WINDOW).sum(axis=(-2, -1))
-        for image, at in zip(exposures, places, strict=True)
-    ]
-    dark = (WINDOW * SENSOR.noise_electrons()) ** 2
-    variance = [np.maximum(total, 0) + dark for total in light]
-    green = np.maximum(light[0], 1.0)
-    found = [channel_ratio(light[i], green, variance[i], variance[0]) for i in (1, 2)]
-    ratio, sigma = (np.stack(part) for part in zip(*found, strict=True))
-    return ratio, sigma
+def ratios(windows: Iterable[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return red and blue over green by windows of each channel, and the predicted deviations."""
+    light = np.array([window.sum(axis=(-2, -1)) for window in windows])
+    variance = np.maximum(light, 0) + (WINDOW * SENSOR.noise_electrons()) ** 2
+    return channel_ratio(light[1:], np.maximum(light[0], 1.0), variance[1:], variance[0])
 
 
 @studied(

@@ -9,10 +9,10 @@ registration. In each the centre is estimated by the centre of gravity and by ma
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -20,8 +20,7 @@ from numpy.random import Generator, SeedSequence
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.papers.study import Column, Fact, studied
-from reproduce.physics.images.centroids import centre_of_gravity, cut_windows
-from reproduce.physics.images.spectra import channel_ratio
+from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import spot_windows, window_corners
 from reproduce.physics.optics.simulate import channel_centroids
@@ -32,27 +31,10 @@ from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
 __all__ = [
-    "BLACKBODIES",
-    "LIKELY",
-    "MADE",
-    "MAGNITUDES",
-    "MARGIN",
-    "PHASES",
-    "PLACES",
-    "SEED",
-    "STARS",
-    "STUDY",
-    "TEMPERATURE",
-    "TRIALS",
-    "cell",
-    "combinations",
-    "exposures",
-    "frame_colours",
-    "light_of",
-    "named",
-    "simulate",
-    "stored",
-]
+    "BLACKBODIES", "LIKELY", "MADE", "MAGNITUDES", "MARGIN", "PHASES", "PLACES", "RESULTS",
+    "SEED", "STARS", "STUDY", "TEMPERATURE", "TRIALS", "cell", "combinations", "exposures",
+    "light_of", "named", "simulate", "stored",
+]  # fmt: skip
 
 STUDY = "niu2024-fusion"
 SEED = 2024_0103
@@ -72,6 +54,7 @@ STARS: dict[str, float | str] = {
 }
 BLACKBODIES = tuple(star for star, spectrum in STARS.items() if not isinstance(spectrum, str))
 MADE = ("green alone", "fused as they are", "fused after registration")
+RESULTS = ("error", "bias", "signal_to_noise", "colour")
 METHODS = ("centre of gravity", "maximum likelihood")
 LIKELY = METHODS.index("maximum likelihood")
 MARGIN = 12  # px around the star, so that resampling has something to read
@@ -81,68 +64,63 @@ GRAVITY = 5  # px, the window of the centre of gravity
 APERTURE = 3
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Results by star, place and magnitude, which are the first axes."""
-
-    # Root mean square distance of the centre from green's true one, in px, by image and method.
-    error: FloatArray
-    bias: FloatArray  # length of the mean error, in px, by image and method
-    signal_to_noise: FloatArray  # of the light about the brightest pixel, by image
-    colour: FloatArray  # red and blue over green: true value, scatter about it, predicted scatter
-
-
 def simulate(
     trials: int = TRIALS,
-    seed: int = SEED,
     executor: Executor | None = None,
     store: Store | None = None,
-) -> Outcome:
-    """Run the comparison, on any executor, with the same result."""
-    cells = list(np.ndindex(len(STARS), len(PLACES), len(MAGNITUDES)))
-    found = run_parts(partial(_part, trials, seed), cells, executor, store)
+) -> dict[str, FloatArray]:
+    """Run the comparison, on any executor, with the same result.
+
+    Arrays as `cell` returns them, by star, place and magnitude, which are the first axes.
+    """
     shape = (len(STARS), len(PLACES), len(MAGNITUDES))
+    found = run_parts(partial(_part, trials), list(np.ndindex(shape)), executor, store)
     stacked = (np.stack(arrays) for arrays in zip(*found, strict=True))
-    return Outcome(*(array.reshape(*shape, *array.shape[1:]) for array in stacked))
+    whole = (array.reshape(*shape, *array.shape[1:]) for array in stacked)
+    return dict(zip(RESULTS, whole, strict=True))
 
 
-def _part(trials: int, seed: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]:
+def _part(trials: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]:
     door, (star, place, magnitude) = given(images.READS), at
     light = light_of(door, list(STARS)[star], MAGNITUDES[magnitude])
-    found = cell(door, PLACES[place], light, trials, SeedSequence(seed, spawn_key=at))
-    return found.error, found.bias, found.signal_to_noise, found.colour
+    return cell(door, PLACES[place], light, trials, SeedSequence(SEED, spawn_key=at))
 
 
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
     """Return the photons that a star sends to each detector in one exposure, shape (3,)."""
-    spectrum = STARS[star]
-    if isinstance(spectrum, str):
-        return images.tabulated_photons(door, [magnitude], spectrum)[:, 0]
-    return images.star_photons(door, [magnitude], [spectrum])[:, 0]
+    return images.star_photons(door, magnitude, STARS[star])
 
 
 def cell(
     door: Given, place: float, photons: FloatArray, trials: int, seed: SeedSequence
-) -> Outcome:
-    """Compare the three images of one star in one place."""
+) -> tuple[FloatArray, ...]:
+    """Compare the three images of one star in one place.
+
+    Arrays of `RESULTS`: root mean square distance of the centre from green's true one and length of
+    the mean error, in px, by image and method; signal over noise of the light about the brightest
+    pixel, by image; red and blue over green: true value, scatter about it, predicted scatter.
+    """
     generator = np.random.default_rng(seed)
     used = images.cameras(door)
     pitch = float(used[0].pixel_pitch / used[0].focal_length)
-    errors, ratios, colours = [], [], []
+    errors, signals, colours = [], [], []
     for _ in range(PHASES):
         angles = place * np.array(experiment.half_field(door)) + pitch * generator.uniform(-1, 1, 2)
         spots = channel_centroids(used, experiment.rotations(door), angles[None])[:, 0]
         windows, corner = exposures(spots, photons, trials, generator)
         made = combinations(windows, corner, images.similarities(door))
         errors.append(_centres(made, corner) - spots[0])
-        ratios.append([signal_to_noise(image) for image in made])
+        signals.append([signal_to_noise(image) for image in made])
         colours.append(_colours(windows, spots, corner))
     left = np.concatenate(errors, axis=2)  # image, method, trial, axis
-    return Outcome(
+    ratio, sigma = np.concatenate(colours, axis=-1)
+    truth = photons[1:] / photons[0]
+    scatter = np.sqrt(np.square(ratio - truth[:, None]).mean(axis=-1))
+    return (
         np.sqrt(np.square(left).sum(axis=-1).mean(axis=-1)),
         np.hypot(*np.moveaxis(left.mean(axis=2), -1, 0)),
-        np.mean(ratios, axis=0),
-        _colour_outcome(np.concatenate(colours, axis=2), photons),
+        np.mean(signals, axis=0),
+        np.stack([truth, scatter, np.sqrt(np.square(sigma).mean(axis=-1))], axis=-1),
     )
 
 
@@ -199,42 +177,23 @@ def _gravity(image: FloatArray, first: FloatArray) -> FloatArray:
     half, width = GRAVITY // 2, image.shape[-1]
     inner = image[:, half:-half, half:-half].reshape(len(image), -1)
     y, x = np.divmod(inner.argmax(axis=1), width - 2 * half)
-    corners = np.stack([x, y], axis=-1)
-    cut = np.stack(
-        [cut_windows(trial, at, GRAVITY)[0] for trial, at in zip(image, corners, strict=True)]
-    )
-    return centre_of_gravity(np.maximum(cut, 0), corners + first)
+    boxes = np.lib.stride_tricks.sliding_window_view(image, (GRAVITY, GRAVITY), axis=(1, 2))
+    cut = boxes[np.arange(len(image)), y, x]
+    return centre_of_gravity(np.maximum(cut, 0), np.stack([x, y], axis=-1) + first)
 
 
 def _colours(windows: FloatArray, spots: FloatArray, corner: FloatArray) -> FloatArray:
-    """Return ratio and predicted scatter, shape (2, 2, trials), for red and blue over green."""
-    dark = images.SENSOR.noise_electrons()
-    light = []
+    """Return ratio and predicted scatter of red and blue over green, shape (2, 2, trials)."""
+    found = []
     for layer, spot in zip(windows, spots, strict=True):
         x, y = window_corners(spot, images.WINDOW) - corner.astype(np.int64)
-        part = layer[:, y : y + images.WINDOW, x : x + images.WINDOW]
-        light.append(part.sum(axis=(-2, -1)))
-    variance = [np.maximum(s, 0) + images.WINDOW**2 * dark**2 for s in light]
-    green = np.maximum(light[0], 1.0)
-    return np.array([channel_ratio(light[i], green, variance[i], variance[0]) for i in (1, 2)])
-
-
-def _colour_outcome(measured: FloatArray, photons: FloatArray) -> FloatArray:
-    truth = photons[1:] / photons[0]
-    scatter = np.sqrt(np.square(measured[:, 0] - truth[:, None]).mean(axis=-1))
-    predicted = np.sqrt(np.square(measured[:, 1]).mean(axis=-1))
-    return np.stack([truth, scatter, predicted], axis=-1)
+        found.append(layer[:, y : y + images.WINDOW, x : x + images.WINDOW])
+    return np.array(images.ratios(found))
 
 
 def stored() -> studies.Study:
-    """Return the stored comparison: arrays as in `Outcome`."""
+    """Return the stored comparison: arrays as `simulate` returns them."""
     return studies.read(STUDY)
-
-
-@cache
-def frame_colours() -> images.Colours:
-    """Return the colours of a random frame; it takes seconds, so it is kept."""
-    return images.colours_of_a_frame(given(images.READS))
 
 
 def named(star: str) -> str:
@@ -250,10 +209,9 @@ def facts() -> dict[str, Fact]:
     arrays, replicates = stored().arrays, int(stored().note["replicates"])
     at_corner = arrays["error"][:, -1, MAGNITUDES.index(4.0), :, LIKELY]
     green, plain, registered = at_corner[list(STARS).index("solar")]
-    gain = arrays["signal_to_noise"][..., 2] / arrays["signal_to_noise"][..., 0]
-    kept = arrays["signal_to_noise"][..., 1] / arrays["signal_to_noise"][..., 2]
-    by_star = np.median(gain, axis=(1, 2))
-    frame = frame_colours()
+    alone, raw, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
+    by_star = np.median(fused / alone, axis=(1, 2))
+    frame = images.colours_of_a_frame()
     pulls = np.abs(frame.pulls)
     return {
         "green": Fact(green, ".3f", "px"),
@@ -264,10 +222,9 @@ def facts() -> dict[str, Fact]:
         "plain-least-star": Fact(list(STARS)[int(at_corner[:, 1].argmin())]),
         "plain-most-star": Fact(list(STARS)[int(at_corner[:, 1].argmax())]),
         "registered-bias": Fact(arrays["bias"][..., 2, LIKELY].max(), ".3f", "px"),
-        "gain": Fact(float(np.median(gain)), ".2f"),
         "gain-least": Fact(by_star.min(), ".2f"),
         "gain-most": Fact(by_star.max(), ".2f"),
-        "loss": Fact(100 * (1 - float(np.median(kept))), ".0f", "%"),
+        "loss": Fact(100 * (1 - float(np.median(raw / fused))), ".0f", "%"),
         "trials": Fact(replicates, ","),
         "frame-sent": Fact(frame.sent, "d"),
         "frame-measured": Fact(frame.measured.shape[1], "d"),
@@ -296,15 +253,9 @@ def centroids() -> Iterator[tuple[object, ...]]:
     arrays = stored().arrays
     for at in np.ndindex(arrays["signal_to_noise"].shape):
         star, place, magnitude, image = at
-        yield (
-            named(list(STARS)[star]),
-            PLACE_NAMES[place],
-            MAGNITUDES[magnitude],
-            MADE[image],
-            *arrays["error"][at],
-            arrays["bias"][at][LIKELY],
-            arrays["signal_to_noise"][at],
-        )
+        labels = named(list(STARS)[star]), PLACE_NAMES[place], MAGNITUDES[magnitude], MADE[image]
+        error, bias, ratio = (arrays[name][at] for name in ("error", "bias", "signal_to_noise"))
+        yield (*labels, *error, bias[LIKELY], ratio)
 
 
 @studied(
@@ -326,3 +277,11 @@ def star_colours() -> Iterator[tuple[object, ...]]:
     for i, star in enumerate(STARS):
         for j, magnitude in enumerate(MAGNITUDES):
             yield named(star), magnitude, *colour[i, 0, j].ravel()
+
+
+def recomputed(
+    executor: Executor, folder: Path, note: Mapping[str, str]
+) -> tuple[dict[str, FloatArray], int]:
+    """Simulate again in parts that a folder keeps: arrays as in `simulate`, and their number."""
+    store = Store(folder, {**note, "trials": str(TRIALS)})
+    return simulate(TRIALS, executor=executor, store=store), PHASES * TRIALS

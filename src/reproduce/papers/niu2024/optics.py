@@ -10,6 +10,11 @@ __all__ = ["centre_wavelengths", "middles"]
 
 OPTICS = "niu2024/text-optics"
 OUTCOME = "niu2024/text-experiment"
+# What a centre wavelength can be.
+CENTRES = {
+    "band": "the middle of the channel's band",
+    "third": "the middle of a third of the starlight's band",
+}
 
 
 @reproduces(
@@ -19,17 +24,12 @@ OUTCOME = "niu2024/text-experiment"
 )
 def field_of_view(given: Given) -> Results:
     """Field of view from the detector's size and the estimated focal length."""
-    focal_length = given[f"{OPTICS}#focal-length"]
-    return {
-        f"field-of-view-{axis}": float(
-            camera.field_of_view(
-                given[f"{OPTICS}#pixels-{axis}"],
-                given[f"{OPTICS}#pixel-pitch-{axis}"],
-                focal_length,
-            )
-        )
-        for axis in "xy"
-    }
+    found = camera.field_of_view(
+        given.array(f"{OPTICS}#pixels-?"),
+        given.array(f"{OPTICS}#pixel-pitch-?"),
+        given[f"{OPTICS}#focal-length"],
+    )
+    return {f"field-of-view-{axis}": float(one) for axis, one in zip("xy", found, strict=True)}
 
 
 def middles(given: Given, band: str) -> tuple[float, float]:
@@ -57,27 +57,18 @@ def centre_wavelength(given: Given) -> Results:
     OPTICS,
     cells=["centre-wavelength-green", "centre-wavelength-red"],
     given=[f"{OPTICS}#band-*", f"{OUTCOME}#simulator-band-*"],
-    options={
-        "centre": {
-            "band": "the middle of the channel's band",
-            "third": "the middle of a third of the starlight's band",
-        }
-    },
+    options={"centre": CENTRES},
 )
 def centre_wavelengths(given: Given) -> Results:
     """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
     missing = "what a centre wavelength is: the middle of the band, or a nominal colour"
-    results = {}
-    for band in ("green", "red"):
-        middle, nominal = middles(given, band)
-        readings = (
-            Reading("middle of the channel's band", "section 4.3", middle, {"centre": "band"}),
-            Reading(
-                "middle of a third of the starlight's band",
-                "section 4.3",
-                nominal,
-                {"centre": "third"},
+    return {
+        f"centre-wavelength-{band}": Blocked(
+            missing,
+            readings=tuple(
+                Reading(what.removeprefix("the "), "section 4.3", middle, {"centre": way})
+                for middle, (way, what) in zip(middles(given, band), CENTRES.items(), strict=True)
             ),
         )
-        results[f"centre-wavelength-{band}"] = Blocked(missing, readings=readings)
-    return results
+        for band in ("green", "red")
+    }

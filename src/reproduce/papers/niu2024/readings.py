@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -34,56 +35,34 @@ from numpy.typing import NDArray
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import simulation, simulation_angles
 from reproduce.papers.niu2024.calibration import precision
-from reproduce.papers.niu2024.simulation import SHIFTS, TESTS
 from reproduce.papers.study import Column, studied
 from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
 from reproduce.physics.registration.closed_form import rmse_per_axis
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
-from reproduce.physics.validate import FloatArray, whole_number
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
 __all__ = [
-    "ADDRESSES",
-    "ARRANGEMENT",
-    "CELLS",
-    "CHOICES",
-    "CHUNK",
-    "COUNTED",
-    "MEASURED",
-    "READS",
-    "REPEATS",
-    "REPLICATES",
-    "SEED",
-    "STUDY",
-    "Choices",
-    "all_draws",
-    "choices",
-    "counted",
-    "literal",
-    "numbers",
-    "readings",
-    "simulate",
-    "simulate_channel",
-    "stored",
-    "summarised",
-    "summary",
-]
+    "ADDRESSES", "ARRANGEMENT", "CELLS", "CHOICES", "CHUNK", "COUNTED", "READS",
+    "REPEATS", "REPLICATES", "SEED", "TESTS", "Choices", "all_draws", "choices",
+    "counted", "literal", "numbers", "readings", "simulate", "simulate_channel",
+    "stored", "summarised", "summary",
+]  # fmt: skip
 
 STUDY = "niu2024-readings"
 SEED = 2024_0259
 REPLICATES = 10_000
-CHUNK = 500
-PARTS = 20
+CHUNK = 500  # replicates simulated at once
 # Replicates stored whole, so that a small part can be recomputed and compared.
 KEPT = 20
 QUANTILES = (0.005, 0.025, 0.5, 0.975, 0.995)
+# What the principal points of red and blue are, by the option of `simulation`; draws averaged.
+SHIFTS = {"Table 1": "table-1", "Table 2": "table-2"}
 REPEATS = (1, 10)
+TESTS = ("over the range", "among the angles")
 # Where there is noise, and how much of it in green and in the channel that is registered.
 NOISY = {"every channel": (1.0, 1.0), "red and blue": (0.0, 1.0), "green": (1.0, 0.0)}
-# Ways to count the axes: (26) as it stands first.
-COUNTED = ("both axes", "one axis on average", "x alone", "y alone")
 PARAMETERS = ("scale", "rotation", "translation-x", "translation-y")
 # What one replicate of one channel yields, in this order, and what is printed of it.
 MEASURED = (*PARAMETERS, "rmse-before-x", "rmse-before-y", "rmse-after-x", "rmse-after-y")
@@ -98,6 +77,14 @@ ADDRESSES = tuple(
 )
 # All that the ways of counting need, but for the root of two between both axes and their average.
 SUMMARISED = (*MEASURED, "rmse-before", "rmse-after")
+# Ways to count the axes, (26) as it stands first: places among `SUMMARISED`, and a factor.
+_RESIDUALS = {
+    "both axes": ([8, 9], 1.0),
+    "one axis on average": ([8, 9], np.sqrt(0.5)),
+    "x alone": ([4, 6], 1.0),
+    "y alone": ([5, 7], 1.0),
+}
+COUNTED = tuple(_RESIDUALS)
 READS = (
     *simulation.READS,
     f"{simulation.TRUTH}#translation-*",
@@ -126,7 +113,7 @@ def literal(door: Given) -> Choices:
     """Return the literal reading, the one that the ledger uses where all give one verdict."""
     names = [found.name for found in simulation_angles.candidates(door)]
     place = names.index(simulation_angles.literal(door).name)
-    return Choices(place, SHIFTS[0], REPEATS[0], next(iter(NOISY)), TESTS[0])
+    return next(found for found in readings(door) if found.arrangement == place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +127,11 @@ class Numbers:
     chosen: NDArray[np.int64]  # random places among the calibration angles, none twice
 
 
-def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> Numbers:
+def numbers(door: Given, replicates: int, first: int = 0) -> Numbers:
     """Draw the random numbers of some replicates."""
     n = door.count(f"{simulation.SETTINGS}#angle-count")
     m = door.count(f"{simulation.SETTINGS}#test-points")
-    streams = [SeedSequence(seed, spawn_key=(kind,)) for kind in range(5)]
+    streams = [SeedSequence(SEED, spawn_key=(kind,)) for kind in range(5)]
     calibration, zero, test = (
         spawned_normals(stream, replicates, (3, count, 2), first=first)
         for stream, count in zip(streams[:3], (n, 1, m), strict=True)
@@ -156,22 +143,15 @@ def numbers(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> N
     return Numbers(calibration, zero, test, positions, order[:, :m])
 
 
-def simulate(door: Given, replicates: int, first: int = 0, seed: int = SEED) -> FloatArray:
+def simulate(door: Given, replicates: int, first: int = 0) -> FloatArray:
     """Simulate, calibrate and test both channels under every reading.
 
     Shape (readings, replicates, 2, 8). Readings as in `readings`, channels red and blue, numbers as
     in `MEASURED`; `counted` makes of them what is printed.
     """
-    replicates = whole_number("replicates", replicates)
-    every = readings(door)
-    results = np.empty((len(every), replicates, 2, len(MEASURED)))
-    for begin in range(0, replicates, CHUNK):
-        count = min(CHUNK, replicates - begin)
-        drawn = numbers(door, count, first + begin, seed)
-        for place, channel in enumerate(simulation.REGISTERED):
-            found = simulate_channel(door, drawn, channel)
-            results[:, begin : begin + count, place] = np.stack(list(found))
-    return results
+    drawn = numbers(door, replicates, first)
+    channels = [list(simulate_channel(door, drawn, name)) for name in simulation.REGISTERED]
+    return np.moveaxis(np.array(channels), 0, 2)
 
 
 def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[FloatArray]:
@@ -181,33 +161,23 @@ def simulate_channel(door: Given, drawn: Numbers, channel: str) -> Iterator[Floa
     turns = simulation.rotations(door)
     sigma = door[f"{simulation.SETTINGS}#noise"]
     for found, shifts in product(simulation_angles.candidates(door), SHIFTS):
-        used, turned = [simulation.cameras(door, shifts)[i] for i in pair], [turns[i] for i in pair]
-        true = channel_centroids(used, turned, found.angles)
-        zero = channel_centroids(used, turned, np.zeros((1, 2)))
-        at_random = np.moveaxis(channel_centroids(used, turned, drawn.positions), -3, 1)
+        cameras = simulation.cameras(door, SHIFTS[shifts])
+        spots = partial(channel_centroids, [cameras[0], cameras[place]], [turns[0], turns[place]])
+        true, zero = spots(found.angles), spots(np.zeros((1, 2)))
+        at_random = np.moveaxis(spots(drawn.positions), -3, 1)
         tests = {TESTS[0]: at_random, TESTS[1]: np.moveaxis(true[:, drawn.chosen], 0, 1)}
+        at_zero = np.flatnonzero(np.isclose(found.angles, 0.0).all(axis=-1))
         for repeats, noisy in product(REPEATS, NOISY):
             level = (sigma / np.sqrt(repeats) * np.array(NOISY[noisy]))[:, None, None]
-            measured = true + level * drawn.calibration[:, pair]
-            again = zero + level * drawn.zero[:, pair]
-            similarity = _calibrated(measured, again, found.angles)
+            green, source = np.moveaxis(true + level * drawn.calibration[:, pair], 1, 0)
+            again = (zero + level * drawn.zero[:, pair])[:, 1, 0]
+            pivot = source[:, at_zero[0]] if len(at_zero) else again
+            similarity = fit_registration(source, green, pivot).transform
             for kind in TESTS:
-                points = tests[kind] + level * drawn.test[:, pair]
-                yield _outcome(similarity, points)
-
-
-def _calibrated(measured: FloatArray, zero: FloatArray, table: FloatArray) -> Registration:
-    green, source = measured[:, 0], measured[:, 1]
-    at_zero = np.flatnonzero(np.isclose(table, 0.0).all(axis=-1))
-    pivot = source[:, at_zero[0]] if len(at_zero) else zero[:, 1, 0]
-    return fit_registration(source, green, pivot).transform
-
-
-def _outcome(similarity: Registration, points: FloatArray) -> FloatArray:
-    green, source = points[:, 0], points[:, 1]
-    before = rmse_per_axis(source, green)
-    after = rmse_per_axis(similarity.apply(source), green)
-    return np.concatenate([similarity.parameters, before, after], axis=-1)
+                green, source = np.moveaxis(tests[kind] + level * drawn.test[:, pair], 1, 0)
+                before = rmse_per_axis(source, green)
+                after = rmse_per_axis(similarity.apply(source), green)
+                yield np.concatenate([similarity.parameters, before, after], axis=-1)
 
 
 def summarised(measured: FloatArray) -> FloatArray:
@@ -230,13 +200,8 @@ def counted(summaries: FloatArray, axes: str) -> FloatArray:
     >>> counted(np.arange(10.0), "y alone")
     array([0., 1., 2., 3., 5., 7.])
     """
-    if axes not in COUNTED:
-        raise ValueError(f"axes: expected one of {COUNTED}, got {axes!r}")
-    before, after = [(8, 9), (8, 9), (4, 6), (5, 7)][COUNTED.index(axes)]
-    residuals = summaries[..., [before, after]]
-    if axes == COUNTED[1]:
-        residuals = residuals * np.sqrt(0.5)
-    return np.concatenate([summaries[..., :4], residuals], axis=-1)
+    places, factor = _RESIDUALS[axes]
+    return np.concatenate([summaries[..., :4], factor * summaries[..., places]], axis=-1)
 
 
 def _part(span: tuple[int, int]) -> tuple[FloatArray]:
@@ -248,13 +213,9 @@ def all_draws(
     replicates: int = REPLICATES, executor: Executor | None = None, store: Store | None = None
 ) -> FloatArray:
     """Simulate every reading on any executor, with the same result: as `simulate` returns it."""
-    size = -(-replicates // PARTS)
-    spans = [(begin, min(size, replicates - begin)) for begin in range(0, replicates, size)]
+    spans = [(begin, min(CHUNK, replicates - begin)) for begin in range(0, replicates, CHUNK)]
     parts = run_parts(_part, spans, executor, store)
-    draws = np.empty((len(parts[0][0]), replicates, *parts[0][0].shape[2:]))
-    for begin, count in spans:  # part by part: two copies would not fit the promised memory
-        draws[:, begin : begin + count] = parts.pop(0)[0]
-    return draws
+    return np.concatenate([part for (part,) in parts], axis=1)
 
 
 def summary(draws: FloatArray) -> dict[str, FloatArray]:
@@ -344,11 +305,10 @@ def scheme_precision() -> Iterator[tuple[object, ...]]:
     door, arrays = given(READS), stored().arrays
     row = readings(door).index(literal(door))
     for place, channel in enumerate(simulation.REGISTERED):
-        theory = precision(door, channel)
-        for cell, name in enumerate(PARAMETERS):
-            mean, sd = arrays["mean"][row, place, cell], arrays["sd"][row, place, cell]
-            bound = theory.bound[cell]
-            efficiency = (bound / sd) ** 2
-            bias = (mean - theory.truth[cell], sd / np.sqrt(REPLICATES), theory.bias[cell])
+        drawn = (arrays[name][row, place, :4] for name in ("mean", "sd"))
+        numbers = zip(PARAMETERS, *drawn, *precision(door, channel), strict=True)
+        for name, mean, scatter, truth, bias, bound in numbers:
+            efficiency = (bound / scatter) ** 2
+            found = (mean - truth, scatter / np.sqrt(REPLICATES), bias)
             error = efficiency * np.sqrt(2 / REPLICATES)
-            yield name, channel, *bias, sd, bound, efficiency, error
+            yield name, channel, *found, scatter, bound, efficiency, error

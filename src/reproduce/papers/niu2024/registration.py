@@ -12,13 +12,11 @@ IMAGING = "niu2024/table-1"
 CHANNELS = ("red", "blue")
 
 
-def scale_factors(given: Given) -> dict[str, float]:
-    """Return the ratio of green's focal length in Table 1 to that of each channel."""
-    green = given[f"{IMAGING}#focal-length.green"]
-    return {
-        channel: float(chromatic.scale_factor(green, given[f"{IMAGING}#focal-length.{channel}"]))
-        for channel in CHANNELS
-    }
+def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
+    """Return the ratio of green's focal length in a table to that of each channel."""
+    green = given[f"{table}#focal-length.green"]
+    lengths = {channel: given[f"{table}#focal-length.{channel}"] for channel in CHANNELS}
+    return {c: float(chromatic.scale_factor(green, length)) for c, length in lengths.items()}
 
 
 @reproduces(

@@ -1,4 +1,4 @@
-"""The rotation angles of the simulation (niu2024, section 4.1).
+"""The rotation angles of the simulation, and Figure 4, which shows them (niu2024, section 4.1).
 
 The text gives a count, a range and a step; no full rectangle has that count, which is a prime.
 The count therefore selects among those of `physics.optics.arrangements`, and so it is an input.
@@ -8,18 +8,22 @@ square lattice and holds the zero position, which the starting values of section
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reproduce.papers.declare import draws
 from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
 from reproduce.printed.given import Given
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 __all__ = [
-    "ARRANGEMENTS",
-    "LITERAL",
-    "READS",
-    "arrangement",
-    "candidates",
-    "half_ranges",
+    "ARRANGEMENTS", "READS", "SETTINGS", "arrangement", "candidates", "draw", "half_ranges",
     "literal",
-]
+]  # fmt: skip
 
 SETTINGS = "niu2024/text-simulation"
 READS = (
@@ -43,15 +47,12 @@ ARRANGEMENTS = {
     "square-stretched": "square, stretched to the edges; centred; circle of the smaller half range",
     "rectangle": "quincunx, stretched to the edges in 20 by 12 spacings; centred; rectangle",
 }
-LITERAL = next(iter(ARRANGEMENTS))
 
 
 def half_ranges(door: Given) -> tuple[float, float]:
     """Return half the printed range about x and about y, in radians."""
-    x, y = (
-        (door[f"{SETTINGS}#range-{axis}-high"] - door[f"{SETTINGS}#range-{axis}-low"]) / 2
-        for axis in "xy"
-    )
+    low, high = (door.array(f"{SETTINGS}#range-?-{end}") for end in ("low", "high"))
+    x, y = ((high - low) / 2).tolist()
     return x, y
 
 
@@ -75,4 +76,16 @@ def arrangement(door: Given, name: str) -> Arrangement:
 
 def literal(door: Given) -> Arrangement:
     """Return the arrangement that the ledger uses."""
-    return arrangement(door, LITERAL)
+    return arrangement(door, next(iter(ARRANGEMENTS)))
+
+
+@draws("niu2024/fig-4", given=READS)
+def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Rotation angles of the rotary table in the simulation."""
+    angles = np.degrees(literal(door).angles)
+    axes = figure.add_subplot()
+    axes.plot(*angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation")
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * half_ranges(door)
+    axes.plot(*np.degrees(corners).T, linestyle="--", linewidth=1, label="printed range")
+    axes.set(aspect="equal", xlabel="middle frame (°)", ylabel="external frame (°)")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import (
-    NON_NEGATIVE,
-    POSITIVE,
     FloatArray,
+    NonNegative,
+    Positive,
+    checked,
     finite_array,
-    together,
     whole_number,
 )
 
@@ -94,7 +94,8 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     return np.stack(scatters, axis=axis)
 
 
-def averaged_error(count: ArrayLike, single: ArrayLike, floor: ArrayLike = 0.0) -> FloatArray:
+@checked
+def averaged_error(count: Positive, single: NonNegative, floor: NonNegative = 0.0) -> FloatArray:
     """Return the error of an average in the model E^2 = a^2 / n + b^2.
 
     Parameters
@@ -114,14 +115,12 @@ def averaged_error(count: ArrayLike, single: ArrayLike, floor: ArrayLike = 0.0) 
     >>> float(averaged_error(4, single=6.0, floor=4.0))
     5.0
     """
-    number, noise, base = together(
-        count=(count, POSITIVE), single=(single, NON_NEGATIVE), floor=(floor, NON_NEGATIVE)
-    )
-    return np.asarray(np.hypot(noise / np.sqrt(number), base))
+    return np.asarray(np.hypot(single / np.sqrt(count), floor))
 
 
+@checked
 def attitude_accuracy(
-    centroid_sigma: ArrayLike, count: ArrayLike, pixel_angle: ArrayLike
+    centroid_sigma: NonNegative, count: Positive, pixel_angle: Positive
 ) -> FloatArray:
     """Return the accuracy of an attitude about X or Y from centroids of many spots.
 
@@ -149,12 +148,7 @@ def attitude_accuracy(
     >>> float(attitude_accuracy(0.5, count=4, pixel_angle=8.0))
     2.0
     """
-    delta, number, angle = together(
-        centroid_sigma=(centroid_sigma, NON_NEGATIVE),
-        count=(count, POSITIVE),
-        pixel_angle=(pixel_angle, POSITIVE),
-    )
-    return np.asarray(delta / np.sqrt(number) * angle)
+    return np.asarray(centroid_sigma / np.sqrt(count) * pixel_angle)
 
 
 def _frames_last(series: ArrayLike, axis: int) -> FloatArray:

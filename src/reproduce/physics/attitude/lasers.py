@@ -14,16 +14,16 @@ directions, its w_i^k our tracker directions. Leading axes are a batch.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude.rotations import _unit
-from reproduce.physics.validate import POSITIVE, FloatArray, together
+from reproduce.physics.validate import Directions, FloatArray, Point, Points, Positive, checked
 
 __all__ = ["emitted_directions", "received_directions", "received_jacobian", "received_spots"]
 
 
+@checked
 def emitted_directions(
-    points: ArrayLike, focal_length: ArrayLike, principal_point: ArrayLike = (0.0, 0.0)
+    points: Points, focal_length: Positive, principal_point: Point = (0.0, 0.0)
 ) -> FloatArray:
     """Return the directions in which lasers on the focal plane leave the camera.
 
@@ -49,19 +49,12 @@ def emitted_directions(
     >>> emitted_directions([[3.0, 0.0]], focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    rows, focal, centre = together(
-        points=(points, (None, 2)),
-        focal_length=(focal_length, POSITIVE),
-        principal_point=(principal_point, (2,)),
-    )
-    return _unit("points", _outward(centre[..., np.newaxis, :] - rows, focal))
+    return _unit("points", _outward(principal_point[..., np.newaxis, :] - points, focal_length))
 
 
+@checked
 def received_directions(
-    spots: ArrayLike,
-    principal_point: ArrayLike,
-    pixel_pitch: ArrayLike,
-    focal_length: ArrayLike,
+    spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
     """Return the directions from which the tracker sees laser spots arrive.
 
@@ -87,15 +80,12 @@ def received_directions(
     >>> received_directions([[13.0, 10.0]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    rays, _ = _received_rays(spots, principal_point, pixel_pitch, focal_length)
-    return _unit("spots", rays)
+    return _unit("spots", _received_rays(spots, principal_point, pixel_pitch, focal_length))
 
 
+@checked
 def received_spots(
-    directions: ArrayLike,
-    principal_point: ArrayLike,
-    pixel_pitch: ArrayLike,
-    focal_length: ArrayLike,
+    directions: Directions, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
     """Return where light from given directions makes spots: `received_directions` turned round.
 
@@ -116,20 +106,12 @@ def received_spots(
     >>> received_spots([[-0.6, 0.0, 0.8]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[13., 10.]])
     """
-    rays, centre, pitch, focal = together(
-        directions=(directions, (None, 3)),
-        principal_point=(principal_point, (2,)),
-        pixel_pitch=(pixel_pitch, POSITIVE),
-        focal_length=(focal_length, POSITIVE),
-    )
-    return _spots(rays, centre, focal / pitch)
+    return _spots(directions, principal_point, focal_length / pixel_pitch)
 
 
+@checked
 def received_jacobian(
-    spots: ArrayLike,
-    principal_point: ArrayLike,
-    pixel_pitch: ArrayLike,
-    focal_length: ArrayLike,
+    spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
     """Return how a received direction moves with its spot.
 
@@ -147,26 +129,19 @@ def received_jacobian(
     >>> float(received_jacobian([[0, 0]], (0, 0), pixel_pitch=1.0, focal_length=4.0)[0, 0, 0])
     -0.25
     """
-    rays, pitch = _received_rays(spots, principal_point, pixel_pitch, focal_length)
+    rays = _received_rays(spots, principal_point, pixel_pitch, focal_length)
     lengths = np.linalg.norm(rays, axis=-1)[..., np.newaxis, np.newaxis]
     directions = rays[..., np.newaxis] / lengths
     # Only the part of the ray's motion across the ray turns the direction.
     across = np.eye(3) - directions * directions.mT
-    return -pitch[..., np.newaxis, np.newaxis, np.newaxis] / lengths * across[..., :, :2]
+    return -pixel_pitch[..., np.newaxis, np.newaxis, np.newaxis] / lengths * across[..., :, :2]
 
 
 def _received_rays(
-    spots: ArrayLike, principal_point: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Check a tracker's spots; return their rays outwards, in metres, and the pixel pitch."""
-    rows, centre, pitch, focal = together(
-        spots=(spots, (None, 2)),
-        principal_point=(principal_point, (2,)),
-        pixel_pitch=(pixel_pitch, POSITIVE),
-        focal_length=(focal_length, POSITIVE),
-    )
-    offsets = centre[..., np.newaxis, :] - rows
-    return _outward(offsets * pitch[..., np.newaxis, np.newaxis], focal), pitch
+    spots: FloatArray, centre: FloatArray, pitch: FloatArray, focal_length: FloatArray
+) -> FloatArray:
+    offsets = centre[..., np.newaxis, :] - spots
+    return _outward(offsets * pitch[..., np.newaxis, np.newaxis], focal_length)
 
 
 def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:

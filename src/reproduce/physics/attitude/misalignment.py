@@ -29,13 +29,17 @@ from numpy.typing import ArrayLike
 from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation
 from reproduce.physics.attitude.wahba import _rotation
 from reproduce.physics.validate import (
-    POSITIVE,
-    ROTATION,
+    Directions,
     FloatArray,
+    Number,
+    Point,
+    Positive,
+    Rotation,
+    Weights,
+    checked,
     common_batch,
     finite_array,
     rotations,
-    together,
     weights_for,
 )
 
@@ -96,7 +100,8 @@ def laser_transform(
     >>> np.allclose(laser_transform(directions, directions), np.eye(3))
     True
     """
-    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, pooled)
+    paired = _pooled if pooled else _paired
+    camera, tracker, kept = paired(camera_directions, tracker_directions, weights)
     return _rotation(tracker, camera, kept, method)
 
 
@@ -130,19 +135,19 @@ def misalignment(
     >>> np.allclose(misalignment(directions, directions, np.eye(3)), np.eye(3))
     True
     """
-    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, pooled)
+    paired = _pooled if pooled else _paired
+    camera, tracker, kept = paired(camera_directions, tracker_directions, weights)
     zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
     common_batch(
-        camera_directions=camera.shape[:-2],
-        tracker_directions=tracker.shape[:-2],
-        weights=kept.shape[:-1],
+        directions=np.broadcast_shapes(camera.shape[:-2], tracker.shape[:-2], kept.shape[:-1]),
         tracker_from_camera_zero=zero.shape[:-2],
     )
     # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
     return _rotation(camera, tracker @ zero, kept, "quest")
 
 
-def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
+@checked
+def misalignment_angles(camera_now_from_camera_zero: Rotation) -> FloatArray:
     """Return the turn of the camera about its X, Y and Z axes since the zero point.
 
     Parameters
@@ -169,8 +174,7 @@ def misalignment_angles(camera_now_from_camera_zero: ArrayLike) -> FloatArray:
     >>> misalignment_angles([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    matrix = rotations("camera_now_from_camera_zero", camera_now_from_camera_zero)
-    return _vector_from_rotation(matrix.mT)
+    return _vector_from_rotation(camera_now_from_camera_zero.mT)
 
 
 def angle_jacobian(
@@ -210,7 +214,7 @@ def angle_jacobian(
     >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
     array([0. , 0. , 0.5])
     """
-    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights, False)
+    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights)
     count = tracker.shape[-2]
     moves = finite_array("direction_jacobian", direction_jacobian, shape=(count, 3, None))
     camera_from_tracker = _rotation(camera, tracker, kept)
@@ -226,43 +230,32 @@ def angle_jacobian(
     return np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted)
 
 
+@checked
 def _paired(
-    camera_directions: ArrayLike,
-    tracker_directions: ArrayLike,
-    weights: ArrayLike | None,
-    pooled: bool,
+    camera_directions: Directions, tracker_directions: Directions, weights: Weights
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Check directions and weights row by row; pooled frames become rows of one set."""
+    kept = weights_for(weights, camera_directions.shape[-2])
+    return camera_directions, tracker_directions, kept
+
+
+def _pooled(
+    camera_directions: ArrayLike, tracker_directions: ArrayLike, weights: ArrayLike | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return directions and weights with the rows of all frames in one set."""
     camera = finite_array("camera_directions", camera_directions, shape=(None, 3))
-    leading = (None, None, 3) if pooled else (None, 3)
-    tracker = finite_array("tracker_directions", tracker_directions, shape=leading)
-    count = camera.shape[-2]
-    if tracker.shape[-2] != count:
-        raise ValueError(
-            f"camera_directions and tracker_directions: expected as many rows, got {count} and "
-            f"{tracker.shape[-2]}; row i of both must be the same laser"
-        )
-    factors = None if weights is None else finite_array("weights", weights, shape=(count,))
-    if pooled:
-        frames = tracker.shape[-3]
-        flat = (*tracker.shape[:-3], frames * count)
-        if factors is not None:
-            common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
-            factors = np.broadcast_to(factors, tracker.shape[:-1]).reshape(flat)
-        repeated = np.repeat(camera[..., np.newaxis, :, :], frames, axis=-3)
-        camera = repeated.reshape(*camera.shape[:-2], frames * count, 3)
-        tracker = tracker.reshape(*flat, 3)
-    kept = weights_for(factors, camera.shape[-2])
-    common_batch(
-        camera_directions=camera.shape[:-2],
-        tracker_directions=tracker.shape[:-2],
-        weights=kept.shape[:-1],
-    )
-    return camera, tracker, kept
+    tracker = finite_array("tracker_directions", tracker_directions, shape=(None, None, 3))
+    *batch, frames, count, _ = tracker.shape
+    if weights is not None:
+        factors = finite_array("weights", weights, shape=(count,))
+        common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
+        weights = np.broadcast_to(factors, tracker.shape[:-1]).reshape(*batch, frames * count)
+    rows = tracker.reshape(*batch, frames * count, 3)
+    return _paired(np.tile(camera, (frames, 1)), rows, weights)
 
 
+@checked
 def moved_laser_transform(
-    tracker_from_camera_zero: ArrayLike, camera_now_from_camera_zero: ArrayLike
+    tracker_from_camera_zero: Rotation, camera_now_from_camera_zero: Rotation
 ) -> FloatArray:
     """Return the laser transform after the camera has moved.
 
@@ -283,15 +276,12 @@ def moved_laser_transform(
     >>> moved_laser_transform(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    zero, moved = together(
-        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
-        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
-    )
-    return zero @ moved.mT
+    return tracker_from_camera_zero @ camera_now_from_camera_zero.mT
 
 
+@checked
 def misalignment_between(
-    tracker_from_camera_now: ArrayLike, tracker_from_camera_zero: ArrayLike
+    tracker_from_camera_now: Rotation, tracker_from_camera_zero: Rotation
 ) -> FloatArray:
     """Return the misalignment that leads from one laser transform to another.
 
@@ -313,15 +303,12 @@ def misalignment_between(
     >>> misalignment_between(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    now, zero = together(
-        tracker_from_camera_now=(tracker_from_camera_now, ROTATION),
-        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
-    )
-    return now.mT @ zero
+    return tracker_from_camera_now.mT @ tracker_from_camera_zero
 
 
+@checked
 def transform_error_printed(
-    tracker_from_camera: ArrayLike, tracker_from_camera_reference: ArrayLike
+    tracker_from_camera: Rotation, tracker_from_camera_reference: Rotation
 ) -> FloatArray:
     """Return the error of a laser transform in the order in which the text multiplies.
 
@@ -345,15 +332,12 @@ def transform_error_printed(
     >>> transform_error_printed(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    found, reference = together(
-        tracker_from_camera=(tracker_from_camera, ROTATION),
-        tracker_from_camera_reference=(tracker_from_camera_reference, ROTATION),
-    )
-    return found @ reference.mT
+    return tracker_from_camera @ tracker_from_camera_reference.mT
 
 
+@checked
 def corrected_installation(
-    camera_now_from_camera_zero: ArrayLike, camera_zero_from_tracker: ArrayLike
+    camera_now_from_camera_zero: Rotation, camera_zero_from_tracker: Rotation
 ) -> FloatArray:
     """Return the installation of the camera, corrected for its misalignment.
 
@@ -374,16 +358,11 @@ def corrected_installation(
     >>> corrected_installation(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    moved, installed = together(
-        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
-        camera_zero_from_tracker=(camera_zero_from_tracker, ROTATION),
-    )
-    return moved @ installed
+    return camera_now_from_camera_zero @ camera_zero_from_tracker
 
 
-def inertial_attitude(
-    camera_from_tracker: ArrayLike, tracker_from_inertial: ArrayLike
-) -> FloatArray:
+@checked
+def inertial_attitude(camera_from_tracker: Rotation, tracker_from_inertial: Rotation) -> FloatArray:
     """Return the attitude of the camera among the stars.
 
     Implements: chen2023 (9).
@@ -403,15 +382,12 @@ def inertial_attitude(
     >>> inertial_attitude(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    installed, seen = together(
-        camera_from_tracker=(camera_from_tracker, ROTATION),
-        tracker_from_inertial=(tracker_from_inertial, ROTATION),
-    )
-    return installed @ seen
+    return camera_from_tracker @ tracker_from_inertial
 
 
+@checked
 def misalignment_in_tracker(
-    camera_now_from_camera_zero: ArrayLike, tracker_from_camera_zero: ArrayLike
+    camera_now_from_camera_zero: Rotation, tracker_from_camera_zero: Rotation
 ) -> FloatArray:
     """Return the misalignment as the imaging model wants it, between two tracker frames.
 
@@ -434,14 +410,11 @@ def misalignment_in_tracker(
     >>> misalignment_in_tracker(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    moved, zero = together(
-        camera_now_from_camera_zero=(camera_now_from_camera_zero, ROTATION),
-        tracker_from_camera_zero=(tracker_from_camera_zero, ROTATION),
-    )
-    return zero @ moved.mT @ zero.mT
+    return tracker_from_camera_zero @ camera_now_from_camera_zero.mT @ tracker_from_camera_zero.mT
 
 
-def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+@checked
+def stage_angle(shift: Number, focal_length: Positive) -> FloatArray:
     """Return the misalignment angle that a shift of the focal plane stands for.
 
     Implements: chen2023 (10).
@@ -464,11 +437,11 @@ def stage_angle(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     >>> float(stage_angle(1.0, 1.0)) / np.pi
     -0.25
     """
-    motion, focal = together(shift=(shift, ()), focal_length=(focal_length, POSITIVE))
-    return np.asarray(-np.arctan2(motion, focal))
+    return np.asarray(-np.arctan2(shift, focal_length))
 
 
-def stage_angle_printed(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+@checked
+def stage_angle_printed(shift: Number, focal_length: Positive) -> FloatArray:
     """Return what the relation gives as it is printed, -tan(L) f.
 
     Printed form of chen2023 (10). It takes the tangent of a length and multiplies where it
@@ -485,11 +458,11 @@ def stage_angle_printed(shift: ArrayLike, focal_length: ArrayLike) -> FloatArray
     >>> round(float(stage_angle_printed(1e-6, 2.0)), 12)
     -2e-06
     """
-    motion, focal = together(shift=(shift, ()), focal_length=(focal_length, POSITIVE))
-    return np.asarray(-np.tan(motion) * focal)
+    return np.asarray(-np.tan(shift) * focal_length)
 
 
-def stage_angles(shifts: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+@checked
+def stage_angles(shifts: Point, focal_length: Positive) -> FloatArray:
     """Return the right-handed misalignment that a shift of the focal plane stands for.
 
     This is what `misalignment_angles` measures when the lasers move: a shift along X turns
@@ -512,6 +485,7 @@ def stage_angles(shifts: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     >>> stage_angles([1.0, 1.0], 1.0) / np.pi
     array([ 0.25, -0.25,  0.  ])
     """
-    motion, focal = together(shifts=(shifts, (2,)), focal_length=(focal_length, POSITIVE))
-    about_x = np.arctan2(motion[..., 1], focal)
-    return np.stack([about_x, -np.arctan2(motion[..., 0], focal), np.zeros_like(about_x)], axis=-1)
+    about_x = np.arctan2(shifts[..., 1], focal_length)
+    return np.stack(
+        [about_x, -np.arctan2(shifts[..., 0], focal_length), np.zeros_like(about_x)], axis=-1
+    )

@@ -10,7 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, finite_array, rotations
+from reproduce.physics.validate import (
+    Direction,
+    FloatArray,
+    Rotation,
+    checked,
+    finite_array,
+    kernel,
+)
 
 __all__ = [
     "cross_matrix",
@@ -58,7 +65,8 @@ def transpose(matrices: FloatArray) -> FloatArray:
     return matrices.mT
 
 
-def cross_matrix(vectors: ArrayLike) -> FloatArray:
+@checked
+def cross_matrix(vectors: Direction) -> FloatArray:
     """Return the matrices [v×], shape (..., 3, 3), of vectors v (...): [v×] u = v × u.
 
     Examples
@@ -66,10 +74,18 @@ def cross_matrix(vectors: ArrayLike) -> FloatArray:
     >>> cross_matrix([1, 0, 0]) @ [0, 1, 0]
     array([0., 0., 1.])
     """
-    return _cross_matrix(finite_array("vectors", vectors, shape=(3,)))
+    result = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[..., k, j] = vectors[..., i]
+        result[..., j, k] = -vectors[..., i]
+    return result
 
 
-def rotation_from_vector(rotation_vector: ArrayLike) -> FloatArray:
+_cross_matrix = kernel(cross_matrix)
+
+
+@checked
+def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     """Return the rotation matrix of a rotation vector.
 
     Parameters
@@ -90,10 +106,20 @@ def rotation_from_vector(rotation_vector: ArrayLike) -> FloatArray:
     >>> np.allclose(R @ [1, 0, 0], [0, 1, 0])
     True
     """
-    return _rotation_from_vector(finite_array("rotation_vector", rotation_vector, shape=(3,)))
+    square = np.einsum("...i,...i->...", rotation_vector, rotation_vector)
+    angle = np.sqrt(square)[..., np.newaxis, np.newaxis]
+    generator = _cross_matrix(rotation_vector)
+    # numpy.sinc is sin(pi x) / (pi x): no division by a vanishing angle.
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    return np.eye(3) + first * generator + second * (generator @ generator)
 
 
-def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
+_rotation_from_vector = kernel(rotation_from_vector)
+
+
+@checked
+def vector_from_rotation(rotation: Rotation) -> FloatArray:
     """Return the rotation vector of a rotation by less than half a turn.
 
     Parameters
@@ -116,7 +142,21 @@ def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
     >>> vector_from_rotation([[0, -1, 0], [1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    return _vector_from_rotation(rotations("rotation", rotation))
+    twist = np.empty(rotation.shape[:-1])
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        twist[..., i] = 0.5 * (rotation[..., k, j] - rotation[..., j, k])
+    sine = np.sqrt(np.einsum("...i,...i->...", twist, twist))
+    cosine = 0.5 * (np.einsum("...ii->...", rotation) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    if (angle > np.radians(179.9)).any():
+        raise ValueError(
+            f"rotation: expected turns below 179.9 deg, got {np.degrees(angle.max()):.4g} deg; "
+            "the axis of a half turn has no sign, use a quaternion instead"
+        )
+    return twist * (1.0 / np.sinc(angle / np.pi))[..., np.newaxis]
+
+
+_vector_from_rotation = kernel(vector_from_rotation)
 
 
 def _unit(name: str, vectors: FloatArray) -> FloatArray:
@@ -157,38 +197,6 @@ def _determinant(matrices: FloatArray) -> FloatArray:
         + a[..., 1] * (b[..., 2] * c[..., 0] - b[..., 0] * c[..., 2])
         + a[..., 2] * (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0])
     )
-
-
-def _cross_matrix(vectors: FloatArray) -> FloatArray:
-    result = np.zeros((*vectors.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        result[..., k, j] = vectors[..., i]
-        result[..., j, k] = -vectors[..., i]
-    return result
-
-
-def _rotation_from_vector(vector: FloatArray) -> FloatArray:
-    angle = np.sqrt(np.einsum("...i,...i->...", vector, vector))[..., np.newaxis, np.newaxis]
-    generator = _cross_matrix(vector)
-    # numpy.sinc is sin(pi x) / (pi x): no division by a vanishing angle.
-    first = np.sinc(angle / np.pi)
-    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    return np.eye(3) + first * generator + second * (generator @ generator)
-
-
-def _vector_from_rotation(matrix: FloatArray) -> FloatArray:
-    twist = np.empty(matrix.shape[:-1])
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        twist[..., i] = 0.5 * (matrix[..., k, j] - matrix[..., j, k])
-    sine = np.sqrt(np.einsum("...i,...i->...", twist, twist))
-    cosine = 0.5 * (np.einsum("...ii->...", matrix) - 1.0)
-    angle = np.arctan2(sine, cosine)
-    if (angle > np.radians(179.9)).any():
-        raise ValueError(
-            f"rotation: expected turns below 179.9 deg, got {np.degrees(angle.max()):.4g} deg; "
-            "the axis of a half turn has no sign, use a quaternion instead"
-        )
-    return twist * (1.0 / np.sinc(angle / np.pi))[..., np.newaxis]
 
 
 def _rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:

@@ -25,10 +25,12 @@ from reproduce.physics.attitude import wahba_solvers
 from reproduce.physics.attitude.rotations import _unit
 from reproduce.physics.validate import (
     DegenerateGeometryError,
+    Directions,
     FloatArray,
+    Positive,
+    Weights,
+    checked,
     common_batch,
-    finite_array,
-    positive,
     rotations,
     weights_for,
 )
@@ -75,10 +77,11 @@ class WahbaSolution:
     weights: FloatArray
 
 
+@checked
 def attitude(
-    target_vectors: ArrayLike,
-    source_vectors: ArrayLike,
-    weights: ArrayLike | None = None,
+    target_vectors: Directions,
+    source_vectors: Directions,
+    weights: Weights = None,
     method: str = "direct",
 ) -> FloatArray:
     """Return the rotation that minimises ``sum w |target - rotation @ source|^2``.
@@ -115,13 +118,15 @@ def attitude(
     >>> np.allclose(target_from_source @ [1, 0, 0], [0, 1, 0])
     True
     """
-    return _rotation(*_prepared(target_vectors, source_vectors, weights), method)
+    kept = weights_for(weights, target_vectors.shape[-2])
+    return _rotation(target_vectors, source_vectors, kept, method)
 
 
+@checked
 def solve(
-    target_vectors: ArrayLike,
-    source_vectors: ArrayLike,
-    weights: ArrayLike | None = None,
+    target_vectors: Directions,
+    source_vectors: Directions,
+    weights: Weights = None,
     method: str = "direct",
 ) -> WahbaSolution:
     """Return the best rotation with its loss, its eigenvalue gap and its weights.
@@ -138,11 +143,14 @@ def solve(
     >>> float(solution.loss), round(float(solution.eigenvalue_gap), 12)
     (0.0, 6.0)
     """
-    target, source, kept = _prepared(target_vectors, source_vectors, weights)
-    target, source = _unit("target_vectors", target), _unit("source_vectors", source)
+    target, source = (
+        _unit("target_vectors", target_vectors),
+        _unit("source_vectors", source_vectors),
+    )
+    kept = weights_for(weights, target.shape[-2])
     total = kept.sum(axis=-1)
-    share = kept / kept.sum(axis=-1, keepdims=True)
-    rotation, gap = _best(target, source, share, method)
+    rotation, gap = _best(target, source, kept / total[..., np.newaxis], method)
+    share = kept / total[..., np.newaxis]
     misses = target - source @ rotation.mT
     loss = total * np.einsum("...n,...ni,...ni->...", share, misses, misses)
     return WahbaSolution(rotation, loss, total * gap, kept)
@@ -197,7 +205,8 @@ class Taste:
     probability: FloatArray
 
 
-def taste(solution: WahbaSolution, sigma: ArrayLike) -> Taste:
+@checked
+def taste(solution: WahbaSolution, sigma: Positive) -> Taste:
     """Return the TASTE test of a solution of Wahba's problem.
 
     Parameters
@@ -224,15 +233,14 @@ def taste(solution: WahbaSolution, sigma: ArrayLike) -> Taste:
     >>> round(float(check.statistic), 6), float(check.freedom), round(float(check.probability), 4)
     (0.5, 1.0, 0.4795)
     """
-    error = positive("sigma", sigma)
     weights = solution.weights
-    if error.ndim and error.shape[-1] != weights.shape[-1]:
+    if sigma.ndim and sigma.shape[-1] != weights.shape[-1]:
         raise ValueError(
             f"sigma: expected one value or shape (..., {weights.shape[-1]}), one for each "
-            f"direction, got {error.shape}; give the error of every direction"
+            f"direction, got {sigma.shape}; give the error of every direction"
         )
     # A scalar belongs to every direction.
-    inverse = np.broadcast_to(error**-2.0, np.broadcast_shapes(error.shape, weights.shape[-1:]))
+    inverse = np.broadcast_to(sigma**-2.0, np.broadcast_shapes(sigma.shape, weights.shape[-1:]))
     common_batch(solution=solution.loss.shape, weights=weights.shape[:-1], sigma=inverse.shape[:-1])
     used = weights > 0
     # The factor from the weights used to inverse variances, the same for all directions.
@@ -246,27 +254,6 @@ def taste(solution: WahbaSolution, sigma: ArrayLike) -> Taste:
     statistic = np.asarray(factor * solution.loss)
     freedom = np.broadcast_to(2.0 * used.sum(axis=-1) - 3.0, statistic.shape)
     return Taste(statistic, freedom, np.asarray(chdtrc(freedom, statistic)))
-
-
-def _prepared(
-    target_vectors: ArrayLike, source_vectors: ArrayLike, weights: ArrayLike | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return directions and weights after checking that they pair."""
-    target = finite_array("target_vectors", target_vectors, shape=(None, 3))
-    source = finite_array("source_vectors", source_vectors, shape=(None, 3))
-    count = target.shape[-2]
-    if source.shape[-2] != count:
-        raise ValueError(
-            f"target_vectors and source_vectors: expected as many rows, got {count} and "
-            f"{source.shape[-2]}; row i of both must be the same direction"
-        )
-    kept = weights_for(weights, count)
-    common_batch(
-        target_vectors=target.shape[:-2],
-        source_vectors=source.shape[:-2],
-        weights=kept.shape[:-1],
-    )
-    return target, source, kept
 
 
 def _rotation(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.ground.imaging import WGS84, Ellipsoid
-from reproduce.physics.validate import FloatArray, finite_array, together
+from reproduce.physics.validate import Direction, FloatArray, checked
 
 __all__ = [
     "EarthOrientation",
@@ -98,7 +98,8 @@ def earth_from_inertial(utc: ArrayLike, orientation: EarthOrientation) -> FloatA
     return erfa.c2tcio(intermediate, rotation, polar)
 
 
-def earth_fixed(coordinates: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
+@checked
+def earth_fixed(coordinates: Direction, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
     """Return Earth-fixed positions of longitude, latitude and height.
 
     Parameters
@@ -117,16 +118,18 @@ def earth_fixed(coordinates: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatAr
     >>> earth_fixed([0.0, 0.0, 500.0]).round(3)
     array([6378637.,       0.,       0.])
     """
-    rows = finite_array("coordinates", coordinates, shape=(3,))
-    if (np.abs(rows[..., 1]) > np.pi / 2 + 1e-12).any():
+    if (np.abs(coordinates[..., 1]) > np.pi / 2 + 1e-12).any():
         raise ValueError(
             "coordinates: expected latitudes from -pi/2 to pi/2 in the second column, got "
-            f"{np.abs(rows[..., 1]).max():g}; angles are in radians, longitude first"
+            f"{np.abs(coordinates[..., 1]).max():g}; angles are in radians, longitude first"
         )
-    return erfa.gd2gce(ellipsoid.equatorial_radius, ellipsoid.flattening, *np.moveaxis(rows, -1, 0))
+    return erfa.gd2gce(
+        ellipsoid.equatorial_radius, ellipsoid.flattening, *np.moveaxis(coordinates, -1, 0)
+    )
 
 
-def local_axes(positions: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
+@checked
+def local_axes(positions: Direction, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
     """Return the rotation from Earth-fixed axes to east, north and up at given places.
 
     Parameters
@@ -150,8 +153,9 @@ def local_axes(positions: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray
            [0., 0., 1.],
            [1., 0., 0.]])
     """
-    places = finite_array("positions", positions, shape=(3,))
-    longitude, latitude, _ = erfa.gc2gde(ellipsoid.equatorial_radius, ellipsoid.flattening, places)
+    longitude, latitude, _ = erfa.gc2gde(
+        ellipsoid.equatorial_radius, ellipsoid.flattening, positions
+    )
     zero = np.zeros_like(longitude)
     east = np.stack([-np.sin(longitude), np.cos(longitude), zero], axis=-1)
     up = np.stack(
@@ -165,7 +169,8 @@ def local_axes(positions: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray
     return np.stack([east, np.cross(up, east), up], axis=-2)
 
 
-def satellite_from_inertial(position: ArrayLike, velocity: ArrayLike) -> FloatArray:
+@checked
+def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatArray:
     """Return the rotation into the orbit's own axes: X along the flight, Z to the Earth's centre.
 
     Parameters
@@ -190,12 +195,11 @@ def satellite_from_inertial(position: ArrayLike, velocity: ArrayLike) -> FloatAr
            [-0., -0., -1.],
            [-1., -0., -0.]])
     """
-    place, motion = together(position=(position, (3,)), velocity=(velocity, (3,)))
-    normal = np.cross(place, motion)
+    normal = np.cross(position, velocity)
     size = np.linalg.norm(normal, axis=-1, keepdims=True)
     if (size <= 0).any():
         raise ValueError("velocity: expected a motion across the radius, got one along it")
-    down = -place / np.linalg.norm(place, axis=-1, keepdims=True)
+    down = -position / np.linalg.norm(position, axis=-1, keepdims=True)
     side = -normal / size
     return np.stack([np.cross(side, down), side, down], axis=-2)
 

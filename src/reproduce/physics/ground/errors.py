@@ -15,7 +15,14 @@ from scipy.special import ndtr
 
 from reproduce.physics.ground.earth import local_axes
 from reproduce.physics.ground.imaging import WGS84, Ellipsoid
-from reproduce.physics.validate import POSITIVE, FloatArray, common_batch, finite_array, together
+from reproduce.physics.validate import (
+    FloatArray,
+    Number,
+    Positive,
+    checked,
+    common_batch,
+    finite_array,
+)
 
 __all__ = [
     "Ellipse",
@@ -32,8 +39,9 @@ _SECTORS = 256
 _HALVINGS = 60
 
 
+@checked
 def ground_resolution(
-    focal_length: ArrayLike, pixel_pitch: ArrayLike, altitude: ArrayLike
+    focal_length: Positive, pixel_pitch: Positive, altitude: Positive
 ) -> FloatArray:
     """Return the size of a pixel on the ground at nadir.
 
@@ -51,16 +59,12 @@ def ground_resolution(
     >>> float(ground_resolution(focal_length=10.0, pixel_pitch=1e-5, altitude=500e3))
     0.5
     """
-    focal, pitch, height = together(
-        focal_length=(focal_length, POSITIVE),
-        pixel_pitch=(pixel_pitch, POSITIVE),
-        altitude=(altitude, POSITIVE),
-    )
-    return np.asarray(pitch * height / focal)
+    return np.asarray(pixel_pitch * altitude / focal_length)
 
 
+@checked
 def altitude_for_resolution(
-    focal_length: ArrayLike, pixel_pitch: ArrayLike, resolution: ArrayLike
+    focal_length: Positive, pixel_pitch: Positive, resolution: Positive
 ) -> FloatArray:
     """Return the altitude from which a pixel has a given size on the ground at nadir.
 
@@ -76,15 +80,11 @@ def altitude_for_resolution(
     >>> round(float(altitude_for_resolution(10.0, 1e-5, resolution=0.5)))
     500000
     """
-    focal, pitch, size = together(
-        focal_length=(focal_length, POSITIVE),
-        pixel_pitch=(pixel_pitch, POSITIVE),
-        resolution=(resolution, POSITIVE),
-    )
-    return np.asarray(size * focal / pitch)
+    return np.asarray(resolution * focal_length / pixel_pitch)
 
 
-def ground_error(altitude: ArrayLike, angle: ArrayLike) -> FloatArray:
+@checked
+def ground_error(altitude: Positive, angle: Number) -> FloatArray:
     """Return how far a small pointing error moves the line of sight on the ground at nadir.
 
     Parameters
@@ -103,8 +103,7 @@ def ground_error(altitude: ArrayLike, angle: ArrayLike) -> FloatArray:
     >>> float(ground_error(500e3, 2e-6))
     1.0
     """
-    height, turn = together(altitude=(altitude, POSITIVE), angle=(angle, ()))
-    return np.asarray(height * turn)
+    return np.asarray(altitude * angle)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,14 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.physics.attitude.lasers import _outward
 from reproduce.physics.attitude.rotations import _cross_matrix, _unit
 from reproduce.physics.validate import (
-    POSITIVE,
-    ROTATION,
+    Direction,
+    Directions,
     FloatArray,
+    Point,
+    Points,
+    Positive,
+    Rotation,
+    checked,
     common_batch,
     finite_array,
-    together,
 )
 
 __all__ = [
@@ -72,9 +77,9 @@ class Ellipsoid:
             )
 
     @property
-    def polar_radius(self) -> float:
-        """The semi-axis towards the poles, in metres."""
-        return self.equatorial_radius * (1.0 - self.flattening)
+    def axes(self) -> FloatArray:
+        """The semi-axes along X, Y and Z (towards the poles), shape (3,), in metres."""
+        return self.equatorial_radius * np.array([1.0, 1.0, 1.0 - self.flattening])
 
 
 # Defining constants of the World Geodetic System 1984 (NGA.STND.0036).
@@ -97,10 +102,11 @@ class ImagedPoint:
     scale: FloatArray
 
 
+@checked
 def image_vectors(
-    points: ArrayLike,
-    focal_length: ArrayLike,
-    principal_point: ArrayLike = (0.0, 0.0),
+    points: Points,
+    focal_length: Positive,
+    principal_point: Point = (0.0, 0.0),
     distortion: ArrayLike = (0.0, 0.0),
 ) -> FloatArray:
     """Return the bracket of the imaging model (1): the image point as seen from the lens.
@@ -127,30 +133,17 @@ def image_vectors(
     >>> image_vectors([[0.03, 0.0]], focal_length=4.0)
     array([[ 0.03,  0.  , -4.  ]])
     """
-    rows, centre, focal = together(
-        points=(points, (None, 2)),
-        principal_point=(principal_point, (2,)),
-        focal_length=(focal_length, POSITIVE),
-    )
     shift = finite_array("distortion", distortion, shape=(2,))
-    centre, focal = centre[..., np.newaxis, :], focal[..., np.newaxis]
-    batch = common_batch(
-        points=rows.shape[:-1],
-        principal_point=centre.shape[:-1],
-        distortion=shift.shape[:-1],
-        focal_length=focal.shape,
-    )
-    result = np.empty((*batch, 3))
-    result[..., :2] = rows - centre - shift
-    result[..., 2] = -focal
-    return result
+    common_batch(points=points.shape[:-1], distortion=shift.shape[:-1])
+    return _outward(points - principal_point[..., np.newaxis, :] - shift, -focal_length)
 
 
+@checked
 def imaging_chain(
-    earth_from_inertial: ArrayLike,
-    inertial_from_tracker: ArrayLike,
-    tracker_misalignment: ArrayLike,
-    tracker_from_camera: ArrayLike,
+    earth_from_inertial: Rotation,
+    inertial_from_tracker: Rotation,
+    tracker_misalignment: Rotation,
+    tracker_from_camera: Rotation,
 ) -> FloatArray:
     """Return the rotation chain of the imaging model (1).
 
@@ -174,19 +167,14 @@ def imaging_chain(
     >>> imaging_chain(np.eye(3), np.eye(3), np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    first, second, third, fourth = together(
-        earth_from_inertial=(earth_from_inertial, ROTATION),
-        inertial_from_tracker=(inertial_from_tracker, ROTATION),
-        tracker_misalignment=(tracker_misalignment, ROTATION),
-        tracker_from_camera=(tracker_from_camera, ROTATION),
-    )
-    return first @ second @ third @ fourth
+    return earth_from_inertial @ inertial_from_tracker @ tracker_misalignment @ tracker_from_camera
 
 
+@checked
 def imaged_position(
-    vectors: ArrayLike,
-    satellite: ArrayLike,
-    earth_from_camera: ArrayLike,
+    vectors: Directions,
+    satellite: Direction,
+    earth_from_camera: Rotation,
     ellipsoid: Ellipsoid = WGS84,
 ) -> ImagedPoint:
     """Return the ground positions that image points show: the rigorous imaging model.
@@ -226,14 +214,13 @@ def imaged_position(
     >>> np.round(imaged.position), imaged.scale
     (array([[6378137.,       0.,       0.]]), array([-2000000.]))
     """
-    rows, origin, chain = _checked(vectors, satellite, earth_from_camera)
-    sight, reach = _lines_of_sight(rows, origin, chain, ellipsoid)
-    position = origin[..., np.newaxis, :] + reach[..., np.newaxis] * sight
-    return ImagedPoint(position, -reach / np.linalg.norm(rows, axis=-1))
+    _, reach, position = _seen(vectors, satellite, earth_from_camera, ellipsoid)
+    return ImagedPoint(position, -reach / np.linalg.norm(vectors, axis=-1))
 
 
+@checked
 def distance_to_ground(
-    origin: ArrayLike, directions: ArrayLike, ellipsoid: Ellipsoid = WGS84
+    origin: Direction, directions: Direction, ellipsoid: Ellipsoid = WGS84
 ) -> FloatArray:
     """Return the distance along lines of sight to where they first meet the ellipsoid.
 
@@ -261,30 +248,21 @@ def distance_to_ground(
     >>> float(distance_to_ground([0, 0, 5.0], [0, 0, -1], Ellipsoid(2.0, 0.5)))
     4.0
     """
-    start, sight = together(origin=(origin, (3,)), directions=(directions, (3,)))
-    return _distance(start, _unit("directions", sight), ellipsoid)
+    return _distance(origin, _unit("directions", directions), ellipsoid)
 
 
-def _checked(
-    vectors: ArrayLike, satellite: ArrayLike, earth_from_camera: ArrayLike
-) -> tuple[FloatArray, ...]:
-    return together(
-        vectors=(vectors, (None, 3)),
-        satellite=(satellite, (3,)),
-        earth_from_camera=(earth_from_camera, ROTATION),
-    )
-
-
-def _lines_of_sight(
+def _seen(
     vectors: FloatArray, satellite: FloatArray, chain: FloatArray, ellipsoid: Ellipsoid
-) -> tuple[FloatArray, FloatArray]:
-    """Return unit lines of sight, Earth-fixed, and the distances along them to the ground."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit lines of sight, Earth-fixed, how far they reach, and where they end."""
     sight = _unit("vectors", -(vectors @ chain.mT))
-    return sight, _distance(satellite[..., np.newaxis, :], sight, ellipsoid)
+    origin = satellite[..., np.newaxis, :]
+    reach = _distance(origin, sight, ellipsoid)
+    return sight, reach, origin + reach[..., np.newaxis] * sight
 
 
 def _distance(start: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> FloatArray:
-    axes = np.array([ellipsoid.equatorial_radius] * 2 + [ellipsoid.polar_radius])
+    axes = ellipsoid.axes
     # In units of the axes the ellipsoid is a sphere of radius one.
     start, sight = start / axes, sight / axes
     height = np.einsum("...i,...i->...", start, start) - 1.0
@@ -298,11 +276,6 @@ def _distance(start: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> Flo
     # Lagrange's identity: no difference of large squares at grazing incidence.
     moment = np.cross(start, sight)
     discriminant = square - np.einsum("...i,...i->...", moment, moment)
-    _refuse_misses(discriminant, approach)
-    return height / (approach + np.sqrt(discriminant))
-
-
-def _refuse_misses(discriminant: FloatArray, approach: FloatArray) -> None:
     missed = (discriminant < 0) | (approach <= 0)
     if missed.any():
         away = int((missed & (approach <= 0)).sum())
@@ -311,6 +284,7 @@ def _refuse_misses(discriminant: FloatArray, approach: FloatArray) -> None:
             f"{missed.size} that miss it, {away} of them looking away from it; check the sign "
             "of the boresight and the order of the rotations, or drop these pixels"
         )
+    return height / (approach + np.sqrt(discriminant))
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,10 +312,11 @@ class GroundJacobian:
     by_image: FloatArray
 
 
+@checked
 def ground_jacobian(
-    vectors: ArrayLike,
-    satellite: ArrayLike,
-    earth_from_camera: ArrayLike,
+    vectors: Directions,
+    satellite: Direction,
+    earth_from_camera: Rotation,
     ellipsoid: Ellipsoid = WGS84,
 ) -> GroundJacobian:
     """Return ground positions with their derivatives by all terms of the imaging model.
@@ -362,24 +337,16 @@ def ground_jacobian(
     >>> found.by_turn[0, :, 1].round(3) + 0.0
     array([      0.,       0., 1000000.])
     """
-    rows, origin, chain = _checked(vectors, satellite, earth_from_camera)
-    sight, reach = _lines_of_sight(rows, origin, chain, ellipsoid)
-    position = origin[..., np.newaxis, :] + reach[..., np.newaxis] * sight
-    lengths = np.linalg.norm(rows, axis=-1)
-    slide = _slide(position, sight, ellipsoid)
+    sight, reach, position = _seen(vectors, satellite, earth_from_camera, ellipsoid)
+    lengths = np.linalg.norm(vectors, axis=-1)
+    # The projection along the line of sight onto the tangent plane.
+    normal = position / ellipsoid.axes**2
+    steep = np.einsum("...i,...i->...", normal, sight)[..., np.newaxis, np.newaxis]
+    slide = np.eye(3) - sight[..., :, np.newaxis] * normal[..., np.newaxis, :] / steep
     far = slide * reach[..., np.newaxis, np.newaxis]
-    matrix = chain[..., np.newaxis, :, :]
+    matrix = earth_from_camera[..., np.newaxis, :, :]
     # A turn by t moves the line by t × u, so du = -[u ×] R t for a turn about camera axes.
     by_turn = -far @ _cross_matrix(sight) @ matrix
     across = np.eye(3) - sight[..., :, np.newaxis] * sight[..., np.newaxis, :]
     by_image = -far @ across @ matrix / lengths[..., np.newaxis, np.newaxis]
     return GroundJacobian(position, slide, by_turn, by_image)
-
-
-def _slide(position: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> FloatArray:
-    """Return the projection along the line of sight onto the tangent plane."""
-    axes = np.array([ellipsoid.equatorial_radius] * 2 + [ellipsoid.polar_radius])
-    normal = position / axes**2
-    steep = np.einsum("...i,...i->...", normal, sight)[..., np.newaxis, np.newaxis]
-    outer = sight[..., :, np.newaxis] * normal[..., np.newaxis, :]
-    return np.eye(3) - outer / steep

@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from reproduce.physics.ground.imaging import WGS84
-from reproduce.physics.validate import FloatArray, finite_array, positive, whole_number
+from reproduce.physics.validate import (
+    FloatArray,
+    Size,
+    checked,
+    finite_array,
+    positive,
+    whole_number,
+)
 
 __all__ = ["DAY", "Thermal", "last_orbits", "orbital_period", "thermal_series", "trend_and_fourier"]
 
@@ -81,8 +88,9 @@ class Thermal:
         positive("wander_days", self.wander_days)
 
 
+@checked
 def thermal_series(
-    thermal: Thermal, period: float, per_orbit: int, orbits: int, generator: Generator
+    thermal: Thermal, period: Size, per_orbit: int, orbits: int, generator: Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return times and misalignment over many orbits.
 
@@ -109,7 +117,7 @@ def thermal_series(
     """
     steps = whole_number("per_orbit", per_orbit) * whole_number("orbits", orbits)
     phase = np.arange(steps) / per_orbit
-    times = phase * float(positive("period", period)) / DAY
+    times = phase * period / DAY
     year = 2.0 * np.pi * times / YEAR_DAYS
     angles = np.zeros((steps, 2))
     for axis in range(2):

@@ -9,22 +9,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics.images.centroids import _centre_of_gravity
 from reproduce.physics.images.spots import _gradient, _windows
 from reproduce.physics.validate import (
-    NON_NEGATIVE,
-    POSITIVE,
     FloatArray,
-    together,
+    NonNegative,
+    Number,
+    Point,
+    Positive,
+    checked,
+    kernel,
     whole_number,
 )
 
 __all__ = ["CentroidError", "centre_of_gravity_error", "cramer_rao_variance", "s_curve_bias"]
 
 
-def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatArray:
+@checked
+def s_curve_bias(phase: Number, radius: Positive, terms: int = 20) -> FloatArray:
     """Return the error of the centre of gravity that comes from pixels alone.
 
     The centre of gravity of an endless row of pixels is the mean of the light's positions, each
@@ -49,10 +52,9 @@ def s_curve_bias(phase: ArrayLike, radius: ArrayLike, terms: int = 20) -> FloatA
     >>> s_curve_bias(0.25, [2.0, 0.2]).round(3)
     array([-0.   , -0.144])
     """
-    offset, width = together(phase=(phase, ()), radius=(radius, POSITIVE))
     order = np.arange(1, whole_number("terms", terms) + 1)
-    damping = np.exp(-2.0 * (np.pi * order * width[..., np.newaxis]) ** 2)
-    waves = np.sin(2.0 * np.pi * order * offset[..., np.newaxis])
+    damping = np.exp(-2.0 * (np.pi * order * radius[..., np.newaxis]) ** 2)
+    waves = np.sin(2.0 * np.pi * order * phase[..., np.newaxis])
     return np.asarray(((-1.0) ** order / (np.pi * order) * damping * waves).sum(axis=-1))
 
 
@@ -80,13 +82,14 @@ class CentroidError:
         return self.bias**2 + self.variance
 
 
+@checked
 def centre_of_gravity_error(
-    positions: ArrayLike,
-    light: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
+    positions: Point,
+    light: NonNegative,
+    radius: Positive,
+    corners: Point,
     size: int,
-    read_noise: ArrayLike = 0.0,
+    read_noise: NonNegative = 0.0,
 ) -> CentroidError:
     """Return what the centre of gravity in a fixed window errs by: bias and variance.
 
@@ -124,16 +127,34 @@ def centre_of_gravity_error(
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    return _error(size, *_checked(positions, light, radius, corners, read_noise))
+    windows = _windows(positions, light, radius, corners, size)
+    centre = _centre_of_gravity(windows) + corners
+    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
+    # Offsets of columns and rows from the centre of gravity, x before y.
+    offsets = np.arange(size) - (centre - corners)[..., np.newaxis]
+    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
+    read = read_noise[..., np.newaxis] ** 2
+    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
+    # The denominator's own noise, which is correlated with the numerator's: second order.
+    push = -read * size * offsets.sum(axis=-1) / total**2
+    _, slopes = _gradient(*_state(positions, light, radius, corners), size, size)
+    # How the sums of columns and rows change with x and y.
+    moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
+    slope = (offsets * moved).sum(axis=-1) / total
+    return CentroidError(centre + push - positions, variance, slope)
 
 
+_error = kernel(centre_of_gravity_error)
+
+
+@checked
 def cramer_rao_variance(
-    positions: ArrayLike,
-    light: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
+    positions: Point,
+    light: Positive,
+    radius: Positive,
+    corners: Point,
     size: int,
-    read_noise: ArrayLike = 0.0,
+    read_noise: NonNegative = 0.0,
 ) -> FloatArray:
     """Return the least variance that an unbiased centroid can have in a window.
 
@@ -156,66 +177,16 @@ def cramer_rao_variance(
     >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
     array([9.08, 9.08])
     """
-    checked = _checked(positions, light, radius, corners, read_noise, POSITIVE)
-    return _least_variance(size, *checked)
-
-
-def _checked(
-    positions: ArrayLike,
-    light: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
-    read_noise: ArrayLike,
-    sign: str = NON_NEGATIVE,
-) -> tuple[FloatArray, ...]:
-    return together(
-        positions=(positions, (2,)),
-        light=(light, sign),
-        radius=(radius, POSITIVE),
-        corners=(corners, (2,)),
-        read_noise=(read_noise, NON_NEGATIVE),
-    )
-
-
-def _error(
-    size: int,
-    points: FloatArray,
-    flux: FloatArray,
-    width: FloatArray,
-    first: FloatArray,
-    noise: FloatArray,
-) -> CentroidError:
-    windows = _windows(points, flux, width, first, (whole_number("size", size), size))
-    centre = _centre_of_gravity(windows) + first
-    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
-    # Offsets of columns and rows from the centre of gravity, x before y.
-    offsets = np.arange(size) - (centre - first)[..., np.newaxis]
-    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
-    read = noise[..., np.newaxis] ** 2
-    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
-    # The denominator's own noise, which is correlated with the numerator's: second order.
-    push = -read * size * offsets.sum(axis=-1) / total**2
-    _, slopes = _gradient(*_state(points, flux, width, first), size, size)
-    # How the sums of columns and rows change with x and y.
-    moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
-    return CentroidError(centre + push - points, variance, (offsets * moved).sum(axis=-1) / total)
-
-
-def _least_variance(
-    size: int,
-    points: FloatArray,
-    flux: FloatArray,
-    width: FloatArray,
-    first: FloatArray,
-    noise: FloatArray,
-) -> FloatArray:
     size = whole_number("size", size)
-    model, slopes = _gradient(*_state(points, flux, width, first, noise), size, size)
-    variance = model + noise[..., np.newaxis, np.newaxis] ** 2
+    model, slopes = _gradient(*_state(positions, light, radius, corners, read_noise), size, size)
+    variance = model + read_noise[..., np.newaxis, np.newaxis] ** 2
     trust = 1.0 / np.maximum(variance, np.finfo(float).tiny)
     weighted = slopes * trust[..., np.newaxis, :, :]
     information = np.einsum("...kyx,...lyx->...kl", weighted, slopes)
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
+
+
+_least_variance = kernel(cramer_rao_variance)
 
 
 def _state(

@@ -14,11 +14,13 @@ from scipy.ndimage import label, maximum_filter
 
 from reproduce.physics.images.spots import IntArray
 from reproduce.physics.validate import (
-    POSITIVE,
     DegenerateGeometryError,
     FloatArray,
+    Image,
+    Point,
+    Positive,
+    checked,
     finite_array,
-    together,
     whole_number,
 )
 
@@ -135,7 +137,8 @@ def cut_windows(frames: ArrayLike, corners: ArrayLike, size: int | tuple[int, in
     return images[..., y, x]
 
 
-def centre_of_gravity(windows: ArrayLike, corners: ArrayLike) -> FloatArray:
+@checked
+def centre_of_gravity(windows: Image, corners: Point) -> FloatArray:
     """Return the centre of gravity of all pixels of each window.
 
     Parameters
@@ -160,8 +163,7 @@ def centre_of_gravity(windows: ArrayLike, corners: ArrayLike) -> FloatArray:
     >>> centre_of_gravity([[0, 0, 0], [0, 1, 3], [0, 0, 0]], (10, 20))
     array([11.75, 21.  ])
     """
-    light, first = together(windows=(windows, (None, None)), corners=(corners, (2,)))
-    return _centre_of_gravity(light) + first
+    return _centre_of_gravity(windows) + corners
 
 
 def _centre_of_gravity(light: FloatArray) -> FloatArray:
@@ -176,8 +178,9 @@ def _centre_of_gravity(light: FloatArray) -> FloatArray:
     return (moments[:, 1:] / moments[:, :1]).reshape(*light.shape[:-2], 2)
 
 
+@checked
 def windowed_centre(
-    windows: ArrayLike, corners: ArrayLike, radius: ArrayLike, steps: int = _STEPS
+    windows: Image, corners: Point, radius: Positive, steps: int = _STEPS
 ) -> FloatArray:
     """Return the centre of gravity under a Gaussian weight that follows the spot.
 
@@ -202,25 +205,22 @@ def windowed_centre(
     >>> windowed_centre(even, (0, 0), 0.6)
     array([1., 1.])
     """
-    light, first, width = together(
-        windows=(windows, (None, None)), corners=(corners, (2,)), radius=(radius, POSITIVE)
-    )
     # Those that run out of their window are put back on its edge.
-    edge = np.array([light.shape[-1], light.shape[-2]]) - 0.5
-    centre = _centre_of_gravity(light)
-    y, x = np.arange(light.shape[-2]), np.arange(light.shape[-1])
-    scale = width[..., np.newaxis]
+    edge = np.array([windows.shape[-1], windows.shape[-2]]) - 0.5
+    centre = _centre_of_gravity(windows)
+    y, x = np.arange(windows.shape[-2]), np.arange(windows.shape[-1])
+    scale = radius[..., np.newaxis]
     for _ in range(whole_number("steps", steps)):
         across, down = x - centre[..., :1], y - centre[..., 1:]
         right = np.exp(-0.5 * (across / scale) ** 2)
         up = np.exp(-0.5 * (down / scale) ** 2)
-        weighted = light * right[..., np.newaxis, :] * up[..., :, np.newaxis]
+        weighted = windows * right[..., np.newaxis, :] * up[..., :, np.newaxis]
         total = weighted.sum(axis=(-2, -1))
         _refuse_dark(total)
         offset_x = (weighted.sum(axis=-2) * across).sum(axis=-1) / total
         offset_y = (weighted.sum(axis=-1) * down).sum(axis=-1) / total
         centre = np.clip(centre + 2.0 * np.stack([offset_x, offset_y], axis=-1), -0.5, edge)
-    return centre + first
+    return centre + corners
 
 
 def _refuse_dark(total: FloatArray) -> None:

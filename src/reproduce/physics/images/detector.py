@@ -11,9 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, finite_array, non_negative
+from reproduce.physics.validate import (
+    FloatArray,
+    NonNegative,
+    Number,
+    checked,
+    non_negative,
+    positive,
+)
 
 __all__ = ["Detector", "electrons", "expose"]
 
@@ -58,24 +64,16 @@ class Detector:
                 f"quantum_efficiency: expected above 0 and at most 1, got "
                 f"{self.quantum_efficiency}; pass a fraction, not a percentage"
             )
-        for name in ("gain", "full_well"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected above zero, got {getattr(self, name)}")
+        positive("gain", self.gain)
+        if not self.full_well > 0:
+            raise ValueError(f"full_well: expected above zero, got {self.full_well}")
         for name in ("dark_signal", "read_noise", "offset"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name}: expected zero or more, got {value}; check its sign")
-        if not np.isfinite(self.gain):
-            raise ValueError(f"gain: expected a finite number of DN per electron, got {self.gain}")
+            non_negative(name, getattr(self, name))
         if self.bits is not None and not 1 <= self.bits <= 32:
             raise ValueError(f"bits: expected from 1 to 32, or None, got {self.bits}")
 
-    @property
-    def largest_output(self) -> float:
-        """The largest digital number; infinite without `bits`."""
-        return np.inf if self.bits is None else float(2**self.bits - 1)
-
-    def output_variance(self, photons: ArrayLike) -> FloatArray:
+    @checked
+    def output_variance(self, photons: NonNegative) -> FloatArray:
         """Return the variance of the output below saturation: the photon transfer curve.
 
         Shot noise of light and dark charge, read noise and rounding, each independent.
@@ -94,8 +92,7 @@ class Detector:
         >>> Detector(gain=0.5, read_noise=10).output_variance(100.0)
         array(50.)
         """
-        light = non_negative("photons", photons)
-        charge = self.quantum_efficiency * light + self.dark_signal
+        charge = self.quantum_efficiency * photons + self.dark_signal
         rounding = 0.0 if self.bits is None else _ROUNDING_VARIANCE
         return np.asarray(self.gain**2 * (charge + self.read_noise**2) + rounding)
 
@@ -104,7 +101,8 @@ class Detector:
         return float(np.sqrt(self.output_variance(0.0)) / self.gain)
 
 
-def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> FloatArray:
+@checked
+def expose(photons: NonNegative, detector: Detector, generator: Generator) -> FloatArray:
     """Return one exposure: digital numbers with shot noise, read noise, rounding, saturation.
 
     Parameters
@@ -132,9 +130,8 @@ def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> Floa
             f"generator: expected a numpy.random.Generator, got {type(generator).__name__}; "
             "pass numpy.random.default_rng(your_seed)"
         )
-    light = non_negative("photons", photons)
     # Light and dark charge are both Poisson, and so is their sum.
-    mean = detector.quantum_efficiency * light + detector.dark_signal
+    mean = detector.quantum_efficiency * photons + detector.dark_signal
     charge = np.asarray(generator.poisson(mean), dtype=np.float64)  # an array, even of one pixel
     if np.isfinite(detector.full_well):
         np.minimum(charge, detector.full_well, out=charge)
@@ -146,11 +143,12 @@ def expose(photons: ArrayLike, detector: Detector, generator: Generator) -> Floa
     charge += detector.offset
     if detector.bits is not None:
         np.rint(charge, out=charge)
-        np.clip(charge, 0.0, detector.largest_output, out=charge)
+        np.clip(charge, 0.0, 2.0**detector.bits - 1.0, out=charge)
     return charge
 
 
-def electrons(output: ArrayLike, detector: Detector) -> FloatArray:
+@checked
+def electrons(output: Number, detector: Detector) -> FloatArray:
     """Return the light's charge that an output stands for: the linear model turned round.
 
     Parameters
@@ -168,5 +166,4 @@ def electrons(output: ArrayLike, detector: Detector) -> FloatArray:
     >>> float(electrons(60.0, Detector(gain=0.5, offset=10, dark_signal=20)))
     80.0
     """
-    numbers = finite_array("output", output)
-    return np.asarray((numbers - detector.offset) / detector.gain - detector.dark_signal)
+    return np.asarray((output - detector.offset) / detector.gain - detector.dark_signal)

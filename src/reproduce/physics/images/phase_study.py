@@ -173,7 +173,7 @@ def predicted_errors(
     >>> predicted_errors([0.0], Light(1e4), 0.5, 5).bias
     array([0.])
     """
-    law = _error(size, *_laid_out(phases, light, radius, size))
+    law = _error(*_laid_out(phases, light, radius, size))
     return CentroidError(law.bias[..., 0], law.variance[..., 0], law.slope[..., 0])
 
 
@@ -194,7 +194,7 @@ def bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> Floa
     >>> float(bound([0.0], Light(1e4), 4.0, 41).round(3))
     0.04
     """
-    least = _least_variance(size, *_laid_out(phases, light, radius, size))
+    least = _least_variance(*_laid_out(phases, light, radius, size))
     return np.asarray(np.sqrt(least[..., 0].mean(axis=-1)))
 
 
@@ -216,7 +216,7 @@ def biased_bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) 
     [0.01528, 0.01528]
     """
     laid_out = _laid_out(phases, light, radius, size)
-    least, slope = _least_variance(size, *laid_out), _error(size, *laid_out).slope
+    least, slope = _least_variance(*laid_out), _error(*laid_out).slope
     return np.asarray(np.sqrt((slope[..., 0] ** 2 * least[..., 0]).mean(axis=-1)))
 
 
@@ -256,10 +256,10 @@ def observed_scatter(errors: ArrayLike) -> Scatter:
 
 def _laid_out(
     phases: ArrayLike, light: Light, radius: ArrayLike, size: int
-) -> tuple[FloatArray, ...]:
-    """Return positions, light, radii, corner and read noise, with the phases last."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray]:
+    """Return positions, light, radii, corner, size and read noise, with the phases last."""
     offsets = finite_array("phases", phases, shape=(None,))
     points = np.stack([offsets, np.zeros_like(offsets)], axis=-1)
     width = positive("radius", radius)[..., np.newaxis]
     corner = np.full(2, -float(whole_number("size", size) // 2))
-    return points, np.asarray(light.signal), width, corner, np.asarray(light.read_noise)
+    return points, np.asarray(light.signal), width, corner, size, np.asarray(light.read_noise)

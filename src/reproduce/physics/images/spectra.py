@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import POSITIVE, FloatArray, finite_array, positive, together
+from reproduce.physics.validate import FloatArray, Number, Positive, checked, finite_array, positive
 
 __all__ = ["blackbody_band", "channel_ratio", "tabulated_star"]
 
@@ -23,9 +23,8 @@ _V_WIDTH = 10e-9  # over which a tabulated spectrum is averaged there
 _NODES = 40
 
 
-def blackbody_band(
-    magnitude: ArrayLike, temperature: ArrayLike, low: float, high: float
-) -> FloatArray:
+@checked
+def blackbody_band(magnitude: Number, temperature: Positive, low: float, high: float) -> FloatArray:
     """Photons of a blackbody star in a band, above the atmosphere.
 
     The magnitude fixes the spectrum at 550 nm. That is V but for a few hundredths, because the band
@@ -50,15 +49,15 @@ def blackbody_band(
     >>> float(blackbody_band(7.5, 5800, 500e-9, 600e-9).round(-6))
     10000000.0
     """
-    bright, heat = together(magnitude=(magnitude, ()), temperature=(temperature, POSITIVE))
     middle, half = _band(low, high)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    spectrum = _blackbody_photons(middle + half * nodes, heat[..., None])
-    return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * bright) * half * (spectrum @ weights))
+    spectrum = _blackbody_photons(middle + half * nodes, temperature[..., None])
+    return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * half * (spectrum @ weights))
 
 
+@checked
 def tabulated_star(
-    magnitude: ArrayLike, wavelength: ArrayLike, photons: ArrayLike, low: float, high: float
+    magnitude: Number, wavelength: ArrayLike, photons: ArrayLike, low: float, high: float
 ) -> FloatArray:
     """Photons of a star in a band, from a tabulated spectrum that is scaled to a magnitude.
 
@@ -89,7 +88,6 @@ def tabulated_star(
     >>> float(tabulated_star(0.0, [400e-9, 700e-9], [1.0, 1.0], 600e-9, 601e-9).round(-6))
     101000000.0
     """
-    bright = finite_array("magnitude", magnitude)
     length = positive("wavelength", wavelength, shape=(None,))
     table = finite_array("photons", photons, shape=(len(length),))
     if length.ndim != 1 or (np.diff(length) <= 0).any():
@@ -98,11 +96,12 @@ def tabulated_star(
     edges = _V_WAVELENGTH - _V_WIDTH / 2, _V_WAVELENGTH + _V_WIDTH / 2
     level = positive("photons", _tabulated_band(length, table, *edges) / _V_WIDTH)
     share = _tabulated_band(length, table, low, high) / level
-    return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * bright) * share)
+    return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * share)
 
 
+@checked
 def channel_ratio(
-    signal: ArrayLike, reference: ArrayLike, variance: ArrayLike, reference_variance: ArrayLike
+    signal: Number, reference: Positive, variance: Number, reference_variance: Number
 ) -> tuple[FloatArray, FloatArray]:
     """The colour of a star: the ratio of two channels' signals, and its standard deviation.
 
@@ -124,14 +123,8 @@ def channel_ratio(
     >>> float(ratio), float(sigma.round(4))
     (0.5, 0.0707)
     """
-    top, bottom, noise, other = together(
-        signal=(signal, ()),
-        reference=(reference, POSITIVE),
-        variance=(variance, ()),
-        reference_variance=(reference_variance, ()),
-    )
-    ratio = top / bottom
-    return ratio, np.asarray(np.sqrt(noise + ratio**2 * other) / bottom)
+    ratio = signal / reference
+    return ratio, np.asarray(np.sqrt(variance + ratio**2 * reference_variance) / reference)
 
 
 def _band(low: float, high: float) -> tuple[float, float]:

@@ -13,13 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
 from reproduce.physics.validate import (
-    NON_NEGATIVE,
-    POSITIVE,
     FloatArray,
+    NonNegative,
+    Point,
+    Positive,
+    checked,
     finite_array,
+    kernel,
     non_negative,
     positive,
-    together,
     whole_number,
 )
 
@@ -28,7 +30,8 @@ __all__ = ["render_frame", "spot_windows", "window_corners"]
 IntArray = NDArray[np.int64]
 
 
-def window_corners(positions: ArrayLike, size: int | tuple[int, int]) -> IntArray:
+@checked
+def window_corners(positions: Point, size: int | tuple[int, int]) -> IntArray:
     """Return the first pixel of a window around each spot, centred on the pixel that holds it.
 
     Parameters
@@ -47,11 +50,10 @@ def window_corners(positions: ArrayLike, size: int | tuple[int, int]) -> IntArra
     >>> window_corners([10.4, 7.6], 5)
     array([8, 6])
     """
-    points = finite_array("positions", positions, shape=(2,))
     sides = np.array(_sides(size))
     if (sides % 2 == 0).any():
         raise ValueError(f"size: expected odd, so that a window has a middle, got {size}")
-    return _corners(points, sides)
+    return _corners(positions, sides)
 
 
 def _corners(points: FloatArray, sides: IntArray | int) -> IntArray:
@@ -59,11 +61,12 @@ def _corners(points: FloatArray, sides: IntArray | int) -> IntArray:
     return (np.floor(points + 0.5) - sides // 2).astype(np.int64)
 
 
+@checked
 def spot_windows(
-    positions: ArrayLike,
-    photons: ArrayLike,
-    radius: ArrayLike,
-    corners: ArrayLike,
+    positions: Point,
+    photons: NonNegative,
+    radius: Positive,
+    corners: Point,
     size: int | tuple[int, int],
 ) -> FloatArray:
     """Return the mean light in a window around each spot.
@@ -93,13 +96,15 @@ def spot_windows(
            [107., 466., 107.],
            [ 25., 107.,  25.]])
     """
-    points, start, light, width = together(
-        positions=(positions, (2,)),
-        corners=(corners, (2,)),
-        photons=(photons, NON_NEGATIVE),
-        radius=(radius, POSITIVE),
-    )
-    return _windows(points, light, width, start, _sides(size))
+    columns, rows = _sides(size)
+    across = _shares(positions[..., 0], radius, corners[..., 0], columns)
+    down = _shares(positions[..., 1], radius, corners[..., 1], rows)
+    # A Gaussian is the product of its rows and columns, integrals included.
+    scaled = photons[..., np.newaxis] * down
+    return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
+
+
+_windows = kernel(spot_windows)
 
 
 def render_frame(
@@ -153,20 +158,6 @@ def render_frame(
 def _sides(size: int | tuple[int, int]) -> tuple[int, int]:
     columns, rows = size if isinstance(size, tuple) else (size, size)
     return whole_number("size", columns), whole_number("size", rows)
-
-
-def _windows(
-    points: FloatArray,
-    light: FloatArray,
-    radius: FloatArray,
-    corners: FloatArray | IntArray,
-    size: tuple[int, int],
-) -> FloatArray:
-    across = _shares(points[..., 0], radius, corners[..., 0], size[0])
-    down = _shares(points[..., 1], radius, corners[..., 1], size[1])
-    # A Gaussian is the product of its rows and columns, integrals included.
-    scaled = light[..., np.newaxis] * down
-    return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
 def _gradient(

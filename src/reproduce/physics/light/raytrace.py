@@ -8,15 +8,19 @@ turns are right-handed rotation vectors in the frame of the directions; angles a
 
 from __future__ import annotations
 
+from typing import Annotated, Any
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude.rotations import _cross_matrix, _rotation_from_vector, _unit
 from reproduce.physics.validate import (
     DegenerateGeometryError,
+    Direction,
+    Directions,
     FloatArray,
-    finite_array,
-    together,
+    Number,
+    checked,
+    kernel,
 )
 
 __all__ = [
@@ -30,12 +34,14 @@ __all__ = [
     "turned_train",
 ]
 
+_Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
 CORNER = np.array([[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]])
 ROOF = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
 
 
-def reflection(normal: ArrayLike) -> FloatArray:
+@checked
+def reflection(normal: Direction) -> FloatArray:
     """Return the matrix of a plane mirror.
 
     Parameters
@@ -52,10 +58,12 @@ def reflection(normal: ArrayLike) -> FloatArray:
     >>> reflection([0, 0, 2.0]) @ [1.0, 0.0, 1.0]
     array([ 1.,  0., -1.])
     """
-    return _reflection(finite_array("normal", normal, shape=(3,)))
+    across = _unit("normal", normal)
+    return np.eye(3) - 2.0 * across[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
-def mirror_train(normals: ArrayLike) -> FloatArray:
+@checked
+def mirror_train(normals: Directions) -> FloatArray:
     """Return what several plane mirrors do to a direction, one after the other.
 
     Parameters
@@ -75,14 +83,14 @@ def mirror_train(normals: ArrayLike) -> FloatArray:
     >>> mirror_train(np.eye(3)) @ [0.6, 0.0, 0.8]
     array([-0.6,  0. , -0.8])
     """
-    rows = finite_array("normals", normals, shape=(None, 3))
-    result = np.broadcast_to(np.eye(3), (*rows.shape[:-2], 3, 3))
-    for index in range(rows.shape[-2]):
-        result = _reflection(rows[..., index, :]) @ result
+    result = np.broadcast_to(np.eye(3), (*normals.shape[:-2], 3, 3))
+    for index in range(normals.shape[-2]):
+        result = kernel(reflection)(normals[..., index, :]) @ result
     return result
 
 
-def turned_train(train: ArrayLike, turn: ArrayLike) -> FloatArray:
+@checked
+def turned_train(train: _Train, turn: Direction) -> FloatArray:
     """Return a train of mirrors that has turned as a whole: R M R^T.
 
     Parameters
@@ -101,12 +109,12 @@ def turned_train(train: ArrayLike, turn: ArrayLike) -> FloatArray:
     >>> np.allclose(turned_train(mirror_train(np.eye(3)), [0.1, 0.2, 0.3]), -np.eye(3))
     True
     """
-    matrix, vector = together(train=(train, (3, 3)), turn=(turn, (3,)))
-    rotation = _rotation_from_vector(vector)
-    return rotation @ matrix @ rotation.mT
+    rotation = _rotation_from_vector(turn)
+    return rotation @ train @ rotation.mT
 
 
-def turn_response(train: ArrayLike, direction: ArrayLike) -> FloatArray:
+@checked
+def turn_response(train: _Train, direction: Direction) -> FloatArray:
     """Return how outgoing light answers to small turns of a train of mirrors about three axes.
 
     Parameters
@@ -125,15 +133,15 @@ def turn_response(train: ArrayLike, direction: ArrayLike) -> FloatArray:
     >>> turn_response(reflection([0, 0, 1.0]), [0, 0, -1.0])[:, 1]
     array([2., 0., 0.])
     """
-    matrix, coming = together(train=(train, (3, 3)), direction=(direction, (3,)))
-    coming = _unit("direction", coming)
-    going = np.einsum("...ij,...j->...i", matrix, coming)
+    coming = _unit("direction", direction)
+    going = np.einsum("...ij,...j->...i", train, coming)
     # d/da of R M R' d at no turn: a × (M d) - M (a × d).
-    return -_cross_matrix(going) + matrix @ _cross_matrix(coming)
+    return -_cross_matrix(going) + train @ _cross_matrix(coming)
 
 
+@checked
 def cone_path(
-    origins: ArrayLike, directions: ArrayLike, turn: ArrayLike = (0.0, 0.0, 0.0)
+    origins: Direction, directions: Direction, turn: Direction = (0.0, 0.0, 0.0)
 ) -> tuple[FloatArray, FloatArray]:
     """Return where light leaves a right-angled conical mirror, and its direction.
 
@@ -167,21 +175,15 @@ def cone_path(
     >>> places.round(12) + 0.0
     array([-0.5,  0. ,  0.5])
     """
-    start, sight = together(origins=(origins, (3,)), directions=(directions, (3,)))
-    sight = _unit("directions", sight)
-    rotation = _rotation_from_vector(finite_array("turn", turn, shape=(3,)))
+    directions = _unit("directions", directions)
+    rotation = _rotation_from_vector(turn)
     # Work in the cone's own frame; rows times R are the columns R' x.
-    place, way = start @ rotation, sight @ rotation
+    place, way = origins @ rotation, directions @ rotation
     for _ in range(2):
         place = place + _to_cone(place, way)[..., np.newaxis] * way
         normal = _unit("normal", place * np.array([-1.0, -1.0, 1.0]))
         way = way - 2.0 * np.einsum("...i,...i->...", way, normal)[..., np.newaxis] * normal
     return place @ rotation.T, way @ rotation.T
-
-
-def _reflection(normal: FloatArray) -> FloatArray:
-    across = _unit("normal", normal)
-    return np.eye(3) - 2.0 * across[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
 def _to_cone(place: FloatArray, way: FloatArray) -> FloatArray:
@@ -208,7 +210,8 @@ def _to_cone(place: FloatArray, way: FloatArray) -> FloatArray:
     return found
 
 
-def fold_mirror_tilt(boresight_angle: ArrayLike) -> FloatArray:
+@checked
+def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     """The tilt of a mirror that sends the retro-reflected light of one instrument into another.
 
     Light leaves the first instrument along its boresight, comes back along the same line, and a
@@ -233,10 +236,9 @@ def fold_mirror_tilt(boresight_angle: ArrayLike) -> FloatArray:
     >>> float(fold_mirror_tilt(np.pi))
     0.0
     """
-    angle = finite_array("boresight_angle", boresight_angle)
-    if ((angle <= 0) | (angle > np.pi)).any():
+    if ((boresight_angle <= 0) | (boresight_angle > np.pi)).any():
         raise ValueError(
-            f"boresight_angle: expected above 0 and at most pi, got {angle.min():g} to "
-            f"{angle.max():g} rad; angles are in radians, not degrees"
+            f"boresight_angle: expected above 0 and at most pi, got {boresight_angle.min():g} to "
+            f"{boresight_angle.max():g} rad; angles are in radians, not degrees"
         )
-    return np.asarray(np.pi / 2 - angle / 2)
+    return np.asarray(np.pi / 2 - boresight_angle / 2)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.physics.validate import FloatArray, positive, whole_number
+from reproduce.physics.validate import FloatArray, Size, checked, whole_number
 
 __all__ = ["Arrangement", "arrangements_with"]
 
@@ -84,7 +84,8 @@ def _lattices(half_x: float, half_y: float, step: float) -> list[_Lattice]:
     ]
 
 
-def arrangements_with(count: int, half_x: float, half_y: float, step: float) -> list[Arrangement]:
+@checked
+def arrangements_with(count: int, half_x: Size, half_y: Size, step: Size) -> list[Arrangement]:
     """Every arrangement of the family that has exactly so many angles.
 
     The family is lattices by offsets by windows. Offsets: a point at the middle of the range; half
@@ -114,8 +115,14 @@ def arrangements_with(count: int, half_x: float, half_y: float, step: float) -> 
     >>> [found.name for found in arrangements_with(9, 1.0, 1.0, 1.0)][0]
     'square, step between neighbours; centred; rectangle'
     """
-    count, ranges = whole_number("count", count), _checked(half_x, half_y, step)
-    return [found for found in _arrangements(*ranges) if len(found.angles) == count]
+    if max(half_x, half_y) > _LARGEST_SIDE * step:
+        raise ValueError(
+            f"step: expected at least 1/{_LARGEST_SIDE} of the half range, got {step:g} for "
+            f"{max(half_x, half_y):g}; are all three in radians?"
+        )
+    whole_number("count", count)
+    every = _arrangements(half_x, half_y, step)
+    return [found for found in every if len(found.angles) == count]
 
 
 def _arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrangement]:
@@ -130,23 +137,6 @@ def _arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrange
                 if len(angles) and key not in seen:
                     seen.add(key)
                     yield Arrangement(lattice.name, offset, window, angles)
-
-
-def _checked(half_x: float, half_y: float, step: float) -> tuple[float, float, float]:
-    checked = []
-    for name, value in (("half_x", half_x), ("half_y", half_y), ("step", step)):
-        array = positive(name, value)
-        if array.ndim:
-            raise ValueError(
-                f"{name}: expected one number, got shape {array.shape}; call once per value"
-            )
-        checked.append(float(array))
-    if max(checked[:2]) > _LARGEST_SIDE * checked[2]:
-        raise ValueError(
-            f"step: expected at least 1/{_LARGEST_SIDE} of the half range, got {checked[2]:g} for "
-            f"{max(checked[:2]):g}; are all three in radians?"
-        )
-    return checked[0], checked[1], checked[2]
 
 
 def _nearest_division(half: float, step: float) -> float:

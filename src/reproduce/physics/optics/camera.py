@@ -20,12 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import (
-    POSITIVE,
+    Directions,
     FloatArray,
-    common_batch,
-    finite_array,
+    Number,
+    Point,
+    Points,
+    Positive,
+    checked,
+    kernel,
     positive,
-    together,
 )
 
 __all__ = [
@@ -80,20 +83,16 @@ class Camera:
     radial_distortion: FloatArray
     pixel_pitch: FloatArray
 
+    @checked
     def __init__(
         self,
-        focal_length: ArrayLike,
-        principal_point: ArrayLike,
-        radial_distortion: ArrayLike,
-        pixel_pitch: ArrayLike,
+        focal_length: Positive,
+        principal_point: Point,
+        radial_distortion: Number,
+        pixel_pitch: Positive,
     ) -> None:
-        checked = together(
-            focal_length=(focal_length, POSITIVE),
-            principal_point=(principal_point, (2,)),
-            radial_distortion=(radial_distortion, ()),
-            pixel_pitch=(pixel_pitch, POSITIVE),
-        )
-        for name, array in zip(self.__dataclass_fields__, checked, strict=True):
+        given = (focal_length, principal_point, radial_distortion, pixel_pitch)
+        for name, array in zip(self.__dataclass_fields__, given, strict=True):
             object.__setattr__(self, name, array)
 
     @property
@@ -107,7 +106,8 @@ class Camera:
         )
 
 
-def ideal_positions(directions: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+@checked
+def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArray:
     """Where an ideal pinhole camera images the given directions.
 
     Implements: niu2024 (1), (5).
@@ -133,13 +133,22 @@ def ideal_positions(directions: ArrayLike, focal_length: ArrayLike) -> FloatArra
     >>> ideal_positions([[1, 2, 10]], 20e-3)
     array([[0.002, 0.004]])
     """
-    stars, focal = together(
-        directions=(directions, (None, 3)), focal_length=(focal_length, POSITIVE)
-    )
-    return _ideal(stars, focal)
+    across, along = directions[..., :2], directions[..., 2:]
+    # Below this slope the tangent is so large that the position means nothing any more.
+    behind = along[..., 0] <= 1e-9 * np.abs(across).max(axis=-1)
+    if behind.any():
+        raise ValueError(
+            f"directions: expected stars in front of the camera (z > 0), got {int(behind.sum())} "
+            "beside or behind it; check the frame and its sign, or drop these stars"
+        )
+    return focal_length[..., None, None] * (across / along)
 
 
-def radial_displacements(ideal: ArrayLike, radial_distortion: ArrayLike) -> FloatArray:
+_ideal = kernel(ideal_positions)
+
+
+@checked
+def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray:
     """How far the first radial term moves spots from their ideal positions.
 
     Implements: niu2024 (3).
@@ -161,13 +170,15 @@ def radial_displacements(ideal: ArrayLike, radial_distortion: ArrayLike) -> Floa
     >>> radial_displacements([[3.0, 4.0]], 2.0)
     array([[150., 200.]])
     """
-    spots, coefficient = together(
-        ideal=(ideal, (None, 2)), radial_distortion=(radial_distortion, ())
-    )
-    return _displacements(spots, coefficient)
+    squared_radius = np.square(ideal).sum(axis=-1, keepdims=True)
+    return ideal * (radial_distortion[..., None, None] * squared_radius)
 
 
-def turned_onto_detector(positions: ArrayLike, rotation: ArrayLike) -> FloatArray:
+_displacements = kernel(radial_displacements)
+
+
+@checked
+def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
     """The same spots in the axes of a detector that is turned about the boresight.
 
     The matrix is [[cos, sin], [-sin, cos]]: a detector turned by +theta (x towards y) sees the
@@ -188,10 +199,16 @@ def turned_onto_detector(positions: ArrayLike, rotation: ArrayLike) -> FloatArra
     >>> turned_onto_detector([[1, 0]], np.pi / 2).round(12)
     array([[ 0., -1.]])
     """
-    return _turned(*together(positions=(positions, (None, 2)), rotation=(rotation, ())))
+    cosine, sine = np.cos(rotation)[..., None], np.sin(rotation)[..., None]
+    x, y = positions[..., 0], positions[..., 1]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
 
 
-def image_points(directions: ArrayLike, camera: Camera, rotation: ArrayLike = 0.0) -> FloatArray:
+_turned = kernel(turned_onto_detector)
+
+
+@checked
+def image_points(directions: Directions, camera: Camera, rotation: Number = 0.0) -> FloatArray:
     """Where a channel images the given directions: projection, distortion, rotated detector.
 
     Implements: niu2024 (2), (21), (22), (23).
@@ -223,10 +240,9 @@ def image_points(directions: ArrayLike, camera: Camera, rotation: ArrayLike = 0.
     >>> image_points([[1, 0, 10]], Camera(20e-3, (50, 60), 0, 10e-6)).round(9)
     array([[250.,  60.]])
     """
-    stars = finite_array("directions", directions, shape=(None, 3))
-    turn = finite_array("rotation", rotation)
-    common_batch(directions=stars.shape[:-2], camera=camera.batch, rotation=turn.shape)
-    return _imaged(stars, camera, turn)
+    ideal = _ideal(directions, camera.focal_length)
+    turned = _turned(ideal + _displacements(ideal, camera.radial_distortion), rotation)
+    return turned / camera.pixel_pitch[..., None, None] + camera.principal_point[..., None, :]
 
 
 def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
@@ -249,9 +265,8 @@ def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: Array
     return 2 * angle_from_pixels(positive("pixels", pixels) / 2, pixel_pitch, focal_length)
 
 
-def angle_from_pixels(
-    pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike
-) -> FloatArray:
+@checked
+def angle_from_pixels(pixels: Number, pixel_pitch: Positive, focal_length: Positive) -> FloatArray:
     """The angle between the boresight and a spot that many pixels from the principal point.
 
     Parameters
@@ -270,39 +285,4 @@ def angle_from_pixels(
     >>> float(np.degrees(angle_from_pixels(1000, 1e-5, 10e-3)).round(9))
     45.0
     """
-    distance, pitch, focal = together(
-        pixels=(pixels, ()),
-        pixel_pitch=(pixel_pitch, POSITIVE),
-        focal_length=(focal_length, POSITIVE),
-    )
-    return np.asarray(np.arctan(distance * pitch / focal))
-
-
-def _ideal(directions: FloatArray, focal_length: FloatArray) -> FloatArray:
-    """Project checked directions; those beside and behind the camera are refused."""
-    across, along = directions[..., :2], directions[..., 2:]
-    # Below this slope the tangent is so large that the position means nothing any more.
-    behind = along[..., 0] <= 1e-9 * np.abs(across).max(axis=-1)
-    if behind.any():
-        raise ValueError(
-            f"directions: expected stars in front of the camera (z > 0), got {int(behind.sum())} "
-            "beside or behind it; check the frame and its sign, or drop these stars"
-        )
-    return focal_length[..., None, None] * (across / along)
-
-
-def _displacements(ideal: FloatArray, radial_distortion: FloatArray) -> FloatArray:
-    squared_radius = np.square(ideal).sum(axis=-1, keepdims=True)
-    return ideal * (radial_distortion[..., None, None] * squared_radius)
-
-
-def _turned(positions: FloatArray, rotation: FloatArray) -> FloatArray:
-    cosine, sine = np.cos(rotation)[..., None], np.sin(rotation)[..., None]
-    x, y = positions[..., 0], positions[..., 1]
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
-
-
-def _imaged(directions: FloatArray, camera: Camera, rotation: FloatArray) -> FloatArray:
-    ideal = _ideal(directions, camera.focal_length)
-    turned = _turned(ideal + _displacements(ideal, camera.radial_distortion), rotation)
-    return turned / camera.pixel_pitch[..., None, None] + camera.principal_point[..., None, :]
+    return np.asarray(np.arctan(pixels * pixel_pitch / focal_length))

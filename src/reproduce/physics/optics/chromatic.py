@@ -10,9 +10,8 @@ two calls: `distortion_ratio` (7) against `distortion_ratio_equal_coefficients` 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import POSITIVE, FloatArray, common_batch, positive, together
+from reproduce.physics.validate import FloatArray, Number, Point, Points, Positive, checked
 
 __all__ = [
     "distortion_ratio",
@@ -26,7 +25,8 @@ __all__ = [
 ]
 
 
-def scale_factor(reference_focal_length: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+@checked
+def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> FloatArray:
     """The scale factor k that lays a channel over the reference: the definition before (6).
 
     Parameters
@@ -44,14 +44,11 @@ def scale_factor(reference_focal_length: ArrayLike, focal_length: ArrayLike) -> 
     >>> float(scale_factor(30e-3, 20e-3))
     1.5
     """
-    reference, other = together(
-        reference_focal_length=(reference_focal_length, POSITIVE),
-        focal_length=(focal_length, POSITIVE),
-    )
-    return np.asarray(reference / other)
+    return np.asarray(reference_focal_length / focal_length)
 
 
-def reference_ideal_positions(ideal: ArrayLike, scale: ArrayLike) -> FloatArray:
+@checked
+def reference_ideal_positions(ideal: Points, scale: Positive) -> FloatArray:
     """Ideal positions in the reference channel, from those of the other.
 
     Implements: niu2024 (6).
@@ -71,12 +68,12 @@ def reference_ideal_positions(ideal: ArrayLike, scale: ArrayLike) -> FloatArray:
     >>> reference_ideal_positions([[2, 4]], 1.5)
     array([[3., 6.]])
     """
-    positions, k = together(ideal=(ideal, (None, 2)), scale=(scale, POSITIVE))
-    return k[..., None, None] * positions
+    return scale[..., None, None] * ideal
 
 
+@checked
 def distortion_ratio(
-    scale: ArrayLike, reference_distortion: ArrayLike, distortion: ArrayLike
+    scale: Positive, reference_distortion: Number, distortion: Number
 ) -> FloatArray:
     """Displacement by distortion in the reference channel over that in the other.
 
@@ -100,20 +97,16 @@ def distortion_ratio(
     >>> float(distortion_ratio(2.0, 3.0, 4.0))
     6.0
     """
-    k, reference, other = together(
-        scale=(scale, POSITIVE),
-        reference_distortion=(reference_distortion, ()),
-        distortion=(distortion, ()),
-    )
-    if (other == 0).any():
+    if (distortion == 0).any():
         raise ValueError(
             "distortion: expected a coefficient other than zero, got zero; "
             "a channel without distortion has no ratio"
         )
-    return np.asarray(k**3 * (reference / other))
+    return np.asarray(scale**3 * (reference_distortion / distortion))
 
 
-def distortion_ratio_equal_coefficients(scale: ArrayLike) -> FloatArray:
+@checked
+def distortion_ratio_equal_coefficients(scale: Positive) -> FloatArray:
     """The ratio (7) if all channels share one distortion coefficient: k^3.
 
     Implements: niu2024 (8).
@@ -132,10 +125,11 @@ def distortion_ratio_equal_coefficients(scale: ArrayLike) -> FloatArray:
     >>> float(distortion_ratio_equal_coefficients(2.0))
     8.0
     """
-    return np.asarray(positive("scale", scale) ** 3)
+    return np.asarray(scale**3)
 
 
-def distortion_ratio_linear(scale: ArrayLike) -> FloatArray:
+@checked
+def distortion_ratio_linear(scale: Positive) -> FloatArray:
     """The ratio (7) under equal coefficients and the further approximation k^3 = k.
 
     Implements: niu2024 (9).
@@ -152,11 +146,12 @@ def distortion_ratio_linear(scale: ArrayLike) -> FloatArray:
     >>> float(distortion_ratio_linear(2.0))
     2.0
     """
-    return positive("scale", scale)
+    return np.asarray(scale)
 
 
+@checked
 def reference_points_from_ideal(
-    ideal: ArrayLike, displacements: ArrayLike, scale: ArrayLike, principal_point: ArrayLike
+    ideal: Points, displacements: Points, scale: Positive, principal_point: Point
 ) -> FloatArray:
     """Image points of the reference channel, from ideal positions and distortion of the other.
 
@@ -179,17 +174,11 @@ def reference_points_from_ideal(
     >>> reference_points_from_ideal([[10, 0]], [[1, 0]], 2.0, (5, 5))
     array([[27.,  5.]])
     """
-    positions, moved, k, pivot = together(
-        ideal=(ideal, (None, 2)),
-        displacements=(displacements, (None, 2)),
-        scale=(scale, POSITIVE),
-        principal_point=(principal_point, (2,)),
-    )
-    common_batch(ideal=positions.shape[:-1], displacements=moved.shape[:-1])
-    return k[..., None, None] * (positions + moved) + pivot[..., None, :]
+    return scale[..., None, None] * (ideal + displacements) + principal_point[..., None, :]
 
 
-def offsets_from_principal_point(points: ArrayLike, principal_point: ArrayLike) -> FloatArray:
+@checked
+def offsets_from_principal_point(points: Points, principal_point: Point) -> FloatArray:
     """Ideal position and distortion together: what an image point holds beyond its origin.
 
     Implements: niu2024 (11).
@@ -208,13 +197,11 @@ def offsets_from_principal_point(points: ArrayLike, principal_point: ArrayLike) 
     >>> offsets_from_principal_point([[7, 9]], (5, 5))
     array([[2., 4.]])
     """
-    spots, pivot = together(points=(points, (None, 2)), principal_point=(principal_point, (2,)))
-    return spots - pivot[..., None, :]
+    return points - principal_point[..., None, :]
 
 
-def reference_points_scaled(
-    points: ArrayLike, scale: ArrayLike, principal_point: ArrayLike
-) -> FloatArray:
+@checked
+def reference_points_scaled(points: Points, scale: Positive, principal_point: Point) -> FloatArray:
     """Image points of the reference channel where only focal length and distortion differ.
 
     Implements: niu2024 (12).
@@ -238,10 +225,5 @@ def reference_points_scaled(
     >>> reference_points_scaled([[7, 9]], 2.0, (5, 5))
     array([[ 9., 13.]])
     """
-    spots, k, pivot = together(
-        points=(points, (None, 2)),
-        scale=(scale, POSITIVE),
-        principal_point=(principal_point, (2,)),
-    )
-    pivot = pivot[..., None, :]
-    return k[..., None, None] * (spots - pivot) + pivot
+    principal_point = principal_point[..., None, :]
+    return scale[..., None, None] * (points - principal_point) + principal_point

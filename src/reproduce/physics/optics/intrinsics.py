@@ -15,14 +15,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics.optics.camera import Camera, _ideal, _turned
 from reproduce.physics.validate import (
     DegenerateGeometryError,
+    Directions,
     FloatArray,
-    positive,
-    together,
+    Number,
+    Points,
+    Size,
+    checked,
 )
 
 __all__ = ["CameraFit", "fit_camera"]
@@ -68,8 +70,9 @@ class CameraFit:
         return variance[..., None, None] * self.cofactor
 
 
+@checked
 def fit_camera(
-    directions: ArrayLike, points: ArrayLike, pixel_pitch: float, rotation: ArrayLike = 0.0
+    directions: Directions, points: Points, pixel_pitch: Size, rotation: Number = 0.0
 ) -> CameraFit:
     """The imaging parameters of one channel by least squares on its imaging model, (2) with (3).
 
@@ -102,20 +105,9 @@ def fit_camera(
     >>> float(fit.camera.focal_length.round(9)), fit.camera.principal_point.round(9)
     (0.02, array([50., 60.]))
     """
-    stars, points, turn = together(
-        directions=(directions, (None, 3)), points=(points, (None, 2)), rotation=(rotation, ())
-    )
-    if stars.shape[-2] != points.shape[-2]:
-        raise ValueError(
-            f"expected as many directions as points, got {stars.shape[-2]} and "
-            f"{points.shape[-2]}; row i of both must be the same star"
-        )
-    pitch = positive("pixel_pitch", pixel_pitch)
-    if pitch.ndim:
-        raise ValueError(f"pixel_pitch: expected one number, got shape {pitch.shape}; give one")
-    slopes = _turned(_ideal(stars, np.ones(())), turn)
+    slopes = _turned(_ideal(directions, np.ones(())), rotation)
     squared = np.square(slopes).sum(axis=-1, keepdims=True)
-    columns = np.stack([slopes, slopes * squared], axis=-1) / pitch
+    columns = np.stack([slopes, slopes * squared], axis=-1) / pixel_pitch
     # About the means, so that the principal point need not be solved for with the others.
     centred = columns - columns.mean(axis=-3, keepdims=True)
     observed = points - points.mean(axis=-2, keepdims=True)
@@ -129,7 +121,7 @@ def fit_camera(
             "points: expected an image that grows with the slope of the starlight, got a focal "
             "length of zero or less; check the signs of the axes"
         )
-    camera = Camera(linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pitch)
+    camera = Camera(linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch)
     residuals = points - modelled - origin[..., None, :]
     return CameraFit(camera, residuals, _cofactor(camera, columns, normal))
 

@@ -10,14 +10,14 @@ positive y.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import FloatArray, together
+from reproduce.physics.validate import FloatArray, Number, checked, kernel
 
 __all__ = ["rotary_matrix", "rotary_matrix_printed", "starlight"]
 
 
-def rotary_matrix(external: ArrayLike, middle: ArrayLike) -> FloatArray:
+@checked
+def rotary_matrix(external: Number, middle: Number) -> FloatArray:
     """The rotation of the table: the external frame's about x after the middle frame's about y.
 
     Implements: niu2024 (20).
@@ -42,11 +42,11 @@ def rotary_matrix(external: ArrayLike, middle: ArrayLike) -> FloatArray:
            [ 0.,  1.,  0.],
            [ 1.,  0.,  0.]])
     """
-    external, middle = together(external=(external, ()), middle=(middle, ()))
     return _external_frame(external) @ _middle_frame(middle, bottom_left=np.sin(middle))
 
 
-def rotary_matrix_printed(external: ArrayLike, middle: ArrayLike) -> FloatArray:
+@checked
+def rotary_matrix_printed(external: Number, middle: Number) -> FloatArray:
     """The matrix with the sign of its bottom-left element as extracted from the print.
 
     Printed form of niu2024 (20).
@@ -65,11 +65,11 @@ def rotary_matrix_printed(external: ArrayLike, middle: ArrayLike) -> FloatArray:
     >>> float(np.linalg.det(matrix).round(12))
     -1.0
     """
-    external, middle = together(external=(external, ()), middle=(middle, ()))
     return _external_frame(external) @ _middle_frame(middle, bottom_left=-np.sin(middle))
 
 
-def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
+@checked
+def starlight(external: Number, middle: Number) -> FloatArray:
     """The direction of the simulator's star in the sensor's frame.
 
     Implements: niu2024 (19).
@@ -88,16 +88,15 @@ def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
     >>> starlight(np.pi / 2, 0.0).round(12) + 0.0
     array([0., 1., 0.])
     """
-    external, middle = np.broadcast_arrays(*together(external=(external, ()), middle=(middle, ())))
-    return _starlight(external, middle)
-
-
-def _starlight(external: FloatArray, middle: FloatArray) -> FloatArray:
+    external, middle = np.broadcast_arrays(external, middle)
     # Written out instead of multiplied: many thousand angles are turned into starlight at once.
     return np.stack(
         [-np.sin(middle), np.sin(external) * np.cos(middle), np.cos(external) * np.cos(middle)],
         axis=-1,
     )
+
+
+_starlight = kernel(starlight)
 
 
 def _external_frame(external: FloatArray) -> FloatArray:

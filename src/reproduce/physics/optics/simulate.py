@@ -18,10 +18,12 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import ArrayLike
 
-from reproduce.physics.optics.camera import Camera, _imaged
+from reproduce.physics.optics.camera import Camera, image_points
 from reproduce.physics.optics.rotary import _starlight
 from reproduce.physics.validate import (
     FloatArray,
+    Points,
+    checked,
     common_batch,
     finite_array,
     non_negative,
@@ -38,7 +40,8 @@ __all__ = [
 ]
 
 
-def table_starlight(angles: ArrayLike) -> FloatArray:
+@checked
+def table_starlight(angles: Points) -> FloatArray:
     """Starlight for rotation angles given as rows of x (middle frame) and y (external frame).
 
     Parameters
@@ -55,8 +58,7 @@ def table_starlight(angles: ArrayLike) -> FloatArray:
     >>> table_starlight([[0.0, 0.0]])
     array([[-0.,  0.,  1.]])
     """
-    rows = finite_array("angles", angles, shape=(None, 2))
-    return _starlight(rows[..., 1], rows[..., 0])
+    return _starlight(angles[..., 1], angles[..., 0])
 
 
 def channel_centroids(
@@ -96,11 +98,8 @@ def channel_centroids(
             f"{turns.shape}; give zero for the reference channel"
         )
     directions = table_starlight(angles)
-    for camera in cameras:
-        common_batch(angles=directions.shape[:-2], camera=camera.batch)
-    return np.stack(
-        [_imaged(directions, *channel) for channel in zip(cameras, turns, strict=True)], axis=-3
-    )
+    channels = zip(cameras, turns, strict=True)
+    return np.stack([image_points(directions, *channel) for channel in channels], axis=-3)
 
 
 def noisy_centroids(

@@ -14,7 +14,7 @@ point, and of small effects; `simulated_bias` images exactly and fits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from reproduce.physics.optics.camera import Camera, _turned
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
-from reproduce.physics.validate import FloatArray, finite_array, positive
+from reproduce.physics.validate import FloatArray, Points, checked, positive
 
 __all__ = [
     "EFFECTS",
@@ -34,6 +34,7 @@ __all__ = [
     "simulated_bias",
 ]
 
+_NONE = np.zeros(())
 EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")
 
 
@@ -84,13 +85,11 @@ class Channels:
         """
         if effect not in EFFECTS:
             raise ValueError(f"effect: expected one of {EFFECTS}, got {effect!r}")
-        m = float(self.source.radial_distortion)
-        source = _with_distortion(self.source, m if effect in EFFECTS[:2] else 0.0)
-        own = float(self.reference.radial_distortion)
-        shared = {"coefficients": own, "cube": m}.get(effect, 0.0)
+        m = self.source.radial_distortion if effect in EFFECTS[:2] else _NONE
+        shared = {"coefficients": self.reference.radial_distortion, "cube": m}.get(effect, _NONE)
         return Channels(
-            source,
-            _with_distortion(self.reference, shared),
+            replace(self.source, radial_distortion=m),
+            replace(self.reference, radial_distortion=shared),
             self.rotation,
             self.pivot_error if effect == "pivot" else (0.0, 0.0),
             self.tilt if effect == "tilt" else (0.0, 0.0),
@@ -262,17 +261,17 @@ def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> f
     return round(float(camera.radial_distortion) * (1 / share - 1) / squared, 12)
 
 
-def _imaged(channels: Channels, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+@checked
+def _imaged(channels: Channels, positions: Points) -> tuple[FloatArray, FloatArray]:
     """Image the same stars in both channels, in px, with tilt and second radial terms."""
-    ideal = finite_array("positions", positions, shape=(None, 2))
-    source = _displaced(ideal, channels.source, channels.second_term[0])
+    source = _displaced(positions, channels.source, channels.second_term[0])
     # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
     focal = float(channels.source.focal_length)
     lean = (source @ np.asarray(channels.tilt))[:, None] / focal
     along = np.sqrt(1 + np.square(channels.tilt))
     tilted = source / (1 - lean) * along
     turned = _turned(tilted, np.asarray(channels.rotation))
-    reference = _displaced(ideal * channels.scale, channels.reference, channels.second_term[1])
+    reference = _displaced(positions * channels.scale, channels.reference, channels.second_term[1])
     return _in_pixels(turned, channels.source), _in_pixels(reference, channels.reference)
 
 
@@ -284,10 +283,6 @@ def _moment(sides: FloatArray, power: int) -> float:
         4: (a**2 + b**2) / 5 + 2 * a * b / 9,
         6: (a**3 + b**3) / 7 + a * b * (a + b) / 5,
     }[power]
-
-
-def _with_distortion(camera: Camera, coefficient: float) -> Camera:
-    return Camera(camera.focal_length, camera.principal_point, coefficient, camera.pixel_pitch)
 
 
 def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:

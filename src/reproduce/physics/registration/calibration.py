@@ -14,22 +14,27 @@ holds by itself where the angle is the parameter, so no step needs to enforce it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.closed_form import _checked, _closed_similarity
+from reproduce.physics.registration.closed_form import _closed_similarity
 from reproduce.physics.registration.transforms import Registration, as_complex, as_points
 from reproduce.physics.validate import (
-    NON_NEGATIVE,
     DegenerateGeometryError,
     FloatArray,
-    common_batch,
+    NonNegative,
+    Number,
+    Point,
+    Points,
+    checked,
     finite_array,
+    kernel,
     non_negative,
     positive,
-    together,
     whole_number,
 )
 
@@ -55,12 +60,15 @@ __all__ = [
 BoolArray = NDArray[np.bool_]
 
 _PARAMETERS = 4
+_Vector = Annotated[Any, (_PARAMETERS,)]
+_Others = Annotated[Any, ("m", 2)]
 # Below this share of the spread about the centroid in the spread about the pivot, squared, the
 # columns of J are too close to dependent for double precision.
 _SINGULAR_SPREAD = 1e-7
 
 
-def model_points(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> FloatArray:
+@checked
+def model_points(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     """Where the model lays the source points, f_x and f_y, for any parameter vector.
 
     Unlike a `Registration` it takes a negative scale too, which an iteration may pass through.
@@ -81,10 +89,17 @@ def model_points(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> 
     >>> model_points((2, 0, 1, 0), [[6, 5]], (5, 5))
     array([[6., 5.]])
     """
-    return _model(*_together(parameters, source, pivot))
+    origin = as_complex(pivot)[..., None]
+    shift = as_complex(parameters[..., 2:])[..., None]
+    factor = parameters[..., :1] * np.exp(1j * parameters[..., 1:2])
+    return as_points(factor * (as_complex(source) - origin) + (origin - shift))
 
 
-def jacobian(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> FloatArray:
+_model = kernel(model_points)
+
+
+@checked
+def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     """Derivatives of the model by its four parameters: all rows of f_x, then all rows of f_y.
 
     Implements: niu2024 (25).
@@ -102,12 +117,22 @@ def jacobian(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> Floa
     array([[ 2.,  0., -1.,  0.],
            [ 0.,  2.,  0., -1.]])
     """
-    return _jacobian(*_together(parameters, source, pivot))
+    n = source.shape[-2]
+    turn = np.exp(1j * parameters[..., 1])[..., None]
+    by_scale = turn * (as_complex(source) - as_complex(pivot)[..., None])
+    by_rotation = 1j * parameters[..., :1] * by_scale
+    rows = np.zeros((*by_rotation.shape[:-1], 2 * n, _PARAMETERS))
+    rows[..., :n, 0], rows[..., n:, 0] = by_scale.real, by_scale.imag
+    rows[..., :n, 1], rows[..., n:, 1] = by_rotation.real, by_rotation.imag
+    rows[..., :n, 2] = rows[..., n:, 3] = -1
+    return rows
 
 
-def deviations(
-    parameters: ArrayLike, source: ArrayLike, target: ArrayLike, pivot: ArrayLike
-) -> FloatArray:
+_jacobian = kernel(jacobian)
+
+
+@checked
+def deviations(parameters: _Vector, source: Points, target: Points, pivot: Point) -> FloatArray:
     """Observed target minus model, in the order of the rows of `jacobian`.
 
     Implements: niu2024 (25).
@@ -124,14 +149,19 @@ def deviations(
     >>> deviations((1, 0, 0, 0), [[7, 5]], [[8, 3]], (5, 5))
     array([ 1., -2.])
     """
-    return _deviations(*_step_arguments(parameters, source, target, pivot))
+    left = target - _model(parameters, source, pivot)
+    return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
 
 
+_deviations = kernel(deviations)
+
+
+@checked
 def gauss_newton_step(
-    parameters: ArrayLike,
-    source: ArrayLike,
-    target: ArrayLike,
-    pivot: ArrayLike,
+    parameters: _Vector,
+    source: Points,
+    target: Points,
+    pivot: Point,
     free: int = _PARAMETERS,
 ) -> FloatArray:
     """One Gauss-Newton update, u + (J^T J)^-1 J^T T, with the sign that converges.
@@ -160,15 +190,15 @@ def gauss_newton_step(
     >>> step.round(9) + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    given = _step_arguments(parameters, source, target, pivot)
-    return given[0] + _regular_step(given, free)
+    return parameters + _regular_step(parameters, source, target, pivot, free)
 
 
+@checked
 def gauss_newton_step_printed(
-    parameters: ArrayLike,
-    source: ArrayLike,
-    target: ArrayLike,
-    pivot: ArrayLike,
+    parameters: _Vector,
+    source: Points,
+    target: Points,
+    pivot: Point,
     free: int = _PARAMETERS,
 ) -> FloatArray:
     """One update with the sign as extracted from the print, u - (J^T J)^-1 J^T T.
@@ -189,11 +219,11 @@ def gauss_newton_step_printed(
     >>> step.round(9) + 0.0
     array([0., 0., 3., 0.])
     """
-    given = _step_arguments(parameters, source, target, pivot)
-    return given[0] - _regular_step(given, free)
+    return parameters - _regular_step(parameters, source, target, pivot, free)
 
 
-def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatArray:
+@checked
+def two_line_rotation(source_line: Points, target_line: _Others) -> FloatArray:
     """Starting value of theta: the angle between two lines seen by both channels.
 
     Parameters
@@ -217,14 +247,13 @@ def two_line_rotation(source_line: ArrayLike, target_line: ArrayLike) -> FloatAr
     >>> float(np.degrees(two_line_rotation([[0, 0], [1, 0]], [[0, 0], [1, 1]])).round(9))
     45.0
     """
-    source, target = together(
-        source_line=(source_line, (None, 2)), target_line=(target_line, (None, 2))
-    )
-    return _line_rotation(source, target)
+    between = _direction("target_line", target_line) - _direction("source_line", source_line)
+    return np.asarray(np.angle(np.exp(2j * between)) / 2)
 
 
+@checked
 def starting_values(
-    source_line: ArrayLike, target_line: ArrayLike, source_zero: ArrayLike, target_zero: ArrayLike
+    source_line: Points, target_line: _Others, source_zero: Point, target_zero: Point
 ) -> FloatArray:
     """The starting vector u: scale one, the angle of two lines, the shift at the zero position.
 
@@ -250,21 +279,17 @@ def starting_values(
     >>> starting_values([[0, 0], [1, 0]], [[0, 0], [1, 0]], (7, 9), (5, 10))
     array([ 1.,  0.,  2., -1.])
     """
-    source, target, source_zero, target_zero = together(
-        source_line=(source_line, (None, 2)),
-        target_line=(target_line, (None, 2)),
-        source_zero=(source_zero, (2,)),
-        target_zero=(target_zero, (2,)),
-    )
-    rotation, shift = _line_rotation(source, target), source_zero - target_zero
+    rotation = kernel(two_line_rotation)(source_line, target_line)
+    shift = source_zero - target_zero
     values = np.ones((*np.broadcast_shapes(rotation.shape, shift.shape[:-1]), _PARAMETERS))
     values[..., 1] = rotation
     values[..., 2:] = shift
     return values
 
 
+@checked
 def random_starts(
-    start: ArrayLike, half_widths: ArrayLike, count: int, generator: np.random.Generator
+    start: _Vector, half_widths: ArrayLike, count: int, generator: np.random.Generator
 ) -> FloatArray:
     """Random starting vectors, uniform within a box about a given one.
 
@@ -288,9 +313,8 @@ def random_starts(
     array([[1., 0., 0., 0.],
            [1., 0., 0., 0.]])
     """
-    centre = finite_array("start", start, shape=(_PARAMETERS,))
     box = non_negative("half_widths", half_widths, shape=(_PARAMETERS,))
-    return centre + box * generator.uniform(-1, 1, (whole_number("count", count), *centre.shape))
+    return start + box * generator.uniform(-1, 1, (whole_number("count", count), *start.shape))
 
 
 class ConvergenceError(ArithmeticError):
@@ -326,21 +350,28 @@ class Calibration:
     history : ndarray, shape (m + 1, ..., 4)
         The vector u before the first step and after each of the m steps. A calibration that has
         settled stays put while others of its batch still move.
-    cost : ndarray, shape (m + 1, ...)
-        Sum of squared deviations at each of them, in px^2.
     first_stage : int
         How many of the steps moved scale and rotation alone.
     converged : ndarray of bool, shape (...)
         Whether the last stage settled.
+    source, target : ndarray, shape (..., n, 2)
+        The spots, in px.
     pivot : ndarray, shape (..., 2)
         The source channel's principal point, in px.
     """
 
     history: FloatArray
-    cost: FloatArray
     first_stage: int
     converged: BoolArray
+    source: FloatArray
+    target: FloatArray
     pivot: FloatArray
+
+    @cached_property
+    def cost(self) -> FloatArray:
+        """Sum of squared deviations at each vector of the history, (m + 1, ...), in px^2."""
+        left = _deviations(self.history, self.source, self.target, self.pivot)
+        return np.asarray(np.square(left).sum(axis=-1))
 
     @property
     def parameters(self) -> FloatArray:
@@ -359,11 +390,12 @@ class Calibration:
         return Registration.similarity(final[..., 0], final[..., 1], final[..., 2:], self.pivot)
 
 
+@checked
 def calibrate(
-    source: ArrayLike,
-    target: ArrayLike,
-    pivot: ArrayLike,
-    start: ArrayLike,
+    source: Points,
+    target: Points,
+    pivot: Point,
+    start: _Vector,
     stopping: Stopping | None = None,
 ) -> Calibration:
     """Calibrate in two stages: scale and rotation first, then all four parameters.
@@ -405,11 +437,12 @@ def calibrate(
     return result
 
 
+@checked
 def calibrate_from_all(
-    source: ArrayLike,
-    target: ArrayLike,
-    pivot: ArrayLike,
-    starts: ArrayLike,
+    source: Points,
+    target: Points,
+    pivot: Point,
+    starts: _Vector,
     stopping: Stopping | None = None,
 ) -> Calibration:
     """Calibrate from every start and keep, for each calibration, the end of lowest cost.
@@ -430,7 +463,7 @@ def calibrate_from_all(
     >>> best.parameters.round(9) + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    starts = finite_array("starts", starts, shape=(None, _PARAMETERS))
+    finite_array("starts", starts, shape=(None, _PARAMETERS))
     every = _two_stages(source, target, pivot, starts, stopping or Stopping())
     if not every.converged.any(axis=0).all():
         raise ConvergenceError(
@@ -440,12 +473,12 @@ def calibrate_from_all(
     final = np.where(every.converged, every.cost[-1], np.inf)
     best = final.argmin(axis=0)[None]
     history = np.take_along_axis(every.history, best[None, ..., None], axis=1)[:, 0]
-    cost = np.take_along_axis(every.cost, best[None], axis=1)[:, 0]
     settled = np.take_along_axis(every.converged, best, axis=0)[0]
-    return Calibration(history, cost, every.first_stage, settled, every.pivot)
+    return replace(every, history=history, converged=settled)
 
 
-def constraint(rotation: ArrayLike) -> FloatArray:
+@checked
+def constraint(rotation: Number) -> FloatArray:
     """The identity that ties cosine and sine: cos^2 + sin^2 - 1, zero at every angle.
 
     Parameters
@@ -462,11 +495,11 @@ def constraint(rotation: ArrayLike) -> FloatArray:
     >>> float(constraint(0.0))
     0.0
     """
-    angle = finite_array("rotation", rotation)
-    return np.asarray(np.cos(angle) ** 2 + np.sin(angle) ** 2 - 1)
+    return np.asarray(np.cos(rotation) ** 2 + np.sin(rotation) ** 2 - 1)
 
 
-def constraint_printed(rotation: ArrayLike) -> FloatArray:
+@checked
+def constraint_printed(rotation: Number) -> FloatArray:
     """The constraint as extracted from section 3.2: cos^2 + cos^2 - 1, which is cos(2 theta).
 
     It is zero at odd multiples of 45 degrees alone; a detector turned by a fraction of a degree
@@ -481,15 +514,15 @@ def constraint_printed(rotation: ArrayLike) -> FloatArray:
     >>> float(constraint_printed(0.0))
     1.0
     """
-    angle = finite_array("rotation", rotation)
-    return np.asarray(np.cos(angle) ** 2 + np.cos(angle) ** 2 - 1)
+    return np.asarray(np.cos(rotation) ** 2 + np.cos(rotation) ** 2 - 1)
 
 
+@checked
 def registration_bound(
-    source: ArrayLike,
+    source: Points,
     similarity: Registration,
-    source_sigma: ArrayLike,
-    target_sigma: ArrayLike,
+    source_sigma: NonNegative,
+    target_sigma: NonNegative,
 ) -> FloatArray:
     """The Cramér-Rao bound of the four parameters where both channels are noisy.
 
@@ -523,15 +556,10 @@ def registration_bound(
     >>> registration_bound([[-1, 0], [1, 0]], identity, 0.0, 1.0).diagonal()
     array([0.5, 0.5, 0.5, 0.5])
     """
-    points = finite_array("source", source, shape=(None, 2))
-    first, second = together(
-        source_sigma=(source_sigma, NON_NEGATIVE), target_sigma=(target_sigma, NON_NEGATIVE)
-    )
-    common_batch(source=points.shape[:-2], similarity=similarity.batch)
-    variance = second**2 + (similarity.scale * first) ** 2
+    variance = target_sigma**2 + (similarity.scale * source_sigma) ** 2
     if (variance == 0).any():
         raise ValueError("sigma: expected noise in one channel at least, got none; give one")
-    rows = _jacobian(similarity.parameters, points, similarity.pivot)
+    rows = _jacobian(similarity.parameters, source, similarity.pivot)
     normal = rows.mT @ rows
     size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
     scaled = normal / (size[..., :, None] * size[..., None, :])
@@ -543,64 +571,13 @@ def registration_bound(
     return variance[..., None, None] * inverse
 
 
-def _together(parameters: ArrayLike, source: ArrayLike, pivot: ArrayLike) -> tuple[FloatArray, ...]:
-    return together(
-        parameters=(parameters, (_PARAMETERS,)), source=(source, (None, 2)), pivot=(pivot, (2,))
-    )
-
-
-def _step_arguments(
-    parameters: ArrayLike,
-    source: ArrayLike,
-    target: ArrayLike,
-    pivot: ArrayLike,
-    name: str = "parameters",
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Check vectors u and the points that they are to lay over each other."""
-    points, landed, about, _ = _checked(source, target, pivot, None)
-    vectors = finite_array(name, parameters, shape=(_PARAMETERS,))
-    common_batch(
-        **{name: vectors.shape[:-1]},
-        source=points.shape[:-2],
-        target=landed.shape[:-2],
-        pivot=about.shape[:-1],
-    )
-    return vectors, points, landed, about
-
-
-def _model(parameters: FloatArray, source: FloatArray, pivot: FloatArray) -> FloatArray:
-    origin = as_complex(pivot)[..., None]
-    shift = as_complex(parameters[..., 2:])[..., None]
-    factor = parameters[..., :1] * np.exp(1j * parameters[..., 1:2])
-    return as_points(factor * (as_complex(source) - origin) + (origin - shift))
-
-
-def _jacobian(parameters: FloatArray, source: FloatArray, pivot: FloatArray) -> FloatArray:
-    n = source.shape[-2]
-    turn = np.exp(1j * parameters[..., 1])[..., None]
-    by_scale = turn * (as_complex(source) - as_complex(pivot)[..., None])
-    by_rotation = 1j * parameters[..., :1] * by_scale
-    rows = np.zeros((*by_rotation.shape[:-1], 2 * n, _PARAMETERS))
-    rows[..., :n, 0], rows[..., n:, 0] = by_scale.real, by_scale.imag
-    rows[..., :n, 1], rows[..., n:, 1] = by_rotation.real, by_rotation.imag
-    rows[..., :n, 2] = rows[..., n:, 3] = -1
-    return rows
-
-
-def _deviations(
-    parameters: FloatArray, source: FloatArray, target: FloatArray, pivot: FloatArray
-) -> FloatArray:
-    left = target - _model(parameters, source, pivot)
-    return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
-
-
 def _regular_step(
-    given: tuple[FloatArray, FloatArray, FloatArray, FloatArray], free: int
+    parameters: FloatArray, source: FloatArray, target: FloatArray, pivot: FloatArray, free: int
 ) -> FloatArray:
     """Return the correction of the leading `free` parameters; a singular one is refused."""
     if whole_number("free", free) > _PARAMETERS:
         raise ValueError(f"free: expected 1 to {_PARAMETERS} parameters, got {free}; leave it out")
-    step, _, regular = _correction(*given, free)
+    step, _, regular = _correction(parameters, source, target, pivot, free)
     if not regular.all():
         raise DegenerateGeometryError(
             f"expected points that fix every free parameter, got {int((~regular).sum())} singular "
@@ -637,11 +614,6 @@ def _correction(
     return step, movement, np.broadcast_to(regular, movement.shape)
 
 
-def _line_rotation(source: FloatArray, target: FloatArray) -> FloatArray:
-    between = _direction("target_line", target) - _direction("source_line", source)
-    return np.asarray(np.angle(np.exp(2j * between)) / 2)
-
-
 def _direction(name: str, points: FloatArray) -> FloatArray:
     """Return the angle of the straight line that fits best, within (-pi/2, pi/2]."""
     numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
@@ -658,24 +630,10 @@ def _direction(name: str, points: FloatArray) -> FloatArray:
 
 
 def _two_stages(
-    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, start: ArrayLike, stopping: Stopping
+    source: FloatArray, target: FloatArray, pivot: FloatArray, start: FloatArray, stopping: Stopping
 ) -> Calibration:
-    begin, points, landed, about = _step_arguments(start, source, target, pivot, name="start")
     # The closed form refuses what has no unique answer; the iteration would settle anywhere.
-    _closed_similarity(points, landed, about)
-    _refuse_narrow(points, about)
-    batch = np.broadcast_shapes(
-        begin.shape[:-1], points.shape[:-2], landed.shape[:-2], about.shape[:-1]
-    )
-    begin = np.broadcast_to(begin, (*batch, _PARAMETERS))
-    first, _ = _iterate(points, landed, about, begin, (2, stopping))
-    second, settled = _iterate(points, landed, about, first[-1], (_PARAMETERS, stopping))
-    history = np.stack(first + second[1:])
-    cost = np.square(_deviations(history, points, landed, about)).sum(axis=-1)
-    return Calibration(history, cost, len(first) - 1, settled, about)
-
-
-def _refuse_narrow(source: FloatArray, pivot: FloatArray) -> None:
+    _closed_similarity(source, target, pivot)
     offsets = as_complex(source) - as_complex(pivot)[..., None]
     about_pivot = np.square(np.abs(offsets)).sum(axis=-1)
     centred = offsets - offsets.mean(axis=-1, keepdims=True)
@@ -686,6 +644,14 @@ def _refuse_narrow(source: FloatArray, pivot: FloatArray) -> None:
             "from the pivot, got a narrow cluster; add spots across the field of view, or use "
             "fit_registration"
         )
+    batch = np.broadcast_shapes(
+        start.shape[:-1], source.shape[:-2], target.shape[:-2], pivot.shape[:-1]
+    )
+    start = np.broadcast_to(start, (*batch, _PARAMETERS))
+    first, _ = _iterate(source, target, pivot, start, (2, stopping))
+    second, settled = _iterate(source, target, pivot, first[-1], (_PARAMETERS, stopping))
+    history = np.stack(first + second[1:])
+    return Calibration(history, len(first) - 1, settled, source, target, pivot)
 
 
 def _iterate(

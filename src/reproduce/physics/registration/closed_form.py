@@ -18,10 +18,11 @@ from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
     MirroredPointsError,
-    common_batch,
-    finite_array,
+    Point,
+    Points,
+    Weights,
+    checked,
     number_array,
-    together,
     weights_for,
 )
 
@@ -131,7 +132,8 @@ def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     return np.asarray(np.sqrt(np.square(rmse_per_axis(points, reference)).sum(axis=-1)))
 
 
-def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
+@checked
+def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
     """Root mean square difference between two sets of points, in x and in y.
 
     Parameters
@@ -148,45 +150,28 @@ def rmse_per_axis(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     >>> rmse_per_axis([[3, 4], [3, -4]], [[0, 0], [0, 0]])
     array([3., 4.])
     """
-    points, reference = paired_points(points, reference, names=("points", "reference"))
     return np.asarray(np.sqrt(np.square(points - reference).mean(axis=-2)))
 
 
-def paired_points(
-    source: ArrayLike, target: ArrayLike, *, names: tuple[str, str] = ("source", "target")
-) -> tuple[FloatArray, FloatArray]:
+@checked
+def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArray]:
     """Check two sets of points, (..., n, 2), that belong together row by row.
-
-    They are called by the `names` in a message; a ValueError says so if the counts differ.
 
     Examples
     --------
     >>> paired_points([[1, 2]], [[3, 4]])
     (array([[1., 2.]]), array([[3., 4.]]))
     """
-    first, second = together(**{names[0]: (source, (None, 2)), names[1]: (target, (None, 2))})
-    if first.shape[-2] != second.shape[-2]:
-        raise ValueError(
-            f"expected as many {names[0]} points as {names[1]} points, got {first.shape[-2]} and "
-            f"{second.shape[-2]}; row i of both must be the same star"
-        )
-    return first, second
+    return source, target
 
 
+@checked
 def _checked(
-    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None
+    source: Points, target: Points, pivot: Point, weights: Weights
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
     """Check what every fit is given."""
-    first, second = paired_points(source, target)
-    about = finite_array("pivot", pivot, shape=(2,))
-    kept = None if weights is None else weights_for(weights, first.shape[-2])
-    common_batch(
-        source=first.shape[:-2],
-        target=second.shape[:-2],
-        pivot=about.shape[:-1],
-        weights=() if kept is None else kept.shape[:-1],
-    )
-    return first, second, about, kept
+    kept = None if weights is None else weights_for(weights, source.shape[-2])
+    return source, target, pivot, kept
 
 
 def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> _Solution | None:

@@ -8,6 +8,7 @@ of `transforms`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +37,10 @@ class RegistrationFit:
         Can be applied, undone, inverted and composed.
     residuals : ndarray, shape (..., n, 2)
         Target minus transformed source, in px.
+    chi_square : ndarray, shape (...)
+        Weighted sum of squared deviations, of both images where covariances are known.
+    cofactor : ndarray, shape (..., p, p)
+        Inverse normal matrix.
     weights : ndarray, shape (..., n), or None
         How much each point counted: those given, times those that a robust fit found.
     errors_known : bool
@@ -44,9 +49,10 @@ class RegistrationFit:
 
     transform: Registration
     residuals: FloatArray
+    chi_square: FloatArray
+    cofactor: FloatArray
     weights: FloatArray | None
     errors_known: bool
-    _solution: _Solution
     _sandwich: FloatArray | None = None
 
     @property
@@ -65,22 +71,12 @@ class RegistrationFit:
         return self.transform.parameters
 
     @property
-    def chi_square(self) -> FloatArray:
-        """Weighted sum of squared deviations, of both images where covariances are known."""
-        return self._solution.chi_square
-
-    @property
     def degrees_of_freedom(self) -> NDArray[np.int64]:
         """Two per point that counts, less the parameters."""
         count = self.parameters.shape[-1]
         if self.weights is not None:
             return np.asarray(2 * np.count_nonzero(self.weights, axis=-1) - count)
         return np.asarray(2 * self.residuals.shape[-2] - count)
-
-    @property
-    def cofactor(self) -> FloatArray:
-        """Inverse normal matrix, shape (..., p, p)."""
-        return self._solution.cofactor
 
     @property
     def covariance(self) -> FloatArray:
@@ -183,16 +179,16 @@ def fit_registration(
         if found is None:
             first, second, origin, kept = _checked(source, target, pivot, weights)
             found = _closed_similarity(first, second, origin, kept)
-        transform = Registration._unchecked("similarity", found.parameters, origin)
-        return RegistrationFit(transform, found.residuals, kept, False, found)
+        return _fit(model, found, origin, kept, False)
     problem = prepare(source, target, pivot, weights, model)
     problem = problem.with_covariances(source_covariance, target_covariance)
-    covariance = None
     weighted = problem.with_weights(outlier_weights(problem)) if robust else problem
     solution = solve(weighted)
-    if robust:
-        covariance = sandwich(problem, solution)
-    transform = Registration._unchecked(model, solution.parameters, problem.pivot)
-    return RegistrationFit(
-        transform, solution.residuals, weighted.weights, problem.errors_known, solution, covariance
-    )
+    covariance = sandwich(problem, solution) if robust else None
+    known = problem.errors_known
+    return _fit(model, solution, problem.pivot, weighted.weights, known, covariance)
+
+
+def _fit(model: str, found: _Solution, pivot: FloatArray, *others: Any) -> RegistrationFit:
+    transform = Registration._unchecked(model, found.parameters, pivot)
+    return RegistrationFit(transform, found.residuals, found.chi_square, found.cofactor, *others)

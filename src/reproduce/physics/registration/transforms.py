@@ -18,28 +18,29 @@ scaling and rotating is then one multiplication.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.validate import (
-    POSITIVE,
     DegenerateGeometryError,
     FloatArray,
+    Number,
+    Point,
+    Points,
+    Positive,
+    checked,
     common_batch,
     finite_array,
-    together,
+    kernel,
 )
 
 __all__ = [
     "MODELS",
     "Chain",
     "ComplexArray",
-    "Inverse",
     "Registration",
-    "Transform",
     "as_complex",
     "as_points",
     "principal_point_shift",
@@ -83,19 +84,6 @@ def as_points(numbers: ComplexArray) -> FloatArray:
     return np.asarray(numbers, order="C")[..., None].view(np.float64)
 
 
-class Transform(Protocol):
-    """What every transform can do."""
-
-    def apply(self, points: ArrayLike) -> FloatArray:
-        """Lay points, shape (..., n, 2) in px, over the target."""
-
-    def inverse(self) -> Transform:
-        """Return the transform from target to source."""
-
-    def after(self, first: Transform) -> Transform:
-        """Return the composition: apply `first`, then this one."""
-
-
 @dataclass(frozen=True, eq=False)
 class Registration:
     """One of the five models with its parameters; one transform or a batch of them.
@@ -123,16 +111,17 @@ class Registration:
     pivot: FloatArray
 
     def __post_init__(self) -> None:
-        parameters, pivot = together(
-            parameters=(self.parameters, (len(_parameter_names(self.model)),)),
-            pivot=(self.pivot, (2,)),
-        )
+        shape = (len(_parameter_names(self.model)),)
+        parameters = finite_array("parameters", self.parameters, shape=shape)
+        pivot = finite_array("pivot", self.pivot, shape=(2,))
+        common_batch(parameters=parameters.shape[:-1], pivot=pivot.shape[:-1])
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "pivot", pivot)
 
     @classmethod
+    @checked
     def similarity(
-        cls, scale: ArrayLike, rotation: ArrayLike, shift: ArrayLike, pivot: ArrayLike
+        cls, scale: Positive, rotation: Number, shift: Point, pivot: Point
     ) -> Registration:
         """Make a scale, rotation and shift about a pivot: the four parameters of niu2024.
 
@@ -159,14 +148,8 @@ class Registration:
         >>> Registration.similarity(2.0, 0.0, (1, 0), (5, 5)).apply([[6, 5]])
         array([[6., 5.]])
         """
-        k, theta, moved, about = together(
-            scale=(scale, POSITIVE),
-            rotation=(rotation, ()),
-            shift=(shift, (2,)),
-            pivot=(pivot, (2,)),
-        )
-        columns = np.broadcast_arrays(k, theta, moved[..., 0], moved[..., 1])
-        return cls._unchecked("similarity", np.stack(columns, axis=-1), about)
+        columns = np.broadcast_arrays(scale, rotation, shift[..., 0], shift[..., 1])
+        return cls._unchecked("similarity", np.stack(columns, axis=-1), pivot)
 
     @classmethod
     def _unchecked(cls, model: str, parameters: FloatArray, pivot: FloatArray) -> Registration:
@@ -215,7 +198,8 @@ class Registration:
             return self.parameters[..., -1]
         return np.zeros(self.parameters.shape[:-1])
 
-    def apply(self, points: ArrayLike) -> FloatArray:
+    @checked
+    def apply(self, points: Points) -> FloatArray:
         """Lay source points over the target.
 
         Parameters
@@ -226,9 +210,6 @@ class Registration:
         -------
         ndarray, shape (..., n, 2), in the target, in px
         """
-        return self._apply(self._checked(points))
-
-    def _apply(self, points: FloatArray) -> FloatArray:
         offsets = points - self.pivot[..., None, :]
         if self.model == "similarity":
             landed = self.factor[..., None] * as_complex(offsets)
@@ -238,7 +219,10 @@ class Registration:
             offsets = offsets * (1 + self.radial[..., None, None] * squared)
         return offsets @ self.matrix.mT + (self.pivot - self.shift)[..., None, :]
 
-    def undo(self, points: ArrayLike) -> FloatArray:
+    _apply = kernel(apply)
+
+    @checked
+    def undo(self, points: Points) -> FloatArray:
         """Lay target points over the source.
 
         Parameters
@@ -261,7 +245,7 @@ class Registration:
                 "expected a transform that keeps two dimensions, got one of determinant zero; "
                 "it maps many points onto one and cannot be undone"
             )
-        offsets = self._checked(points) - (self.pivot - self.shift)[..., None, :]
+        offsets = points - (self.pivot - self.shift)[..., None, :]
         straight = offsets @ np.linalg.inv(self.matrix).mT
         if self.model == "similarity+radial":
             straight = straight * _shrink(np.hypot(straight[..., 0], straight[..., 1]), self.radial)
@@ -292,20 +276,20 @@ class Registration:
         matrix = self.matrix
         return matrix, self.pivot - self.shift - (matrix @ self.pivot[..., None])[..., 0]
 
-    def inverse(self) -> Transform:
+    def inverse(self) -> Registration | Chain:
         """Return the transform from target to source; of a similarity, about the same pivot."""
         if self.model != "similarity":
-            return Inverse(self)
+            return Chain(((self, False),))
         back = 1 / self.factor
         return _similarity(back, as_points(-back * as_complex(self.shift)), self.pivot)
 
-    def after(self, first: Transform) -> Transform:
+    def after(self, first: Registration | Chain) -> Registration | Chain:
         """Return the composition: apply `first`, then this one.
 
         Two similarities make a similarity, about the pivot of the first; others stay a chain.
         """
         if not (isinstance(first, Registration) and self.model == first.model == "similarity"):
-            return Chain((first, self))
+            return Chain((*_steps(first), (self, True)))
         common_batch(registration=self.batch, first=first.batch)
         landed = self._apply(first._apply(first.pivot[..., None, :]))[..., 0, :]
         return _similarity(self.factor * first.factor, first.pivot - landed, first.pivot)
@@ -316,56 +300,35 @@ class Registration:
             raise ValueError(f"expected a model with a {name}, got {self.model!r}")
         return self.parameters[..., names.index(name)]
 
-    def _checked(self, points: ArrayLike) -> FloatArray:
-        points = finite_array("points", points, shape=(None, 2))
-        common_batch(points=points.shape[:-2], registration=self.batch)
-        return points
-
-
-@dataclass(frozen=True, eq=False)
-class Inverse:
-    """The way back of a registration."""
-
-    of: Registration
-
-    def apply(self, points: ArrayLike) -> FloatArray:
-        """Lay points of the registration's target over its source."""
-        return self.of.undo(points)
-
-    def inverse(self) -> Transform:
-        """Return the registration itself."""
-        return self.of
-
-    def after(self, first: Transform) -> Transform:
-        """Return the composition: apply `first`, then this one."""
-        return Chain((first, self))
-
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Transforms one after the other, the first one first."""
+    """Registrations one after the other, the first one first, each there or back."""
 
-    steps: tuple[Transform, ...]
+    steps: tuple[tuple[Registration, bool], ...]
 
-    def apply(self, points: ArrayLike) -> FloatArray:
+    @checked
+    def apply(self, points: Points) -> FloatArray:
         """Apply every step in turn to points of shape (..., n, 2), in px."""
-        landed = finite_array("points", points, shape=(None, 2))
-        for step in self.steps:
-            landed = step.apply(landed)
-        return landed
+        for step, there in self.steps:
+            points = step.apply(points) if there else step.undo(points)
+        return points
 
-    def inverse(self) -> Transform:
-        """Return the inverses in the other order."""
-        return Chain(tuple(step.inverse() for step in reversed(self.steps)))
+    def inverse(self) -> Chain:
+        """Return the way back."""
+        return Chain(tuple((step, not there) for step, there in reversed(self.steps)))
 
-    def after(self, first: Transform) -> Transform:
+    def after(self, first: Registration | Chain) -> Chain:
         """Return the composition: apply `first`, then this one."""
-        return Chain((first, *self.steps))
+        return Chain((*_steps(first), *self.steps))
 
 
-def principal_point_shift(
-    principal_point: ArrayLike, reference_principal_point: ArrayLike
-) -> FloatArray:
+def _steps(transform: Registration | Chain) -> tuple[tuple[Registration, bool], ...]:
+    return transform.steps if isinstance(transform, Chain) else ((transform, True),)
+
+
+@checked
+def principal_point_shift(principal_point: Point, reference_principal_point: Point) -> FloatArray:
     """The shift of a channel against the reference: the difference of principal points.
 
     Implements: niu2024 (14).
@@ -384,14 +347,11 @@ def principal_point_shift(
     >>> principal_point_shift((7, 9), (5, 10))
     array([ 2., -1.])
     """
-    channel, reference = together(
-        principal_point=(principal_point, (2,)),
-        reference_principal_point=(reference_principal_point, (2,)),
-    )
-    return channel - reference
+    return principal_point - reference_principal_point
 
 
-def similarity_between(camera: Camera, rotation: ArrayLike, reference: Camera) -> Registration:
+@checked
+def similarity_between(camera: Camera, rotation: Number, reference: Camera) -> Registration:
     """The similarity that the imaging parameters of two channels imply, distortion left aside.
 
     Parameters
@@ -413,14 +373,12 @@ def similarity_between(camera: Camera, rotation: ArrayLike, reference: Camera) -
     >>> similarity_between(Camera(20e-3, (11, 9), 0, 1e-5), 0.0, green).parameters
     array([ 1.5,  0. ,  1. , -1. ])
     """
-    turn = finite_array("rotation", rotation)
-    common_batch(camera=camera.batch, reference=reference.batch, rotation=turn.shape)
     # In px, so that channels may differ in pixel pitch too; the paper's do not.
     scale = (reference.focal_length / camera.focal_length) * (
         camera.pixel_pitch / reference.pixel_pitch
     )
     shift = camera.principal_point - reference.principal_point
-    columns = np.broadcast_arrays(scale, turn, shift[..., 0], shift[..., 1])
+    columns = np.broadcast_arrays(scale, rotation, shift[..., 0], shift[..., 1])
     return Registration._unchecked("similarity", np.stack(columns, axis=-1), camera.principal_point)
 
 

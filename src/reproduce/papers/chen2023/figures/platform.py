@@ -6,24 +6,16 @@ nothing here claims their likeness. Frames and series come from the twin.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import default_rng
+from scipy.spatial.transform import Rotation
 
-from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform, platform_twin
+from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.figures.sketch import LASER, STAR, lens, mirror, reflected
-from reproduce.papers.chen2023.platform import (
-    DIAGONAL,
-    FOCAL_LENGTH,
-    INSTRUMENT,
-    PIXEL,
-    PIXELS,
-    SPOTS,
-    TELESCOPE,
-)
 from reproduce.papers.declare import draws, seed_of
 from reproduce.papers.sketch import (
     INK,
@@ -40,17 +32,10 @@ from reproduce.papers.sketch import (
 )
 from reproduce.physics.attitude.averaging import moving_average
 from reproduce.physics.attitude.lasers import received_spots
-from reproduce.physics.attitude.misalignment import (
-    misalignment,
-    misalignment_angles,
-    stage_angle,
-    stage_angles,
-)
-from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
+from reproduce.physics.attitude.misalignment import stage_angle, stage_angles
 from reproduce.physics.attitude.wahba import mean_rotation
 from reproduce.physics.images.detector import Detector, expose
 from reproduce.physics.images.spots import render_frame
-from reproduce.physics.optics.camera import detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.stars import bright_stars
@@ -62,114 +47,76 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["ANGLES", "READS", "STAGE_READS", "draw_bench", "groups", "ride", "stage_sense"]
+__all__ = ["ANGLES", "READS", "STAGE_READS", "groups", "ride"]
 
 DESIGN = "chen2023/text-satellite"
 ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
-# Towards Orion, for no better reason than that everybody knows it; turned about the boresight.
-POINTING = np.radians([84.6, -0.4, 20.0])
+# Towards Orion, for no better reason than that everybody knows it: right ascension, declination,
+# turn about the boresight, in degrees.
+POINTING = (84.6, -0.4, 20.0)
 FAINTEST = 6.0
 # With the side on which there is room for the name.
 NAMED = {1852: ("Mintaka", 1), 1903: ("Alnilam", -1), 1948: ("Alnitak", -1), 1899: ("Hatysa", -1)}
 READS = (*platform_twin.READS, accuracy.SMOOTHED, accuracy.DURATION)
-STAGE_READS = (
-    *READS,
-    f"{effectiveness.TABLE}#*.position-?",
-    effectiveness.FRAMES,
-)
+STAGE_READS = (*READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAMES)
 MARGIN = 12
 
 
-def starfield(door: Given) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Return the stars that the tracker sees in the example: spots, magnitudes, numbers.
-
-    Shape (n, 2). In px. Shape (n,). Visual.
-    """
-    pixels = door.array(PIXELS)
-    tracker = (detector_centre(pixels), door[PIXEL], door[FOCAL_LENGTH])
-    stars = bright_stars()
-    rays = stars.directions @ transpose(_tracker_from_inertial())
-    ahead = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)
-    spots = received_spots(rays[ahead], *tracker)
-    inside = ((spots > 0) & (spots < pixels - 1)).all(axis=1)
-    numbers = [int(n) for n in stars.number[ahead][inside]]
-    return spots[inside], stars.magnitude[ahead][inside], numbers
-
-
-def _tracker_from_inertial() -> FloatArray:
-    alpha, delta, turn = POINTING
-    boresight = np.array(
-        [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)]
-    )
-    east = np.array([-np.sin(alpha), np.cos(alpha), 0.0])
-    north = np.cross(boresight, east)
-    axes = np.stack([east, north, boresight])
-    result: FloatArray = rotation_from_vector([0.0, 0.0, -turn]) @ axes
-    return result
-
-
-@draws("chen2023/fig-1c", given=INSTRUMENT, marks=[SPOTS])
+@draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
 def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
-    spots, magnitude, numbers = starfield(door)
-    centres = np.array(list(printed.values())).reshape(-1, 2)
+    alpha, delta, turn = POINTING
+    turns = [alpha + 90.0, 90.0 - delta, turn]
+    stars, inertial_from_tracker = bright_stars(), Rotation.from_euler("ZXZ", turns, degrees=True)
+    rays = stars.directions @ inertial_from_tracker.as_matrix()
+    ahead = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)
+    spots = received_spots(rays[ahead], *platform.tracker(door))
+    inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
+    spots, seen = spots[inside], np.flatnonzero(ahead)[inside]
     figure.set_size_inches(6.0, 6.0)
     axes = figure.add_subplot()
-    axes.scatter(
-        spots[:, 0],
-        spots[:, 1],
-        s=5 * 1.7 ** (FAINTEST - magnitude),
-        color=STAR.colour,
-        marker=STAR.marker,
-        label="stars",
-    )
-    for number, (x, y) in zip(numbers, spots, strict=True):
-        if number in NAMED:
-            name, side = NAMED[number]
+    size = 5 * 1.7 ** (FAINTEST - stars.magnitude[seen])
+    x, y = spots.T
+    axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
+    for number, (name, side) in NAMED.items():
+        for x, y in spots[stars.number[seen] == number]:
             ends = "left" if side > 0 else "right"
             axes.annotate(name, (x + 16 * side, y), ha=ends, va="center", fontsize=9)
-    axes.plot(
-        *centres.T, LASER.marker, markersize=5, color=LASER.colour, label="laser spots, printed"
-    )
+    _lasers(axes, _pairs(printed), 5, "laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
 
 
-def stage_sense(index: int) -> str:
-    """Say about which axis a camera seems to turn when the stage moves along positive X or Y.
-
-    Examples
-    --------
-    >>> stage_sense(1)
-    '+X'
-    """
-    angles = stage_angles(np.eye(2)[index], 1.0)
-    axis = int(np.abs(angles).argmax())
-    return f"{'+' if angles[axis] > 0 else '−'}{'XYZ'[axis]}"
+def _pairs(printed: Mapping[str, float]) -> FloatArray:
+    return np.array(list(printed.values())).reshape(-1, 2)
 
 
-@draws("chen2023/fig-6a", marks=[DIAGONAL])
+def _lasers(axes: Axes, places: FloatArray, size: float, name: str = "") -> None:
+    axes.plot(*places.T, LASER.marker, markersize=size, color=LASER.colour, label=name)
+
+
+@draws("chen2023/fig-6a", marks=[platform.DIAGONAL])
 def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it."""
-    diagonal = next(iter(printed.values())) * 1e3
+    (diagonal,) = printed.values()
     axes = canvas(figure, 12.6, 7.6)
     centre = np.array([3.8, 3.8])
     box(axes, centre, (7.0, 7.0))
     label(axes, (0.7, 0.7), "stage", ha="left")
     corners = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre
     line(axes, np.vstack([corners, corners[:1]]), 0.7, ":")
-    axes.plot(*corners.T, LASER.marker, markersize=11, color=LASER.colour)
+    _lasers(axes, corners, 11)
     arrow(axes, beside(corners[3], 0.3, 0), corners[1] - [0.3, 0], style="<|-|>")
-    label(axes, beside(centre, 0.0, 0.35), f"{diagonal:g} mm")
+    label(axes, beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
     label(axes, beside(corners[0], 0.0, 0.55), "laser")
     corner = np.array([8.3, 2.6])
-    arrow(axes, corner, beside(corner, 2.0, 0.0))
-    arrow(axes, corner, beside(corner, 0.0, 2.0))
-    label(axes, beside(corner, 2.3, 0.0), "X")
-    label(axes, beside(corner, 0.0, 2.35), "Y")
-    for index, y in enumerate((1.5, 0.9)):
-        text = f"towards {'XY'[index]}: as if the camera turned about {stage_sense(index)}"
+    for index, (axis, gap, y) in enumerate((("X", 2.3, 1.5), ("Y", 2.35, 0.9))):
+        along = np.eye(2)[index]
+        arrow(axes, corner, corner + 2.0 * along)
+        label(axes, corner + gap * along, axis)
+        sense = towards(np.zeros(3), stage_angles(along, 1.0))
+        text = f"towards {axis}: as if the camera turned about {sense}"
         label(axes, (7.5, y), text, ha="left", size=8)
 
 
@@ -208,87 +155,49 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
 @cache
 def groups(door: Given) -> platform_twin.Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
-    return platform_twin.two_groups(
-        platform_twin.bench(door),
-        door.count(accuracy.FRAMES),
-        default_rng(seed_of("chen2023/fig-8")),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Ride:
-    """The test with the moving stage, frame by frame.
-
-    Attributes
-    ----------
-    times : ndarray, shape (frames,)
-        In seconds.
-    positions : ndarray, shape (frames, 2)
-        Of the stage, in metres.
-    reference, monitored : ndarray, shape (frames, 2)
-        About X and Y, in radians; monitored is the mean of up to 100 frames before.
-    """
-
-    times: FloatArray
-    positions: FloatArray
-    reference: FloatArray
-    monitored: FloatArray
+    twin, frames = platform_twin.bench(door), door.count(accuracy.FRAMES)
+    return platform_twin.two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8")))
 
 
 @cache
-def ride(door: Given) -> Ride:
-    """Run the test of Figure 10: the printed positions, one state after the other."""
-    platform, frames = platform_twin.bench(door), door.count(effectiveness.FRAMES)
+def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Run the test of Figure 10: the printed positions, one state after the other.
+
+    Shape (frames,). Times, in seconds. Shape (frames, 2), twice. Angles about X and Y, in radians:
+    reference, and as monitored by the mean of up to 100 frames before.
+    """
+    twin, frames = platform_twin.bench(door), door.count(effectiveness.FRAMES)
     places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
-    moved = places - places[0]
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
-    angles[:, :2] = stage_angle(moved[:, ::-1], door[TELESCOPE])
-    spots = platform.turned(angles)
-    found = platform_twin.centroids(
-        platform, spots, platform.light[1], frames, default_rng(seed_of("chen2023/fig-10b"))
-    )
-    zero = mean_rotation(platform.transform(found[0]))
-    single = misalignment_angles(
-        misalignment(platform.camera_directions, platform.directions(found), zero)
-    )
-    pace = door[accuracy.DURATION] / door.count(accuracy.FRAMES)
-    series = single.reshape(-1, 3)[:, :2]
-    return Ride(
-        times=np.asarray(np.arange(len(series)) * pace, dtype=np.float64),
-        positions=np.repeat(places, frames, axis=0),
-        reference=np.repeat(angles[:, :2], frames, axis=0),
-        monitored=trailing_mean(series, door.count(accuracy.SMOOTHED)),
-    )
-
-
-def trailing_mean(series: FloatArray, count: int) -> FloatArray:
-    """Return the mean of the last `count` frames at each frame, of fewer at the beginning.
-
-    Shape (frames, k). In the unit of the series.
-    """
-    start = np.cumsum(series[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
-    return np.concatenate([start, moving_average(series, count, axis=0)])
+    angles[:, :2] = stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
+    generator, spots = default_rng(seed_of("chen2023/fig-10b")), twin.turned(angles)
+    found = platform_twin.centroids(twin, spots, twin.light[1], frames, generator)
+    zero = mean_rotation(twin.transform(found[0]))
+    single = twin.misalignment(found, zero).reshape(-1, 3)[:, :2]
+    count, pace = door.count(accuracy.SMOOTHED), door[accuracy.DURATION] / door[accuracy.FRAMES]
+    start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
+    monitored = np.concatenate([start, moving_average(single, count, axis=0)])
+    times = np.asarray(np.arange(len(single)) * pace, dtype=np.float64)
+    return times, np.repeat(angles[:, :2], frames, axis=0), monitored
 
 
 @draws("chen2023/fig-7", given=READS, marks=["chen2023/text-platform#spot-*"])
 def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
-    platform = platform_twin.bench(door)
-    corner = np.floor(platform.spots.min(axis=0)).astype(int) - MARGIN
-    size = np.ceil(platform.spots.max(axis=0)).astype(int) + MARGIN - corner
-    mean = render_frame(
-        platform.spots - corner, platform.light[0], platform.radius, (int(size[0]), int(size[1]))
-    )
+    twin = platform_twin.bench(door)
+    corner = np.floor(twin.spots.min(axis=0)).astype(int) - MARGIN
+    width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + MARGIN - corner).tolist()
+    spots = twin.spots - corner
+    mean = render_frame(spots, twin.light[0], twin.radius, (width, height))
     seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7")))
     left, top = corner - 0.5
     figure.set_size_inches(6.4, 5.2)
     figure.set_layout_engine("compressed")
     axes = figure.add_subplot()
-    picture = axes.imshow(
-        seen, extent=(left, left + size[0], top + size[1], top), cmap="gray", vmin=0.0
-    )
-    centres = np.array(list(printed.values())).reshape(-1, 2)
+    extent = (left, left + width, top + height, top)
+    picture = axes.imshow(seen, extent=extent, cmap="gray", vmin=0.0)
+    centres = _pairs(printed)
     axes.plot(*centres.T, "o", markersize=16, fillstyle="none", color="#D55E00", label="printed")
     for number, (x, y) in enumerate(centres, start=1):
         axes.annotate(f"{number}", (x + 2.5, y - 1.5), color="#E69F00")
@@ -312,47 +221,32 @@ def draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given)
     constant misalignment moves the whole series and leaves its scatter as it is; the twin has
     none, and the axis says that it counts from there.
     """
-    _series(
-        figure,
-        door,
-        groups(door).misalignment,
-        printed,
-        "angle, less offset (arcsec)",
-    )
+    _series(figure, door, groups(door).misalignment, printed, "angle, less offset (arcsec)")
 
 
 def _series(
-    figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], name: str
+    figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], quantity: str
 ) -> None:
-    accuracies = list(printed.values())
-    count = door.count(accuracy.SMOOTHED)
-    frames = np.arange(1, len(angles) + 1)
+    count, frames = door.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
     figure.set_size_inches(7.2, 3.4)
     panels: list[Axes] = list(figure.subplots(1, 2, sharey=True))
-    for panel, axis, index in zip(panels, "XY", range(2), strict=True):
-        series = angles[:, index] * ARCSEC_PER_RADIAN
-        smoothed = moving_average(series, count)
+    columns = zip(panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True)
+    for panel, axis, series, limit in columns:
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
-        panel.plot(
-            frames[count - 1 :], smoothed, color=INK, linewidth=2.5, label=f"mean of {count}"
-        )
-        for side in (-1, 1):
-            panel.axhline(
-                series.mean() + side * accuracies[index] * ARCSEC_PER_RADIAN,
-                color=INK,
-                linestyle="--",
-                linewidth=1,
-                label="printed, 3σ" if side > 0 else None,
-            )
+        smoothed, name = moving_average(series, count), f"mean of {count}"
+        panel.plot(frames[count - 1 :], smoothed, color=INK, linewidth=2.5, label=name)
+        for side, limits in ((-1, "_"), (1, "printed, 3σ")):
+            edge = series.mean() + side * limit * ARCSEC_PER_RADIAN
+            panel.axhline(edge, color=INK, linestyle="--", linewidth=1, label=limits)
         panel.set(xlabel="frame", title=f"about {axis}")
-    panels[0].set_ylabel(name)
+    panels[0].set_ylabel(quantity)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 @draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])
 def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     """Motion pattern of the stage, its five states marked."""
-    places = np.array(list(printed.values())).reshape(-1, 2) * 1e6
+    places = _pairs(printed) * 1e6
     axes = figure.add_subplot()
     axes.plot(*places.T, "--", linewidth=1)
     axes.plot(*places.T, "^", markersize=8, color="#D55E00")
@@ -364,54 +258,33 @@ def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
 @draws("chen2023/fig-10b", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-y"])
 def draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about Y while the stage moves along X."""
-    _ridden(figure, door, 1, list(printed.values()))
+    _ridden(figure, door, "Y", printed)
 
 
 @draws("chen2023/fig-10c", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-x"])
 def draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about X while the stage moves along Y."""
-    _ridden(figure, door, 0, list(printed.values()))
-
-
-def _ridden(figure: Figure, door: Given, index: int, angles: list[float]) -> None:
-    content = ride(door)
-    axes = figure.add_subplot()
-    axes.plot(
-        content.times,
-        content.monitored[:, index] * ARCSEC_PER_RADIAN,
-        label="monitored by the twin",
-    )
-    axes.plot(
-        content.times,
-        content.reference[:, index] * ARCSEC_PER_RADIAN,
-        "--",
-        label="reference, (10)",
-    )
-    each = len(content.times) // len(effectiveness.STATES)
-    middles = content.times[each + each // 2 :: each]
-    axes.plot(
-        middles, np.array(angles) * ARCSEC_PER_RADIAN, "s", color=INK, label="monitored, printed"
-    )
-    axes.set(xlabel="time (s)", ylabel=f"angle about {'XY'[index]} (arcsec)")
-    axes.legend()
+    _ridden(figure, door, "X", printed)
 
 
 @draws("chen2023/fig-1d", given=STAGE_READS)
 def draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """One move of the stage, close up: the average follows the reference after its own length."""
-    content = ride(door)
-    each = len(content.times) // len(effectiveness.STATES)
-    shown = slice(each // 2, 2 * each)
     figure.set_size_inches(6.4, 3.2)
-    axes = figure.add_subplot()
-    axes.plot(
-        content.times[shown], content.monitored[shown, 1] * ARCSEC_PER_RADIAN, label="monitored"
-    )
-    axes.plot(
-        content.times[shown],
-        content.reference[shown, 1] * ARCSEC_PER_RADIAN,
-        "--",
-        label="reference",
-    )
-    axes.set(xlabel="time (s)", ylabel="angle about Y (arcsec)")
+    _ridden(figure, door, "Y", {})
+
+
+def _ridden(figure: Figure, door: Given, axis: str, marked: Mapping[str, float]) -> None:
+    """Draw the whole test with the printed angles, or one move without any."""
+    times, *angles = ride(door)
+    each, axes = len(times) // len(effectiveness.STATES), figure.add_subplot()
+    shown = slice(None) if marked else slice(each // 2, 2 * each)
+    reference, monitored = (a[shown, "XY".index(axis)] * ARCSEC_PER_RADIAN for a in angles)
+    axes.plot(times[shown], monitored, label="monitored" + " by the twin" * bool(marked))
+    axes.plot(times[shown], reference, "--", label="reference" + ", (10)" * bool(marked))
+    if marked:
+        values = np.array(list(marked.values())) * ARCSEC_PER_RADIAN
+        middles = times[each + each // 2 :: each]
+        axes.plot(middles, values, "s", color=INK, label="monitored, printed")
+    axes.set(xlabel="time (s)", ylabel=f"angle about {axis} (arcsec)")
     axes.legend()

@@ -9,11 +9,9 @@ likeness or a scale.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023.figures.sketch import LASER, SCENE, STAR, lens, mirror, reflected
 from reproduce.papers.declare import draws
@@ -32,7 +30,7 @@ from reproduce.papers.sketch import (
     path,
     turned,
 )
-from reproduce.papers.space import View, seen_from, sense, triad
+from reproduce.papers.space import seen_from, sense, triad
 from reproduce.physics.attitude.lasers import emitted_directions
 from reproduce.physics.attitude.rotations import rotation_from_vector, transpose, unit
 from reproduce.physics.ground.earth import EarthOrientation, earth_fixed, earth_from_inertial
@@ -46,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["INSTALLED", "RADIUS", "VIEW", "draw_scene", "scene"]
+__all__ = ["INSTALLED", "RADIUS", "VIEW", "scene"]
 
 TEXT = "chen2023/text-satellite"
 HARDWARE = "chen2023/text-hardware"
@@ -62,134 +60,80 @@ BANDS = tuple(
     f"{TEXT}#{light}-{end}" for light in ("transmission", "reflection") for end in ("low", "high")
 )
 FILTER = f"{HARDWARE}#filter-wavelength"
-TILT = f"{TEXT}#dihedral-angle"
-NANO = 1e9
 # Of the drawing of the light paths: how far the two lights come in beside the boresight.
 ASIDE = 9.0
 LENS, FOCUS = np.array([5.0, 2.2]), 1.5
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """What Figure 1a shows, Earth-fixed, in metres.
+def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Return a satellite that looks at a target, and what the imaging model makes of it.
 
-    Attributes
-    ----------
-    satellite, target : ndarray, shape (3,)
-        Positions; the target is where equation (1) puts the middle of the image.
-    earth_from_camera, earth_from_tracker, earth_from_inertial : ndarray, shape (3, 3)
-        Their columns are the axes of the three frames.
+    Position of the satellite; where equation (1) puts the middle of the image; three frames whose
+    columns are their axes. All Earth-fixed, in metres.
     """
-
-    satellite: FloatArray
-    target: FloatArray
-    earth_from_camera: FloatArray
-    earth_from_tracker: FloatArray
-    earth_from_inertial: FloatArray
-
-
-def scene(door: Given) -> Scene:
-    """Return a satellite that looks at a target, and what the imaging model makes of it."""
     turning = earth_from_inertial(DATE, EarthOrientation(ut1_utc=0.0))
     satellite = earth_fixed(ABOVE)
-    looking = _frame(earth_fixed(TARGET) - satellite)
-    angle = door[INSTALLED]
+    z = unit("boresight", earth_fixed(TARGET) - satellite)
+    x = unit("level", np.cross([0.0, 0.0, 1.0], z))
+    looking = np.stack([x, np.cross(z, x), z], axis=-1)
     # The tracker looks away from the Earth: the camera, turned about the X that both share.
-    tracker_from_camera = rotation_from_vector([angle, 0.0, 0.0])
+    tracker_from_camera = rotation_from_vector([door[INSTALLED], 0.0, 0.0])
     inertial_from_tracker = transpose(turning) @ looking @ transpose(tracker_from_camera)
     chain = imaging_chain(turning, inertial_from_tracker, np.eye(3), tracker_from_camera)
     centre = image_vectors([(0.0, 0.0)], focal_length=1.0)
-    return Scene(
-        satellite=satellite,
-        target=imaged_position(centre, satellite, chain).position[0],
-        earth_from_camera=chain,
-        earth_from_tracker=turning @ inertial_from_tracker,
-        earth_from_inertial=turning,
-    )
-
-
-def _frame(boresight: ArrayLike) -> FloatArray:
-    """Return a frame, its axes as columns, with Z along the boresight and X level."""
-    z = unit("boresight", boresight)
-    x = unit("level", np.cross([0.0, 0.0, 1.0], z))
-    return np.stack([x, np.cross(z, x), z], axis=-1)
+    frames = {"camera": chain, "tracker": turning @ inertial_from_tracker, "stars": turning}
+    return satellite, imaged_position(centre, satellite, chain).position[0], frames
 
 
 @draws("chen2023/fig-1a", given=[INSTALLED])
 @diagram(14.0, 9.6, 6.6)
 def draw_scene(axes: Axes, door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
-    content, view = scene(door), VIEW
-    _globe(axes, view)
-    _earth_frames(axes, view, content)
-    place, target = view.point(content.satellite), view.point(content.target)
-    arrow(axes, view.point(np.zeros(3)), place, width=0.8)
+    satellite, imaged, frames = scene(door)
+    _globe(axes)
+    _earth_frames(axes, frames["stars"])
+    place, target = VIEW.point(satellite), VIEW.point(imaged)
+    arrow(axes, VIEW.point(np.zeros(3)), place, width=0.8)
     path(axes, [target, place], SCENE)
     axes.plot(*target, SCENE.marker, color=SCENE.colour, markersize=7)
     # Beside the camera's frame on the paper, so that both can be read.
-    tracker = content.satellite + RADIUS * np.array([0.35, 0.75]) @ view.matrix
-    size = 0.42 * RADIUS
-    for columns, name, origin in (
-        (content.earth_from_camera, "c", content.satellite),
-        (content.earth_from_tracker, "s", tracker),
-    ):
-        names = [f"$X_{name}$", f"$Y_{name}$", "$Z_s$" if name == "s" else ""]
-        triad(axes, view, origin, size * columns.T, names, width=1.8)
+    tracker, size = satellite + RADIUS * np.array([0.35, 0.75]) @ VIEW.matrix, 0.42 * RADIUS
     # The line of sight runs along the camera's boresight: its name stands above.
-    tip = view.point(content.satellite + size * content.earth_from_camera[:, 2])
+    triad(axes, VIEW, satellite, size * frames["camera"].T, ["$X_c$", "$Y_c$", ""], width=1.8)
+    tip = VIEW.point(satellite + size * frames["camera"][:, 2])
     label(axes, beside(tip, -0.1, 0.35), "$Z_c$")
-    boresight = RADIUS * content.earth_from_tracker[:, 2]
-    path(axes, [view.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
+    names = ["$X_s$", "$Y_s$", "$Z_s$"]
+    triad(axes, VIEW, tracker, size * frames["tracker"].T, names, width=1.8)
+    boresight = RADIUS * frames["tracker"][:, 2]
+    path(axes, [VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
     label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
-    label(axes, beside(view.point(tracker), -0.35, 0.1), "tracker", ha="right")
+    label(axes, beside(VIEW.point(tracker), -0.35, 0.1), "tracker", ha="right")
     label(axes, beside(target, 0.3, 0.4), "target")
-    label(axes, beside((place + np.asarray(view.centre)) / 2, 1.3, -0.35), "$(X_S, Y_S, Z_S)$")
+    label(axes, beside((place + np.asarray(VIEW.centre)) / 2, 1.3, -0.35), "$(X_S, Y_S, Z_S)$")
     key(axes, (SCENE, STAR, INERTIAL), (0.0, 1.0))
 
 
-def _globe(axes: Axes, view: View) -> None:
+def _globe(axes: Axes) -> None:
     """Draw the outline, the equator, dotted where it lies behind, and the zero meridian."""
     around = np.linspace(0, 2 * np.pi, 240)
-    outline = view.scale * RADIUS * np.stack([np.cos(around), np.sin(around)], axis=-1)
-    line(axes, np.asarray(view.centre) + outline, 1.3)
-    viewer = np.cross(*view.matrix)
-    flat = np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
-    upright = flat[:, [0, 2, 1]]
-    for circle, style, shown in (
-        (flat, "-", flat @ viewer >= 0),
-        (flat, ":", flat @ viewer < 0),
-        (upright, "-", upright @ viewer >= 0),
-    ):
-        seen = view.point(RADIUS * circle)
-        seen[~shown] = np.nan
-        line(axes, seen, 0.7, style)
+    flat = RADIUS * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
+    line(axes, np.asarray(VIEW.centre) + VIEW.scale * flat[:, :2], 1.3)
+    viewer = np.cross(*VIEW.matrix)
+    for circle, side, style in ((flat, 1, "-"), (flat, -1, ":"), (flat[:, [0, 2, 1]], 1, "-")):
+        shown = np.copysign(1.0, circle @ viewer) == side
+        line(axes, np.where(shown[:, np.newaxis], VIEW.point(circle), np.nan), 0.7, style)
 
 
-def _earth_frames(axes: Axes, view: View, content: Scene) -> None:
+def _earth_frames(axes: Axes, earth_from_inertial: FloatArray) -> None:
     """Draw the frame of the stars, the turning one, and the turn between their X axes."""
-    length = 1.6 * RADIUS
-    fixed = np.diag([length, length, 1.3 * RADIUS])
-    triad(
-        axes,
-        view,
-        np.zeros(3),
-        fixed[:2],
-        ["$X_\\mathrm{WGS84}$", "$Y_\\mathrm{WGS84}$"],
-        width=1.8,
-    )
-    triad(axes, view, np.zeros(3), fixed[2:], ["$Z$ of both"], width=1.8)
-    inertial = length * content.earth_from_inertial.T[:2]
-    triad(
-        axes,
-        view,
-        np.zeros(3),
-        inertial,
-        ["$X_\\mathrm{J2000}$", "$Y_\\mathrm{J2000}$"],
-        look=INERTIAL,
-    )
-    x = content.earth_from_inertial[:, 0]
+    centre, fixed = np.zeros(3), np.diag([1.6, 1.6, 1.3]) * RADIUS
+    names = ["$X_\\mathrm{WGS84}$", "$Y_\\mathrm{WGS84}$", "$Z$ of both"]
+    triad(axes, VIEW, centre, fixed, names, width=1.8)
+    names = ["$X_\\mathrm{J2000}$", "$Y_\\mathrm{J2000}$"]
+    triad(axes, VIEW, centre, 1.6 * RADIUS * earth_from_inertial.T[:2], names, look=INERTIAL)
+    x = earth_from_inertial[:, 0]
     turn = float(-np.arctan2(x[1], x[0]))
-    sense(axes, view, np.zeros(3), [0.0, 0.0, 1.0], 0.6 * RADIUS * x, turn)
+    sense(axes, VIEW, centre, [0.0, 0.0, 1.0], 0.6 * RADIUS * x, turn)
 
 
 @draws("chen2023/fig-1b")
@@ -206,9 +150,8 @@ def draw_system(axes: Axes) -> None:
     arrow(axes, (4.2, 3.4), (8.4, 3.4), style="<|-|>")
     label(axes, (6.3, 3.75), "installation, misalignment")
     label(axes, (6.3, 3.05), "what heat bends")
-    label(
-        axes, (5.4, 4.95), "camera's attitude =\nmisalignment × installation × tracker's attitude"
-    )
+    attitude = "camera's attitude =\nmisalignment × installation × tracker's attitude"
+    label(axes, (5.4, 4.95), attitude)
     key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
 
 
@@ -244,15 +187,22 @@ def draw_satellite(axes: Axes) -> None:
 @diagram(14.8, 8.2)
 def draw_focal_plane(axes: Axes, door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
+    from matplotlib.patches import Polygon
+
     count = door.count(DETECTORS)
-    _planes(axes)
+    # The outlines of the two planes share an edge.
+    edge = [(1.2, 3.0), (11.9, 3.0)]
+    for far in ([(11.9, 5.4), (1.2, 5.4)], [(10.9, 0.9), (0.2, 0.9)]):
+        line(axes, [*edge, *far, edge[0]], 0.8)
     for index in range(count):
         x = 1.5 + 0.7 * index
         if index % 2 == 0:
-            _detector(axes, np.array([x, 3.9]), np.array([0.0, 0.9]), SCENE.colour, "//")
+            foot, rise, colour, hatch = (x, 3.9), (0.0, 0.9), SCENE.colour, "//"
             box(axes, (x + 0.3, 3.0), (0.45, 0.45), style=":")
         else:
-            _detector(axes, np.array([x - 0.75, 1.4]), np.array([0.3, 0.7]), "#AA7700", "")
+            foot, rise, colour, hatch = (x - 0.75, 1.4), (0.3, 0.7), "#AA7700", ""
+        corners = np.array([(0, 0), (0.6, 0), beside(rise, 0.6, 0), rise]) + foot
+        axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=INK, hatch=hatch))
     for place in ((0.9, 1.6), (10.8, 1.25)):
         axes.plot(*place, LASER.marker, color=LASER.colour, markersize=8)
     names = ((12.1, 4.4, "upright plane"), (12.1, 3.0, "reflectors"), (11.9, 2.1, "flat plane"))
@@ -262,24 +212,6 @@ def draw_focal_plane(axes: Axes, door: Given) -> None:
         arrow(axes, (x, 7.4), (x, 6.0), SCENE)
     label(axes, (6.0, 7.8), "light from the telescope")
     label(axes, (0.2, 6.3), f"{count} detectors", ha="left")
-
-
-def _planes(axes: Axes) -> None:
-    """Draw the outlines of the two planes, which share an edge."""
-    for corners in (
-        [(1.2, 3.0), (11.9, 3.0), (11.9, 5.4), (1.2, 5.4)],
-        [(1.2, 3.0), (11.9, 3.0), (10.9, 0.9), (0.2, 0.9)],
-    ):
-        line(axes, [*corners, corners[0]], 0.8)
-
-
-def _detector(axes: Axes, foot: FloatArray, rise: FloatArray, colour: str, hatch: str) -> None:
-    from matplotlib.patches import Polygon
-
-    side = np.array([0.6, 0.0])
-    corners = np.array([foot, foot + side, foot + side + rise, foot + rise])
-    patch = Polygon(corners, closed=True, facecolor=colour, edgecolor=INK, hatch=hatch)
-    axes.add_patch(patch)
 
 
 @draws("chen2023/fig-3a")
@@ -304,10 +236,10 @@ def draw_tracker(axes: Axes) -> None:
     label(axes, (7.8, 7.9), "baffle, held by the\nsatellite alone", ha="left")
 
 
-@draws("chen2023/fig-3b", marks=[TILT])
+@draws("chen2023/fig-3b", marks=[f"{TEXT}#dihedral-angle"])
 def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Paths of starlight and laser light into the tracker."""
-    tilt = float(np.degrees(next(iter(printed.values()))))
+    (tilt,) = np.degrees(list(printed.values())).tolist()
     axes = canvas(figure, 11.0, 8.2)
     middle = np.array([5.0, 4.8])
     mirror(axes, middle, 3.4, tilt)
@@ -317,12 +249,13 @@ def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     box(axes, LENS - [0, FOCUS + 0.15], (1.8, 0.3))
     label(axes, (6.2, 0.55), "detector", ha="left")
     star, laser = turned([0.0, -1.0], -ASIDE), turned([0.0, -1.0], ASIDE)
-    for shift in (-0.5, 0.0, 0.5):
-        _into_lens(axes, star, shift, [beside(LENS, shift, 0.0) - 5.4 * star])
-    came = reflected(laser, tilt)
-    for shift in (-0.35, 0.35):
-        hit = _on_mirror(beside(LENS, shift, 0.0), laser, middle, tilt)
-        _into_lens(axes, laser, shift, [hit - 4.0 * came, hit])
+    came, normal = reflected(laser, tilt), turned([0.0, 1.0], tilt)
+    # Each ray to its place on the lens and on to the focus of its direction.
+    for way, shifts, look in ((star, (-0.5, 0.0, 0.5), STAR), (laser, (-0.35, 0.35), LASER)):
+        for place in (beside(LENS, shift, 0.0) for shift in shifts):
+            hit = place - (place - middle) @ normal / (way @ normal) * way
+            before = [place - 5.4 * way] if look is STAR else [hit - 4.0 * came, hit]
+            path(axes, [*before, place, LENS + FOCUS * way / -way[1]], look)
     across = float(np.degrees(np.arctan2(came[1], came[0]))) + 90
     filtered = middle - 2.5 * came
     mirror(axes, filtered, 1.6, across, ":")
@@ -332,39 +265,17 @@ def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     key(axes, (STAR, LASER), (0.0, 1.0))
 
 
-def _into_lens(axes: Axes, direction: FloatArray, shift: float, before: list[FloatArray]) -> None:
-    """Draw a ray to its place on the lens and on to the focus of its direction."""
-    look = STAR if len(before) == 1 else LASER
-    focus = LENS + FOCUS * direction / -direction[1]
-    path(axes, [*before, beside(LENS, shift, 0.0), focus], look)
-
-
-def _on_mirror(
-    place: FloatArray, direction: FloatArray, middle: FloatArray, tilt: float
-) -> FloatArray:
-    """Return where light that reaches a place from a direction has met the mirror."""
-    normal = turned([0.0, 1.0], tilt)
-    distance = ((place - middle) @ normal) / (direction @ normal)
-    return np.asarray(place - direction * distance)
-
-
 @draws("chen2023/fig-3c", marks=[*BANDS, FILTER])
 def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
     """Transmission and reflection of the dichroic mirror and of the band-pass filter, idealised."""
-    low, high, turn, end = (printed[address] * NANO for address in BANDS)
-    passed = printed[FILTER] * NANO
+    low, high, *reflecting, passed = (printed[a] * 1e9 for a in (*BANDS, FILTER))
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for start, stop, look, name in (
-        (low, high, SCENE, "transmission"),
-        (turn, end, LASER, "reflection"),
+    for name, (start, stop), colour, style in (
+        ("transmission", (low, high), SCENE.colour, "-"),
+        ("reflection", reflecting, LASER.colour, LASER.line),
     ):
-        upper.plot(
-            [350, start, start, stop, stop, 1100],
-            [0, 0, 100, 100, 0, 0],
-            look.line if look is LASER else "-",
-            color=look.colour,
-            label=name,
-        )
+        edges = [350, start, start, stop, stop, 1100]
+        upper.plot(edges, [0, 0, 100, 100, 0, 0], style, color=colour, label=name)
     upper.set(ylabel="dichroic mirror (%)")
     # The width of the filter is not printed: a line stands for its band.
     lower.plot([350, passed, passed, passed, 1100], [0, 0, 100, 0, 0], color=INK)
@@ -423,22 +334,16 @@ def draw_transform(axes: Axes) -> None:
         label(axes, (x + 2.45, 1.6), f"$X_{name}$")
         arrow(axes, (x - 2.0, 1.2), (x - 2.0, 4.4), style="<|-|>", width=0.8)
         label(axes, (x - 2.55, 2.8), f"${focal}$")
-        for offset, number in ((-1.2, 1), (1.2, 2)):
-            _beam(axes, np.array([x, 4.4]), offset, number, leaves=name == "c")
+        look, vector = (LASER.marker, "v") if name == "c" else ("o", "w")
+        for number, offset in ((1, -1.2), (2, 1.2)):
+            # The light of one laser through the lens, its direction as equation (2) gives it.
+            direction = emitted_directions([(offset, 0.0)], 3.2)[0][[0, 2]]
+            places = np.array([(x + offset, 1.2), (x, 4.4), (x, 4.4) + 2.9 * direction])
+            path(axes, list(places if name == "c" else places[::-1]), LASER)
+            axes.plot(*places[0], look, color=LASER.colour, markersize=6)
+            label(axes, beside(places[2], 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")
     label(axes, (3.0, 0.4), "lasers in the focal plane\nof the camera")
     label(axes, (11.0, 0.4), "spots on the detector\nof the tracker")
     arrow(axes, (5.6, 5.9), (8.4, 5.9))
     label(axes, (7.0, 6.4), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
     label(axes, (7.0, 5.2), "retro-reflector,\ndichroic mirror")
-
-
-def _beam(axes: Axes, centre: FloatArray, offset: float, number: int, *, leaves: bool) -> None:
-    """Draw the light of one laser through a lens, its direction as equation (2) gives it."""
-    depth = 3.2
-    direction = emitted_directions([(offset, 0.0)], depth)[0][[0, 2]]
-    source, end = beside(centre, offset, -depth), centre + 2.9 * direction
-    places = [source, centre, end]
-    path(axes, places if leaves else places[::-1], LASER)
-    axes.plot(*source, LASER.marker if leaves else "o", color=LASER.colour, markersize=6)
-    vector = "v" if leaves else "w"
-    label(axes, beside(end, 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")

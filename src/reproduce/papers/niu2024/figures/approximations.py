@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from reproduce.papers.declare import sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import approximations, simulation
 from reproduce.papers.niu2024.figures.looks import LOOKS
 from reproduce.papers.sketch import INK
@@ -16,24 +16,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_costs"]
+__all__ = ["NOISE", "draw_costs"]
 
 NOISE = f"{simulation.SETTINGS}#noise"
 
 
 def facts() -> Mapping[str, Fact]:
-    """Return every size that is drawn, ``EFFECT-TABLE-CHANNEL-rms`` and ``-left``."""
+    """Return every size before a fit, ``EFFECT-TABLE-CHANNEL-rms``."""
     return approximations.facts(given(approximations.READS))
 
 
-@sketches("niu2024-approximations", marks=[NOISE], named=facts)
+@draws("niu2024-approximations", marks=[NOISE], named=facts)
 def draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
     """Error of each approximation over the field, before and after a fit, for Tables 1 and 4."""
     figure.set_size_inches(5.2, 5.6)
     costs = approximations.costs(given(approximations.READS))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, table in zip(panels, approximations.TABLES, strict=True):
-        _panel(axes, [cost for cost in costs if cost.table == table])
+        _panel(axes, [cost for cost in costs if cost.labels[1] == table])
         axes.axvline(printed[NOISE], color=INK, linestyle="--", linewidth=1, label="printed noise")
         axes.set_title(f"cameras of {table}", fontsize=10)
     panels[-1].set_xlabel("error over the field, RMS (px)", fontsize=9)
@@ -43,10 +43,10 @@ def draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
 
 def _panel(axes: Axes, costs: list[approximations.Cost]) -> None:
     """Draw the costs of one table, a row for each approximation."""
-    effects = list(approximations.TITLES)
+    effects = list(approximations.TITLES.values())
     for place, look in ((channel, LOOKS[channel]) for channel in simulation.REGISTERED):
-        own = [cost for cost in costs if cost.channel == place]
-        rows = [effects.index(one.effect) + (-0.15 if place == "red" else 0.15) for one in own]
+        own = [cost for cost in costs if cost.labels[2] == place]
+        rows = [effects.index(one.labels[0]) + (-0.15 if place == "red" else 0.15) for one in own]
         rms = [one.rms for one in own]
         axes.plot(rms, rows, look.marker, color=look.colour, label=look.name)
         fitted = zip((one.left for one in own), rows, strict=True)
@@ -60,7 +60,7 @@ def _panel(axes: Axes, costs: list[approximations.Cost]) -> None:
             fillstyle="none",
             label=f"{look.name}, after a fit",
         )
-    axes.set_yticks(range(len(effects)), list(approximations.TITLES.values()), fontsize=9)
+    axes.set_yticks(range(len(effects)), effects, fontsize=9)
     axes.set_ylim(len(effects) - 0.5, -0.5)
     axes.set_xscale("log")
     axes.tick_params(axis="x", labelsize=9)

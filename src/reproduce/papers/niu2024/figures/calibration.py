@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import draws, sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024.figures.looks import image_axes
 from reproduce.papers.sketch import INK, arc, arrow, beside, box, canvas, diagram, label, line
 from reproduce.physics.optics.camera import ideal_positions
 from reproduce.physics.optics.rotary import starlight
-from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,18 +29,9 @@ TURN, FOCAL = float(np.radians(20.0)), 7.0
 @diagram(17.0, 9.6)
 def draw_calibration(axes: Axes) -> None:
     """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
-    _simulator(axes)
-    _table(axes)
-    box(axes, (4.0, 1.3), (2.8, 1.2), "computer")
-    line(axes, [(12.2, 2.6), (12.2, 1.3), (5.8, 1.3)])
-    label(axes, (8.9, 0.7), "frame angles and spots")
-    arrow(axes, (6.0, 1.3), (5.4, 1.3))
-
-
-def _simulator(axes: Axes) -> None:
-    """Draw the lamp, the collimator and the parallel light that leaves it."""
     from matplotlib.patches import Ellipse
 
+    # The lamp, the collimator and the parallel light that leaves it.
     axes.plot([0.9], [5.6], marker="*", markersize=11, color=INK)
     label(axes, (0.9, 4.4), "point\nsource")
     lens = Ellipse((4.6, 5.6), 0.55, 3.0, facecolor="none", edgecolor=INK, linewidth=1.3)
@@ -51,10 +41,7 @@ def _simulator(axes: Axes) -> None:
         line(axes, [(0.9, 5.6), (4.6, 5.6 + height)], 0.8)
         arrow(axes, (4.6, 5.6 + height), (9.2, 5.6 + height))
     label(axes, (7.2, 7.2), "parallel light")
-
-
-def _table(axes: Axes) -> None:
-    """Draw the two frames of the table, and the sensor on the middle one."""
+    # The two frames of the table, and the sensor on the middle one.
     box(axes, (12.8, 5.6), (6.2, 6.0), width=1.6)
     box(axes, (12.8, 5.6), (4.6, 4.4), style="--")
     label(axes, (12.8, 9.0), "external frame, $φ_1$")
@@ -66,18 +53,13 @@ def _table(axes: Axes) -> None:
     line(axes, [(12.8, 7.0), (12.8, 8.3)], 0.8, "-.")
     arc(axes, (12.8, 7.6), 0.45, (-150.0, 130.0), head=True)
     arc(axes, (16.4, 5.6), 0.4, (-140.0, 140.0), head=True)
+    box(axes, (4.0, 1.3), (2.8, 1.2), "computer")
+    line(axes, [(12.2, 2.6), (12.2, 1.3), (5.8, 1.3)])
+    label(axes, (8.9, 0.7), "frame angles and spots")
+    arrow(axes, (6.0, 1.3), (5.4, 1.3))
 
 
-def table_spots() -> dict[str, FloatArray]:
-    """Return where the star's spot stands after a positive turn of either frame of the table.
-
-    Name of the angle to the spot, shape (2,), from the principal point.
-    """
-    turns = {"φ_1": (TURN, 0.0), "φ_2": (0.0, TURN)}
-    return {name: ideal_positions([starlight(*turn)], FOCAL)[0] for name, turn in turns.items()}
-
-
-@sketches("niu2024-rotary-table")
+@draws("niu2024-rotary-table")
 def draw_table(figure: Figure) -> None:
     """Where the spot of the one star goes when a frame of the rotary table turns."""
     axes = canvas(figure, 12.0, 7.6, 5.6)
@@ -87,7 +69,8 @@ def draw_table(figure: Figure) -> None:
     image_axes(axes, (1.7, 0.9), 1.0)
     axes.plot(*centre, "*", color="#000000", markersize=12)
     label(axes, beside(centre, 0.4, -0.35), "both angles zero", ha="left")
-    for name, spot in table_spots().items():
+    for name, turn in {"φ_1": (TURN, 0.0), "φ_2": (0.0, TURN)}.items():
+        spot = ideal_positions([starlight(*turn)], FOCAL)[0]
         arrow(axes, centre, centre + spot, width=2.0)
         axis = int(np.abs(spot).argmax())
         towards = f"{'+' if spot[axis] > 0 else '−'}{'xy'[axis]}"

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reproduce.papers.declare import sketches
-from reproduce.papers.niu2024 import experiment, images, images_fusion
+from reproduce.papers.declare import draws
+from reproduce.papers.niu2024 import experiment, images
+from reproduce.papers.niu2024 import images_fusion as fusion
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
+from reproduce.papers.sketch import Look
 from reproduce.papers.study import Fact
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.validate import FloatArray
@@ -22,15 +23,19 @@ __all__ = []
 
 MAGNITUDE, SEED = 3.0, 9
 MIDDLE = 4.0  # the magnitude at which kinds of stars are compared
-KINDS = (("#777777", ":", "^"), ("#D55E00", "--", "s"), ("#0072B2", "-", "o"))
+AT = fusion.MAGNITUDES.index(MIDDLE)
+KINDS = (
+    Look("green", "#777777", ":", "^"),
+    Look("raw", "#D55E00", "--", "s"),
+    Look("fused", "#0072B2", "-", "o"),
+)
 
 
 def _spots() -> FloatArray:
     """Return where the star stands in green, red and blue, in px, near the corner of the field."""
     door = given(images.READS)
-    used, turns = images.cameras(door), experiment.rotations(door)
     angles = 0.95 * np.array(experiment.half_field(door))
-    return channel_centroids(used, turns, angles[None])[:, 0]
+    return channel_centroids(images.cameras(door), experiment.rotations(door), angles[None])[:, 0]
 
 
 def star_facts() -> dict[str, Fact]:
@@ -40,48 +45,35 @@ def star_facts() -> dict[str, Fact]:
     return {"apart": Fact(float(apart), ".1f", "px")}
 
 
-@sketches("niu2024-fusion-star", named=star_facts)
+@draws("niu2024-fusion-star", named=star_facts)
 def draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
     door, spots = given(images.READS), _spots()
-    photons = images.star_photons(door, [MAGNITUDE], [images_fusion.TEMPERATURE])[:, 0]
-    generator = np.random.default_rng(SEED)
-    windows, corner = images_fusion.exposures(spots, photons, 1, generator)
-    made = images_fusion.combinations(windows, corner, images.similarities(door))
-    first = corner + images_fusion.MARGIN
-    middle = slice(images_fusion.MARGIN, -images_fusion.MARGIN)
+    photons = images.star_photons(door, MAGNITUDE, fusion.TEMPERATURE)
+    windows, corner = fusion.exposures(spots, photons, 1, np.random.default_rng(SEED))
+    green, plain, registered = fusion.combinations(windows, corner, images.similarities(door))
+    middle = slice(fusion.MARGIN, -fusion.MARGIN)
+    # What is seen, and which spots are marked in it, at which place each.
+    at = dict(zip(("green", "red", "blue"), spots - corner - fusion.MARGIN + 0.5, strict=True))
     panels = {
-        "red": windows[1, 0, middle, middle],
-        "green": made[0][0],
-        "blue": windows[2, 0, middle, middle],
-        "fused as they are": made[1][0],
-        "fused after registration": made[2][0],
+        "red": (windows[1, 0, middle, middle], {"red": at["red"]}),
+        "green": (green[0], {"green": at["green"]}),
+        "blue": (windows[2, 0, middle, middle], {"blue": at["blue"]}),
+        "fused as they are": (plain[0], {name: at[name] for name in LOOKS}),
+        "fused after registration": (registered[0], dict.fromkeys(LOOKS, at["green"])),
     }
     figure.set_size_inches(6.4, 4.6)
     grid = figure.subplots(2, 3, sharex=True, sharey=True)
-    for axes, (name, light) in zip(grid.flat, panels.items(), strict=False):
+    for axes, (title, (light, marks)) in zip(grid.flat, panels.items(), strict=False):
         root = np.sqrt(np.maximum(light, 0))
         # Never quite black: what is drawn in black follows the page, and is white on a dark one.
         axes.pcolormesh(root, cmap="gray_r", shading="flat", vmin=0, vmax=1.1 * root.max())
-        marked = {name: spots[list(LOOKS).index(name)]} if name in LOOKS else {}
-        order = ("green", "red", "blue")
-        for look in LOOKS.values():
-            if marked and look.name != name:
-                continue
-            x, y = spots[order.index(look.name)] - first + 0.5
-            if name == "fused after registration":
-                x, y = spots[0] - first + 0.5
+        for name, place in marks.items():
+            look = LOOKS[name]
             for width, colour in ((3.5, "white"), (1.3, look.colour)):  # a halo, for dark pixels
-                axes.plot(
-                    x,
-                    y,
-                    look.marker,
-                    color=colour,
-                    fillstyle="none",
-                    markersize=9,
-                    markeredgewidth=width,
-                )
-        axes.set(aspect="equal", title=name, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
+                mark = axes.plot(*place, look.marker, color=colour, fillstyle="none", markersize=9)
+                mark[0].set_markeredgewidth(width)
+        axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
     for axes in grid[1]:
         axes.set_xlabel("x (px)")
@@ -92,11 +84,8 @@ def draw_star(figure: Figure) -> None:
 
 def error_facts() -> dict[str, Fact]:
     """Return what the drawing of the errors shows, in numbers: the middle star, in the corner."""
-    row = list(images_fusion.STARS).index(
-        images_fusion.BLACKBODIES[len(images_fusion.BLACKBODIES) // 2]
-    )
-    error = images_fusion.stored().arrays["error"][row, -1, :, :, images_fusion.LIKELY]
-    green, raw, fused = (error[:, images_fusion.MADE.index(name)] for name in images_fusion.MADE)
+    row = list(fusion.STARS).index(fusion.BLACKBODIES[len(fusion.BLACKBODIES) // 2])
+    green, raw, fused = fusion.stored().arrays["error"][row, -1, :, :, fusion.LIKELY].T
     values = {
         "green-bright": green[0],
         "green-faint": green[-1],
@@ -108,36 +97,34 @@ def error_facts() -> dict[str, Fact]:
     return {name: Fact(value, ".2g", "px") for name, value in values.items()}
 
 
-@sketches("niu2024-fusion-errors", named=error_facts)
+@draws("niu2024-fusion-errors", named=error_facts)
 def draw_errors(figure: Figure) -> None:
     """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
     figure.set_size_inches(6.4, 5.6)
-    arrays = images_fusion.stored().arrays
-    grid = figure.subplots(2, len(images_fusion.BLACKBODIES), sharex=True, sharey="row")
-    for column, star in zip(grid.T, images_fusion.BLACKBODIES, strict=True):
-        _over_magnitude(column, star, arrays)
-        column[0].set_title(f"{star}: {images_fusion.STARS[star]:,.0f} K")
-        column[1].set_xlabel("V (mag)")
+    arrays = fusion.stored().arrays
+    grid = figure.subplots(2, len(fusion.BLACKBODIES), sharex=True, sharey="row")
+    for (above, below), star in zip(grid.T, fusion.BLACKBODIES, strict=True):
+        row = list(fusion.STARS).index(star)
+        for kind, (name, look) in enumerate(zip(fusion.MADE, KINDS, strict=True)):
+            for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
+                error = arrays["error"][row, place, :, kind, fusion.LIKELY]
+                ratio = arrays["signal_to_noise"][row, place, :, kind]
+                for axes, values in ((above, error), (below, ratio)):
+                    (line,) = axes.semilogy(fusion.MAGNITUDES, values, look.line, c=look.colour)
+                    line.set(marker=look.marker, mfc=fill, label=f"{name}, {where}")
+        above.set_title(f"{star}: {fusion.STARS[star]:,.0f} K")
+        below.set_xlabel("V (mag)")
     grid[0, 0].set_ylabel("centroid error, RMS (px)")
     grid[1, 0].set_ylabel("signal over noise (1)")
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
 
 
-def _over_magnitude(column: Any, star: str, arrays: dict[str, NDArray[Any]]) -> None:
-    row = list(images_fusion.STARS).index(star)
-    for kind, (name, (colour, line, marker)) in enumerate(
-        zip(images_fusion.MADE, KINDS, strict=True)
-    ):
-        look: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
-        for place, where, fill in ((0, "centre", "none"), (-1, "corner", colour)):
-            look["markerfacecolor"] = fill
-            error = arrays["error"][row, place, :, kind, images_fusion.LIKELY]
-            column[0].plot(images_fusion.MAGNITUDES, error, label=f"{name}, {where}", **look)
-            ratio = arrays["signal_to_noise"][row, place, :, kind]
-            column[1].plot(images_fusion.MAGNITUDES, ratio, **look)
-    for axes in column:
-        axes.set_yscale("log")
+def _in_the_corner() -> tuple[FloatArray, FloatArray]:
+    """Return the errors at V = 4 and the gains of signal over noise, by kind of image and star."""
+    arrays = fusion.stored().arrays
+    signal = arrays["signal_to_noise"][:, -1, AT].T
+    return arrays["error"][:, -1, AT, :, fusion.LIKELY].T, signal / signal[0]
 
 
 def star_kind_facts() -> dict[str, Fact]:
@@ -145,101 +132,91 @@ def star_kind_facts() -> dict[str, Fact]:
 
     Least and largest centroid errors of each kind of image, least and largest gain.
     """
-    at = images_fusion.MAGNITUDES.index(MIDDLE)
-    arrays, facts = images_fusion.stored().arrays, {}
-    error, signal = (
-        arrays["error"][:, -1, at, :, images_fusion.LIKELY],
-        arrays["signal_to_noise"][:, -1, at],
-    )
-    for kind, name in enumerate(("green", "raw", "fused")):
-        facts[f"{name}-least"] = Fact(error[:, kind].min(), ".2g", "px")
-        facts[f"{name}-most"] = Fact(error[:, kind].max(), ".2g", "px")
-    gain = signal[:, 2] / signal[:, 0]
-    return facts | {"gain-least": Fact(gain.min(), ".2f"), "gain-most": Fact(gain.max(), ".2f")}
+    errors, gains = _in_the_corner()
+    facts = {"gain-least": Fact(gains[2].min(), ".2f"), "gain-most": Fact(gains[2].max(), ".2f")}
+    for look, error in zip(KINDS, errors, strict=True):
+        facts[f"{look.name}-least"] = Fact(error.min(), ".2g", "px")
+        facts[f"{look.name}-most"] = Fact(error.max(), ".2g", "px")
+    return facts
 
 
-@sketches("niu2024-fusion-stars", named=star_kind_facts)
+@draws("niu2024-fusion-stars", named=star_kind_facts)
 def draw_stars(figure: Figure) -> None:
     """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner."""
     figure.set_size_inches(6.4, 3.8)
     left, right = figure.subplots(1, 2, sharey=True)
-    at = images_fusion.MAGNITUDES.index(MIDDLE)
-    rows = np.arange(len(images_fusion.STARS))
-    arrays = images_fusion.stored().arrays
-    signal = arrays["signal_to_noise"][:, -1, at]
-    luck = 1 / np.sqrt(2 * images_fusion.PHASES * images_fusion.TRIALS)
-    for kind, (name, (colour, _, marker)) in enumerate(zip(images_fusion.MADE, KINDS, strict=True)):
-        look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": "none"}
+    rows, door = np.arange(len(fusion.STARS)), given(images.READS)
+    luck = 2 / np.sqrt(2 * fusion.PHASES * fusion.TRIALS)
+    for kind, (name, look, error, gain) in enumerate(
+        zip(fusion.MADE, KINDS, *_in_the_corner(), strict=True)
+    ):
         beside = rows + (kind - 1) * 0.18
-        error = arrays["error"][:, -1, at, kind, images_fusion.LIKELY]
-        left.errorbar(error, beside, xerr=2 * luck * error, label=name, **look)
+        left.errorbar(error, beside, xerr=luck * error, label=name, fmt=look.marker, c=look.colour)
         if kind:
-            gain = signal[:, kind] / signal[:, 0]
-            right.errorbar(gain, beside, xerr=2 * luck * np.sqrt(2) * gain, **look)
-    expected = [np.sqrt(light.sum() / light[0]) for light in _lights()]
+            spread = luck * np.sqrt(2) * gain
+            right.errorbar(gain, beside, xerr=spread, fmt=look.marker, c=look.colour)
+    lights = [fusion.light_of(door, star, MIDDLE) for star in fusion.STARS]
+    expected = [np.sqrt(light.sum() / light[0]) for light in lights]
     right.plot(expected, rows, "|", color="#000000", markersize=14, label="root of the light")
     left.set(xscale="log", xlabel="centroid error, RMS (px)")
     right.set(xlabel="signal over noise, to that of green (1)")
-    left.set_yticks(rows, [_named(star) for star in images_fusion.STARS])
+    names = [
+        f"{star}, table" if isinstance(kind, str) else f"{star}, {kind:,.0f} K"
+        for star, kind in fusion.STARS.items()
+    ]
+    left.set_yticks(rows, names)
     left.set_ylim(len(rows) - 0.5, -0.5)
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
 
 
-def _lights() -> list[NDArray[np.float64]]:
-    door = given(images.READS)
-    return [images_fusion.light_of(door, star, MIDDLE) for star in images_fusion.STARS]
-
-
-def _named(star: str) -> str:
-    spectrum = images_fusion.STARS[star]
-    return f"{star}, table" if isinstance(spectrum, str) else f"{star}, {spectrum:,.0f} K"
+def _blackbodies(temperatures: FloatArray) -> FloatArray:
+    """Return red over green and blue over green of blackbodies, shape (2, n)."""
+    green, *others = images.star_photons(given(images.READS), 0.0, temperatures)
+    return np.asarray(np.array(others) / green)
 
 
 def colour_facts() -> dict[str, Fact]:
     """Return what the drawing of the colours shows, in numbers."""
-    door = given(images.READS)
-    light = images.star_photons(door, np.zeros(2), np.array(images.TEMPERATURES))
-    cool, hot = (light[1:] / light[0]).T
+    (cool_red, hot_red), (cool_blue, hot_blue) = _blackbodies(np.array(images.TEMPERATURES))
     return {
-        "stars": Fact(images_fusion.frame_colours().measured.shape[1], "d"),
-        "cool-red": Fact(cool[0], ".1f"),
-        "cool-blue": Fact(cool[1], ".1f"),
-        "hot-red": Fact(hot[0], ".1f"),
-        "hot-blue": Fact(hot[1], ".1f"),
+        "stars": Fact(images.colours_of_a_frame().measured.shape[1], "d"),
+        "cool-red": Fact(cool_red, ".1f"),
+        "cool-blue": Fact(cool_blue, ".1f"),
+        "hot-red": Fact(hot_red, ".1f"),
+        "hot-blue": Fact(hot_blue, ".1f"),
     }
 
 
-@sketches("niu2024-colours", named=colour_facts)
+@draws("niu2024-colours", named=colour_facts)
 def draw_colours(figure: Figure) -> None:
     """Colours of the stars of a frame with their errors, and those of known spectra."""
-    door = given(images.READS)
-    found = images_fusion.frame_colours()
-    heat = np.geomspace(*images.TEMPERATURES, 60)
-    light = images.star_photons(door, np.zeros(60), heat)
+    found = images.colours_of_a_frame()
     figure.set_size_inches(6.4, 4.6)
     axes = figure.add_subplot()
+    (red, blue), (red_sigma, blue_sigma) = found.measured, found.sigma
     axes.errorbar(
-        found.measured[0],
-        found.measured[1],
-        xerr=found.sigma[0],
-        yerr=found.sigma[1],
-        fmt=".",
+        red,
+        blue,
+        blue_sigma,
+        red_sigma,
+        ".",
         color="#777777",
         elinewidth=0.6,
         markersize=4,
         label="stars of the frame, with predicted errors",
     )
-    curve = light[1:] / light[0]
-    axes.plot(curve[0], curve[1], color="#000000", label="blackbodies")
+    heat = np.geomspace(*images.TEMPERATURES, 60)
+    axes.plot(*_blackbodies(heat), color="#000000", label="blackbodies")
     for star, marker in (("Sun", "*"), ("Vega", "D")):
-        own = images_fusion.light_of(door, star, MIDDLE)
-        look: dict[str, Any] = {
-            "marker": marker,
-            "color": RED.colour,
-            "markersize": 9,
-            "linestyle": "none",
-            "zorder": 5,
-        }
-        axes.plot(own[1] / own[0], own[2] / own[0], label=f"{star}, table", **look)
+        green, red, blue = fusion.light_of(given(images.READS), star, MIDDLE)
+        axes.plot(
+            red / green,
+            blue / green,
+            marker,
+            color=RED.colour,
+            markersize=9,
+            zorder=5,
+            label=f"{star}, table",
+        )
     axes.set(xlabel="red over green (1)", ylabel="blue over green (1)")
     axes.legend(loc="upper right", fontsize=8)

@@ -29,10 +29,6 @@ def draw_workflow(axes: Axes) -> None:
         arrow(axes, (9.8, y), (10.5, 6.2 + (y - 6.2) / 4), look)
     box(axes, (15.6, 6.2), (2.2, 1.2), "fusion")
     arrow(axes, (13.7, 6.2), (14.5, 6.2))
-    _to_attitude(axes)
-
-
-def _to_attitude(axes: Axes) -> None:
     box(axes, (15.5, 3.6), (2.6, 1.2), "centroids")
     arrow(axes, (15.6, 5.6), (15.6, 4.2))
     box(axes, (8.0, 6.2), (4.2, 6.3), style=":", width=0.8)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import readings, simulation, simulation_angles
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
 from reproduce.papers.study import Fact
@@ -22,7 +22,7 @@ from reproduce.physics.registration.calibration import (
 )
 from reproduce.physics.registration.closed_form import rmse
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import given
+from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,16 +46,18 @@ def chosen() -> dict[str, tuple[int, str]]:
         "noise in red and blue": replace(literal, noisy="red and blue"),
         "noise in green": replace(literal, noisy="green"),
         "ten draws": replace(literal, repeats=readings.REPEATS[1]),
-        "shifts of Table 2": replace(literal, shifts=simulation.SHIFTS[1]),
-        "tests among angles": replace(literal, tests=simulation.TESTS[1]),
+        "shifts of Table 2": replace(literal, shifts="Table 2"),
+        "tests among angles": replace(literal, tests=readings.TESTS[1]),
     }
-    found = {name: (every.index(reading), both) for name, reading in others.items()}
-    found |= {f"RMSE of {axes}": (every.index(literal), axes) for axes in counted}
-    nearest = replace(literal, shifts=simulation.SHIFTS[1], tests=simulation.TESTS[1])
-    return found | {"Table 2, angles, y": (every.index(nearest), readings.COUNTED[-1])}
+    nearest = replace(literal, shifts="Table 2", tests=readings.TESTS[1])
+    return {
+        **{name: (every.index(reading), both) for name, reading in others.items()},
+        **{f"RMSE of {axes}": (every.index(literal), axes) for axes in counted},
+        "Table 2, angles, y": (every.index(nearest), readings.COUNTED[-1]),
+    }
 
 
-@sketches("niu2024-distributions", marks=readings.ADDRESSES)
+@draws("niu2024-distributions", marks=readings.ADDRESSES)
 def draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
     """Median and central 99 % of every printed number, by reading, with the print."""
     rows, factors = chosen(), np.array(FACTORS)
@@ -85,18 +87,23 @@ HALF_WIDTHS = (0.1, np.radians(5.0), 50.0, 50.0)
 RESTARTS = 20
 
 
-def convergence(seed: int = readings.SEED) -> tuple[Calibration, Calibration]:
+def _imaged(door: Given) -> tuple[FloatArray, FloatArray]:
+    """Return the angles of the simulation, and where the channels image them."""
+    table = simulation_angles.literal(door).angles
+    return table, channel_centroids(simulation.cameras(door), simulation.rotations(door), table)
+
+
+def convergence() -> tuple[Calibration, Calibration]:
     """Calibrate the red channel of one replicate from the paper's start and from random ones."""
     door = given(readings.READS)
-    table = simulation_angles.literal(door).angles
-    true = channel_centroids(simulation.cameras(door), simulation.rotations(door), table)
-    noise = readings.numbers(door, 1, seed=seed).calibration[0]
+    table, true = _imaged(door)
+    noise = readings.numbers(door, 1).calibration[0]
     green, red, _ = true + door[f"{simulation.SETTINGS}#noise"] * noise
     still = np.isclose(table[:, 1], 0.0)
     zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0)).item()
-    start = starting_values(red[still], green[still], red[zero], green[zero])
-    starts = random_starts(start, HALF_WIDTHS, RESTARTS, np.random.default_rng(seed))
-    pivot = red[zero]
+    pivot, generator = red[zero], np.random.default_rng(readings.SEED)
+    start = starting_values(red[still], green[still], pivot, green[zero])
+    starts = random_starts(start, HALF_WIDTHS, RESTARTS, generator)
     return calibrate(red, green, pivot, start), calibrate(red, green, pivot, starts)
 
 
@@ -104,39 +111,27 @@ def convergence_facts() -> dict[str, Fact]:
     """Return what the drawing of the convergence shows, in numbers."""
     own, restarted = convergence()
     mine, theirs = distance_to_end(own), distance_to_end(restarted)
-    distances = {
-        "own-start": mine[0],
-        "own-first": mine[own.first_stage],
-        "own-next": mine[own.first_stage + 1],
-        "restart-least": theirs[0].min(),
-        "restart-most": theirs[0].max(),
-    }
-    counts = {
-        "own-stage": own.first_stage,
-        "restart-stage": restarted.first_stage,
-        "restarts": RESTARTS,
-    }
-    return {name: Fact(value, ".1g", "px") for name, value in distances.items()} | {
-        name: Fact(count, "d") for name, count in counts.items()
+    return {
+        "own-start": Fact(mine[0], ".1g", "px"),
+        "own-first": Fact(mine[own.first_stage], ".1g", "px"),
+        "own-next": Fact(mine[own.first_stage + 1], ".1g", "px"),
+        "restart-least": Fact(theirs[0].min(), ".1g", "px"),
+        "restart-most": Fact(theirs[0].max(), ".1g", "px"),
+        "own-stage": Fact(own.first_stage, "d"),
+        "restart-stage": Fact(restarted.first_stage, "d"),
+        "restarts": Fact(RESTARTS, "d"),
     }
 
 
-@sketches("niu2024-convergence", named=convergence_facts)
+@draws("niu2024-convergence", named=convergence_facts)
 def draw_convergence(figure: Figure) -> None:
     """How far each step of the calibration is from its end."""
     own, restarted = convergence()
     axes = figure.add_subplot()
-    lines = axes.plot(
-        distance_to_end(restarted), color="#000000", linewidth=0.6, marker=".", alpha=0.5
-    )
+    lines = axes.plot(distance_to_end(restarted), "k.-", linewidth=0.6, alpha=0.5)
     lines[0].set_label(f"{RESTARTS} random starts")
-    axes.plot(
-        distance_to_end(own),
-        RED.line,
-        marker=RED.marker,
-        color=RED.colour,
-        label="starting values of section 3.2",
-    )
+    (line,) = axes.plot(distance_to_end(own), RED.line, marker=RED.marker, color=RED.colour)
+    line.set_label("starting values of section 3.2")
     for begin in (own.first_stage, restarted.first_stage):
         axes.axvline(begin, color="#000000", linestyle=":", linewidth=1)
         axes.text(begin - 0.08, 1e-6, "all four from here on", rotation=90, ha="right", va="center")
@@ -150,8 +145,6 @@ def distance_to_end(calibration: Calibration) -> FloatArray:
     Shape (m + 1, ...). Root mean square over the table's points of one frame, in px; never below
     1e-11, where rounding takes over.
     """
-    door = given(readings.READS)
-    table = simulation_angles.literal(door).angles
-    true = channel_centroids(simulation.cameras(door), simulation.rotations(door), table)[1]
-    at = model_points(calibration.history, true, calibration.pivot)
+    red = _imaged(given(readings.READS))[1][1]
+    at = model_points(calibration.history, red, calibration.pivot)
     return np.maximum(rmse(at, np.broadcast_to(at[-1], at.shape)), 1e-11)

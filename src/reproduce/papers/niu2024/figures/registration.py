@@ -10,20 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import draws, sketches
+from reproduce.papers.declare import draws
 from reproduce.papers.niu2024.figures.looks import BLUE, GREEN, image_axes
-from reproduce.papers.sketch import (
-    SIZE,
-    Look,
-    arc,
-    arrow,
-    beside,
-    canvas,
-    diagram,
-    label,
-    line,
-    turning,
-)
+from reproduce.papers.sketch import Look, arc, arrow, beside, canvas, diagram, label, line, turning
 from reproduce.physics.registration.transforms import Registration, principal_point_shift
 from reproduce.physics.validate import FloatArray
 
@@ -32,16 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "ANGLE",
-    "PIVOT",
-    "PLANE_ANGLE",
-    "PRINCIPAL_POINTS",
-    "SCALE",
-    "SHIFT",
-    "draw_planes",
-    "draw_registration",
-    "registration_steps",
-]
+    "ANGLE", "PIVOT", "PLANE_ANGLE", "PRINCIPAL_POINTS", "SCALE", "SHIFT", "draw_planes",
+    "draw_registration", "registration_steps",
+]  # fmt: skip
 
 # Angle and principal points of Figure 2, in units of the canvas.
 PLANE_ANGLE = float(np.radians(14.0))
@@ -78,7 +60,7 @@ def _plane(axes: Axes, origin: FloatArray, turn: float, look: Look) -> None:
         label(axes, origin + tip + 0.38 * away, f"${name}_{letter}$")
     below, corner = turned([[-0.55, -0.5], [-3.75, -2.6]])
     label(axes, origin + below, f"$O_{letter}$")
-    label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn), size=SIZE)
+    label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn))
 
 
 def _shift(axes: Axes, green: FloatArray, shift: FloatArray) -> None:
@@ -109,7 +91,7 @@ def registration_steps() -> FloatArray:
     return steps.apply([SPOT])[:, 0]
 
 
-@sketches("niu2024-registration")
+@draws("niu2024-registration")
 def draw_registration(figure: Figure) -> None:
     """How a blue spot is laid over the green one: turn and stretch about the pivot, then shift."""
     axes = canvas(figure, 13.0, 8.4, 6.0)

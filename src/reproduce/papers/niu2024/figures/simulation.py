@@ -1,4 +1,4 @@
-"""Figure 4 of niu2024, the rotation angles of the simulation, and its Table 3 beside the print."""
+"""Table 3 of niu2024, printed against predicted."""
 
 from __future__ import annotations
 
@@ -7,37 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import Blocked, Marks, Prediction, draws, sketches
-from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.declare import Blocked, Marks, Prediction, draws
+from reproduce.papers.niu2024 import simulation
 from reproduce.papers.sketch import INK
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import given
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Row", "draw", "table_3"]
+__all__ = ["Row", "table_3"]
 
 TABLE_3 = "niu2024/table-3"
 # Half-widths of the prediction shown to either side; what lies further out is an arrow at the edge.
 REACH = 12.0
 PREDICTED = "#2E8BC0"
-
-
-@draws("niu2024/fig-4", given=simulation_angles.READS)
-def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Rotation angles of the rotary table in the simulation."""
-    angles = np.degrees(simulation_angles.literal(door).angles)
-    half_x, half_y = np.degrees(simulation_angles.half_ranges(door))
-    axes = figure.add_subplot()
-    axes.plot(*angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation")
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * (half_x, half_y)
-    axes.plot(*corners.T, linestyle="--", linewidth=1, label="printed range")
-    axes.set(aspect="equal", xlabel="middle frame (°)", ylabel="external frame (°)")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 @dataclass(frozen=True)
@@ -71,8 +56,9 @@ def table_3() -> list[Row]:
             if isinstance(result, Prediction):
                 rows.append(_row(address, label, result))
             elif isinstance(result, Blocked):
-                for table, reading in zip(simulation.SHIFTS, result.readings, strict=True):
+                for reading in result.readings:
                     if isinstance(reading.result, Prediction):
+                        table = reading.choices["translations"].replace("table-", "Table ")
                         rows.append(_row(address, f"{label}: {table}", reading.result))
     return rows
 
@@ -82,7 +68,7 @@ def _row(address: str, label: str, prediction: Prediction) -> Row:
     return Row(address, label, float(low), float(middle), float(high))
 
 
-@sketches("niu2024-table-3", marks=[TABLE_3])
+@draws("niu2024-table-3", marks=[TABLE_3])
 def draw_table_3(figure: Figure, printed: Marks) -> None:
     """Table 3 printed against predicted: each prediction scaled to the same width."""
     rows = table_3()

@@ -1,0 +1,295 @@
+"""Posteriors of chen2023: misalignment of the simulated platform, and two printed tables.
+
+The spots of single images are not published. The misalignments therefore take one simulation of
+the platform, with the printed spots, their printed scatter and a seed of our own; the tables are
+taken as printed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+
+from reproduce.inference.model import Model
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model, by_column
+from reproduce.inference.models.lasers import SpotStatistics
+from reproduce.inference.models.misalignment import (
+    SpotLikelihood,
+    misalignment_model,
+)
+from reproduce.inference.models.reference_angles import HYPOTHESES, ReferenceAngles
+from reproduce.inference.models.small_angle import (
+    errors_with_free_lasers,
+    small_angle_log_evidence,
+    spot_bound,
+)
+from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
+from reproduce.inference.models.table_readings import TableReading, TableResult, hypotheses, read
+from reproduce.inference.priors import HalfNormal
+from reproduce.inference.quadrature import small_log_evidence, summed
+from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
+from reproduce.papers.chen2023.posteriors import (
+    published,
+    simulated_spots,
+    users_spots,
+    users_tables,
+)
+from reproduce.papers.chen2023.posteriors.consequences import Averaged, OnTheGround, StageTest
+from reproduce.papers.chen2023.posteriors.simulated_spots import images, platform
+from reproduce.papers.declare_posterior import Aside, Declaration
+from reproduce.physics.ground.errors import altitude_for_resolution
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given, given
+from reproduce.units import ARCSEC_PER_RADIAN
+
+__all__ = [
+    "COLUMNS",
+    "FLOORS",
+    "READS",
+    "readings",
+    "summed_columns",
+    "table_reads",
+    "table_shares",
+    "without_floor",
+]
+
+SATELLITE = "chen2023/table-1"
+AVERAGES = "chen2023/table-4"
+STAGE = "chen2023/table-5"
+FRAMES = "chen2023/text-accuracy#frames"
+GROUND = tuple(
+    f"{SATELLITE}#panchromatic-{what}.value"
+    for what in ("focal-length", "pixel-size", "ground-resolution")
+)
+READS = (*simulated_spots.READS, FRAMES, *GROUND)
+STAGE_READS = (
+    *(f"{STAGE}#*.{what}" for what in ("position-?", "reference-?", "monitoring-?")),
+    TELESCOPE,
+    *GROUND,
+)
+# Columns of Table IV.
+COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")
+AVERAGE_READS = (*(f"{AVERAGES}#*.{column}" for column in ("frames", *COLUMNS)), FRAMES, *GROUND)
+# Scales of the floor's prior, over ours.
+FLOORS = (0.25, 1.0, 4.0)
+# Frames whose errors are predicted: one, the most of the table, and as many as it never tried.
+SHOWN_COUNTS = (1, 100, 1000)
+# The misalignment of the simulation: as large as the text expects on orbit, with a roll.
+TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
+DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
+
+
+def _ground(given: Given, first: int = 3) -> OnTheGround:
+    altitude = float(altitude_for_resolution(*(given[address] for address in GROUND)))
+    return OnTheGround(altitude, first)
+
+
+def _still(given: Given) -> SpotStatistics:
+    """A calibration group, and a group after a constant turn."""
+    zero = np.zeros(3)
+    spots = images(given, [(zero, zero), (TRUTH, TRUTH)], given.count(FRAMES), 0)
+    return SpotStatistics.of(spots, (False, False))
+
+
+def truth(given: Given, drift: bool = False) -> dict[str, float]:
+    """The misalignment of the simulation, and how much it drifts through the group."""
+    turns = {"angle": TRUTH, "drift": DRIFT} if drift else {"angle": TRUTH}
+    return {f"{name}-{axis}": float(angle) for name, angles in turns.items()
+            for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
+
+
+def misalignment(given: Given) -> Model:
+    """A constant misalignment after a calibration group."""
+    return misalignment_model(platform(given), _still(given), derived=_ground(given))
+
+
+def drift(given: Given) -> Model:
+    """A misalignment that drifts through the monitoring group."""
+    zero = np.zeros(3)
+    turns = [(zero, zero), (TRUTH - DRIFT / 2, TRUTH + DRIFT / 2)]
+    spots = images(given, turns, given.count(FRAMES), 1)
+    statistics = SpotStatistics.of(spots, (False, True))
+    return misalignment_model(platform(given), statistics, drifts=True, derived=_ground(given))
+
+
+def stage_positions(given: Given) -> FloatArray:
+    """Printed positions of the stage, shape (states, 2), in metres."""
+    return np.stack([given.array(f"{STAGE}#*.position-{a}") for a in "xy"], axis=-1)
+
+
+def _last_motion(given: Given) -> FloatArray:
+    """Motion of the stage in its last state, shape (2,), in metres."""
+    positions = stage_positions(given)
+    return np.asarray(positions[-1] - positions[0])
+
+
+def frame_averaging(given: Given) -> Model:
+    """White noise and floor of every column of Table IV."""
+    counts = tuple(int(n) for n in given.array(f"{AVERAGES}#*.frames"))
+    printed = np.stack([given.array(f"{AVERAGES}#*.{column}") for column in COLUMNS]) / SIGMAS
+    half = given.half_unit(f"{AVERAGES}#{counts[0]}.{COLUMNS[0]}") / SIGMAS
+    likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), COLUMNS)
+    consequences = Averaged(COLUMNS, SHOWN_COUNTS, _ground(given).altitude)
+    return averaging_model(likelihood, derived=consequences)
+
+
+def without_floor(model: Model) -> Model:
+    """The same columns with white noise alone."""
+    likelihood = model.likelihood_of(AveragingLikelihood)
+    return averaging_model(replace(likelihood, floor=False))
+
+
+def averaging_log_evidence(model: Model) -> float:
+    """Log evidence of Table IV: its columns are independent, and each is summed over nodes."""
+    return sum(map(small_log_evidence, by_column(model)))
+
+
+@dataclass(frozen=True)
+class SummedColumn:
+    """One column of Table IV, summed without sampling; one sigma, in arcsec.
+
+    - `column`: which.
+    - `white`, `white_error`: white noise of one frame: mean and standard deviation.
+    - `floor`: the floor is below it with a probability of 97.5 %.
+    - `prior`: scale of the floor's prior.
+    - `gains`: log evidence of a floor less that of none, for every scale of `FLOORS`.
+    """
+
+    column: str
+    white: float
+    white_error: float
+    floor: float
+    prior: float
+    gains: tuple[float, ...]
+
+
+@cache
+def summed_columns() -> tuple[SummedColumn, ...]:
+    """Sum the posterior of every column of Table IV, with a floor and without one."""
+    model = frame_averaging(given(AVERAGE_READS))
+    return tuple(map(_summed_column, COLUMNS, by_column(model)))
+
+
+def _summed_column(column: str, model: Model) -> SummedColumn:
+    white, floor = model.parameters
+    prior = floor.prior
+    if not isinstance(prior, HalfNormal):
+        raise TypeError(f"floor: expected a half-normal prior, got {prior}")
+    under = [
+        replace(
+            model, parameters=(white, replace(floor, prior=replace(prior, sigma=f * prior.sigma)))
+        )
+        for f in FLOORS
+    ]
+    # The widest prior reaches furthest; the others only weigh its nodes otherwise.
+    wide = summed(under[-1])
+    ours = replace(wide, model=model)
+    plain = small_log_evidence(without_floor(model))
+    return SummedColumn(
+        column,
+        float(ours.means[0]) * ARCSEC_PER_RADIAN,
+        float(ours.deviations[0]) * ARCSEC_PER_RADIAN,
+        ours.quantile(1, 0.975) * ARCSEC_PER_RADIAN,
+        prior.sigma * ARCSEC_PER_RADIAN,
+        tuple(wide.log_evidence_under(one) - plain for one in under),
+    )
+
+
+def reference_angles(given: Given) -> ReferenceAngles:
+    """Positions and reference angles of Table V, in the blocks of print."""
+    angles = np.stack([given.array(f"{STAGE}#*.reference-{a}") for a in "yx"], axis=-1)
+    return ReferenceAngles(
+        stage_positions(given),
+        angles,
+        given.half_unit(f"{STAGE}#2.position-x"),
+        given.half_unit(f"{STAGE}#2.reference-y"),
+    )
+
+
+def table_5(given: Given) -> Model:
+    """Focal length, bias and noise from Table V."""
+    monitored = np.stack([given.array(f"{STAGE}#*.monitoring-{a}") for a in "yx"], axis=-1)
+    nominal = given[TELESCOPE]
+    model = table_model(StageTableLikelihood(reference_angles(given), monitored), nominal)
+    consequences = StageTest(_ground(given).altitude, _last_motion(given), nominal)
+    return replace(model, derived=consequences)
+
+
+def of_hypothesis(model: Model, hypothesis: int) -> Model:
+    """The same table under one hypothesis alone."""
+    likelihood = model.likelihood_of(StageTableLikelihood)
+    return replace(
+        model,
+        name=f"{model.name}, {HYPOTHESES[hypothesis]}",
+        likelihood=replace(likelihood, hypothesis=hypothesis),
+        derived=None,
+    )
+
+
+def readings() -> list[TableReading]:
+    """Return the readings of Table V: the orders of its columns, positions or motions that hold.
+
+    The motions, which no model reads, reach the readings alone.
+    """
+    door = given((f"{STAGE}#*.position-?", f"{STAGE}#*.motion-?"))
+    printed = stage_positions(door)
+    motions = np.stack([door.array(f"{STAGE}#*.motion-{a}") for a in "xy"], axis=-1)
+    return hypotheses(printed, printed[0] + motions, door.half_unit(f"{STAGE}#2.motion-x"))
+
+
+@cache
+def table_reads() -> tuple[TableResult, ...]:
+    """Return what every reading of Table V comes to, summed once in a process."""
+    model = table_5(given(STAGE_READS))
+    return tuple(read(model, reading) for reading in readings())
+
+
+def table_shares() -> list[float]:
+    """Return the probability of every reading of Table V, all equally probable beforehand."""
+    logs = np.array([one.log_evidence for one in table_reads()])
+    return [float(share) for share in np.exp(logs - np.logaddexp.reduce(logs))]
+
+
+def table_log_evidence(model: Model) -> float:
+    """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves."""
+    likelihood = model.likelihood_of(StageTableLikelihood)
+    both = [one.log_evidence for one in table_reads()[:2]]
+    if likelihood.hypothesis is not None:
+        return both[likelihood.hypothesis]
+    return float(np.logaddexp(both[0], both[1]) - np.log(2))
+
+
+def with_free_lasers(model: Model) -> dict[str, Aside]:
+    """How well the misalignment were known with the direction of every laser free."""
+    likelihood = model.likelihood_of(SpotLikelihood)
+    errors = errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
+    names = (f"angle-{axis}-sd-lasers-free" for axis in "xyz")
+    return {name: Aside(float(e), 0.0, "arcsec") for name, e in zip(names, errors, strict=True)}
+
+
+POSTERIORS = (
+    Declaration(
+        "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
+        users_spots.CONSTANT, truth, published.scatter, evidence=small_angle_log_evidence,
+        bound=spot_bound, asides=with_free_lasers,
+    ),
+    Declaration(
+        "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
+        users_spots.DRIFT, partial(truth, drift=True), published.scatter,
+        evidence=small_angle_log_evidence, bound=spot_bound, steps=850,
+    ),
+    Declaration(
+        "frame-averaging", "White noise of one frame and the floor that averaging leaves",
+        "chen2023", AVERAGE_READS, frame_averaging, users_tables.AVERAGES,
+        published=published.averaged, rivals=(without_floor,), evidence=averaging_log_evidence,
+        steps=700,
+    ),
+    Declaration(
+        "table-5", "Effective focal length, angle bias and noise from the stage test", "chen2023",
+        STAGE_READS, table_5, users_tables.STAGE, published=published.stage_table,
+        rivals=(partial(of_hypothesis, hypothesis=0), partial(of_hypothesis, hypothesis=1)),
+        evidence=table_log_evidence, steps=450,
+    ),
+)  # fmt: skip

@@ -1,0 +1,1 @@
+"""What only the book calls: its pages, the numbers of its sentences, the step before a build."""

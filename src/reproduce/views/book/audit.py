@@ -1,0 +1,344 @@
+"""What the book's audit pages call: one call shows the score, the relations, the errata."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterable, Sequence
+
+from markupsafe import Markup
+
+from reproduce.audit.errata import Erratum
+from reproduce.audit.examine import Finding
+from reproduce.audit.report import Audit, Group, audit_paper
+from reproduce.judge.expected import frozen
+from reproduce.judge.ledger import Record
+from reproduce.locate import data_folder
+from reproduce.printed.cells import PAPERS, anchor
+from reproduce.version import __version__
+from reproduce.views.computed import item_ledger
+from reproduce.views.objects import contradictions
+from reproduce.views.objects.contradictions import errata_register, within_paper
+from reproduce.views.writing.display import Grid, Html, folded
+from reproduce.views.writing.figures import inline, styled
+
+__all__ = [
+    *("JOINT", "audit_facts", "corrections", "equations", "errata"),
+    *("picture", "relations", "score", "smallest_sets"),
+]
+
+JOINT = "hold one by one, but not together"
+_BADGES = {
+    "agrees": "exact",
+    "agrees only through rounding": "input",
+    "contradicts": "differs",
+}
+_RESCUES = {
+    "truncation": "all numbers were cut off after their last digit",
+    "ceiling": "all numbers were rounded upwards",
+}
+# As many cells as a picture can show legibly.
+_MOST = 32
+
+
+def score() -> Html:
+    """Show how much of each paper was cross-examined, and what came of it."""
+    heads = ["Paper", "Numbers", "Held against others", "Only bounded", "Relations", "Agree"]
+    heads += ["Only through rounding", "Contradict"]
+    heads += ["Restate computed cells", "Contradict among these"]
+    heads += ["Equations run", "Fail as extracted", "Rest on suppositions of ours"]
+    rows = []
+    for audit in map(audit_paper, PAPERS):
+        own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
+        supposing = sum(bool(shown.supposition) for shown in audit.equations)
+        counts = [len(audit.cells), len(audit.examined), len(audit.bounded), sum(own), *own]
+        counts += [sum(again), again[-1], len(audit.equations) - supposing, len(audit.failing)]
+        counts.append(len(audit.supposed) + supposing)
+        rows.append([_code(audit.name), *map(str, counts)])
+    return Html(_table(heads, rows, "The cross-examination of both papers", "rp-score"))
+
+
+def relations(paper: str) -> Html:
+    """Show all relations of a paper: first those that do not simply agree, then the others."""
+    audit = audit_paper(paper)
+    loud = [f for f in audit.read if f.outcome != "agrees"]
+    quiet = [f for f in audit.read if f.outcome == "agrees"]
+    shown = _relations_table(loud, audit, "Relations that do not simply agree")
+    for findings, what in (
+        ([f for f in quiet if not f.relation.restates], "agree"),
+        ([f for f in quiet if f.relation.restates], "restate a computed cell, and agree"),
+        (audit.supposed, "rest on a supposition of ours"),
+    ):
+        table = _relations_table(findings, audit, f"Relations that {what}")
+        shown += folded(f"The {len(findings)} relations that {what}", table)
+    return Html(shown)
+
+
+def _relations_table(findings: Sequence[Finding], audit: Audit, caption: str) -> Markup:
+    heads = ("Relation", "What should hold", "With the printed values", "Outcome", "Source")
+    rows = []
+    for finding in findings:
+        relation = finding.relation
+        name = _code(relation.name)
+        if relation.declared != relation.name:
+            name += Markup("<br><small>{}</small>").format(relation.declared)
+        source = [Markup("{}").format(relation.source)]
+        if relation.restates:
+            source.append(Markup("restates {}").format(_cell_link(relation.restates)))
+        if relation.tolerance:
+            source.append(Markup("tolerance {0.text}: {0.reason}").format(relation.tolerance))
+        if relation.supposition:
+            source.append(Markup("supposing that {}").format(relation.supposition))
+        values = contradictions.sides(finding, audit)
+        row = [name, _code(relation.formula.text), values, _badge(finding)]
+        rows.append([*row, Markup("; ").join(source)])
+    anchors = [relation_anchor(audit.name, f.relation.name) for f in findings]
+    return _table(heads, rows, caption, anchors=anchors)
+
+
+def relation_anchor(paper: str, name: str) -> str:
+    """Return the anchor of a relation in the book."""
+    return f"relation-{paper}-{name}"
+
+
+def _cell_link(number: str) -> Markup:
+    """Link a computed number, a cell or a reading of it, to the page that shows the cell."""
+    address, _, reading = number.partition(" ")
+    text = _code(within_paper(address))
+    if page := _pages().get(address.partition("#")[0]):
+        text = Markup('<a href="{}#{}">{}</a>').format(page, anchor(address), text)
+    return text + (f" {reading}" if reading else "")
+
+
+@functools.cache
+def _pages() -> dict[str, str]:
+    """Return the page that shows each table, as seen from the audit's; none without the book."""
+    paths = sorted((data_folder().parent / "book").glob("*/*.md"))
+    calls = re.compile(r'^rp\.table\("([^"]+)"\)', re.MULTILINE)
+    return {
+        key: f"../{path.parent.name}/{path.stem}.html"
+        for path in paths
+        for key in calls.findall(path.read_text(encoding="utf-8"))
+    }
+
+
+def _badge(finding: Finding) -> Markup:
+    badge = Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(
+        _BADGES[finding.outcome], finding.outcome
+    )
+    if rescue := _RESCUES.get(finding.rescued_by):
+        badge += Markup(' <span class="rp-flag">not if {}</span>').format(rescue)
+    return badge
+
+
+def smallest_sets(paper: str) -> Html:
+    """Show the smallest sets of cells that cannot all be right."""
+    rows = []
+    audit = audit_paper(paper)
+    wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
+    for conflict in audit.conflicts:
+        because = _codes(conflict.relations)
+        if not wrong & set(conflict.relations):
+            because += Markup('<br><span class="rp-flag">{}</span>').format(JOINT)
+        cells = _codes(map(within_paper, conflict.cells))
+        rows.append([str(len(conflict.cells)), cells, because])
+    caption = "Smallest sets of numbers that cannot all be right"
+    table = _table(("Size", "Numbers", "By the relations"), rows, caption)
+    return Html(folded(f"All {len(rows)} sets", table))
+
+
+def corrections(paper: str) -> Html:
+    """Show the contradictions of a paper with the slips of the pen that would lift them."""
+    audit = audit_paper(paper)
+    heads = ("Contradiction", "Supposed slips", "Size", "Breaks", "The paper's conclusion", "Then")
+    rows = [row for group in audit.groups for row in _correction_rows(group, audit)]
+    return Html(_table(heads, rows, "Corrections, by size of the slip"))
+
+
+def _correction_rows(group: Group, audit: Audit) -> list[list[str]]:
+    name = _codes(group.relations)
+    remark = contradictions.too_many(group)
+    if remark or not group.corrections:
+        return [[name, remark or "no slips within the search", *[""] * 4]]
+    rows = []
+    for found in group.corrections[: contradictions.SHOWN]:
+        words = contradictions.correction(found, audit.name)
+        breaks = str(len(words["breaks"])) if words["breaks"] else "nothing"
+        rest = (f"{words['size']:g}", breaks, words["conclusion"], "; ".join(words["unknowns"]))
+        rows.append([name, _codes(words["slips"]), *rest])
+        name = Markup("")
+    return rows
+
+
+def equations(paper: str) -> Html:
+    """Show the equations of a paper, run as extracted."""
+    heads = ["Equation", "What must hold", "What is shown"]
+    heads += ["As extracted", "In the library", "Wanted"]
+    rows = []
+    for shown in audit_paper(paper).equations:
+        values = map(_digits, (shown.printed, shown.right, shown.wanted))
+        supposing = f" (supposing that {shown.supposition})" if shown.supposition else ""
+        rows.append([shown.place, shown.asked + supposing, shown.meaning, *values])
+    return Html(_table(heads, rows, "Equations run as extracted"))
+
+
+def errata(supposed: bool = False) -> Html:
+    """Show the register of errata, each entry with its own anchor and citation."""
+    chosen = [entry for entry in errata_register() if bool(entry.supposition) == supposed]
+    return Html(Markup("").join(_erratum(entry) for entry in chosen))
+
+
+def _erratum(entry: Erratum) -> Markup:
+    fault = "Our text of the paper was extracted by machine; the fault may lie there."
+    version = __version__
+    terms = {
+        "Printed": entry.printed,
+        "Problem": entry.problem,
+        "Evidence": _evidence(entry, audit_paper(entry.paper)),
+        "Verdicts": _verdicts(entry),
+        "What the library does": entry.library,
+        "The paper's conclusion": f"{entry.conclusion}: {entry.because}",
+        "Status": entry.status,
+        "Supposing that": entry.supposition,
+        "Caution": fault if entry.extraction else "",
+        "Cite as": Markup(
+            "Erratum <code>{}</code>, <em>Pointing, reproduced</em>, version {}"
+        ).format(entry.id, version),
+    }
+    items = Markup("").join(
+        Markup("<dt>{}</dt><dd>{}</dd>").format(term, text) for term, text in terms.items() if text
+    )
+    return Markup(
+        '<section class="rp-erratum" id="{0.id}"><p><strong>{0.paper}: {0.place}</strong></p>'
+        "<dl>{1}</dl></section>"
+    ).format(entry, items)
+
+
+def _evidence(entry: Erratum, audit: Audit) -> Markup:
+    """Write what the relations and equations behind an entry give, computed now."""
+    pieces = [Markup("{}").format(entry.evidence)] if entry.evidence else []
+    findings = entry.findings(audit)
+    for finding in findings:
+        relation = finding.relation
+        pieces.append(
+            Markup('<a href="relations.html#{}"><code>{}</code></a>: {}').format(
+                relation_anchor(entry.paper, relation.name),
+                relation.name,
+                contradictions.sides(finding, audit),
+            )
+        )
+    related = [finding.relation for finding in findings]
+    if origins := dict.fromkeys(r.declared for r in related if r.declared != r.name):
+        codes = Markup(", ").join(map(_code, origins))
+        pieces.append(Markup("<small>declared as {}</small>").format(codes))
+    for run in entry.demonstrations(audit):
+        values = f"{_digits(run.printed)} as extracted, {_digits(run.wanted)} wanted"
+        pieces.append(Markup("{}: {}: {}").format(run.place, run.meaning, values))
+    return Markup("<br>").join(pieces)
+
+
+def _verdicts(entry: Erratum) -> Markup:
+    """Write the cells of the ledger whose verdict rests on an entry."""
+    resting = [a for a, expected in frozen().items() if expected.erratum == entry.id]
+    if not resting:
+        return Markup("")
+    records = {
+        r.cell: r for r in item_ledger(*sorted({a.partition("#")[0] for a in resting})).records
+    }
+    return Markup("<br>").join(
+        Markup("{}: {} printed, {}").format(
+            _code(within_paper(a)), records[a].printed, _outcome(records[a])
+        )
+        for a in resting
+    )
+
+
+def _outcome(record: Record) -> str:
+    if record.readings:
+        agreeing = sum(reading.agrees for reading in record.readings)
+        return f"blocked: agrees with {agreeing} of {len(record.readings)} readings"
+    return f"{_digits(record.computed or 0.0)} computed"
+
+
+def picture(paper: str, alternative: str) -> Html:
+    """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
+    audit = audit_paper(paper)
+    counts = audit.blamed()
+    cells = sorted(counts, key=lambda address: (-counts[address], list(audit.cells).index(address)))
+    cells = cells[:_MOST]
+    every = [f.relation for f in audit.read if f.outcome == "contradicts"]
+    wrong = [relation for relation in every if set(cells) & set(relation.addresses)]
+    others = len(every) - len(wrong)
+    with styled((8.5, 1.6 + 0.2 * max(len(cells), 1))) as figure:
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
+        for x, relation in enumerate(wrong):
+            rows = [y for y, cell in enumerate(cells) if cell in relation.addresses]
+            left.plot([x] * len(rows), rows, "-o", markersize=4, linewidth=0.8, color="C1")
+        left.set_yticks(range(len(cells)), [within_paper(cell) for cell in cells], fontsize=8)
+        left.set_xticks(
+            range(len(wrong)), [r.name for r in wrong], rotation=90, fontsize=8, ha="center"
+        )
+        left.set_ylim(len(cells) - 0.5, -0.5)
+        more = f"; {others} more hold none of these cells" if others else ""
+        left.set_title(f"relations that contradict{more}")
+        right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
+        right.set_xlabel("smallest sets")
+        right.set_title("in how many")
+    return Html(inline(figure, f"audit-{paper}", alternative))
+
+
+def audit_facts() -> dict[str, str]:
+    """Return what sentences may say of the audit: label to text.
+
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting`` (without those that
+    restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
+    ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
+    (relations that rest on a supposition of ours, in none of the other counts); the same of both
+    papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
+    conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart.
+    """
+    counts: dict[str, int] = {}
+    audits = [audit_paper(paper) for paper in PAPERS]
+    for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
+        for audit in group:
+            own, again = audit.tally(restating=False), audit.tally(restating=True)
+            found = dict(zip(("agreeing", "rounding", "contradicting"), own.values(), strict=True))
+            found |= {
+                "relations": sum(own.values()),
+                "restating": len(audit.restating),
+                "restating-contradicting": again["contradicts"],
+                "examined": len(audit.examined),
+                "numbers": len(audit.cells),
+                "groups": len(audit.groups),
+                "supposed": len(audit.supposed),
+            }
+            for name, count in found.items():
+                counts[start + name] = counts.get(start + name, 0) + count
+    read = [entry for entry in errata_register() if not entry.supposition]
+    counts["errata"] = len(read)
+    counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)
+    counts["errata-extraction"] = sum(entry.extraction for entry in read)
+    counts["errata-supposed"] = len(errata_register()) - len(read)
+    return {label: str(count) for label, count in counts.items()}
+
+
+def _digits(value: float) -> str:
+    return f"{0.0 if abs(value) < 1e-9 else value:.5g}".replace("-", "−")
+
+
+def _code(text: str) -> Markup:
+    return Markup("<code>{}</code>").format(text)
+
+
+def _codes(texts: Iterable[str]) -> Markup:
+    return Markup("<br>").join(map(_code, texts))
+
+
+def _table(
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    caption: str,
+    kind: str = "rp-small rp-audit",
+    anchors: Sequence[str] = (),
+) -> Markup:
+    return Grid(caption, heads, tuple(rows), kind=kind, anchors=anchors).html

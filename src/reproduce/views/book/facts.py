@@ -1,0 +1,228 @@
+"""Every number that a sentence of the book may say, by name; the roles only look them up.
+
+A printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
+paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
+(``niu2024/readings#best-joint``), and so does a posterior (``posterior/registration#noise-mean``).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reproduce.judge.expected import erratum
+from reproduce.judge.ledger import Record
+from reproduce.judge.studies import studies
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import PAPERS, library
+from reproduce.store import studies as stored
+from reproduce.views.computed import item_ledger, whole_ledger
+from reproduce.views.writing import numbers, verdicts
+
+if TYPE_CHECKING:
+    from reproduce.inference.posterior import Sampled
+    from reproduce.papers.declare_posterior import Aside
+
+__all__ = ["facts", "facts_of", "filled", "of_posteriors", "unsampled"]
+
+
+def facts(*papers: str) -> dict[str, str]:
+    """Compute every fact, or those of the cells, items and studies of some papers alone."""
+    from reproduce.papers.posteriors import posteriors
+
+    return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
+
+
+def of_posteriors(names: Iterable[str]) -> dict[str, str]:
+    """Compute the facts of posteriors, which are sampled for it."""
+    from reproduce.views.objects.posterior import book_posterior
+
+    return {
+        f"posterior/{name}#{label}": numbers.powers(text)
+        for name in names
+        for label, text in _of_posterior(name, book_posterior(name)).items()
+    }
+
+
+def unsampled(*papers: str) -> dict[str, str]:
+    """Compute the facts of the ledger, the studies and the audit, or of some papers alone."""
+    if papers:
+        keys = [key for key in catalogue() if key.partition("/")[0] in papers and key in library()]
+        records = tuple(record for key in keys for record in item_ledger(key).records)
+    else:
+        records = whole_ledger().records
+        keys = list(dict.fromkeys(record.key for record in records))
+    names = [*(record.cell for record in records), *keys, *(() if papers else (*PAPERS, "all"))]
+    found = {f"{name} {what}": text for name in names for what, text in facts_of(name).items()}
+    for key, study in studies().items():
+        if not papers or key.partition("/")[0] in papers:
+            quoted = study.facts().items()
+            found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
+    causes = Counter(erratum(r.cell) for r in records if r.verdict in {"differs", "blocked"})
+    found |= {f"erratum/{name} cells": str(count) for name, count in causes.items() if name}
+    if not papers:
+        from reproduce.views.book.audit import audit_facts
+
+        found |= {f"audit#{label}": text for label, text in audit_facts().items()}
+        found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
+    return {name: numbers.powers(text) for name, text in found.items()}
+
+
+def facts_of(name: str) -> dict[str, str]:
+    """Return what a sentence may say of a cell, an item, a paper or everything.
+
+    Examples
+    --------
+    >>> facts_of("niu2024/table-2#scale.red")["computed"]
+    '0.9976'
+    """
+    if "#" in name:
+        return _of_cell(item_ledger(name.partition("#")[0]).cell(name))
+    if "/" in name:
+        return _of_item(name)
+    if name not in {*PAPERS, "all"}:
+        raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
+    return _of_paper(name)
+
+
+def filled(text: str, known: Mapping[str, str]) -> str:
+    """Fill the blanks of an alternative text, so that no number is typed into it.
+
+    Examples
+    --------
+    >>> filled("a scale of {niu2024/table-2#scale.red printed}", {})
+    'a scale of 0.9976'
+    """
+
+    def fill(blank: re.Match[str]) -> str:
+        name, _, what = blank.group(1).partition(" ")
+        return facts_of(name)[what] if what else known[name]
+
+    return re.sub(r"\{([^{}]+)\}", fill, text)
+
+
+def _of_cell(record: Record) -> dict[str, str]:
+    value = verdicts.computed(record)
+    said = {
+        "printed": verdicts.cell_of(record).shown,
+        "computed": verdicts.quantity(value, verdicts.unit(record)) if value else "nothing",
+        "verdict": record.verdict,
+        "probability": verdicts.probability(record) or "none",
+    }
+    if record.readings:
+        said["readings"] = str(len(record.readings))
+        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
+    for number, reading in enumerate(record.readings, start=1):
+        said[f"reading-{number}"] = verdicts.read(record, reading).partition(",")[0]
+    return said
+
+
+def _of_item(key: str) -> dict[str, str]:
+    found = item_ledger(key)
+    counts = verdicts.tally(found.of(key))
+    said = {verdict: str(count) for verdict, count in counts.items()}
+    said["agree"] = str(counts["exact"] + counts["consistent"])
+    said["results"] = str(sum(record.role == "result" for record in found.of(key)))
+    if joint := found.table(key):
+        said |= {"joint": verdicts.joint_chance(joint), "replicates": f"{joint.replicates:,}"}
+    return said
+
+
+def _of_paper(name: str) -> dict[str, str]:
+    chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
+    by_verdict, firm = verdicts.tally(chosen), verdicts.strong(chosen)
+    counts = {
+        **by_verdict,
+        **{flag.replace("_", "-"): count for flag, count in verdicts.weak(chosen).items()},
+        "strong": firm,
+        "weak": by_verdict["exact"] + by_verdict["consistent"] - firm,
+        "cells": len(chosen),
+        "agree": by_verdict["exact"] + by_verdict["consistent"],
+        "unsettled": by_verdict["differs"] + by_verdict["blocked"],
+        "open": sum(bool(r.readings) for r in chosen if r.verdict == "blocked"),
+        "unpublished": sum(not r.readings for r in chosen if r.verdict == "blocked"),
+        "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
+    }
+    return {what: str(count) for what, count in counts.items()}
+
+
+def _of_evidence() -> dict[str, str]:
+    """Return the counts of planted slips, of two readings and of rounding residuals, by name."""
+    planted = stored.table("planted-slips")
+    seen = planted["relation"] | planted["verdict"]
+    strict = planted["compared"] | planted["verdict"]
+    found = {
+        "planted": str(len(planted)),
+        "seen": f"{100 * seen.mean():.0f}\u202f%",
+        "strict": f"{100 * strict.mean():.0f}\u202f%",
+        "refused": str((planted["refused"] & ~seen).sum()),
+        "blind": str((~seen.groupby(planted["cell"]).any()).sum()),
+    }
+    for row in stored.table("two-readings").itertuples():
+        for what in ("first", "second", "both", "merging", "missed", "error"):
+            found[f"{row.what}-{what}"] = f"{getattr(row, what):.0f}"
+    for row in stored.table("rounding-residuals").itertuples():
+        name = f"{row.paper}-{row.against}"
+        found[f"{name}-telling"] = str(row.telling)
+        found[f"{name}-probability"] = f"{row.probability:.2f}"
+        found[f"{name}-exact"] = str(row.exact)
+    return found
+
+
+def _of_posterior(name: str, found: Sampled) -> dict[str, str]:
+    """Return the numbers of a posterior that sentences may say, by name.
+
+    ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, the asides of the
+    declaration, ``sbc-...`` of the stored calibration, and how many printed numbers lie
+    ``outside`` what repeats print.
+    """
+    from reproduce.papers.posteriors import posteriors
+    from reproduce.views.objects.posterior import spread
+
+    declared, texts = posteriors()[name], {}
+    for row in found.summaries():
+        label = row.name.replace(" ", "-").replace(",", "")
+        for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
+            texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
+    for key, aside in (declared.asides(found.model) if declared.asides else {}).items():
+        texts |= _of_aside(key, aside)
+    texts |= dict(_of_calibration(name))
+    if compared := declared.repeats(found):
+        rows = compared[0]
+        outside = sum(row.tail.value < 0.05 / len(rows) for row in rows)
+        texts |= {"outside": str(outside), "printed-count": str(len(rows))}
+    return texts
+
+
+def _gap(unit: str) -> str:
+    return "" if unit == "1" else f"\u202f{unit}"
+
+
+def _of_aside(key: str, aside: Aside) -> dict[str, str]:
+    value, gap = f"{aside.value:.2g}", _gap(aside.unit)
+    errors = {}
+    if aside.error:
+        decimals = max(0, 1 - int(np.floor(np.log10(aside.error))))
+        value = f"{aside.value:z.{decimals}f}"
+        errors = {f"{key}-error": f"{aside.error:.{decimals}f}{gap}"}
+    return {key: f"{value.replace('-', '−')}{gap}"} | errors
+
+
+def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
+    from reproduce.papers import calibrations
+
+    if not calibrations.stored(name):
+        return
+    ranks = calibrations.load(name)
+    rows = ranks.coverages()
+    yield "sbc-replicates", f"{ranks.replicates:,}"
+    yield "sbc-failed", str(int(ranks.failed.sum()))
+    yield "sbc-least-p", f"{min(row.chance.value for row in rows):.2g}"
+    yield "sbc-quantities", str(len(rows))
+    for row in rows:
+        if row.published is not None:
+            yield f"sbc-{row.name}-published", f"{100 * row.published.value:.0f}\u202f%"

@@ -1,0 +1,272 @@
+"""The subcommands `posterior` and `calibrate`, and the bar of all long commands."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console
+
+from reproduce.views.objects.posterior import Posterior, coverage_rows
+from reproduce.views.writing.display import columns
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from reproduce.inference.parts import Progress
+
+__all__ = ["bar", "calibrate", "posterior"]
+
+
+class Spoken(click.Command):
+    """A command whose refusals are JSON too where JSON is asked for: an object with "error"."""
+
+    def make_context(
+        self,
+        info_name: str | None,
+        args: list[str],
+        parent: click.Context | None = None,
+        **extra: Any,
+    ) -> click.Context:
+        """Read the arguments."""
+        with self._speaking("--json" in args):
+            return super().make_context(info_name, args, parent, **extra)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run."""
+        with self._speaking(bool(ctx.params.get("as_json"))):
+            return super().invoke(ctx)
+
+    @contextmanager
+    def _speaking(self, as_json: bool) -> Iterator[None]:
+        try:
+            yield
+        except click.ClickException as error:
+            if as_json:
+                more = error.record if isinstance(error, RefusedError) else {}
+                click.echo(json.dumps({"error": error.format_message(), **more}, indent=2))
+            raise
+
+
+class RefusedError(click.ClickException):
+    """Chains that miss a gate: exit status one, and all numbers for programs."""
+
+    def __init__(self, message: str, record: dict[str, Any]) -> None:
+        super().__init__(message)
+        self.record = record
+
+
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+_OUT = click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), help="Keep what is finished here."
+)
+_RESUME = click.option("--resume", is_flag=True, help="Continue what a killed run left in --out.")
+
+
+@click.command(cls=Spoken)
+@click.argument("model", required=False)
+@click.option("--list", "list_models", is_flag=True, help="Name all models.")
+@click.option(
+    "--data",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Your own CSV in place of ours; the book's page on the method tells the columns.",
+)
+@click.option("--pivot", type=float, nargs=2, help="Principal point of your data, in px.")
+@click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
+@click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
+@click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
+@_RESUME
+@_OUT
+@_JSON
+def posterior(
+    model: str | None,
+    list_models: bool,
+    as_json: bool,
+    workers: int,
+    resume: bool,
+    out: Path | None,
+    **asked: Any,
+) -> None:
+    """Sample the posterior of MODEL and print its summary.
+
+    The first line says what the data are. A chain that misses a gate (R-hat, autocorrelation times,
+    effective sample sizes) is refused: the exit status is 1, and the steps needed are told. Where
+    the posterior leans on an end of a prior, a line says so; in JSON it is "at_prior_end".
+    """
+    if list_models:
+        _list_models(as_json)
+        return
+    name = _known(model)
+    if asked["pivot"] is not None and asked["data"] is None:
+        raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
+    _check_folder(out, resume)
+    wanted = Posterior(name, **asked)
+    record = _sample(wanted, workers, out)
+    if as_json:
+        click.echo(json.dumps(record, indent=2, ensure_ascii=False))
+    else:
+        _show(wanted)
+
+
+def _check_folder(out: Path | None, resume: bool) -> None:
+    if resume and out is None:
+        raise click.UsageError("--resume needs --out: the folder of the run to continue")
+    if out is not None and (out / "plan.json").exists() and not resume:
+        raise click.UsageError(f"{out} holds a run already; add --resume, or choose another folder")
+
+
+def _sample(wanted: Posterior, workers: int, out: Path | None) -> dict[str, Any]:
+    """Sample and return the record; say in one line what does not go."""
+    from reproduce.inference.diagnostics import UnconvergedError
+    from reproduce.inference.model import StartError
+
+    try:
+        data = wanted.provenance
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.UsageError(f"--data: cannot read {wanted.data}: {error.strerror}") from error
+    try:
+        with _carried(workers, out, "sampling") as (executor, progress):
+            wanted.sample(executor, out, progress)
+        # Consequences are held to the gates too, when they are first asked for.
+        return wanted.record()
+    except UnconvergedError as error:
+        taken = wanted.plan.steps
+        steps = {} if error.steps is None else {"steps_needed": error.steps}
+        record = {"model": wanted.name, "data": data, "steps": taken, **steps,
+                  "missed": error.missed}  # fmt: skip
+        advice = "" if error.steps is None else f" (--steps; there were {taken})"
+        raise RefusedError(f"{wanted.name}: {error}{advice}", record) from error
+    except StartError as error:
+        raise click.UsageError(str(error)) from error
+
+
+@contextmanager
+def _carried(
+    workers: int | None, out: Path | None, what: str
+) -> Iterator[tuple[Executor | None, Progress | None]]:
+    """Give an executor and a bar, and say in one line what is wrong with the folder."""
+    from reproduce.inference.parts import ResumeError, processes
+
+    pool = nullcontext(None) if workers == 1 else processes(workers)
+    try:
+        with pool as executor, bar(what) as progress:
+            yield executor, progress
+    except ResumeError as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        if out is None:
+            raise
+        raise click.UsageError(f"--out: cannot use {out}: {error.strerror or error}") from error
+
+
+def _show(wanted: Posterior) -> None:
+    from reproduce.inference.sensitivity import leanings
+
+    console, found = Console(), wanted.sampled
+    console.print(f"Data: {wanted.told}", highlight=False, markup=False)
+    console.print(f"{wanted.name}: {wanted.declared.title}", style="bold", highlight=False)
+    console.print(wanted.table())
+    console.print(
+        f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
+        f"{found.chain.shape[1]} steps each; "
+        f"acceptance {min(found.acceptance):.2f} to {max(found.acceptance):.2f}; "
+        f"seed {found.seed}",
+        highlight=False,
+    )
+    for line in [*map(str, leanings(found)), *wanted.remarks]:
+        console.print(f"Beware: {line}.", style="bold", highlight=False, markup=False)
+
+
+def _list_models(as_json: bool) -> None:
+    from reproduce.papers.posteriors import posteriors
+
+    known = posteriors()
+    titles = {name: declared.title for name, declared in known.items()}
+    if as_json:
+        click.echo(json.dumps(titles, indent=2, ensure_ascii=False))
+        return
+    rows = [(name, known[name].paper, title) for name, title in titles.items()]
+    heads = ("model", "paper", "about")
+    Console().print(columns(heads, rows, ruled=True, words=3, whole=(0, 1)))
+
+
+def _known(model: str | None) -> str:
+    import difflib
+
+    from reproduce.papers.posteriors import posteriors
+
+    if model is None:
+        raise click.UsageError("name a model, or use --list to see them all")
+    known = list(posteriors())
+    if model not in known:
+        near = difflib.get_close_matches(model, known, n=3, cutoff=0.4)
+        hint = f"; did you mean {', '.join(near)}?" if near else ""
+        raise click.UsageError(f"unknown model {model!r}{hint} (--list names them all)")
+    return model
+
+
+@click.command()
+@click.argument("model")
+@click.option("--replicates", type=click.IntRange(min=1), default=1000, show_default=True)
+@click.option("--seed", type=int, default=20240105, show_default=True)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; all processors by default.")
+@_RESUME
+@_OUT
+@click.option("--store", is_flag=True, help="Replace the stored study of this model.")
+@click.option(
+    "--intervals",
+    is_flag=True,
+    help="Redo the published estimator's intervals in the stored study; nothing is sampled.",
+)
+def calibrate(
+    model: str,
+    replicates: int,
+    seed: int,
+    workers: int | None,
+    resume: bool,
+    out: Path | None,
+    store: bool,
+    intervals: bool,
+) -> None:
+    """Run simulation-based calibration of MODEL: are its posteriors right?"""
+    from reproduce.papers import calibrations
+    from reproduce.store.studies import StudyError
+
+    name = _known(model)
+    _check_folder(out, resume)
+    if intervals:
+        try:
+            found = calibrations.renew(name)
+        except StudyError as error:
+            raise click.ClickException(str(error)) from error
+    else:
+        with _carried(workers or os.cpu_count(), out, "calibrating") as (executor, progress):
+            found = calibrations.run(
+                name, replicates, seed, executor=executor, folder=out, progress=progress
+            )
+        if store:
+            calibrations.store(name, found, seed)
+    heads = ("quantity", "evenness, p", "50 % covers", "95 % covers", "published, 95 %")
+    Console().print(columns(heads, coverage_rows(found), ruled=True))
+    click.echo(f"{found.replicates} replicates, {int(found.failed.sum())} of them failed.")
+
+
+@contextmanager
+def bar(what: str, total: int | None = None) -> Iterator[Progress | None]:
+    """Show a bar on a terminal's standard error, and nothing in a pipe."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    from rich import progress
+
+    with progress.Progress(console=console, transient=True) as shown:
+        task = shown.add_task(what, total=total)
+        yield lambda done, total: shown.update(task, completed=done, total=total)

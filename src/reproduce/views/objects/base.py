@@ -1,0 +1,172 @@
+"""What the objects of the front door share: reading printed cells, export, citation, change."""
+
+from __future__ import annotations
+
+import inspect
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+from reproduce.judge import rerun
+from reproduce.papers.catalogue import catalogue
+from reproduce.views import keys
+from reproduce.views.writing.cite import citation
+from reproduce.views.writing.display import Display
+from reproduce.views.writing.export import export_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from reproduce.printed.given import Given
+
+__all__ = ["Changeable", "Item", "Shown", "by_row", "setting", "text_of"]
+
+
+class Shown(Display):
+    """What has an address, reads printed cells and gives its numbers."""
+
+    key: str
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Addresses of all printed cells that it reads, directly or through other items."""
+        return rerun.changeable(self.key)
+
+    @abstractmethod
+    def frame(self) -> pd.DataFrame:
+        """Return the numbers."""
+
+    def export(self, form: str) -> str:
+        """Return the numbers as csv, json, latex or markdown."""
+        return export_frame(self.frame(), form)
+
+    def cite(self, form: str = "bibtex") -> str:
+        """Return how to cite this and its paper: bibtex, csl or text."""
+        return citation(self.key, form)
+
+
+class Item(Shown):
+    """What tables and figures share: where they come from."""
+
+    @property
+    def options(self) -> pd.DataFrame:
+        """What the text leaves open: one row for each alternative, the literal one first."""
+        import pandas as pd
+
+        rows = [
+            (name, way, words_of)
+            for name, ways in rerun.options(self.key).items()
+            for way, words_of in ways.items()
+        ]
+        frame = pd.DataFrame(rows, columns=["option", "alternative", "what it stands for"])
+        return frame.set_index(["option", "alternative"])
+
+    @property
+    def title(self) -> str:
+        """What the item holds, in our words."""
+        return keys.title(self.key)
+
+    @property
+    def place(self) -> str:
+        """Where it stands in the paper."""
+        return keys.place(self.key)
+
+    @property
+    def source(self) -> str:
+        """The text of the functions that compute and draw it."""
+        item = catalogue()[self.key]
+        drawn = [] if item.draw is None else [item.draw.function]
+        return "\n\n".join(map(text_of, [*(one.function for one in item.computations), *drawn]))
+
+
+class Changeable(Shown):
+    """What can be computed again with other values for printed cells that it reads, and no more.
+
+    Parameters
+    ----------
+    key : str
+        Its only name.
+    changes : mapping, optional
+        Address of any cell in `reads` to a value as in the print.
+    """
+
+    kind = ""
+
+    def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
+        self.key = key
+        self._changes = dict(changes or {})
+        rerun.checked_values(key, self._changes)
+
+    @abstractmethod
+    def _compute(self, door: Given | None) -> Any:
+        """Compute from the print, or from what another door holds."""
+
+    @property
+    @abstractmethod
+    def _given(self) -> tuple[str, ...]:
+        """Addresses of the printed cells that `_compute` reads itself."""
+
+    @cached_property
+    def _made(self) -> tuple[Any, dict[str, float]]:
+        if not self._changes:
+            return self._compute(None), {}
+        return rerun.under(self.key, self._given, self._changes, self._compute)
+
+    @property
+    def changes(self) -> dict[str, str]:
+        """What was changed: address to the value as given."""
+        return {address: str(value) for address, value in self._changes.items()}
+
+    @property
+    def replaced(self) -> dict[str, float]:
+        """Printed inputs whose place a recomputed value took, in the unit of print."""
+        return self._made[1]
+
+    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Self:
+        """Return the same computed again with other values for cells that it reads.
+
+        Parameters
+        ----------
+        changes : mapping
+            Address of any cell in `reads` to a value as in the print. What a figure marks as
+            printed stays the print.
+
+        Returns
+        -------
+        Figure or StudyTable
+            With `changes`, and the printed inputs that recomputed values `replaced`.
+
+        Raises
+        ------
+        ValueError
+            If it does not read the cell, the value does not fit it, or anything but a cell is to
+            be changed.
+        """
+        if settings:
+            raise rerun.CannotChangeError(
+                f"{self.key} is {self.kind}: expected cells that it reads, got "
+                f"{', '.join(settings)}"
+            )
+        return type(self)(self.key, {**self._changes, **(changes or {})})
+
+
+def setting(
+    subject: str, changes: Mapping[str, str], replaced: Mapping[str, float], remark: str
+) -> str:
+    """Say what a reader changed, and which recomputed values took the place of printed ones."""
+    changed = ", ".join(f"{name} = {text}" for name, text in changes.items())
+    taken = f" Recomputed values took the place of: {', '.join(replaced)}." if replaced else ""
+    return f"{subject} {changed or 'nothing'}: {remark}.{taken}"
+
+
+def text_of(function: Callable[..., Any]) -> str:
+    """Return the text of a function."""
+    return inspect.getsource(inspect.unwrap(function)).rstrip()
+
+
+def by_row(rows: Mapping[str, Any], columns: list[str] | None = None) -> pd.DataFrame:
+    """Return a DataFrame with a named row for each entry."""
+    import pandas as pd
+
+    return pd.DataFrame.from_dict(dict(rows), orient="index", columns=columns)

@@ -1,0 +1,128 @@
+"""All items in order of print, with the number of their cells by verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.verdicts import VERDICTS
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import PAPERS, anchor, library
+from reproduce.views import keys
+from reproduce.views.computed import item_ledger
+from reproduce.views.objects.base import by_row
+from reproduce.views.objects.wall import legend, wall
+from reproduce.views.writing import verdicts
+from reproduce.views.writing.display import Display, Entry, Grid, columns
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Contents", "score_table"]
+
+
+class Contents(Display):
+    """All items of a paper or of all, in order of print, with the verdicts of their cells.
+
+    Parameters
+    ----------
+    paper : str, optional
+        One paper; all by default.
+    """
+
+    def __init__(self, paper: str | None = None) -> None:
+        self.paper = paper if paper is None else keys.check_paper(paper)
+        self.keys = [key for key in catalogue() if paper in {None, key.partition("/")[0]}]
+
+    @cached_property
+    def _ledger(self) -> Ledger:
+        return item_ledger(*self.keys)
+
+    def entries(self) -> list[dict[str, Any]]:
+        """Return what is known of each item without computing anything."""
+        return [
+            {
+                "key": key,
+                "place": keys.place(key),
+                "title": keys.title(key),
+                "functions": [one.name for one in catalogue()[key].computations],
+                "draws": catalogue()[key].draw is not None,
+            }
+            for key in self.keys
+        ]
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row per item: place, title and the number of cells by verdict."""
+        named = {key: {"place": keys.place(key), "title": keys.title(key)} for key in self.keys}
+        return by_row(
+            {key: row | verdicts.tally(self._ledger.of(key)) for key, row in named.items()}
+        )
+
+    def listed(self, width: int) -> Table:
+        """Return the list of items for a terminal, without the score."""
+        rows = [(key, keys.place(key), keys.title(key)) for key in self.keys]
+        heads = ("key", "in the paper", "what")
+        return columns(heads, rows, ruled=True, words=3, whole=(0,), width=min(width, 110))
+
+    @property
+    def index(self) -> Grid:
+        """Every item in order of print, with its cells by verdict; each leads to its place."""
+        badge = Markup('<span class="rp-badge rp-badge-{0}">{0}</span>').format
+        rows: list[list[Entry]] = []
+        for key in self.keys:
+            held = key in library()
+            tally = verdicts.tally(self._ledger.of(key)) if held else {}
+            counts = [_counted(tally[name]) if held else "" for name in VERDICTS]
+            target = anchor(key) if held else f"figure-{anchor(key)}"
+            link = Markup('<a href="#{}">{}</a>').format(target, _short(keys.place(key)))
+            what = Markup("{}<br><code>{}</code>").format(keys.title(key), key)
+            rows.append([link, what, *counts])
+        caption = "Tables, figures and quoted numbers, in order of print."
+        return Grid(caption, ["", "", *map(badge, VERDICTS)], rows, kind="rp-score")
+
+    def _repr_html_(self) -> str:
+        parts, records = [], self._ledger.records
+        for paper in (self.paper,) if self.paper else PAPERS:
+            own = [record for record in records if record.key.startswith(f"{paper}/")]
+            parts += [Markup('<p class="rp-wall-paper">{}</p>').format(paper), wall(own)]
+        return str(Markup("\n").join([*parts, legend(records)]))
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the list of items and the score."""
+        yield self.listed(width)
+        yield score_table(self._ledger)
+
+
+def score_table(ledger: Ledger) -> Table:
+    """Return the number of cells by verdict for a terminal, item by item."""
+    rows: list[list[str | Text]] = []
+    paper = ""
+    for key in dict.fromkeys(record.key for record in ledger.records):
+        if key.partition("/")[0] != paper:
+            paper = key.partition("/")[0]
+            rows += [[], [Text(paper, style="bold")]]
+        rows.append([key.partition("/")[2], *_counts(ledger.of(key))])
+    total = [Text(text, style="bold") for text in ("all", *_counts(ledger.records))]
+    heads = ["item", *VERDICTS, "(weak)"]
+    return columns(heads, [*rows, [], total], whole=range(len(heads)))
+
+
+def _counts(records: tuple[Record, ...]) -> list[str]:
+    tally = verdicts.tally(records)
+    weak = tally["exact"] + tally["consistent"] - verdicts.strong(records)
+    return [*map(_counted, tally.values()), _counted(weak)]
+
+
+def _counted(count: int) -> str:
+    return str(count) if count else "·"
+
+
+def _short(place: str) -> str:
+    return place.partition(",")[0]

@@ -1,0 +1,160 @@
+"""A figure, drawn from its caption and the text, in one panel or several."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import RenderableType
+
+from reproduce.judge.rerun import CannotChangeError
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import anchor
+from reproduce.views import keys
+from reproduce.views.objects.base import Changeable, Item, Shown, setting
+from reproduce.views.writing import figures
+from reproduce.views.writing.numbers import powers_in_html
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from reproduce.printed.given import Given
+
+__all__ = ["Figure", "Panels"]
+
+
+class Figure(Changeable, Item):
+    """A figure, drawn from its caption and the text.
+
+    Parameters
+    ----------
+    key : str
+        Such as ``chen2023/fig-11a``.
+    changes : mapping, optional
+        Address of any cell in `reads` to a value as in the print.
+    """
+
+    kind = "a figure"
+
+    def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
+        if catalogue()[keys.check_key(key)].draw is None:
+            known = ", ".join(figures.drawable())
+            raise ValueError(f"{key} has no figure; these have one: {known}")
+        super().__init__(key, changes)
+
+    @property
+    def _given(self) -> tuple[str, ...]:
+        return figures.declared(self.key).given
+
+    def _compute(self, door: Given | None) -> MatplotlibFigure:
+        return figures.draw(self.key, door)
+
+    @property
+    def drawn(self) -> MatplotlibFigure:
+        """The matplotlib figure."""
+        figure: MatplotlibFigure = self._made[0]
+        return figure
+
+    @cached_property
+    def data(self) -> pd.DataFrame:
+        """The lines and points that are drawn, in the units of the axes."""
+        return figures.data(self.drawn)
+
+    def frame(self) -> pd.DataFrame:
+        """Return `data`."""
+        return self.data
+
+    def save(self, path: str | Path) -> Path:
+        """Write the figure; the ending chooses svg, pdf or png."""
+        figures.check_ending(Path(path))  # before anything is drawn
+        figures.save(self.drawn, Path(path))
+        return Path(path)
+
+    def _told(self) -> str:
+        remark = "a reader's own setting; what is marked as printed stays the print"
+        return setting("With", self.changes, self.replaced, remark) if self.changes else ""
+
+    def _repr_html_(self) -> str:
+        name = f"figure-{anchor(self.key)}" + ("-changed" if self.changes else "")
+        alternative = f"{self.title}. {self._told()}".rstrip()
+        return powers_in_html(figures.inline(self.drawn, name, alternative))
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield what the figure shows and how to look at it."""
+        yield f"{self.key}: {self.title}"
+        curves = self.data["curve"].nunique()
+        yield f"{self.place}; {curves} curves, {len(self.data)} points in .data"
+        if told := self._told():
+            yield told
+        setting = "".join(f' --set {name}="{text}"' for name, text in self.changes.items())
+        yield f"Draw it with `reproduce figure {self.key} --out FILE.svg{setting}`."
+
+
+class Panels(Shown):
+    """A figure of several panels, such as ``chen2023/fig-11``, each drawn on its own.
+
+    Parameters
+    ----------
+    key : str
+        The key of the panels without their letters.
+    panels : tuple of Figure
+        One or more.
+    """
+
+    def __init__(self, key: str, panels: tuple[Figure, ...]) -> None:
+        self.key, self.panels = key, panels
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Addresses of all printed cells that any panel reads."""
+        return tuple(dict.fromkeys(address for one in self.panels for address in one.reads))
+
+    @property
+    def source(self) -> str:
+        """The text of the functions that compute and draw the panels."""
+        return "\n\n".join(one.source for one in self.panels)
+
+    @cached_property
+    def data(self) -> pd.DataFrame:
+        """The lines and points of all panels, with the key of each."""
+        import pandas as pd
+
+        return pd.concat([one.data.assign(figure=one.key) for one in self.panels])
+
+    def frame(self) -> pd.DataFrame:
+        """Return `data`."""
+        return self.data
+
+    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Panels:
+        """Return the panels drawn again; each takes the changes of cells that it reads."""
+        told = dict(changes or {})
+        if strays := [address for address in told if address not in self.reads]:
+            raise CannotChangeError(
+                f"{self.key} does not read {', '.join(strays)}; it reads: "
+                f"{', '.join(self.reads) or 'nothing'}"
+            )
+        again = (
+            one.rerun({a: value for a, value in told.items() if a in one.reads}, **settings)
+            for one in self.panels
+        )
+        return Panels(self.key, tuple(again))
+
+    def cite(self, form: str = "bibtex") -> str:
+        """Return how to cite the panels and their paper."""
+        return "\n\n".join(one.cite(form) for one in self.panels)
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Write a file for each panel, its letter behind the name: fig.svg becomes fig-a.svg."""
+        path = Path(path)
+        return [one.save(path.with_stem(f"{path.stem}-{one.key[-1]}")) for one in self.panels]
+
+    def _repr_html_(self) -> str:
+        return "".join(one._repr_html_() for one in self.panels)
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield what each panel shows."""
+        for one in self.panels:
+            yield from one.parts(width)

@@ -1,0 +1,114 @@
+"""A table of our own, which no paper prints: what `table` shows for the key of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+from rich.console import RenderableType
+
+from reproduce.judge.studies import studies
+from reproduce.papers.study import Column
+from reproduce.views.computed import once
+from reproduce.views.objects.base import Changeable, setting, text_of
+from reproduce.views.writing import numbers
+from reproduce.views.writing.display import Entry, Grid, folded
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from reproduce.printed.given import Given
+
+__all__ = ["StudyTable"]
+
+
+class StudyTable(Changeable):
+    """A table that stands beside a paper, judged against nothing.
+
+    Parameters
+    ----------
+    key : str
+        Such as ``chen2023/heat``.
+    changes : mapping, optional
+        Address of any cell in `reads` to a value as in the print.
+    """
+
+    kind = "a table of our own"
+
+    def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
+        self._study = studies()[key]
+        super().__init__(key, changes)
+
+    @property
+    def title(self) -> str:
+        """What it shows, in one sentence."""
+        return self._study.title
+
+    @property
+    def source(self) -> str:
+        """The text of the function that computes it."""
+        return text_of(self._study.function)
+
+    @property
+    def _given(self) -> tuple[str, ...]:
+        return self._study.given
+
+    def _compute(self, door: Given | None) -> pd.DataFrame:
+        return once(f"study-{self.key}", self._study) if door is None else self._study(door)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the numbers, a row for each row of the table, in the units of the heads."""
+        frame: pd.DataFrame = self._made[0]
+        return frame.copy()
+
+    def _caption(self) -> str:
+        caption = str(self.frame().attrs["caption"])
+        if not self.changes:
+            return caption
+        told = setting("With", self.changes, self.replaced, "a reader's own setting")
+        return f"{caption} {told}"
+
+    @property
+    def grids(self) -> dict[str, Grid]:
+        """The table as a reader sees it: whole, or in the parts that it is folded into, by name."""
+        frame, folded = self.frame(), self._study.folded
+        forms = {column.name: column.form for column in self._study.columns}
+        behind = {column.error for column in self._study.columns} | {folded}
+        shown = [column for column in self._study.columns if column.name not in behind]
+        anchor = f"study-{self.key.replace('/', '-')}" + ("-changed" if self.changes else "")
+        parts = [("", frame)] if not folded else frame.groupby(folded, sort=False)
+        return {
+            str(name): Grid(
+                self._caption(),
+                [column.name for column in shown],
+                [[_entry(row, c, forms) for c in shown] for row in part.to_dict(orient="records")],
+                f"{anchor}-{place}" if place else anchor,
+                "rp-study",
+            )
+            for place, (name, part) in enumerate(parts)
+        }
+
+    def _repr_html_(self) -> str:
+        if not self._study.folded:
+            return str(self.grids[""].html)
+        return "\n".join(
+            folded(name, grid.html, opened=not place)
+            for place, (name, grid) in enumerate(self.grids.items())
+        )
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the title, and the table with its caption, part by part."""
+        yield f"{self.key}: {self.title}"
+        for name, grid in self.grids.items():
+            if name:
+                yield f"\n{name}"
+            yield from grid.parts(width)
+
+
+def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:
+    error = (row[column.error], forms[column.error]) if column.error else None
+    text = numbers.entry(row[column.name], column, error)
+    if column.bold and row[column.name] < column.bold:
+        return Markup("<strong>{}</strong>").format(text)
+    return text

@@ -1,0 +1,156 @@
+"""One printed input moved over several values: a small table, and on a page a slider over it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from markupsafe import Markup
+from rich.console import RenderableType
+
+from reproduce.judge.rerun import ChangedCell, Rerun
+from reproduce.printed.cells import Cell, library
+from reproduce.printed.units import symbol
+from reproduce.views.writing.display import Display, Grid
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Sweep"]
+
+WIDE, HIGH, MARGIN = 220, 96, 8  # of one picture, in CSS pixels
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep(Display):
+    """An item computed again for several values of one printed input.
+
+    Parameters
+    ----------
+    address : str
+        The input that is moved.
+    values : tuple of str
+        What it is moved to, as in the print.
+    reruns : tuple of reproduce.judge.rerun.Rerun
+        What was computed for each.
+    names : tuple of str
+        The cells to show; all of them by default.
+    """
+
+    address: str
+    values: tuple[str, ...]
+    reruns: tuple[Rerun, ...]
+    names: tuple[str, ...] = ()
+
+    @cached_property
+    def _columns(self) -> list[list[ChangedCell]]:
+        """What each shown cell becomes, value by value; one list for each reading of it."""
+        chosen = [
+            [one for one in rerun.cells if one.cell.is_number and self._wanted(one.cell)]
+            for rerun in self.reruns
+        ]
+        return [list(column) for column in zip(*chosen, strict=True)]
+
+    def _wanted(self, cell: Cell) -> bool:
+        return not self.names or cell.name in self.names
+
+    @property
+    def _input(self) -> Cell:
+        key, _, name = self.address.partition("#")
+        return library()[key][name]
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row per value and cell: the value, the ends of its central 99 %, the unit."""
+        import pandas as pd
+
+        rows = [
+            {
+                "setting": value,
+                "cell": one.cell.name,
+                "reading": one.reading,
+                "computed": one.value,
+                "low": one.interval[0] if one.interval else None,
+                "high": one.interval[1] if one.interval else None,
+                "unit": symbol(one.cell.unit),
+            }
+            for column in self._columns
+            for value, one in zip(self.values, column, strict=True)
+        ]
+        frame = pd.DataFrame(rows).set_index(["setting", "cell"])
+        return frame if frame["reading"].any() else frame.drop(columns="reading")
+
+    @property
+    def grid(self) -> Grid:
+        """The table of values and what becomes of each cell."""
+        head = [self._input.label, *(_name(column[0]) for column in self._columns)]
+        rows = [
+            [self._setting(value), *(_written(column[number]) for column in self._columns)]
+            for number, value in enumerate(self.values)
+        ]
+        key = self.reruns[0].key
+        return Grid(f"{key} for {len(rows)} values of {self.address}, all computed.", head, rows)
+
+    def _setting(self, value: str) -> str:
+        return f"{value} (printed)" if value == self._input.shown.replace("\u202f", " ") else value
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the table."""
+        yield from self.grid.parts(width)
+
+    def _repr_html_(self) -> str:
+        start = [self._setting(value) != value for value in self.values]
+        at = start.index(True) if any(start) else 0
+        pictures = Markup("\n").join(_picture(column, self.values) for column in self._columns)
+        return str(
+            Markup(
+                '<div class="rp-sweep">\n<p class="rp-dial" hidden><label>{}: '
+                '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
+                "<output></output></p>\n{}\n"
+                '<div class="rp-sweep-pictures">{}</div></div>'
+            ).format(self._input.label, len(self.values) - 1, at, self.grid.html, pictures)
+        )
+
+
+def _name(one: ChangedCell) -> str:
+    return f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
+
+
+def _written(one: ChangedCell) -> str:
+    if one.value is None:
+        return "none"
+    number = one.cell.number
+    text = number.format(one.value, extra=1)
+    if one.interval is not None:
+        text += f" ({' to '.join(number.format(end, extra=1) for end in one.interval)})"
+    unit = symbol(one.cell.unit) if one.cell.unit else ""
+    return f"{text} {unit}".strip().replace("-", "−")
+
+
+def _picture(column: list[ChangedCell], values: tuple[str, ...]) -> Markup:
+    """Draw a cell over the values: median, central 99 %, and the print as a dashed line."""
+    printed = column[0].cell.number
+    middle = np.array([np.nan if one.value is None else one.value for one in column])
+    ends = np.array([one.interval or (v, v) for one, v in zip(column, middle, strict=True)])
+    # No closer than the last printed digit: rounding noise is not to look like a difference.
+    seen = np.concatenate([ends.ravel(), printed.interval()])
+    low, high = np.nanmin(seen), np.nanmax(seen)
+    x = np.linspace(2 * MARGIN, WIDE - 2 * MARGIN, len(column)).round(1)
+
+    def y(value: float) -> float:
+        return round(HIGH - MARGIN - (HIGH - 2 * MARGIN) * float((value - low) / (high - low)), 1)
+
+    mark = '<g class="rp-at"><path d="M{} {}V{}"/><circle cx="{}" cy="{}" r="3.5"/></g>'
+    marks = Markup("").join(
+        Markup(mark).format(at, y(end[0]), y(end[1]), at, y(value))
+        for at, value, end in zip(x, middle, ends, strict=True)
+        if np.isfinite(value)
+    )
+    name = _name(column[0])
+    told = f"{name} from {values[0]} to {values[-1]}; dashed: printed"
+    return Markup(
+        '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">'
+        '<path class="rp-dashed" d="M{} {}H{}"/>{}</svg><figcaption>{}</figcaption></figure>'
+    ).format(WIDE, HIGH, told, MARGIN, y(printed.value), WIDE - MARGIN, marks, name)

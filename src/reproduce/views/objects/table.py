@@ -1,0 +1,428 @@
+"""A table or a cell: printed beside computed, with where each comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+from rich.console import RenderableType
+from rich.text import Text
+
+from reproduce.judge import rerun as rerunning
+from reproduce.judge.expected import erratum, reason
+from reproduce.judge.ledger import Ledger, Record, TableRecord
+from reproduce.printed.cells import Cell as PrintedCell
+from reproduce.printed.cells import anchor, library
+from reproduce.views import keys
+from reproduce.views.computed import item_ledger
+from reproduce.views.objects.base import Item, Shown, by_row, text_of
+from reproduce.views.objects.changed import Changed
+from reproduce.views.objects.sweep import Sweep
+from reproduce.views.writing import verdicts
+from reproduce.views.writing.display import Box, Entry, Grid, columns, folded
+from reproduce.views.writing.export import export, full_frame
+from reproduce.views.writing.numbers import powers_in_html
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Cell", "Table"]
+
+DETAILS = (
+    *("Cell", "Printed", "Computed", "Allowed or predicted", "Probability"),
+    *("Share of tolerance", "Verdict", "Why"),
+)
+# From this many columns on, a terminal also shows interval and probability.
+WIDE = 110
+COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
+COLOURS |= {"input": "dim"}
+
+
+class Table(Item):
+    """A table or a group of quoted numbers: printed beside computed, with verdicts.
+
+    Parameters
+    ----------
+    key : str
+        Such as ``niu2024/table-3``.
+    """
+
+    def __init__(self, key: str) -> None:
+        self.key = keys.check_key(key)
+        if self.key not in library():
+            raise ValueError(f"{key} holds no printed numbers; try figure({key!r})")
+        self._printed = library()[self.key]
+
+    @cached_property
+    def _ledger(self) -> Ledger:
+        return item_ledger(self.key)
+
+    @property
+    def _records(self) -> dict[str, Record]:
+        return {verdicts.name_of(one): one for one in self._ledger.of(self.key)}
+
+    def __getitem__(self, name: str) -> Cell:
+        """Return one cell by its name, such as ``scale.red``."""
+        return Cell(self._printed[name].address)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the table in its own shape.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Rows as in print. A table has columns as in print, each with printed, computed and
+            verdict; a group of quoted numbers has these and the unit.
+        """
+        import pandas as pd
+
+        table, wanted = self._printed, ["printed", "computed", "verdict"]
+        entries = {
+            name: (one.printed, verdicts.computed(one), one.verdict, verdicts.unit(one))
+            for name, one in self._records.items()
+        }
+        if len(table.columns) <= 1:
+            return by_row(entries, [*wanted, "unit"])
+        shaped = {
+            (column.id, what): [entries[f"{row.id}.{column.id}"][i] for row in table.rows]
+            for column in table.columns
+            for i, what in enumerate(wanted)
+        }
+        return pd.DataFrame(shaped, index=[row.id for row in table.rows])
+
+    def cells(self) -> pd.DataFrame:
+        """Return one row per cell, with every field of the ledger."""
+        return full_frame(self._ledger.of(self.key))
+
+    def rerun(
+        self,
+        changes: Mapping[str, str | float] | None = None,
+        *,
+        seed: int | None = None,
+        replicates: int | None = None,
+        **options: str,
+    ) -> Changed:
+        """Compute the table again with something changed, or under a reading of the text.
+
+        Parameters
+        ----------
+        changes : mapping, optional
+            Address of any cell in `reads` to a value as in the print: ``"0.2 px"``.
+        seed, replicates : int, optional
+            Of the random numbers, where the table draws some.
+        **options : str
+            What the text leaves open, one of its alternatives each: ``angles="rectangle"``;
+            `options` lists them.
+
+        Returns
+        -------
+        Changed
+            The computed values from the print and under the change, without a verdict; with
+            options alone, what each cell would be judged as under that reading.
+
+        Raises
+        ------
+        ValueError
+            If the table does not read the cell, a value does not fit it, or there is no such
+            option; the message lists what there is.
+        """
+        return Changed(
+            rerunning.rerun(self.key, changes, seed=seed, replicates=replicates, chosen=options)
+        )
+
+    def sweep(self, address: str, values: Sequence[str], cells: Sequence[str] = ()) -> Sweep:
+        """Compute the table again for several values of one printed input.
+
+        Parameters
+        ----------
+        address : str
+            One of the cells in `reads`.
+        values : sequence of str
+            Values as in the print: ``["0.02 px", "0.05 px", "0.2 px"]``.
+        cells : sequence of str, optional
+            Names of the cells to show; all of them by default.
+
+        Returns
+        -------
+        Sweep
+            One row per value; on a page a slider.
+        """
+        if not values:
+            raise ValueError("expected at least one value to move the cell to, got none")
+        for name in cells:
+            self[name]
+        reruns = tuple(rerunning.rerun(self.key, {address: value}) for value in values)
+        return Sweep(address, tuple(values), reruns, tuple(cells))
+
+    def export(self, form: str) -> str:
+        """Return the table as csv, json, latex or markdown."""
+        return export(self._ledger, self.key, form)
+
+    def _repr_html_(self) -> str:
+        parts = [self._whole().html]
+        place, records = self._printed.place, self._ledger.of(self.key)
+        if joint := self._ledger.table(self.key):
+            parts.append(Markup('<p class="rp-joint">{}</p>').format(_joint_sentence(joint)))
+        if readings := _readings(place, records):
+            shown = Markup("\n").join(grid.html for grid in readings)
+            parts.append(folded("Readings of the text, side by side", shown))
+        details = [_detail(record) for record in records if record.role == "result"]
+        if details:
+            grid = Grid(f"Details of {place}", DETAILS, details, kind="rp-small")
+            parts.append(folded("How each cell was judged", grid.html))
+        item = Markup('<div class="rp-item" id="{}">\n{}\n</div>')
+        return powers_in_html(item.format(anchor(self.key), Markup("\n").join(parts)))
+
+    def _whole(self) -> Grid:
+        printed, records = self._printed, self._records
+        caption = Markup("<strong>{}.</strong> {}.").format(printed.place, printed.title)
+        rows: list[list[Entry | Box]] = []
+        if len(printed.columns) <= 1:
+            elsewhere = any(cell.place != printed.place for cell in printed.cells)
+            where = ["Where"] if elsewhere else []
+            for cell in printed.cells:
+                record = records[cell.name]
+                texts: list[Entry] = [_printed(cell), _computed(record), _verdict(record)]
+                texts += [cell.place] if elsewhere else []
+                kind = f"rp-cell rp-{record.verdict}"
+                rows.append([cell.label, *(Box(text, kind=kind) for text in texts)])
+            head = ["Quantity", "Printed", "Computed", "Verdict", *where]
+            return Grid(caption, head, rows, anchors=[cell.anchor for cell in printed.cells])
+        if any(record.role == "result" for record in records.values()):
+            caption += " In each cell: printed, then computed, then the verdict."
+        for row in printed.rows:
+            names = [f"{row.id}.{column.id}" for column in printed.columns]
+            rows.append([row.label, *(_cell(printed[name], records[name]) for name in names)])
+        return Grid(caption, ["", *(column.label for column in printed.columns)], rows)
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the cells, computed beside printed, and what a reader needs beside them."""
+        yield f"{self.key}: {self.title}"
+        yield self.place
+        heads = ["cell", "printed", "computed", "unit", "verdict"]
+        heads += ["allowed or predicted", "probability"] if width >= WIDE else []
+        rows: list[tuple[str | Text, ...]] = []
+        for name, one in self._records.items():
+            value, ends = (f(one).replace("−", "-") for f in (verdicts.computed, verdicts.interval))
+            word = Text(one.verdict, style=COLOURS[one.verdict])
+            row = (name, one.printed, value, verdicts.unit(one), word)
+            wide = (ends, verdicts.probability(one))
+            rows.append(row + wide if width >= WIDE else row)
+        shown = columns(heads, rows, ruled=True, whole=range(1, 7))
+        for column in shown.columns[3:]:
+            column.justify = "left"
+        yield shown
+        yield from self._remarks()
+
+    def _remarks(self) -> Iterator[str]:
+        """Yield the joint probability, what the flags mean, the reasons and the readings."""
+        if joint := self._ledger.table(self.key):
+            yield (
+                f"The table as a whole: probability {verdicts.joint_chance(joint)}, from "
+                f"{joint.replicates:,} "
+                f"replicates; {joint.outside} of {joint.cells} cells outside, "
+                f"{joint.expected_outside:.1f} expected by chance."
+            )
+        for flag, meaning in verdicts.FLAG_MEANINGS.items():
+            if flagged := [name for name, one in self._records.items() if flag in one.flags]:
+                yield f"{flag} ({meaning}): {', '.join(flagged)}"
+        reasons: dict[str, list[str]] = {}
+        for name, one in self._records.items():
+            if one.verdict in {"differs", "blocked"}:
+                known = erratum(one.cell)
+                text = (reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
+                reasons.setdefault(f"{one.verdict}: {text}", []).append(name)
+        yield from (f"{text} ({', '.join(names)})" for text, names in reasons.items())
+        for name, one in self._records.items():
+            for reading in one.readings:
+                read = verdicts.read(one, reading).replace("−", "-")
+                yield f"{name}, if {reading.name} ({reading.place}): {read}"
+
+
+def _cell(cell: PrintedCell, record: Record) -> Box:
+    parts = [_printed(cell)]
+    if cell.is_number:
+        parts += [_computed(record), _verdict(record)]
+    html = Markup("<br>").join(part for part in parts if part)
+    return Box(html, cell.anchor, f"rp-cell rp-{record.verdict}")
+
+
+def _printed(cell: PrintedCell) -> Markup:
+    shown = Markup('<span class="rp-printed">{}</span>').format(cell.shown)
+    if cell.sigma:
+        shown += Markup(' <span class="rp-sigma">{}σ</span>').format(cell.sigma)
+    note = Markup(' <abbr title="{}">{}</abbr>').format
+    if cell.unit_assumed and cell.is_number:
+        shown += note(cell.unit_assumed, "unit ours")
+    return shown + note(cell.misprint, "misprint?") if cell.misprint else shown
+
+
+def _computed(record: Record) -> Markup:
+    text = verdicts.computed(record)
+    return Markup('<span class="rp-computed">{}</span>').format(text) if text else Markup("")
+
+
+def _verdict(record: Record) -> Markup:
+    shown = {*verdicts.WEAK, "stand_in"}
+    marks = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in shown)
+    flags = Markup('<span class="rp-flag">{}</span>').format(marks) if marks else ""
+    badge = Markup('<span class="rp-badge rp-badge-{0}" title="{1}">{0}</span>{2}')
+    return badge.format(record.verdict, reason(record.cell) or record.why, flags)
+
+
+def _detail(record: Record) -> list[Entry]:
+    why: Entry = ". ".join(part for part in (record.why, reason(record.cell)) if part)
+    if known := erratum(record.cell):
+        link = Markup('{} <a href="../audit/errata.html#{}">Erratum</a>')
+        why = link.format(why, known)
+    return [
+        _link(record),
+        verdicts.cell_of(record).shown,
+        verdicts.computed(record, extra=1),
+        verdicts.interval(record),
+        verdicts.probability(record),
+        "" if record.share is None else f"{record.share:.2f}",
+        record.verdict,
+        why,
+    ]
+
+
+def _link(record: Record) -> Markup:
+    link = Markup('<a href="#{}"><code>{}</code></a>')
+    return link.format(anchor(record.cell), verdicts.name_of(record))
+
+
+def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
+    """Lay out the readings of blocked cells, one table for cells that share their readings."""
+    groups: dict[tuple[tuple[str, str], ...], list[Record]] = {}
+    for record in records:
+        if record.readings:
+            names = tuple((reading.name, reading.place) for reading in record.readings)
+            groups.setdefault(names, []).append(record)
+    grids = []
+    for number, (names, group) in enumerate(groups.items(), start=1):
+        head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
+        cells = [
+            Markup("{} {}").format(_link(record), verdicts.cell_of(record).shown)
+            for record in group
+        ]
+        body = [[verdicts.read(record, one) for one in record.readings] for record in group]
+        if len(group) <= len(names):
+            head, cells, body = cells, head, [list(row) for row in zip(*body, strict=True)]
+        rows = [[label, *row] for label, row in zip(cells, body, strict=True)]
+        grids.append(Grid(f"Readings of {place}, {number}", ["", *head], rows, kind="rp-small"))
+    return grids
+
+
+def _joint_sentence(joint: TableRecord) -> str:
+    subject = "The one predicted cell"
+    if joint.cells > 1:
+        subject = f"All {joint.cells} predicted cells together"
+    return (
+        f"{subject}: a table simulated whole is at least as "
+        f"surprising with probability {verdicts.joint_chance(joint)} "
+        f"({joint.replicates:,} replicates). {joint.outside} of them lie outside the central "
+        f"99 % of their prediction; {joint.expected_outside:.2g} would by chance."
+    )
+
+
+class Cell(Shown):
+    """One printed number: what the paper prints, what we compute, the verdict and why.
+
+    Parameters
+    ----------
+    address : str
+        Such as ``niu2024/table-3#scale.red``.
+    """
+
+    def __init__(self, address: str) -> None:
+        key, _, name = address.partition("#")
+        self.table = Table(key)
+        self._cell: PrintedCell = library()[self.table.key][name]
+        self.key = self.address = self._cell.address
+        self._maker = rerunning.maker(self.address)
+
+    @cached_property
+    def record(self) -> Record:
+        """Everything that the ledger says of it."""
+        return item_ledger(self.table.key).cell(self.address)
+
+    @property
+    def printed(self) -> str:
+        """As a reader sees it, with its unit."""
+        return self._cell.shown
+
+    @property
+    def computed(self) -> float | None:
+        """Recomputed value or median of the prediction, in the unit of print."""
+        return self.record.computed
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in one word."""
+        return self.record.verdict
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Addresses that the function that makes it reads itself."""
+        return () if self._maker is None else rerunning.reads(self._maker)
+
+    @property
+    def source(self) -> str:
+        """The text of the function that makes it, empty for an input."""
+        return "" if self._maker is None else text_of(self._maker.function)
+
+    @property
+    def options(self) -> pd.DataFrame:
+        """What the text leaves open of its table."""
+        return self.table.options
+
+    def frame(self) -> pd.DataFrame:
+        """Return its record as a column."""
+        import pandas as pd
+
+        return pd.DataFrame({self.address: self.record.model_dump()})
+
+    def rerun(
+        self,
+        changes: Mapping[str, str | float] | None = None,
+        *,
+        seed: int | None = None,
+        replicates: int | None = None,
+        **options: str,
+    ) -> Changed:
+        """Compute the cell again with something changed, as `Table.rerun` does."""
+        whole = self.table.rerun(changes, seed=seed, replicates=replicates, **options)
+        return Changed(whole.result, self._cell.name)
+
+    def export(self, form: str) -> str:
+        """Return its record as csv, json, latex or markdown."""
+        return export(item_ledger(self.table.key), self.address, form)
+
+    def _lines(self) -> list[tuple[str, str]]:
+        record = self.record
+        value = verdicts.computed(record, extra=1)
+        lines = [
+            ("printed", self.printed),
+            ("computed", f"{value} {verdicts.unit(record)}".strip() if value else ""),
+            ("allowed or predicted", verdicts.interval(record)),
+            ("probability", verdicts.probability(record)),
+            ("verdict", ", ".join((record.verdict, *record.flags))),
+            ("why", reason(self.address) or record.why),
+            ("function", record.function or ""),
+            ("equations", ", ".join(f"({one})" for one in record.equations)),
+            ("seed", ", ".join(map(str, record.seed or ()))),
+            ("reads", ", ".join(self.reads)),
+            *((f"if {one.name}", verdicts.read(record, one)) for one in record.readings),
+        ]
+        return [(name, text) for name, text in lines if text]
+
+    def _repr_html_(self) -> str:
+        return Grid(self._cell.label, ("", self.address), self._lines())._repr_html_()
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the cell with all that is known of it, a line each."""
+        yield f"{self.address}: {self._cell.label}"
+        yield from (f"  {name}: {text}" for name, text in self._lines())

@@ -1,0 +1,241 @@
+"""How a number is written, wherever it is shown: minus signs, powers of ten, errors, chances."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+from reproduce.papers.study import LEAST_DRAWS, Column, Fact
+
+if TYPE_CHECKING:
+    from reproduce.inference.checks import Range, Share
+
+__all__ = [
+    *("chance", "digits", "entry", "fact", "percent", "plain", "powers", "powers_in_html"),
+    *("ranged", "shared", "signed"),
+]
+
+# Below this a probability is written with its power of ten.
+SMALL = 1e-3
+# Below this the end of a range is written with its power of ten.
+TINY = 1e-5
+
+_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
+_SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_TAGS = re.compile(r"(<[^>]*>)")
+
+
+def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any") -> str:
+    """Write a number by a format specification, with a true minus sign.
+
+    What is smaller than `zero` is the rounding of nothing; what has no limit is named.
+
+    Examples
+    --------
+    >>> number(-0.25, ".1f"), number(3e-16, ".2e", zero=1e-12), number(float("inf"), ".1f")
+    ('−0.2', '0', 'any')
+    """
+    if math.isinf(value):
+        return infinite
+    if abs(value) < zero:
+        return "0"
+    return f"{value:{form}}".replace("-", "−")
+
+
+def entry(value: float | str, column: Column, error: tuple[float, str] | None = None) -> str:
+    """Write an entry of a column, with its error and the form of that if it has one.
+
+    Examples
+    --------
+    >>> entry(1.0, Column("RMSE (px)", "±"), (0.0423, "")), entry(2e-9, Column("p", "chance"))
+    ('1.000 ± 0.042', '10⁻⁹')
+    """
+    if isinstance(value, float) and math.isnan(value):
+        return column.missing
+    if not column.form or isinstance(value, str):
+        return str(value)
+    if column.form == "chance":
+        return _counted(value, column.draws, column.zero)
+    if column.form == "±" and error:
+        form = f".{max(0, 1 - math.floor(math.log10(error[0])))}f"
+        return f"{number(value, form)} ± {number(error[0], form)}"
+    text = number(value, column.form, zero=column.zero, infinite=column.infinite)
+    return f"{text} ± {number(error[0], error[1] or '.1g')}" if error else text
+
+
+def fact(quoted: Fact) -> str:
+    """Write a fact with its unit.
+
+    Examples
+    --------
+    >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
+    ('0.04\u202fpx', 'Table 2')
+    """
+    text = entry(quoted.value, Column("", quoted.form, quoted.zero))
+    return f"{text}\u202f{quoted.unit}" if quoted.unit else text
+
+
+def powers(text: str) -> str:
+    """Write the exponents of a text as powers of ten.
+
+    Examples
+    --------
+    >>> powers("from 1e−6 to −5.7e+12 px, not 2e-05.")
+    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
+    """
+
+    def write(found: re.Match[str]) -> str:
+        digits, sign, size = found.groups()
+        power = f"{'−' if sign in ('-', '−') else ''}{size}".translate(_SUPERSCRIPTS)
+        return f"10{power}" if digits == "1" else f"{digits}\u202f×\u202f10{power}"
+
+    return _EXPONENT.sub(write, text)
+
+
+def powers_in_html(html: str) -> str:
+    """Write exponents as powers of ten wherever HTML shows a sentence or a number.
+
+    Examples
+    --------
+    >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
+    '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
+    """
+    pieces, verbatim = _TAGS.split(html), 0
+    for index, piece in enumerate(pieces):
+        if re.match(r"</?(code|pre|script|style)\b", piece):
+            verbatim += -1 if piece.startswith("</") else 1
+        elif not piece.startswith("<") and not verbatim:
+            pieces[index] = powers(piece)
+    return "".join(pieces)
+
+
+def chance(value: float, mcse: float) -> str:
+    """Write a probability with no more digits than its Monte Carlo error allows.
+
+    Examples
+    --------
+    >>> chance(0.4321, 0.01)
+    '0.43'
+    """
+    if value < mcse:
+        return f"<\u00a0{2 * mcse:.1g}"
+    decimals = 1
+    while decimals < 6 and 10.0**-decimals > 2 * mcse:
+        decimals += 1
+    return f"{value:.{decimals}f}"
+
+
+def _counted(probability: float, draws: int, least: float) -> str:
+    """Write a probability by its count where the draws can tell, else as a power of ten."""
+    if probability * draws >= LEAST_DRAWS:
+        return chance(probability, math.sqrt(probability * max(2 - probability, 0) / draws))
+    if probability >= 1e-3:
+        return f"{probability:.1g}"
+    bound = round(math.log10(least or 1e-300))
+    power = round(math.log10(max(probability, 1e-300)))
+    text = f"10{str(max(power, bound)).translate(_SUPERSCRIPTS)}"
+    return text if power >= bound else f"<\u202f{text}"
+
+
+def digits(value: float, mcse: float) -> str:
+    """Write a number with no more digits than its Monte Carlo standard error allows.
+
+    The last digit is the first that is larger than two standard errors, so that a second run
+    changes it by one at most, nearly always; but a number that is larger than its error keeps its
+    first digit, and a zero has no sign.
+
+    Examples
+    --------
+    >>> digits(1.23456, 0.002), digits(1234.5, 3.0), digits(0.5, 0.0)
+    ('1.23', '1230', '0.5')
+    >>> digits(-0.23, 0.06), digits(7.0, 4.0), digits(-0.0003, 0.002)
+    ('-0.2', '7', '0.00')
+    """
+    if not math.isfinite(mcse) or mcse <= 0:
+        return f"{value:z.6g}"
+    decimals = -math.ceil(math.log10(2 * mcse))
+    if abs(value) > mcse:
+        decimals = max(decimals, -math.floor(math.log10(abs(value))))
+    if decimals >= 0:
+        return f"{value:z.{min(decimals, 12)}f}"
+    return f"{round(value, decimals):z.0f}"
+
+
+def percent(share: Share) -> str:
+    """Write a share with its error.
+
+    Examples
+    --------
+    >>> from reproduce.inference.checks import Share
+    >>> percent(Share(0.948, 0.007, 1000))
+    '94.8 ± 0.7 %'
+    """
+    return f"{100 * share.value:.1f} ± {100 * share.error:.1f} %"
+
+
+def shared(share: Share) -> str:
+    """Write a probability with its Monte Carlo standard error, or the bound that none seen sets.
+
+    Examples
+    --------
+    >>> from reproduce.inference.checks import Share
+    >>> shared(Share(0.03775, 0.003, 4000)), shared(Share(0.0, 0.00025, 4000))
+    ('0.04 ± 0.003', '< 0.0008')
+    >>> shared(Share(0.0, 0.00025, 4000, sides=2))
+    '< 0.002'
+    >>> shared(Share(0.002, 0.0009, 4000))
+    '0.002 ± 0.0009'
+    """
+    if share.value == 0:
+        return f"< {share.bound:.1g}"
+    if share.value >= SMALL:
+        text = digits(share.value, share.error)
+        # Nearly all error: one digit still says more than a zero.
+        text = text if float(text) else f"{share.value:.1g}"
+        return f"{text} ± {share.error:.1g}"
+    kept = math.floor(math.log10(share.value)) - math.ceil(math.log10(2 * share.error))
+    return f"{share.value:.{max(kept, 0)}e} ± {share.error:.0e}"
+
+
+def signed(text: str) -> str:
+    """Write a number with its sign, plus too.
+
+    Examples
+    --------
+    >>> signed("1.2"), signed("-0.3")
+    ('+1.2', '−0.3')
+    """
+    return plain(text) if text.startswith("-") else f"+{text}"
+
+
+def plain(text: str) -> str:
+    """Write a number with a minus for a hyphen, and none before a zero.
+
+    Examples
+    --------
+    >>> plain("-0.3"), plain("-0.00"), plain("-2e-11")
+    ('−0.3', '0.00', '−2e-11')
+    """
+    return text if not text.startswith("-") else f"{'−' if float(text) else ''}{text[1:]}"
+
+
+def ranged(found: Range) -> str:
+    """Write the ends of a range, with no more digits than their errors allow.
+
+    Examples
+    --------
+    >>> from reproduce.inference.checks import Range
+    >>> ranged(Range(0.123456, 2.5, (0.002, 0.04))), ranged(Range(-2.4e-11, 0.71, (0.0, 0.01)))
+    ('0.12 to 2.5', '−2e-11 to 0.7')
+    >>> ranged(Range(-4.052, -4.05, (0.0, 0.0)))
+    '−4.052 to −4.050'
+    """
+    # An error of nothing: simulations that are alike there, not an end that is exact.
+    least = (found.high - found.low) / 30 or abs(found.high) / 5000
+    ends = zip((found.low, found.high), found.errors, strict=True)
+    return " to ".join(plain(_end(end, error or least)) for end, error in ends)
+
+
+def _end(end: float, error: float) -> str:
+    return f"{end:.0e}" if 0 < abs(end) < TINY else digits(end, error)

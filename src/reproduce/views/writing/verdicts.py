@@ -1,0 +1,130 @@
+"""How a cell's numbers and its verdict are written: in the terminal, the book and the exports."""
+
+from __future__ import annotations
+
+from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
+from reproduce.judge.verdicts import VERDICTS
+from reproduce.printed.cells import Cell, library
+from reproduce.printed.units import symbol
+from reproduce.views.writing.numbers import chance
+
+__all__ = [
+    *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "computed", "interval"),
+    *("joint_chance", "name_of", "probability", "qualified", "quantity", "read", "strong"),
+    *("tally", "unit", "weak", "weak_agreement"),
+]
+
+MEANINGS: dict[str, str] = {
+    "exact": "recomputed and rounds to the printed digits",
+    "consistent": "inside the central 99 % of what the reproduction predicts",
+    "differs": "recomputed and does not agree",
+    "blocked": "needs something the paper does not publish, or depends on how the text is read",
+    "input": "taken from the paper, nothing to compute",
+}
+
+FLAG_MEANINGS: dict[str, str] = {
+    "through_rounding": "agrees only because the printed inputs are rounded",
+    "repeated": "the print repeats another printed cell",
+    "difference": "one printed number less another",
+    "uninformative": "the predicted interval is wider than the number itself",
+    "bound": "the print states a limit, not a value",
+    "stand_in": "the value shown stands in for something unpublished",
+    "about": "printed as an approximate number",
+    "nominal": "printed as a nominal value",
+}
+
+
+def name_of(record: Record) -> str:
+    """Return the name of a record's cell within its item."""
+    return record.cell.partition("#")[2]
+
+
+def cell_of(record: Record) -> Cell:
+    """Return the printed cell that a record judges."""
+    return library()[record.key].by_name[name_of(record)]
+
+
+def computed(record: Record, extra: int = 0) -> str:
+    """Write a record's computed value with as many decimals as the print."""
+    if record.computed is None:
+        return ""
+    # One more digit where the printed ones alone could not show the difference.
+    hidden = record.verdict == "differs" or "through_rounding" in record.flags
+    text = cell_of(record).number.format(record.computed, extra=extra + hidden)
+    return text.replace("-", "−")
+
+
+def interval(record: Record) -> str:
+    """Write a record's interval, empty where there is none."""
+    if record.interval is None or record.interval[0] == record.interval[1]:
+        return ""
+    number = cell_of(record).number
+    low, high = (number.format(end, extra=1).replace("-", "−") for end in record.interval)
+    return f"{low} to {high}"
+
+
+def probability(record: Record) -> str:
+    """Write a record's probability with no more digits than its Monte Carlo error allows."""
+    if record.probability is None or record.mcse is None:
+        return ""
+    return chance(record.probability, record.mcse)
+
+
+def joint_chance(joint: TableRecord) -> str:
+    """Write the joint probability of a table."""
+    if joint.joint_probability * (joint.replicates + 1) < 1.5:
+        return f"below 1 in {joint.replicates:,}"
+    return chance(joint.joint_probability, joint.mcse)
+
+
+def read(record: Record, reading: ReadingRecord) -> str:
+    """Write what a blocked cell is under one reading of the text."""
+    flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
+    hidden = not reading.agrees or "through_rounding" in reading.flags
+    value = cell_of(record).number.format(reading.computed, extra=int(hidden)).replace("-", "−")
+    marks = f" ({', '.join(flag.replace('_', ' ') for flag in flags)})" if flags else ""
+    return f"{quantity(value, unit(record))}, {reading.verdict}{marks}"
+
+
+def unit(record: Record) -> str:
+    """Write the unit of a record, empty for pure numbers, counts and words."""
+    return symbol(record.unit) if record.unit else ""
+
+
+def quantity(value: str, mark: str) -> str:
+    """Write a number before the sign of its unit."""
+    gap = "" if mark in {"", "°", "″"} else "\u202f"
+    return f"{value}{gap}{mark}"
+
+
+def tally(records: tuple[Record, ...]) -> dict[str, int]:
+    """Count records by verdict, every verdict present, in the order in which they are shown."""
+    return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
+
+
+WEAK = ("repeated", "difference", "through_rounding", "uninformative")
+
+
+def weak(records: tuple[Record, ...]) -> dict[str, int]:
+    """Count the records that agree by each flag of `WEAK`; one with two flags counts in both."""
+    return {flag: sum(flag in r.flags for r in _agreeing(records)) for flag in WEAK}
+
+
+def strong(records: tuple[Record, ...]) -> int:
+    """Count the records that agree and carry no flag of weak agreement."""
+    return sum(not weak_agreement(r) for r in _agreeing(records))
+
+
+def weak_agreement(record: Record) -> bool:
+    """Tell whether a record agrees in a way that says little."""
+    return bool(_agreeing((record,)) and set(WEAK) & set(record.flags))
+
+
+def qualified(record: Record) -> str:
+    """Write a verdict with what makes it weak."""
+    flags = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in WEAK)
+    return f"{record.verdict} ({flags})" if flags else record.verdict
+
+
+def _agreeing(records: tuple[Record, ...]) -> list[Record]:
+    return [r for r in records if r.verdict in {"exact", "consistent"}]
