@@ -29,7 +29,7 @@ def facts() -> Mapping[str, Fact]:
 @draws("niu2024-approximations", marks=[NOISE], named=facts)
 def draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
     """Error of each approximation over the field, before and after a fit, for Tables 1 and 4."""
-    figure.set_size_inches(5.2, 5.6)
+    figure.set_size_inches(4.9, 5.6)
     costs = approximations.costs(given(approximations.READS))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, table in zip(panels, approximations.TABLES, strict=True):

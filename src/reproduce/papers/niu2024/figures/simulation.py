@@ -72,7 +72,7 @@ def _row(address: str, label: str, prediction: Prediction) -> Row:
 def draw_table_3(figure: Figure, printed: Marks) -> None:
     """Table 3 printed against predicted: each prediction scaled to the same width."""
     rows = table_3()
-    figure.set_size_inches(5.0, 4.9)
+    figure.set_size_inches(4.9, 4.9)
     axes = figure.add_subplot()
     for height, row in enumerate(rows):
         _predicted(axes, height, row)
