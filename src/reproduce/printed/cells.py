@@ -112,6 +112,12 @@ class Cell:
         return self.number.value * si_factor(self.unit)
 
     @property
+    def si_interval(self) -> tuple[float, float]:
+        """The values that agree with the print, lower and upper end in SI units."""
+        low, high = self.number.interval()
+        return low * si_factor(self.unit), high * si_factor(self.unit)
+
+    @property
     def shown(self) -> str:
         """The cell as a reader sees it: qualifier, digits, unit."""
         if isinstance(self.content, str):

@@ -43,17 +43,18 @@ def test_the_pivot_errs_by_the_printed_difference_of_principal_points_by_hand():
     assert COSTS["Table 4", "blue", "pivot"].peak == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("draw", [drawings.draw_table_1, drawings.draw_table_4], ids=["1", "4"])
-def test_there_is_a_map_of_every_approximation_for_both_channels(draw):
+def test_the_drawing_has_every_cost_and_the_printed_noise():
     figure = Figure()
-    draw(figure)
-    titles = [axes.get_title() for axes in figure.axes]
-    expected = [(t, c) for t in approximations.TITLES.values() for c in ("red", "blue")]
-    assert len(titles) == len(expected) == 10
-    for title, (what, channel) in zip(titles, expected, strict=True):
-        assert title.startswith(f"{what}, {channel}")
-    lined = [bool(axes.collections) for axes in figure.axes]
-    assert lined == [what != approximations.TITLES["pivot"] for what, _ in expected]
+    drawings.draw_costs(figure, {drawings.NOISE: 0.05})
+    costs = approximations.costs(DOOR)
+    for axes, table in zip(figure.axes, approximations.TABLES, strict=True):
+        lines = {line.get_label(): line.get_xdata() for line in axes.lines}
+        np.testing.assert_allclose(lines.pop("printed noise"), 0.05)
+        for channel in ("red", "blue"):
+            own = [c for c in costs if c.labels[1:] == (table, channel)]
+            np.testing.assert_array_equal(lines[channel], [c.rms for c in own])
+            left = [c.left for c in own if c.labels[0] != approximations.TITLES["pivot"]]
+            np.testing.assert_array_equal(lines[f"{channel}, after a fit"], left)
 
 
 def test_a_fit_takes_up_the_pivot_whole_and_the_radial_terms_in_part():

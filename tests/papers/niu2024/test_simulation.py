@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from reproduce.judge import ledger
+from reproduce.papers.declare import Marks
 from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.niu2024.figures import simulation as drawings
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.printed.cells import find
+from reproduce.printed.cells import find, library
 from reproduce.printed.given import given
+from reproduce.printed.units import si_factor
 
 DOOR = given(simulation.calibrated_parameters.given)
 SEED = np.random.SeedSequence(99)
@@ -206,3 +210,30 @@ def test_no_green_point_reconciles_tables_1_and_2():
             )
         }
         assert abs(np.subtract(*apart.values())) > 4 * 0.05
+
+
+def test_the_drawing_of_table_3_shows_the_predictions_that_judge_it():
+    """Bars are the ledger's intervals, one for each reading."""
+    records = {record.cell: record for record in ledger.build(["niu2024/table-3"]).records}
+    rows = drawings.table_3()
+    assert {row.address for row in rows} == set(records)
+    for row in rows:
+        record = records[row.address]
+        factor = si_factor(library()["niu2024/table-3"][record.cell.partition("#")[2]].unit)
+        predicted = [record.interval] if record.interval else [r.interval for r in record.readings]
+        ends = np.array([one for one in predicted if one is not None]) * factor
+        assert np.isclose(ends, [row.low, row.high], rtol=1e-12, atol=0).all(axis=1).any()
+        np.testing.assert_allclose(row.scaled([row.low, row.high]), [-1, 1], atol=1e-9)
+    assert len({(row.address, row.low) for row in rows}) == len(rows) == 12
+
+
+def test_a_far_print_is_an_arrow_at_its_side_and_a_near_one_keeps_its_rounding():
+    row = drawings.Row("a", "scale, red", 1.0, 2.0, 3.0)
+    far, near = Figure().add_subplot(), Figure().add_subplot()
+    drawings._printed(far, 0, row, Marks({"a": -50.0}, {"a": (-50.5, -49.5)}))
+    drawings._printed(near, 0, row, Marks({"a": 4.0}, {"a": (3.5, 4.5)}))
+    assert [one.get_text() for one in far.texts] == ["52 away"]
+    assert [one.get_marker() for one in far.lines] == ["<"]
+    np.testing.assert_allclose(near.lines[0].get_xdata(), [1.5, 2.5])
+    np.testing.assert_allclose(near.lines[-1].get_xdata(), [2.0])
+    assert not near.texts

@@ -32,9 +32,9 @@ STUDIES = {
 # The modules of our own drawings.
 DRAWINGS = {
     "niu2024-registration": "figures.registration",
-    "niu2024-approximations-table-1": "figures.approximations",
-    "niu2024-approximations-table-4": "figures.approximations",
+    "niu2024-approximations": "figures.approximations",
     "niu2024-rotary-table": "figures.calibration",
+    "niu2024-table-3": "figures.simulation",
     "niu2024-convergence": "figures.readings",
     "niu2024-distributions": "figures.readings",
     "niu2024-fusion-star": "figures.images",

@@ -35,7 +35,7 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = ["READS", "TITLES", "channels", "costs", "half_size", "isolated"]
+__all__ = ["READS", "ROUNDING", "TABLES", "TITLES", "Cost", "costs", "facts"]
 
 APPROXIMATIONS = "niu2024/text-approximations"
 SHARE = f"{APPROXIMATIONS}#first-term-share"

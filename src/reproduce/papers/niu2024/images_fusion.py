@@ -32,7 +32,7 @@ from reproduce.store import studies
 
 __all__ = [
     "BLACKBODIES", "LIKELY", "MADE", "MAGNITUDES", "MARGIN", "PHASES", "PLACES", "RESULTS",
-    "SEED", "STARS", "STUDY", "TEMPERATURE", "TRIALS", "cell", "combinations", "exposures",
+    "SEED", "STARS", "TEMPERATURE", "TRIALS", "cell", "combinations", "exposures",
     "light_of", "named", "simulate", "stored",
 ]  # fmt: skip
 

@@ -44,8 +44,8 @@ from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
 __all__ = [
-    "ADDRESSES", "ARRANGEMENT", "CELLS", "CHOICES", "CHUNK", "COUNTED", "MEASURED", "READS",
-    "REPEATS", "REPLICATES", "SEED", "STUDY", "TESTS", "Choices", "all_draws", "choices",
+    "ADDRESSES", "ARRANGEMENT", "CELLS", "CHOICES", "CHUNK", "COUNTED", "READS",
+    "REPEATS", "REPLICATES", "SEED", "TESTS", "Choices", "all_draws", "choices",
     "counted", "literal", "numbers", "readings", "simulate", "simulate_channel",
     "stored", "summarised", "summary",
 ]  # fmt: skip

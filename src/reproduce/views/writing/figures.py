@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Drawing
+from reproduce.papers.declare import Drawing, Marks
 from reproduce.printed.cells import anchor, find, library
 from reproduce.views.computed import once
 
@@ -72,7 +72,8 @@ def draw(key: str, door: Given | None = None) -> Figure:
     drawing = declared(key)
     table = library().get(key)
     marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
-    printed = {c.address: c.si for c in marked if c.is_number}
+    numbers = [cell for cell in marked if cell.is_number]
+    printed = Marks({c.address: c.si for c in numbers}, {c.address: c.si_interval for c in numbers})
     with styled() as figure:
         drawing(figure, printed, door)
     return figure

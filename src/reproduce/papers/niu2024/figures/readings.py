@@ -62,7 +62,7 @@ def draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
     """Median and central 99 % of every printed number, by reading, with the print."""
     rows, factors = chosen(), np.array(FACTORS)
     quantiles = readings.stored().arrays["quantiles"]
-    figure.set_size_inches(6.4, 9.6)
+    figure.set_size_inches(6.4, 10.6)
     grid = figure.subplots(len(TITLES), 2, sharey=True)
     for place, channel in enumerate(simulation.REGISTERED):
         for cell, axes in enumerate(grid[:, place]):
@@ -74,13 +74,12 @@ def draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
                 axes.plot(middle, height, marker, color="#000000", markersize=3.5)
             value = printed[readings.ADDRESSES[place * len(TITLES) + cell]] * factors[cell]
             axes.axvline(value, color="#000000", linestyle="--", linewidth=1)
-            axes.set_xlabel(f"{channel}: {TITLES[cell]}")
+            axes.set_xlabel(f"{channel}: {TITLES[cell]}", fontsize=9)
+            axes.tick_params(labelsize=8.5)
             axes.ticklabel_format(axis="x", useOffset=False)
             axes.locator_params(axis="x", nbins=3)
-    grid[0, 0].set_yticks(np.arange(len(rows)), list(rows), fontsize=7)
+    grid[0, 0].set_yticks(np.arange(len(rows)), list(rows), fontsize=8.5)
     grid[0, 0].set_ylim(len(rows) - 0.5, -0.5)
-    for axes in grid.flat:
-        axes.tick_params(axis="y", labelsize=7)
 
 
 # The paper draws restarts "within a certain range" that it does not print; this one is ours.
