@@ -66,4 +66,5 @@ DRAWINGS = {
     "chen2023-instruments": "figures.attitude",
     "chen2023-misalignment": "figures.attitude",
     "chen2023-stage": "figures.attitude",
+    "chen2023-focal-lengths": "figures.effectiveness",
 }

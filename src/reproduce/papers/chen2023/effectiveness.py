@@ -33,7 +33,7 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
 )
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import Column, Fact, studied
 from reproduce.physics.attitude.misalignment import stage_angle
 from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -53,6 +53,7 @@ __all__ = [
     "TABLE",
     "common_length",
     "fitted_length",
+    "focal_lengths",
     "monitoring_errors",
 ]
 
@@ -378,6 +379,38 @@ def fitted_length(motions: FloatArray, angles: FloatArray, sigma: float) -> Fitt
     return FittedLength(1.0 / slope, error / slope**2, float(away @ inverse @ away))
 
 
+def implied_facts(given: Given) -> dict[str, Fact]:
+    """What sentences say of the implied focal lengths: their ends, and where all rows meet.
+
+    Of the readings with interchanged columns, also the largest difference between a monitored and a
+    reference angle if the reference columns were the interchanged ones.
+    """
+    rows = [row for row in focal_lengths.function(given) if str(row[0]).startswith("reference")]
+    own, other, half = (np.array([row[i] for row in rows], dtype=float) for i in (1, 4, 5))
+    across = [
+        given[f"{TABLE}#{state}.monitoring-{turn}"] - given[f"{TABLE}#{state}.reference-{axis}"]
+        for axis, turn in TURNS.items()
+        for state in MOVED
+    ]
+    lengths = {
+        "printed-least": own.min(),
+        "printed-most": own.max(),
+        "interchanged-least": other.min(),
+        "interchanged-most": other.max(),
+        "shared-low": (other - half).max(),
+        "shared-high": (other + half).min(),
+    }
+    facts = {name: Fact(float(value), ".1f", "mm") for name, value in lengths.items()}
+    facts |= {
+        "printed-spread": Fact(float(np.ptp(own)), ".0f", "mm"),
+        "interchanged-spread": Fact(float(np.ptp(other)), ".1f", "mm"),
+        "largest-difference": Fact(
+            float(np.abs(across).max()) / RADIANS_PER_ARCSEC, ".3f", "arcsec"
+        ),
+    }
+    return facts
+
+
 @studied(
     "chen2023/focal-lengths",
     given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
@@ -394,6 +427,7 @@ def fitted_length(motions: FloatArray, angles: FloatArray, sigma: float) -> Fitt
     "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
     f"{len(MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
     "digit.",
+    named=implied_facts,
 )
 def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
