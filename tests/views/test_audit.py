@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -151,14 +152,30 @@ def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
     assert any(f"-{paper}-" in link for link in links)
 
 
-def test_every_erratum_has_its_anchor():
+@pytest.mark.parametrize("supposed", [False, True])
+def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(supposed):
     register = audit_pages.errata_register()
-    for supposed in (False, True):
-        text = audit_pages.errata(supposed).text
-        anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', text)
-        assert anchors == [entry.id for entry in register if bool(entry.supposition) == supposed]
-        assert len(anchors) == len(set(anchors)) > 0
-        assert text.count("<dt>Supposing that</dt>") == len(anchors) * supposed
+    text = audit_pages.errata(supposed).text
+    anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', text)
+    assert sorted(anchors) == sorted(e.id for e in register if bool(e.supposition) == supposed)
+    assert re.findall(r'<tr><th scope="row"><a href="#([^"]+)"', text) == anchors
+    entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", text, flags=re.DOTALL)
+    assert [re.search(r'id="([^"]+)"', entry).group(1) for entry in entries] == anchors
+    assert text.count("<dt>Supposing that</dt>") == len(anchors) * supposed
+
+
+def test_errata_come_by_consequence():
+    """Those that move a conclusion first, then by the number of results that rest on them."""
+    by_id = {entry.id: entry for entry in audit_pages.errata_register()}
+    shown = re.findall(r'<section class="rp-erratum" id="([^"]+)"', audit_pages.errata().text)
+    resting = Counter(e.erratum for e in frozen().values() if e.erratum)
+    ranks = [("moves", "open", "stands").index(by_id[name].conclusion) for name in shown]
+    assert ranks == sorted(ranks)
+    counts = [resting[name] for name in shown]
+    for rank in set(ranks):
+        within = [count for count, own in zip(counts, ranks, strict=True) if own == rank]
+        assert within == sorted(within, reverse=True)
+    assert shown[0] == "chen2023-table-5-columns"
 
 
 def test_a_differs_links_to_its_erratum():
@@ -191,11 +208,10 @@ def test_pages_show_corrections_equations_and_pictures(paper):
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():
     text = audit_pages.errata().text
     section = re.search(r'id="chen2023-table-5-motion".*?</section>', text, flags=re.DOTALL).group()
-    assert "table-5#4.motion-y</code>: 60.66 printed, 60.36 computed" in section
+    link = '<a href="../chen2023/effectiveness.html#chen2023-table-5-4-motion-y">'
+    assert f"{link}<code>table-5#4.motion-y</code></a>: 60.66 printed, 60.36 computed" in section
     section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, flags=re.DOTALL)
-    assert "2.reference-y</code>: −2.006 printed, blocked: agrees with 3 of 5" in (
-        section.group().replace("-2.006", "−2.006")
-    )
+    assert "2.reference-y</code></a>: −2.006 printed, blocked: agrees with 3 of 5" in section.group()
 
 
 def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():

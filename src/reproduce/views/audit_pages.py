@@ -51,6 +51,8 @@ _RESCUES = {
     "truncation": "all numbers were cut off after their last digit",
     "ceiling": "all numbers were rounded upwards",
 }
+# From the gravest consequence to none.
+_CONCLUSIONS = ("moves", "open", "stands")
 # As many cells as a picture can show legibly.
 _MOST = 32
 
@@ -204,9 +206,33 @@ def equations(paper: str) -> Html:
 
 
 def errata(supposed: bool = False) -> Html:
-    """Show the register of errata, each entry with its own anchor and citation."""
+    """Show the register of errata by consequence: a table, then each entry, folded."""
     chosen = [entry for entry in errata_register() if bool(entry.supposition) == supposed]
-    return Html(Markup("").join(_erratum(entry) for entry in chosen))
+    chosen.sort(key=_consequence)
+    heads = ("Where", "Printed", "Results that rest on it", "The paper's conclusion", "Status")
+    rows = [
+        [
+            Markup('<a href="#{0.id}">{0.paper}: {0.place}</a>').format(entry),
+            entry.printed,
+            str(len(_resting(entry)) or "none"),
+            entry.conclusion,
+            entry.status + (", or a fault of our text" if entry.extraction else ""),
+        ]
+        for entry in chosen
+    ]
+    kind = "that suppose something" if supposed else "by consequence"
+    table = _table(heads, rows, f"The {len(rows)} errata {kind}.")
+    return Html(table + Markup("").join(map(_erratum, chosen)))
+
+
+def _consequence(entry: Erratum) -> tuple[int, int, bool]:
+    """Order errata: what moves a conclusion, what many results rest on, faults of our text last."""
+    return _CONCLUSIONS.index(entry.conclusion), -len(_resting(entry)), entry.extraction
+
+
+def _resting(entry: Erratum) -> list[str]:
+    """Return the cells whose verdict rests on an entry."""
+    return [address for address, expected in frozen().items() if expected.erratum == entry.id]
 
 
 def _erratum(entry: Erratum) -> Markup:
@@ -229,10 +255,9 @@ def _erratum(entry: Erratum) -> Markup:
     items = Markup("").join(
         Markup("<dt>{}</dt><dd>{}</dd>").format(term, text) for term, text in terms.items() if text
     )
-    return Markup(
-        '<section class="rp-erratum" id="{0.id}"><p><strong>{0.paper}: {0.place}</strong></p>'
-        "<dl>{1}</dl></section>"
-    ).format(entry, items)
+    # The anchor stands inside the fold: a browser opens a fold around the place it is led to.
+    section = Markup('<section class="rp-erratum" id="{}"><dl>{}</dl></section>')
+    return folded(f"{entry.paper}: {entry.place}", section.format(entry.id, items))
 
 
 def _evidence(entry: Erratum, audit: Audit) -> Markup:
@@ -260,7 +285,7 @@ def _evidence(entry: Erratum, audit: Audit) -> Markup:
 
 def _verdicts(entry: Erratum) -> Markup:
     """Write the cells of the ledger whose verdict rests on an entry."""
-    resting = [a for a, expected in frozen().items() if expected.erratum == entry.id]
+    resting = _resting(entry)
     if not resting:
         return Markup("")
     records = {
@@ -268,7 +293,7 @@ def _verdicts(entry: Erratum) -> Markup:
     }
     return Markup("<br>").join(
         Markup("{}: {} printed, {}").format(
-            _code(within_paper(a)), records[a].printed, _outcome(records[a])
+            _cell_link(a), records[a].printed.replace("-", "−"), _outcome(records[a])
         )
         for a in resting
     )
@@ -281,9 +306,9 @@ def _outcome(record: Record) -> str:
     return f"{_digits(record.computed or 0.0)} computed"
 
 
-def picture(paper: str, alternative: str) -> Html:
+def picture(paper: str, alternative: str, caption: str = "") -> Html:
     """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
-    return Html(inline(_drawn(audit_paper(paper)), f"audit-{paper}", alternative))
+    return Html(inline(_drawn(audit_paper(paper)), f"audit-{paper}", alternative, caption))
 
 
 def _drawn(audit: Audit) -> Figure:
