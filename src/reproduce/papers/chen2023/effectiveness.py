@@ -385,8 +385,9 @@ def implied_facts(given: Given) -> dict[str, Fact]:
     Of the readings with interchanged columns, also the largest difference between a monitored and a
     reference angle if the reference columns were the interchanged ones.
     """
-    rows = [row for row in focal_lengths.function(given) if str(row[0]).startswith("reference")]
-    own, other, half = (np.array([row[i] for row in rows], dtype=float) for i in (1, 4, 5))
+    frame = focal_lengths(given)
+    frame = frame[frame["Angle"].str.startswith("reference")]
+    own, other, half = (frame.iloc[:, column].to_numpy(np.float64) for column in (1, 4, 5))
     across = [
         given[f"{TABLE}#{state}.monitoring-{turn}"] - given[f"{TABLE}#{state}.reference-{axis}"]
         for axis, turn in TURNS.items()
