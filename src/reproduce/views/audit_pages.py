@@ -216,7 +216,7 @@ def errata(supposed: bool = False) -> Html:
             entry.printed,
             str(len(_resting(entry)) or "none"),
             entry.conclusion,
-            entry.status + (", or a fault of our text" if entry.extraction else ""),
+            entry.status + ("; our text may be at fault" if entry.extraction else ""),
         ]
         for entry in chosen
     ]

@@ -34,7 +34,7 @@ def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
     labels = [", ".join(reversed(names.iloc[i])) for i in order]
     own, own_half, other, other_half = (frame.iloc[order, i].to_numpy() for i in (1, 2, 4, 5))
 
-    figure.set_size_inches(6.0, 3.7)
+    figure.set_size_inches(5.2, 3.7)
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(5, 3))
     rows = np.arange(len(order))
     left.hlines(rows, own, other, color="#777777", lw=0.8)
@@ -48,7 +48,8 @@ def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
     left.set(yticks=rows, yticklabels=labels, ylim=(len(rows) - 0.5, -0.5))
     right.set_title("the same, enlarged", size=10)
     right.set_xlim((other - other_half).min() - 0.5, (other + other_half).max() + 0.5)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    entries = left.get_legend_handles_labels()
+    figure.legend(*entries, loc="outside lower center", ncols=3, columnspacing=1.0)
 
 
 def _points(
@@ -65,4 +66,5 @@ def _points(
         markerfacecolor=look.colour if filled else "none",
         label=look.name,
         capsize=2,
+        zorder=2 if filled else 3,
     )
