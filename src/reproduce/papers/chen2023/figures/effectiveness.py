@@ -40,7 +40,9 @@ def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
     left.hlines(rows, own, other, color="#777777", lw=0.8)
     _points(left, PRINTED, rows, own, own_half)
     for axes in (left, right):
-        axes.axvspan((other - other_half).max(), (other + other_half).min(), color="#D55E0033")
+        ends = (other - other_half).max(), (other + other_half).min()
+        colour = INTERCHANGED.colour
+        axes.axvspan(*ends, facecolor=(colour, 0.2), edgecolor=colour, linestyle=":", linewidth=0.8)
         _points(axes, INTERCHANGED, rows, other, other_half)
         axes.set_xlabel("focal length (mm)")
     nominal = printed[TELESCOPE] * 1e3
