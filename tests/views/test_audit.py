@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ import reproduce as rp
 from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
-from reproduce.printed.cells import anchor
+from reproduce.printed.cells import anchor, library
 from reproduce.views.book import audit
 from reproduce.views.cli import main
 from reproduce.views.objects.contradictions import errata_register
@@ -111,17 +112,15 @@ def test_the_score_counts_what_the_audit_found():
 
 
 def test_a_relation_that_restates_a_cell_links_to_it():
-    """To the page that shows its table, at the anchor of the cell, for each of them."""
+    """By the anchor of the cell, which the book turns into a link to its page."""
     for paper in ("niu2024", "chen2023"):
         text = audit.relations(paper).text
-        links = re.findall(r'restates <a href="\.\./([^"#]+)\.html#([^"]+)"', text)
+        links = re.findall(r'restates <a href="#([^"]+)"', text)
         findings = audit_paper(paper).findings
         addresses = [f.relation.restates.partition(" (")[0] for f in findings]
-        assert sorted(a for _, a in links) == sorted(anchor(a) for a in addresses if a)
-        for page, target in set(links):
-            source = (Path(__file__).parents[2] / "book" / f"{page}.md").read_text()
-            keys = re.findall(r'rp\.table\("([^"]+)"\)', source)
-            assert any(f'id="{target}"' in rp.table(key)._repr_html_() for key in keys), target
+        assert sorted(links) == sorted(anchor(address) for address in addresses if address)
+        cells = {cell.anchor for table in library().values() for cell in table.cells}
+        assert set(links) <= cells
 
 
 def test_a_generated_name_leads_to_its_declaration():
@@ -147,19 +146,35 @@ def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
     anchors = re.findall(r'<tr id="([^"]+)"', audit.relations(paper).text)
     assert len(anchors) == len(set(anchors)) == len(audit_paper(paper).findings)
     shown = audit.errata().text + audit.errata(supposed=True).text
-    links = re.findall(r'href="relations.html#([^"]+)"', shown)
+    links = re.findall(r'href="#([^"]+)"', shown)
     assert {link for link in links if f"-{paper}-" in link} <= set(anchors)
     assert any(f"-{paper}-" in link for link in links)
 
 
-def test_every_erratum_has_its_anchor():
+@pytest.mark.parametrize("supposed", [False, True])
+def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(supposed):
     register = errata_register()
-    for supposed in (False, True):
-        text = audit.errata(supposed).text
-        anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', text)
-        assert anchors == [entry.id for entry in register if bool(entry.supposition) == supposed]
-        assert len(anchors) == len(set(anchors)) > 0
-        assert text.count("<dt>Supposing that</dt>") == len(anchors) * supposed
+    text = audit.errata(supposed).text
+    anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', text)
+    assert sorted(anchors) == sorted(e.id for e in register if bool(e.supposition) == supposed)
+    assert re.findall(r'<tr><th scope="row"><a href="#([^"]+)"', text) == anchors
+    entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", text, flags=re.DOTALL)
+    assert [re.search(r'id="([^"]+)"', entry).group(1) for entry in entries] == anchors
+    assert text.count("<dt>Supposing that</dt>") == len(anchors) * supposed
+
+
+def test_errata_come_by_consequence():
+    """Those that move a conclusion first, then by the number of results that rest on them."""
+    by_id = {entry.id: entry for entry in errata_register()}
+    shown = re.findall(r'<section class="rp-erratum" id="([^"]+)"', audit.errata().text)
+    resting = Counter(e.erratum for e in frozen().values() if e.erratum)
+    ranks = [("moves", "open", "stands").index(by_id[name].conclusion) for name in shown]
+    assert ranks == sorted(ranks)
+    counts = [resting[name] for name in shown]
+    for rank in set(ranks):
+        within = [count for count, own in zip(counts, ranks, strict=True) if own == rank]
+        assert within == sorted(within, reverse=True)
+    assert shown[0] == "chen2023-table-5-columns"
 
 
 def test_a_differs_links_to_its_erratum():
@@ -167,7 +182,7 @@ def test_a_differs_links_to_its_erratum():
     linked = {a: e.erratum for a, e in frozen().items() if e.erratum}
     assert set(linked.values()) <= known
     text = rp.table("niu2024/table-2")._repr_html_()
-    assert text.count('href="../audit/errata.html#niu2024-table-2-translation"') == 4
+    assert text.count('href="#niu2024-table-2-translation"') == 4
     assert erratum("niu2024/table-1#focal-length.red") == ""
     shown = " ".join(run("show", "niu2024/table-2").stdout.split())
     assert "Erratum niu2024-table-2-translation." in shown
@@ -192,11 +207,10 @@ def test_pages_show_corrections_equations_and_pictures(paper):
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():
     text = audit.errata().text
     section = re.search(r'id="chen2023-table-5-motion".*?</section>', text, flags=re.DOTALL).group()
-    assert "table-5#4.motion-y</code>: 60.66 printed, 60.36 computed" in section
-    section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, flags=re.DOTALL)
-    assert "2.reference-y</code>: −2.006 printed, blocked: agrees with 3 of 5" in (
-        section.group().replace("-2.006", "−2.006")
-    )
+    link = '<a href="#chen2023-table-5-4-motion-y">'
+    assert f"{link}<code>table-5#4.motion-y</code></a>: 60.66 printed, 60.36 computed" in section
+    section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, re.DOTALL).group()
+    assert "2.reference-y</code></a>: −2.006 printed, blocked: agrees with 3 of 5" in section
 
 
 def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from reproduce.views.figures import data, draw
 
 from reproduce.judge.ledger import build
 from reproduce.judge.verdicts import judge_prediction
@@ -165,3 +166,29 @@ def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
     assert np.ptp(own) > 50
     assert np.ptp(other) < 1
     assert (np.abs(other - np.median(other)) <= half).all()
+
+
+def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
+    """Ends of eight quotients, the band that fits all, one difference under the other heading."""
+    facts = {name: fact.value for name, fact in effectiveness.focal_lengths.facts().items()}
+    assert facts["printed-least"] == pytest.approx(19.99e-3 / np.tan(2.034 * ARCSEC))
+    assert facts["printed-most"] == pytest.approx(20.27e-3 / np.tan(2.006 * ARCSEC))
+    assert facts["interchanged-least"] == pytest.approx(19.99e-3 / np.tan(2.006 * ARCSEC))
+    assert facts["interchanged-most"] == pytest.approx(40.29e-3 / np.tan(4.042 * ARCSEC), abs=0.05)
+    assert facts["printed-spread"] == facts["printed-most"] - facts["printed-least"]
+    assert facts["interchanged-least"] < facts["shared-low"] < facts["shared-high"]
+    assert facts["largest-difference"] == pytest.approx(2.125 - 2.006)
+    bound = library()[f"{effectiveness.PLAN}#difference-bound".partition("#")[0]]
+    assert facts["largest-difference"] > bound["difference-bound"].number.interval()[1]
+
+
+def test_the_picture_of_the_focal_lengths_shows_each_row_under_both_readings():
+    shown = data(draw("chen2023-focal-lengths"))
+    frame = effectiveness.focal_lengths()
+    frame = frame[frame["Angle"].str.startswith("reference")]
+    left = shown[shown["panel"] == 1]
+    for column in (1, 4):
+        for length in frame.iloc[:, column]:
+            assert np.isclose(left["x"], length).any()
+    assert set(frame.iloc[:, 4].round(6)) <= set(shown[shown["panel"] == 2]["x"].round(6))
+    assert np.isclose(left["x"], 2000.0).any(), "the nominal length"

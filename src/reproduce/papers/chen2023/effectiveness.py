@@ -33,7 +33,7 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
 )
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import Column, Fact, studied
 from reproduce.physics.attitude.misalignment import stage_angle
 from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -53,6 +53,7 @@ __all__ = [
     "TABLE",
     "common_length",
     "fitted_length",
+    "focal_lengths",
     "monitoring_errors",
 ]
 
@@ -316,6 +317,39 @@ def fitted_length(
     return 1.0 / slope, error, float(away @ inverse @ away)
 
 
+def implied_facts(given: Given) -> dict[str, Fact]:
+    """What sentences say of the implied focal lengths: their ends, and where all rows meet.
+
+    Of the readings with interchanged columns, also the largest difference between a monitored and a
+    reference angle if the reference columns were the interchanged ones.
+    """
+    frame = focal_lengths(given)
+    frame = frame[frame["Angle"].str.startswith("reference")]
+    own, other, half = (frame.iloc[:, column].to_numpy(np.float64) for column in (1, 4, 5))
+    across = [
+        given[f"{TABLE}#{state}.monitoring-{turn}"] - given[f"{TABLE}#{state}.reference-{axis}"]
+        for axis, turn in TURNS.items()
+        for state in MOVED
+    ]
+    lengths = {
+        "printed-least": own.min(),
+        "printed-most": own.max(),
+        "interchanged-least": other.min(),
+        "interchanged-most": other.max(),
+        "shared-low": (other - half).max(),
+        "shared-high": (other + half).min(),
+    }
+    facts = {name: Fact(float(value), ".1f", "mm") for name, value in lengths.items()}
+    facts |= {
+        "printed-spread": Fact(float(np.ptp(own)), ".0f", "mm"),
+        "interchanged-spread": Fact(float(np.ptp(other)), ".1f", "mm"),
+        "largest-difference": Fact(
+            float(np.abs(across).max()) / RADIANS_PER_ARCSEC, ".3f", "arcsec"
+        ),
+    }
+    return facts
+
+
 @studied(
     "chen2023/focal-lengths",
     given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
@@ -332,6 +366,7 @@ def fitted_length(
     "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
     f"{len(MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
     "digit.",
+    named=implied_facts,
 )
 def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""

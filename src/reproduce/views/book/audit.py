@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import re
 from collections.abc import Iterable, Sequence
 
 from markupsafe import Markup
@@ -13,7 +11,6 @@ from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group, audit_paper
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record
-from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.version import __version__
 from reproduce.views.computed import item_ledger
@@ -37,6 +34,8 @@ _RESCUES = {
     "truncation": "all numbers were cut off after their last digit",
     "ceiling": "all numbers were rounded upwards",
 }
+# From the gravest consequence to none.
+_CONCLUSIONS = ("moves", "open", "stands")
 # As many cells as a picture can show legibly.
 _MOST = 32
 
@@ -102,24 +101,10 @@ def relation_anchor(paper: str, name: str) -> str:
 
 
 def _cell_link(number: str) -> Markup:
-    """Link a computed number, a cell or a reading of it, to the page that shows the cell."""
+    """Link a computed number, a cell or a reading of it, to the cell."""
     address, _, reading = number.partition(" ")
-    text = _code(within_paper(address))
-    if page := _pages().get(address.partition("#")[0]):
-        text = Markup('<a href="{}#{}">{}</a>').format(page, anchor(address), text)
-    return text + (f" {reading}" if reading else "")
-
-
-@functools.cache
-def _pages() -> dict[str, str]:
-    """Return the page that shows each table, as seen from the audit's; none without the book."""
-    paths = sorted((data_folder().parent / "book").glob("*/*.md"))
-    calls = re.compile(r'^rp\.table\("([^"]+)"\)', re.MULTILINE)
-    return {
-        key: f"../{path.parent.name}/{path.stem}.html"
-        for path in paths
-        for key in calls.findall(path.read_text(encoding="utf-8"))
-    }
+    link = Markup('<a href="#{}">{}</a>').format(anchor(address), _code(within_paper(address)))
+    return link + (f" {reading}" if reading else "")
 
 
 def _badge(finding: Finding) -> Markup:
@@ -183,9 +168,33 @@ def equations(paper: str) -> Html:
 
 
 def errata(supposed: bool = False) -> Html:
-    """Show the register of errata, each entry with its own anchor and citation."""
+    """Show the register of errata by consequence: a table, then each entry, folded."""
     chosen = [entry for entry in errata_register() if bool(entry.supposition) == supposed]
-    return Html(Markup("").join(_erratum(entry) for entry in chosen))
+    chosen.sort(key=_consequence)
+    heads = ("Where", "Printed", "Results that rest on it", "The paper's conclusion", "Status")
+    rows = [
+        [
+            Markup('<a href="#{0.id}">{0.paper}: {0.place}</a>').format(entry),
+            entry.printed,
+            str(len(_resting(entry)) or "none"),
+            entry.conclusion,
+            entry.status + ("; our text may be at fault" if entry.extraction else ""),
+        ]
+        for entry in chosen
+    ]
+    kind = "that suppose something" if supposed else "by consequence"
+    table = _table(heads, rows, f"The {len(rows)} errata {kind}.")
+    return Html(table + Markup("").join(map(_erratum, chosen)))
+
+
+def _consequence(entry: Erratum) -> tuple[int, int, bool]:
+    """Order errata: what moves a conclusion, what many results rest on, faults of our text last."""
+    return _CONCLUSIONS.index(entry.conclusion), -len(_resting(entry)), entry.extraction
+
+
+def _resting(entry: Erratum) -> list[str]:
+    """Return the cells whose verdict rests on an entry."""
+    return [address for address, expected in frozen().items() if expected.erratum == entry.id]
 
 
 def _erratum(entry: Erratum) -> Markup:
@@ -208,10 +217,9 @@ def _erratum(entry: Erratum) -> Markup:
     items = Markup("").join(
         Markup("<dt>{}</dt><dd>{}</dd>").format(term, text) for term, text in terms.items() if text
     )
-    return Markup(
-        '<section class="rp-erratum" id="{0.id}"><p><strong>{0.paper}: {0.place}</strong></p>'
-        "<dl>{1}</dl></section>"
-    ).format(entry, items)
+    # The anchor stands inside the fold: a browser opens a fold around the place it is led to.
+    section = Markup('<section class="rp-erratum" id="{}"><dl>{}</dl></section>')
+    return folded(f"{entry.paper}: {entry.place}", section.format(entry.id, items))
 
 
 def _evidence(entry: Erratum, audit: Audit) -> Markup:
@@ -221,7 +229,7 @@ def _evidence(entry: Erratum, audit: Audit) -> Markup:
     for finding in findings:
         relation = finding.relation
         pieces.append(
-            Markup('<a href="relations.html#{}"><code>{}</code></a>: {}').format(
+            Markup('<a href="#{}"><code>{}</code></a>: {}').format(
                 relation_anchor(entry.paper, relation.name),
                 relation.name,
                 contradictions.sides(finding, audit),
@@ -239,7 +247,7 @@ def _evidence(entry: Erratum, audit: Audit) -> Markup:
 
 def _verdicts(entry: Erratum) -> Markup:
     """Write the cells of the ledger whose verdict rests on an entry."""
-    resting = [a for a, expected in frozen().items() if expected.erratum == entry.id]
+    resting = _resting(entry)
     if not resting:
         return Markup("")
     records = {
@@ -247,7 +255,7 @@ def _verdicts(entry: Erratum) -> Markup:
     }
     return Markup("<br>").join(
         Markup("{}: {} printed, {}").format(
-            _code(within_paper(a)), records[a].printed, _outcome(records[a])
+            _cell_link(a), records[a].printed.replace("-", "−"), _outcome(records[a])
         )
         for a in resting
     )
@@ -260,7 +268,7 @@ def _outcome(record: Record) -> str:
     return f"{_digits(record.computed or 0.0)} computed"
 
 
-def picture(paper: str, alternative: str) -> Html:
+def picture(paper: str, alternative: str, caption: str = "") -> Html:
     """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
     audit = audit_paper(paper)
     counts = audit.blamed()
@@ -284,7 +292,8 @@ def picture(paper: str, alternative: str) -> Html:
         right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
         right.set_xlabel("smallest sets")
         right.set_title("in how many")
-    return Html(inline(vector_of(figure), f"audit-{paper}", alternative))
+    below = Markup("<figcaption>{}</figcaption>").format(caption) if caption else ""
+    return Html(inline(vector_of(figure), f"audit-{paper}", alternative, below))
 
 
 def audit_facts() -> dict[str, str]:

@@ -278,7 +278,7 @@ def _verdict(record: Record) -> Markup:
 def _detail(record: Record) -> list[Entry]:
     why: Entry = ". ".join(part for part in (record.why, reason(record.cell)) if part)
     if known := erratum(record.cell):
-        link = Markup('{} <a href="../audit/errata.html#{}">Erratum</a>')
+        link = Markup('{} <a href="#{}">Erratum</a>')
         why = link.format(why, known)
     return [
         _link(record),
