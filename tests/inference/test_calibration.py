@@ -197,16 +197,6 @@ def test_intervals_without_a_study_are_refused(tmp_path, monkeypatch):
     assert isinstance(result.exception, SystemExit)
 
 
-def test_study_that_does_not_tell_what_is_estimated_is_refused(tmp_path, small):
-    stored.store("registration", small, 7, tmp_path)
-    study = studies.read("sbc-registration", tmp_path)
-    plain = {**study.arrays, "covered": small.covered.astype(bool)}
-    studies.write(study.name, plain, {k: v for k, v in study.note.items() if k != "sha256"},
-                  tmp_path)  # fmt: skip
-    with pytest.raises(studies.StudyError, match="calibrate registration --intervals"):
-        stored.load("registration", tmp_path)
-
-
 def test_none_is_shown_where_there_is_no_estimate(small):
     shown = {row[0]: row[-1] for row in coverage_rows(with_parts(small))}
     share = 100 * small.covered[:, LEVELS.index(0.95), 0].mean()

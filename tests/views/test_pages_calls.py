@@ -6,14 +6,13 @@ from html.parser import HTMLParser
 import pytest
 
 import reproduce as rp
-from reproduce.papers.catalogue import catalogue
 from reproduce.papers.study import Column, Fact
 from reproduce.printed.cells import library
 from reproduce.views.book import pages
 from reproduce.views.book.build import shipped, write_tables
 from reproduce.views.book.facts import facts_of
 from reproduce.views.computed import whole_ledger
-from reproduce.views.writing import numbers
+from reproduce.views.writing import numbers, verdicts
 from reproduce.views.writing.figures import drawable
 
 TABLES = list(library())
@@ -91,23 +90,13 @@ def test_figures_follow_the_theme_and_have_alternative_text(key):
         assert used in ids
 
 
-def test_the_score_adds_up():
-    html = rp.contents()._repr_html_()
+def test_the_index_adds_up():
+    html = rp.contents().index.html
     rows = [re.findall(r"<td>([\d·]+)</td>", row) for row in html.split("<tr>")[2:]]
-    numbers = [[int(n.replace("·", "0")) for n in row] for row in rows]
-    assert len(numbers) == 3
-    assert [a + b for a, b in zip(numbers[0], numbers[1], strict=True)] == numbers[2]
-    for row in numbers:
-        assert sum(row[:6]) == row[6]
-    assert numbers[2][6] == len(whole_ledger().records)
-
-
-def test_the_score_of_one_paper_lists_its_items():
-    html = rp.contents("chen2023")._repr_html_()
-    for key in catalogue():
-        paper, _, name = key.partition("/")
-        if key in library() and paper == "chen2023":
-            assert html.count(f"<code>{name}</code>") == 1
+    counts = [[int(n.replace("·", "0")) for n in row] for row in rows if row]
+    assert len(counts) == len(library())
+    tally = verdicts.tally(whole_ledger().records)
+    assert [sum(column) for column in zip(*counts, strict=True)] == list(tally.values())
 
 
 def test_facts_of_a_cell_an_item_and_a_paper():

@@ -49,6 +49,7 @@ __all__ = [
     "DECIDED",
     "FRAMES",
     "LAST",
+    "PLAN",
     "STATES",
     "TABLE",
     "common_length",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_focal_lengths"]
-
 PRINTED = Look("columns as printed", "#0072B2", "none", "o")
 INTERCHANGED = Look("columns interchanged", "#D55E00", "none", "D")
 
