@@ -86,7 +86,7 @@ def test_figures_follow_the_theme_and_have_alternative_text(key):
     assert not re.search(r"<g [^>]*fill[^>]*>\s*<text>", html), "nor does what it stands in"
     ids = re.findall(r'\bid="([^"]+)"', html)
     assert all(name.startswith(f"figure-{key.replace('/', '-')}") for name in ids)
-    for used in re.findall(r'(?:url\(#|href="#)([^)"]+)', html):
+    for used in re.findall(r'(?:url\(#|xlink:href="#)([^)"]+)', html):
         assert used in ids
 
 
