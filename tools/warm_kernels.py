@@ -93,7 +93,8 @@ def serve(arguments: list[str], folder: str | None, environment: Mapping[str, st
     os.environ.update(environment or {})
     sys.argv = ["ipykernel_launcher", *arguments]
     sys.path[0:0] = [""]  # as for a kernel: modules beside the page
-    IPKernelApp.launch_instance(arguments)
+    # With a parent it ends when that ends, and does not tell a terminal how to leave it.
+    IPKernelApp.launch_instance([*arguments, f"--IPKernelApp.parent_handle={os.getppid()}"])
 
 
 def start() -> None:
