@@ -5,7 +5,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from pack_book import INSTALL, pack, readme
+from pack_book import ARCHIVE, INSTALL, OPEN, pack, readme
 
 
 @pytest.fixture
@@ -40,6 +40,12 @@ def test_equal_files_give_an_equal_archive(root: Path) -> None:
 
 def test_readme_gives_the_lines_that_are_tested() -> None:
     assert all(f"    {line}\n" in readme() for line in INSTALL)
+
+
+def test_the_page_gives_the_same_lines() -> None:
+    page = (Path(__file__).parents[2] / "book" / "run.md").read_text(encoding="utf-8")
+    assert "\n".join((*INSTALL, OPEN)) in page
+    assert f'href="{ARCHIVE}"' in page
 
 
 def test_two_wheels_are_refused(root: Path) -> None:

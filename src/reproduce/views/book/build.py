@@ -11,10 +11,12 @@ import json
 import sys
 from pathlib import Path
 
+from reproduce.judge.studies import studies
 from reproduce.locate import data_folder
 from reproduce.printed.cells import anchor, library
 from reproduce.views import computed, keys
 from reproduce.views.book import facts
+from reproduce.views.objects.study import StudyTable
 from reproduce.views.writing.export import export, signed, table_files
 
 __all__ = ["shipped", "write_facts", "write_tables"]
@@ -37,7 +39,9 @@ def shipped() -> dict[str, str]:
         "ledger.json": "one record per printed cell",
         "ledger.schema.json": "what each field of the ledger means",
     }
-    return files | {f"tables/{anchor(key)}.csv": f"{key}, {keys.title(key)}" for key in library()}
+    titles = {key: keys.title(key) for key in library()}
+    titles |= {key: study.title for key, study in studies().items()}
+    return files | {f"tables/{anchor(key)}.csv": f"{key}, {what}" for key, what in titles.items()}
 
 
 def write_tables(folder: Path) -> None:
@@ -47,6 +51,9 @@ def write_tables(folder: Path) -> None:
     texts = {"ledger.json": signed(whole).model_dump_json(indent=2), "ledger.schema.json": schema}
     for key in library():
         texts |= {path: export(whole, key, form) for path, form in table_files(key).items()}
+    for key in studies():
+        table = StudyTable(key)
+        texts |= {path: table.export(form) for path, form in table_files(key).items()}
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")

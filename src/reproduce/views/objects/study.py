@@ -10,10 +10,13 @@ from rich.console import RenderableType
 
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Column
+from reproduce.printed.cells import anchor
 from reproduce.views.computed import once
+from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, setting, text_of
 from reproduce.views.writing import numbers
 from reproduce.views.writing.display import Entry, Grid, folded
+from reproduce.views.writing.export import table_files
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 __all__ = ["StudyTable"]
+
+LONG = 150  # rows that a page shows whole
 
 
 class StudyTable(Changeable):
@@ -76,26 +81,34 @@ class StudyTable(Changeable):
         forms = {column.name: column.form for column in self._study.columns}
         behind = {column.error for column in self._study.columns} | {folded}
         shown = [column for column in self._study.columns if column.name not in behind]
-        anchor = f"study-{self.key.replace('/', '-')}" + ("-changed" if self.changes else "")
+        where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
         parts = [("", frame)] if not folded else frame.groupby(folded, sort=False)
         return {
             str(name): Grid(
                 self._caption(),
                 [column.name for column in shown],
                 [[_entry(row, c, forms) for c in shown] for row in part.to_dict(orient="records")],
-                f"{anchor}-{place}" if place else anchor,
+                f"{where}-{place}" if place else where,
                 "rp-study",
             )
             for place, (name, part) in enumerate(parts)
         }
 
     def _repr_html_(self) -> str:
-        if not self._study.folded:
-            return str(self.grids[""].html)
-        return "\n".join(
-            folded(name, grid.html, opened=not place)
-            for place, (name, grid) in enumerate(self.grids.items())
-        )
+        grids = list(self.grids.items())
+        # A reader of a page sees the first part of a long table, and takes the whole away.
+        shown = grids if len(self.frame()) <= LONG else grids[:1]
+        parts = [
+            folded(name, grid.html, opened=not place) if name else grid.html
+            for place, (name, grid) in enumerate(shown)
+        ]
+        if rest := sum(len(grid.rows) for _, grid in grids[len(shown) :]):
+            told = f"{rest:,} more rows, by {self._study.folded}, are in the files below."
+            parts.append(Markup("<p>{}</p>").format(told))
+        if not self.changes:
+            where = f"study-{anchor(self.key)}"
+            parts.append(bar(self.key, where, table_files(self.key), self.source))
+        return "\n".join(parts)
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the title, and the table with its caption, part by part."""
