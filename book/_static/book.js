@@ -18,3 +18,11 @@ document.addEventListener("DOMContentLoaded", () => {
     show();
   }
 });
+
+// The menu's folds are named after their part: the theme leaves them without a name.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const summary of document.querySelectorAll(".bd-sidenav details > summary")) {
+    const part = summary.closest("li").querySelector("a");
+    summary.setAttribute("aria-label", `Pages below ${part.textContent.trim()}`);
+  }
+});

@@ -1,0 +1,77 @@
+"""Every page keeps WCAG 2.1, levels A and AA, as far as axe-core can tell, light and dark."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page
+from reading import DESKTOP, HTML, SETTLED, built_pages
+
+pytestmark = pytest.mark.browser
+RUN = """async () => (await axe.run(document, {
+    runOnly: {type: 'tag', values: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa']},
+    resultTypes: ['violations'],
+})).violations.map(v => `${v.id}: ${v.nodes.slice(0, 3).map(n => n.target.join(' ')).join()}`)"""
+SCHEMES = ("light", "dark")
+
+
+def axe() -> str:
+    """Return the script of axe-core."""
+    package = find_spec("axe_playwright_python")
+    assert package is not None
+    assert package.submodule_search_locations
+    path = Path(package.submodule_search_locations[0]) / "axe.min.js"
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module", params=SCHEMES)
+def themed(request: pytest.FixtureRequest, browser: Browser) -> Any:
+    context = browser.new_context(viewport=DESKTOP, color_scheme=request.param)
+    yield context.new_page()
+    context.close()
+
+
+@pytest.mark.parametrize("address", built_pages())
+def test_page_has_no_violation(themed: Page, address: str) -> None:
+    themed.goto((HTML / address).as_uri(), wait_until="load")
+    themed.evaluate(SETTLED)
+    themed.evaluate(axe())
+    assert themed.evaluate(RUN) == []
+
+
+def test_a_violation_is_seen(themed: Page) -> None:
+    themed.set_content("<html lang='en'><title>x</title><img src='x.png'><button></button>")
+    themed.evaluate(axe())
+    found = [one.partition(":")[0] for one in themed.evaluate(RUN)]
+    assert found == ["button-name", "image-alt"]
+
+
+@pytest.mark.parametrize("address", ["run.html"])
+def test_a_slider_moves_with_the_keyboard(themed: Page, address: str) -> None:
+    themed.goto((HTML / address).as_uri(), wait_until="load")
+    dial = themed.locator(".rp-sweep input").first
+    before = themed.locator(".rp-sweep output").first.text_content()
+    dial.focus()
+    themed.keyboard.press("ArrowRight")
+    after = themed.locator(".rp-sweep output").first.text_content()
+    assert before != after
+    assert themed.locator(".rp-sweep tbody tr:visible").count() == 1
+
+
+def test_without_a_script_a_slider_is_a_table(browser: Browser) -> None:
+    context = browser.new_context(viewport=DESKTOP, java_script_enabled=False)
+    page = context.new_page()
+    page.goto((HTML / "run.html").as_uri())
+    assert page.locator(".rp-sweep tbody tr:visible").count() > 1
+    assert page.locator(".rp-dial:visible").count() == 0
+    context.close()
+
+
+def test_a_mark_of_the_wall_leads_to_its_cell(themed: Page) -> None:
+    themed.goto((HTML / "index.html").as_uri(), wait_until="load")
+    themed.locator('a[href$="#niu2024-table-3-scale-red"]').first.click()
+    themed.wait_for_url("**/niu2024/simulation.html#niu2024-table-3-scale-red")
+    box = themed.locator("#niu2024-table-3-scale-red").bounding_box()
+    assert box is not None
+    assert 40 < box["y"] < DESKTOP["height"], "clear of the bar at the top"
