@@ -85,6 +85,10 @@ class Formula:
     result: str
     bare: bool
 
+    def __reduce__(self) -> tuple[Callable[[str], Formula], tuple[str]]:
+        """Keep the text alone, from which it can be read again."""
+        return read, (self.text,)
+
 
 @functools.cache
 def read(text: str) -> Formula:

@@ -15,11 +15,12 @@ from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
+from reproduce.audit.report import Audit, audit_paper
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
 
-__all__ = ["FOLDER", "fingerprint", "item_ledger", "kept", "once", "whole_ledger"]
+__all__ = ["FOLDER", "fingerprint", "item_ledger", "kept", "once", "paper_audit", "whole_ledger"]
 
 FOLDER = "REPRODUCE_BUILD"
 Result = TypeVar("Result")
@@ -79,3 +80,9 @@ def item_ledger(*keys: str) -> Ledger:
 def whole_ledger() -> Ledger:
     """Return the ledger of everything."""
     return once("ledger", ledger.build)
+
+
+@cache
+def paper_audit(paper: str) -> Audit:
+    """Return what the cross-examination of a paper found."""
+    return once(f"audit-{paper}", lambda: audit_paper(paper))

@@ -8,12 +8,12 @@ from markupsafe import Markup
 
 from reproduce.audit.errata import Erratum
 from reproduce.audit.examine import Finding
-from reproduce.audit.report import Audit, Group, audit_paper
+from reproduce.audit.report import Audit, Group
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.version import __version__
-from reproduce.views.computed import item_ledger
+from reproduce.views.computed import item_ledger, paper_audit
 from reproduce.views.objects import contradictions
 from reproduce.views.objects.contradictions import errata_register, within_paper
 from reproduce.views.writing.display import Grid, Html, folded
@@ -47,7 +47,7 @@ def score() -> Html:
     heads += ["Restate computed cells", "Contradict among these"]
     heads += ["Equations run", "Fail as extracted", "Rest on suppositions of ours"]
     rows = []
-    for audit in map(audit_paper, PAPERS):
+    for audit in map(paper_audit, PAPERS):
         own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
         supposing = sum(bool(shown.supposition) for shown in audit.equations)
         counts = [len(audit.cells), len(audit.examined), len(audit.bounded), sum(own), *own]
@@ -59,7 +59,7 @@ def score() -> Html:
 
 def relations(paper: str) -> Html:
     """Show all relations of a paper: first those that do not simply agree, then the others."""
-    audit = audit_paper(paper)
+    audit = paper_audit(paper)
     loud = [f for f in audit.read if f.outcome != "agrees"]
     quiet = [f for f in audit.read if f.outcome == "agrees"]
     shown = _relations_table(loud, audit, "Relations that do not simply agree")
@@ -119,7 +119,7 @@ def _badge(finding: Finding) -> Markup:
 def smallest_sets(paper: str) -> Html:
     """Show the smallest sets of cells that cannot all be right."""
     rows = []
-    audit = audit_paper(paper)
+    audit = paper_audit(paper)
     wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
     for conflict in audit.conflicts:
         because = _codes(conflict.relations)
@@ -134,7 +134,7 @@ def smallest_sets(paper: str) -> Html:
 
 def corrections(paper: str) -> Html:
     """Show the contradictions of a paper with the slips of the pen that would lift them."""
-    audit = audit_paper(paper)
+    audit = paper_audit(paper)
     heads = ("Contradiction", "Supposed slips", "Size", "Breaks", "The paper's conclusion", "Then")
     rows = [row for group in audit.groups for row in _correction_rows(group, audit)]
     return Html(_table(heads, rows, "Corrections, by size of the slip"))
@@ -160,7 +160,7 @@ def equations(paper: str) -> Html:
     heads = ["Equation", "What must hold", "What is shown"]
     heads += ["As extracted", "In the library", "Wanted"]
     rows = []
-    for shown in audit_paper(paper).equations:
+    for shown in paper_audit(paper).equations:
         values = map(_digits, (shown.printed, shown.right, shown.wanted))
         supposing = f" (supposing that {shown.supposition})" if shown.supposition else ""
         rows.append([shown.place, shown.asked + supposing, shown.meaning, *values])
@@ -203,7 +203,7 @@ def _erratum(entry: Erratum) -> Markup:
     terms = {
         "Printed": entry.printed,
         "Problem": entry.problem,
-        "Evidence": _evidence(entry, audit_paper(entry.paper)),
+        "Evidence": _evidence(entry, paper_audit(entry.paper)),
         "Verdicts": _verdicts(entry),
         "What the library does": entry.library,
         "The paper's conclusion": f"{entry.conclusion}: {entry.because}",
@@ -270,7 +270,7 @@ def _outcome(record: Record) -> str:
 
 def picture(paper: str, alternative: str, caption: str = "") -> Html:
     """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
-    audit = audit_paper(paper)
+    audit = paper_audit(paper)
     counts = audit.blamed()
     cells = sorted(counts, key=lambda address: (-counts[address], list(audit.cells).index(address)))
     cells = cells[:_MOST]
@@ -307,7 +307,7 @@ def audit_facts() -> dict[str, str]:
     conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart.
     """
     counts: dict[str, int] = {}
-    audits = [audit_paper(paper) for paper in PAPERS]
+    audits = [paper_audit(paper) for paper in PAPERS]
     for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
         for audit in group:
             own, again = audit.tally(restating=False), audit.tally(restating=True)

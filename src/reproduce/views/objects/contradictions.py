@@ -14,11 +14,12 @@ from rich.console import RenderableType
 from reproduce.audit.corrections import Correction
 from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Agreement, Finding
-from reproduce.audit.report import Audit, Group, audit_paper, audit_table
+from reproduce.audit.report import Audit, Group, audit_table
 from reproduce.audit.rounding import sheet
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, read
 from reproduce.printed.units import si_factor, symbol
+from reproduce.views.computed import paper_audit
 from reproduce.views.keys import check_paper
 from reproduce.views.objects.base import by_row
 from reproduce.views.writing.display import Display
@@ -63,7 +64,7 @@ class Contradictions(Display):
     def audits(self) -> list[Audit]:
         """What the cross-examination found, an audit for each paper or table."""
         if not self._files:
-            return [audit_paper(name) for name in PAPERS if self.paper in {None, name}]
+            return [paper_audit(name) for name in PAPERS if self.paper in {None, name}]
         table, relations = self._files
         cells = sheet(read(table, table.stem).cells)
         text = relations.read_text(encoding="utf-8")
