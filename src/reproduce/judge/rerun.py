@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import chain
 from types import MappingProxyType
 from typing import TypeVar
@@ -238,7 +238,8 @@ def rerun(
     with _told_why(key, told | chosen):
         if chosen and not told:
             return _reading(key, chosen)
-        run, plain = _Run(values, seed, replicates, chosen), _Run({}, chosen=chosen)
+        run = _Run(values, seed, replicates, chosen)
+        plain = _from_print(None, None, tuple(chosen.items()))
         cells: list[ChangedCell] = []
         for computation in catalogue()[key].computations:
             after, before = run.results(computation), plain.results(computation)
@@ -320,6 +321,14 @@ def _as_read(record: Record, unchanged: float | None) -> list[ChangedCell]:
     return [ChangedCell(cell, unchanged, record.computed, record.interval, would_be=record.verdict)]
 
 
+@lru_cache(maxsize=8)
+def _from_print(
+    seed: int | None, replicates: int | None, chosen: tuple[tuple[str, str], ...]
+) -> _Run:
+    """Return what is computed from the print, which one change after the other is held against."""
+    return _Run({}, seed, replicates, dict(chosen))
+
+
 def _finite(one: ChangedCell) -> bool:
     return bool(np.isfinite([one.value or 0.0, *(one.interval or ())]).all())
 
@@ -381,7 +390,7 @@ class _Run:
 
     @cached_property
     def _unchanged(self) -> _Run:
-        return _Run({}, self.seed, self.replicates, self.chosen)
+        return _from_print(self.seed, self.replicates, tuple(self.chosen.items()))
 
     def _made(self, computation: Computation, cell: Cell) -> float | None:
         result = self.results(computation).get(cell.name)
