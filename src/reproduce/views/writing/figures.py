@@ -166,7 +166,8 @@ def inline(drawn: Vector, name: str, alternative: str, below: str = "") -> str:
     svg = svg.replace(
         "<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" style="{least}" ', 1
     )
-    return f'<figure class="rp-figure" id="{name}">{svg}{below}</figure>'
+    # What scrolls on a narrow screen is within a keyboard's reach.
+    return f'<figure class="rp-figure" id="{name}" tabindex="0">{svg}{below}</figure>'
 
 
 def _least_width(figure: Figure) -> int:
