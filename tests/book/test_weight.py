@@ -15,8 +15,6 @@ PAGE, LANDING = 1_500_000, 1_000_000
 # Pages whose tables and drawings alone are too many: each goes from here when it is divided.
 TOO_HEAVY = {
     "niu2024/readings.html",
-    "posteriors/misalignment-drift.html",
-    "posteriors/registration-variants.html",
 }
 
 
