@@ -200,9 +200,9 @@ def intervals() -> Html:
         rows.append(figures.Bar(one.label, row.low, row.mean, row.high, truth, printed, half))
     alternative = (
         "A bar of the same width for each quantity. Diamonds, the truth of our simulations, lie in "
-        "or near their bars. Of the circles, the print, those of Table IV lie in their bars; the "
-        "scales, the translations, the stated noise and the nominal focal length lie outside, most "
-        "of them far."
+        "or near their bars. Of the circles, the print, those of Table IV lie in their bars or "
+        "at an end; the scales, the translations, the noise against Table 3 and the nominal focal "
+        "length lie outside, most of them far."
     )
     caption = (
         "Every quantity that is printed or whose truth is known. Bars: the central 95 % of the "

@@ -50,6 +50,8 @@ __all__ = [
 SHORT = 20
 # A correlation that a picture does not show.
 WEAK = 0.15
+# In standard deviations: a mark further out would leave no room for the posterior.
+FAR = 8.0
 PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 
@@ -274,11 +276,11 @@ class Posterior(Shown):
             )
         factors = {one.name: one.shown for one in self.model.parameters}
         true = {name: value / factors[name] for name, value in self.truth.items()}
-        low, high = self.draws.min().to_numpy(), self.draws.max().to_numpy()
+        rows = {row.name: row for row in self.sampled.rows()}
         marks = {
             name: value
             for name, value in (true or self.model.estimate).items()
-            if low[i := known.index(name)] <= value * factors[name] <= high[i]
+            if abs(value * factors[name] - rows[name].mean) < FAR * rows[name].deviation
         }
         mark = "truth of the simulation" if true else "least-squares or nominal estimate"
         caption = f"Posterior of {self.name}, {self.where}."

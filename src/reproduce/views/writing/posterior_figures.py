@@ -32,6 +32,8 @@ POINTS, TRACE_POINTS = 10_000, 60
 MOST = 5
 # Probability inside the contours.
 LEVELS = (0.5, 0.95)
+# What of the draws an axis leaves out on either side.
+TAILS = (0.002, 0.998)
 # In panels of a corner plot: so far below, a label clears ticks of seven digits, as of a scale.
 BELOW = -0.6
 # Room for ticks and labels of a corner plot, in inches.
@@ -109,6 +111,7 @@ def corner(
         else:
             package.corner(
                 rows * scale,
+                range=[_span(*pair) for pair in zip((rows * scale).T, marked, strict=True)],
                 labels=[_label(one) for one in chosen],
                 truths=marked, truth_color=ORANGE, color=BLUE, fig=figure, bins=20,
                 smooth=1.0, levels=LEVELS, plot_datapoints=False, plot_density=False,
@@ -120,15 +123,25 @@ def corner(
     return _shown(figure, f"{model.name}-{identifier}", alternative, caption)
 
 
+def _span(values: NDArray[np.float64], mark: float | None) -> tuple[float, float]:
+    """Return the ends of an axis: nearly all draws, and the mark."""
+    low, high = np.quantile(values, TAILS).tolist()
+    beside = 0.05 * (high - low)
+    return (low, high) if mark is None else (min(low, mark - beside), max(high, mark + beside))
+
+
 def _ticked(axes: Axes) -> None:
-    """Give a panel few ticks, none at a corner, and numbers as they are."""
-    from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
+    """Give a panel few ticks, none near its ends, and numbers as they are."""
+    from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
 
     axes.tick_params(labelsize=SMALL)
     for axis in (axes.xaxis, axes.yaxis):
-        if isinstance(axis.get_major_locator(), NullLocator):
+        if not isinstance(axis.get_major_locator(), MaxNLocator):
             continue
-        axis.set_major_locator(MaxNLocator(3, prune="both"))
+        low, high = axis.get_view_interval()
+        ticks = np.asarray(MaxNLocator(3).tick_values(low, high))
+        inside = np.abs(ticks - 0.5 * (low + high)) < 0.4 * (high - low)
+        axis.set_major_locator(FixedLocator(ticks[inside].tolist()))
         if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
             formatter.set_useOffset(False)
             formatter.set_scientific(False)
