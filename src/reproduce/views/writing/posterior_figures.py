@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["MOST", "Bar", "averaged", "bars", "corner", "density", "ranks", "traces"]
 
 # More draws than this do not change the contours, nor more points a trace.
-POINTS, TRACE_POINTS = 10_000, 60
+POINTS, TRACE_POINTS = 10_000, 45
 # Parameters of a corner plot: with more its labels could not be read.
 MOST = 5
 # Probability inside the contours.
@@ -44,6 +44,7 @@ DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = (
     "-", "--", "-.", ":", (0, (6, 2)), (0, (1, 4)), (0, (4, 1, 1, 1, 1, 1)), (0, (8, 3, 2, 3)),
 )  # fmt: skip
 _PATH = re.compile(r'\bd="[^"]*"')
+_FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 _LONG = re.compile(r"(\.\d\d)\d+")
 # Half-widths of an interval at which a mark beyond it stands, at the edge of its picture.
 EDGE = 3.0
@@ -57,6 +58,7 @@ def _shown(figure: Figure, name: str, alternative: str, caption: str = "") -> st
     """Return a drawn figure as HTML, its caption below."""
     drawn = vector_of(figure)
     short = _PATH.sub(lambda path: _LONG.sub(r"\1", path.group()), drawn.svg)
+    short = _FONTS.sub(r"\1, sans-serif", short)
     below = Markup("<figcaption>{}</figcaption>").format(caption) if caption else ""
     return inline(drawn._replace(svg=short), f"figure-posterior-{name}", alternative, below)
 
@@ -77,6 +79,8 @@ def traces(posterior: Sampled, alternative: str, caption: str) -> str:
             axes.set_ylabel(_label(parameter), fontsize=SMALL)
             axes.tick_params(labelsize=SMALL)
             axes.ticklabel_format(axis="y", useOffset=False)
+            axes.locator_params(nbins=2)
+            axes.grid(visible=False)
         for axes in panels[model.dimension :]:
             axes.set_axis_off()
         for axes in panels[max(0, model.dimension - 2) : model.dimension]:
