@@ -12,11 +12,6 @@ LOADED = re.compile(r'<(?:script|link|img)\b[^>]*?\b(?:src|href)="([^"#?]+)[^"]*
 MATHJAX = "tex-svg-full.js"
 # In bytes, as they lie on the disk, MathJax apart.
 PAGE, LANDING = 1_500_000, 1_000_000
-# Pages whose tables and drawings alone are too many: each goes from here when it is divided.
-TOO_HEAVY = {
-    "posteriors/misalignment-drift.html",
-    "posteriors/registration-variants.html",
-}
 
 
 def loaded(page: Path) -> set[Path]:
@@ -40,9 +35,7 @@ def test_mathjax_comes_with_formulas_alone(address: str) -> None:
 
 
 @pytest.mark.parametrize("address", built_pages())
-def test_a_page_is_light(address: str, request: pytest.FixtureRequest) -> None:
-    if address in TOO_HEAVY:
-        request.applymarker(pytest.mark.xfail(reason="too much on one page"))
+def test_a_page_is_light(address: str) -> None:
     assert weight(HTML / address) < (LANDING if address == "index.html" else PAGE)
 
 

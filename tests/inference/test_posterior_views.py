@@ -15,6 +15,7 @@ from reproduce.inference.evidence import compared, exact_evidence
 from reproduce.papers import calibrations
 from reproduce.papers.chen2023.posteriors import COLUMNS, FLOORS, summed_columns
 from reproduce.papers.posteriors import posteriors
+from reproduce.printed.cells import find
 from reproduce.views import computed
 from reproduce.views.book import posteriors as pages
 from reproduce.views.book.facts import of_posteriors
@@ -22,6 +23,8 @@ from reproduce.views.cli import main
 from reproduce.views.objects.posterior import book_posterior
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
+# A single parameter has no corner plot: its histogram stands on the first page.
+ALONE = {"centroid-noise"}
 PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]
 
 
@@ -124,12 +127,109 @@ def test_calibrate_redoes_replicates():
     assert "3 replicates, 0 of them failed." in result.output
 
 
+@pytest.mark.parametrize("paper", sorted({one.paper for one in posteriors().values()}))
+def test_every_paper_with_posteriors_has_its_page_of_diagnostics(paper):
+    text = (FOLDER / f"diagnostics-{paper}.md").read_text(encoding="utf-8")
+    assert text.count(f'posteriors.diagnostics("{paper}")') == 1
+
+
+def test_diagnostics_hold_every_step_that_they_link(monkeypatch):
+    """In the fold of its posterior; the links lead to places on the same page."""
+    chosen = {name: posteriors()[name] for name in ("centroid-noise", "frame-averaging")}
+    monkeypatch.setattr(pages, "posteriors", lambda: chosen)
+    for name, declared in chosen.items():
+        html = pages.diagnostics(declared.paper).text
+        held = re.findall(r'id="([^"]+)"', html)
+        assert f"diagnostics-{name}" in held
+        assert len(held) == len(set(held))
+        links = re.findall(r'<a href="#([^"]+)"', html)
+        assert links == [f"posterior-{name}-{step}" for step in pages.STEPS]
+        assert set(links) <= set(held)
+        assert {f"figure-posterior-{name}-{what}" for what in ("traces", "ranks")} <= set(held)
+        assert html.count("<details") == 1
+
+
 @pytest.mark.parametrize("name", list(posteriors()))
-@pytest.mark.parametrize("step", [*pages.STEPS, "reporting"])
-def test_every_model_has_every_step_on_the_page_that_links_them(name, step):
-    """The links of `reporting` lead to places on their own page."""
-    (page,) = (text for text in PAGES if f'pages.reporting("{name}")' in text)
-    assert page.count(f'pages.{step}("{name}")') == 1
+def test_a_page_shows_every_posterior_with_its_model(name):
+    (page,) = (text for text in PAGES if f'\nrp.posterior("{name}")\n' in text)
+    assert page.count(f'rp.posterior("{name}").setup\n') == 1
+    assert page.count(f'rp.posterior("{name}").corner(') == (posteriors()[name].key not in ALONE)
+
+
+def test_every_quantity_that_is_said_exists_in_the_unit_of_its_print():
+    generator = np.random.default_rng(1)
+    models = {name: declared.model() for name, declared in posteriors().items()}
+    for one in (*pages.PRINTED, *pages.SIMULATED):
+        model = models[one.posterior]
+        units = {parameter.name: parameter.unit for parameter in model.parameters}
+        found = model.derived(model.start(generator, 4)) if model.derived else {}
+        units |= {name: consequence.unit for name, consequence in found.items()}
+        assert one.name in units, one
+        if one.cell:
+            assert find(one.cell)[0].unit == units[one.name], one
+    simulated = {one.posterior for one in pages.SIMULATED}
+    printed = {one.posterior for one in pages.PRINTED}
+    assert all(posteriors()[name].simulated for name in simulated)
+    assert not any(posteriors()[name].simulated for name in printed)
+
+
+def test_what_is_said_is_the_posterior_beside_the_print_and_its_verdict():
+    single = next(one for one in pages.PRINTED if one.cell == "chen2023/table-4#1.misalignment-x")
+    label, data, printed, mean, ends, truth, verdict = pages.summarised(single)
+    row = rp.posterior("frame-averaging").frame().loc[single.name]
+    assert float(mean.split(" ± ")[0]) == pytest.approx(row["mean"], rel=1e-3)
+    assert float(mean.split(" ± ")[1].rstrip("″")) == pytest.approx(row["deviation"], rel=0.05)
+    low, high = (float(end.rstrip("″")) for end in ends.split(" to "))
+    assert (low, high) == pytest.approx((row["low"], row["high"]), rel=0.01)
+    cell = rp.table("chen2023/table-4")["1.misalignment-x"]
+    assert f">{cell.printed}" in printed
+    assert f">{cell.verdict}<" in verdict
+    assert (data, truth) == ("printed", "")
+    assert 'href="#posterior-frame-averaging"' in label
+
+
+def test_a_posterior_shows_the_truth_of_simulated_data_and_what_was_changed(tmp_path):
+    book = rp.posterior("registration")
+    html = book._repr_html_()
+    assert "data simulated by us" in html.partition("</caption>")[0]
+    assert f"<td>{book.truth['scale']:.6g}</td>" in html
+    assert 'id="posterior-registration"' in html
+    assert "Orange: truth of the simulation" in book.corner().text
+    own = rp.posterior("registration", stars_file(tmp_path), steps=600, priors={"noise": (0.01, 1)})
+    html = own._repr_html_()
+    assert "data of stars.csv. Changed: prior of noise, steps = 600." in html
+    assert "truth" not in html
+    assert "id=" not in html
+    assert "truth" not in own.corner().text
+    printed = rp.posterior("frame-averaging")._repr_html_()
+    assert "data as printed" in printed.partition("</caption>")[0]
+    assert "consequences</summary>" in printed
+
+
+def test_the_model_as_code_holds_declaration_data_priors_and_likelihood():
+    for name, declared in posteriors().items():
+        source = rp.posterior(name).source
+        assert f'"{name}"' in source.partition(")")[0]
+        assert f"def {declared.build.__name__}(" in source
+        assert "\ndef __call__(self, parameters" in source
+    shown = rp.posterior("table-5").setup.text
+    assert "Data as printed." in shown
+    for parameter in rp.posterior("table-5").model.parameters:
+        assert parameter.prior.reason in shown
+    assert "def table_5(" in shown
+
+
+def test_a_corner_plot_has_five_parameters_at_most_and_readable_labels():
+    book = rp.posterior("frame-averaging")
+    html = book.corner().text
+    sizes = [float(size) for size in re.findall(r"font-size: ([\d.]+)px", html)]
+    assert len(sizes) > 5
+    assert min(size for size in sizes if size != 5.6) >= 8, "indices of symbols apart"
+    assert len(html) < 150_000
+    names = book.model.names
+    for wrong in (names[:6], (names[0], names[0]), ("nothing",)):
+        with pytest.raises(ValueError, match="expected up to 5 different parameters"):
+            book.corner(*wrong)
 
 
 def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one():

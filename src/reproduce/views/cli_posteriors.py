@@ -74,7 +74,7 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
 @click.option(
     "--data",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Your own CSV in place of ours; the book's page on the method tells the columns.",
+    help="Your own CSV in place of ours; the book's page on your own data names the columns.",
 )
 @click.option("--pivot", type=float, nargs=2, help="Principal point of your data, in px.")
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)

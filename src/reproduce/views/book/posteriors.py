@@ -1,21 +1,24 @@
-"""What the pages of the posteriors call: each call shows one artefact of one model.
+"""What the pages of the posteriors call beside the front door.
 
-The artefacts are those of the six steps of the Bayesian analysis reporting guidelines (Kruschke,
-2021). `reporting` links them. No call depends on another one, so cells run in any order; a test
-holds that every page shows all six.
+What all posteriors say, in one table and three pictures; and the appendix of diagnostics, which
+shows for each posterior the artefacts of the six steps of the Bayesian analysis reporting
+guidelines (Kruschke, 2021). A test holds that none is missing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 
 from reproduce.inference.calibration import banded, least_of_all
 from reproduce.inference.checks import placed, predictive_checks
 from reproduce.inference.evidence import Compared
 from reproduce.inference.models.radial import WIDTHS
+from reproduce.inference.posterior import Summary
 from reproduce.inference.sensitivity import CROWDED, NEAR, NOTABLE, sensitivities
 from reproduce.papers import calibrations
 from reproduce.papers.chen2023.posteriors import (
@@ -24,35 +27,259 @@ from reproduce.papers.chen2023.posteriors import (
     table_reads,
     table_shares,
 )
+from reproduce.papers.chen2023.posteriors.consequences import Averaged
 from reproduce.papers.niu2024.posteriors import transforms
 from reproduce.papers.posteriors import posteriors
+from reproduce.printed.cells import anchor, find
+from reproduce.printed.units import UNITS, symbol
+from reproduce.views.computed import item_ledger
 from reproduce.views.objects.posterior import (
     Posterior,
     book_posterior,
     coverage_rows,
     entries,
+    interval,
+    moments,
     named,
 )
 from reproduce.views.writing import posterior_figures as figures
-from reproduce.views.writing.display import Grid, Html
+from reproduce.views.writing.display import Entry, Grid, Html, folded
 from reproduce.views.writing.numbers import digits, plain, ranged, shared, signed
 
 __all__ = [
-    *("STEPS", "calibrations_of_all", "columns_of_table_4", "columns_of_table_5", "computation"),
-    *("decision", "file_formats", "model", "reporting", "reproducing", "results"),
-    *("sensitivity", "transform_choice"),
+    *(
+        "PRINTED",
+        "SIMULATED",
+        "STEPS",
+        "averaging",
+        "calibrations_of_all",
+        "columns_of_table_4",
+        "columns_of_table_5",
+    ),
+    *(
+        "diagnostics",
+        "file_formats",
+        "intervals",
+        "noise_of_table_3",
+        "said",
+        "summarised",
+        "transform_choice",
+    ),
 ]
 
 STEPS = {
-    "model": "1. The model and its data are explained",
-    "computation": "2. The computation is reported and has converged",
-    "results": "3. The posterior is described",
-    "decision": "4. Models are compared and estimates placed",
-    "sensitivity": "5. The sensitivity to the priors is shown",
-    "reproducing": "6. Everything can be redone",
+    "model": "The model and its data",
+    "computation": "The computation",
+    "results": "The posterior",
+    "decision": "Estimates and rivals",
+    "sensitivity": "The priors",
+    "reproducing": "Calibration, and how to redo everything",
 }
 # Three decimals at most, however small the Monte Carlo error.
 LEAST_ERROR = 5e-4
+
+
+class Said(NamedTuple):
+    """A quantity of `said`: a label, a posterior, its name there, the cell that prints it."""
+
+    label: str
+    posterior: str
+    name: str
+    cell: str = ""
+
+
+def _channel(channel: str) -> list[Said]:
+    rows = (
+        ("Scale factor", "scale", "scale"),
+        ("Rotation", "rotation", "rotation"),
+        ("Translation x", "shift-x", "translation-x"),
+        ("Translation y", "shift-y", "translation-y"),
+    )
+    return [
+        Said(f"{label}, {channel}", "registration-joint", f"{channel}-{name}",
+             f"niu2024/table-3#{row}.{channel}")
+        for label, name, row in rows
+    ]  # fmt: skip
+
+
+def _frames(count: int) -> str:
+    return f"{count} frame{'s' if count > 1 else ''}"
+
+
+_STATED_NOISE = "niu2024/text-simulation#noise"
+PRINTED = (
+    Said("Centroid noise that Table 3 asks for", "centroid-noise", "noise", _STATED_NOISE),
+    *(
+        Said(f"Misalignment about {axis.upper()}, {_frames(count)}, 3σ",
+             "frame-averaging", f"misalignment-{axis}, error of {_frames(count)}",
+             f"chen2023/table-4#{count}.misalignment-{axis}")
+        for count in (1, 100) for axis in "xy"
+    ),
+    Said("Floor that averaging leaves, about X, 1σ", "frame-averaging", "misalignment-x-floor"),
+    Said("Floor that averaging leaves, about Y, 1σ", "frame-averaging", "misalignment-y-floor"),
+    Said("Focal length behind Table V", "table-5", "focal-length",
+         "chen2023/table-2#telescope-focal-length.value"),
+    Said("Noise of a monitored angle", "table-5", "noise"),
+    Said("Bias about X", "table-5", "bias-x"),
+    Said("Bias about Y", "table-5", "bias-y"),
+    Said("Error of a monitored state, both axes", "table-5", "pointing error"),
+    Said("The same on the ground", "table-5", "position error"),
+)  # fmt: skip
+SIMULATED = (
+    *_channel("red"),
+    *_channel("blue"),
+    Said("Centroid noise", "registration-joint", "noise", _STATED_NOISE),
+    *(Said(f"Misalignment about {axis.upper()}", "misalignment", f"angle-{axis}")
+      for axis in "xyz"),
+    *(Said(f"Drift about {axis.upper()}", "misalignment-drift", f"drift-{axis}")
+      for axis in "xyz"),
+    Said("Position on the ground, corrected", "misalignment", "position error"),
+)  # fmt: skip
+
+
+def said() -> Html:
+    """Show what every posterior says, beside the print and its verdict."""
+    rows = [summarised(one) for one in (*PRINTED, *SIMULATED)]
+    head = ("Quantity", "Data", "Printed", "Posterior, mean ± sd", "95 % interval",
+            "Truth of our simulation", "Verdict of the print")  # fmt: skip
+    caption = (
+        "What the posteriors say. Data: as printed, or simulated by us with printed settings "
+        "where the paper's own are not published. Verdict: that of the printed cell; no posterior "
+        "decides one."
+    )
+    return Html(Grid(caption, head, rows, "posteriors").html)
+
+
+def _summary(one: Said) -> Summary:
+    return next(row for row in book_posterior(one.posterior).summaries() if row.name == one.name)
+
+
+def summarised(one: Said) -> tuple[Entry, ...]:
+    """Return the row of a quantity: label, data, print, mean ± sd, interval, truth, verdict."""
+    row, ours = _summary(one), Posterior(one.posterior)
+    gap = _gap(row.unit)
+    label = Markup('<a href="#posterior-{}">{}</a>').format(one.posterior, one.label)
+    printed, verdict = _of_print(one.cell)
+    mean, ends = interval(row)
+    truth = f"{ours.truth[one.name]:.6g}{gap}" if one.name in ours.truth else ""
+    data = "simulated" if ours.declared.simulated else "printed"
+    return label, data, printed, f"{mean}{gap}", f"{ends}{gap}", _minus(truth), verdict
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _gap(unit: str) -> str:
+    """Return a unit as a page shows it behind a number, with its space."""
+    if unit not in UNITS:
+        return f"\u202f{unit}"
+    return symbol(unit) if symbol(unit) in {"", "°", "″"} else f"\u202f{symbol(unit)}"
+
+
+def _of_print(address: str) -> tuple[Entry, Entry]:
+    """Return a printed cell, linked, and the badge of its verdict."""
+    if not address:
+        return "", ""
+    (cell,) = find(address)
+    record = item_ledger(address.partition("#")[0]).cell(address)
+    link = Markup('<a href="#{}">{}</a>').format(anchor(address), cell.shown)
+    return link, Markup('<span class="rp-badge rp-badge-{0}">{0}</span>').format(record.verdict)
+
+
+def intervals() -> Html:
+    """Draw the interval of every quantity of `said` that is printed or was simulated by us."""
+    rows = []
+    for one in (*PRINTED, *SIMULATED):
+        row, truth = _summary(one), Posterior(one.posterior).truth.get(one.name)
+        cell = find(one.cell)[0] if one.cell else None
+        if truth is None and cell is None:
+            continue
+        printed = None if cell is None else float(cell.number.value)
+        half = 0.0 if cell is None else float(cell.number.half_unit)
+        rows.append(figures.Bar(one.label, row.low, row.mean, row.high, truth, printed, half))
+    alternative = (
+        "A bar of the same width for each quantity. Diamonds, the truth of our simulations, lie in "
+        "or near their bars. Of the circles, the print, those of Table IV lie in their bars or "
+        "at an end; the scales, the translations, the noise against Table 3 and the nominal focal "
+        "length lie outside, most of them far."
+    )
+    caption = (
+        "Every quantity that is printed or whose truth is known. Bars: the central 95 % of the "
+        "posterior, all scaled to one width. An arrow at the edge says how many half-widths away "
+        "the print lies. Our simulation stands on the principal points of Table 1, the printed "
+        "translations on Table 2: that is why they differ. The truth of a scale leaves out the "
+        "distortion of the channels, which a similarity takes for scale."
+    )
+    return Html(figures.bars(rows, alternative, caption))
+
+
+def noise_of_table_3() -> Html:
+    """Draw the noise that the errors of Table 3 ask for, beside the stated one."""
+    found = book_posterior("centroid-noise")
+    alternative = (
+        "Histogram of the centroid noise with one peak and a long tail to the right. A dashed line "
+        "marks the noise that the text states, far left of the whole histogram."
+    )
+    caption = (
+        "Centroid noise that the errors of Table 3 ask for. Data as printed in niu2024. Orange: "
+        "the noise that the text states."
+    )
+    mark = float(found.model.estimate["noise"])
+    return Html(figures.density(found, "noise", mark, alternative, caption))
+
+
+def averaging() -> Html:
+    """Draw the error that averaging leaves, as Table IV prints it and as its posterior has it."""
+    found = book_posterior("frame-averaging")
+    derived = found.model.derived
+    if not isinstance(derived, Averaged):
+        raise TypeError(f"frame-averaging: expected averages, got {type(derived).__name__}")
+    counts = tuple(np.unique(np.geomspace(1, 1000, 40).astype(int)).tolist())
+    errors = replace(derived, counts=counts)(found.draws)
+    bands, printed = {}, {}
+    for name in ("misalignment-x", "misalignment-y"):
+        label = f"about {name[-1].upper()}"
+        draws = [errors[f"{name}, error of {_frames(n)}"].values for n in counts]
+        bands[label] = np.quantile(draws, (0.025, 0.5, 0.975), axis=1)
+        cells = [cell.number for cell in find(f"chen2023/table-4#*.{name}")]
+        frames = [cell.number.value for cell in find("chen2023/table-4#*.frames")]
+        rows = (frames, [one.value for one in cells], [one.half_unit for one in cells])
+        printed[label] = np.array(rows, dtype=float)
+    alternative = (
+        "Two panels, about X and about Y, with logarithmic axes. The printed errors of Table IV "
+        "fall along the line of white noise and, at many frames, lie on or a little above it. "
+        "Beyond the table the band of the posterior widens upwards."
+    )
+    caption = (
+        "Error of the misalignment against the number of frames averaged. Data as printed in "
+        "chen2023, Table IV. The band holds the central 95 % of the posterior; beyond the last "
+        "printed point it is extrapolation: the data set only an upper bound on the floor. The "
+        "points scatter together, since all come from one series of frames."
+    )
+    return Html(figures.averaged(np.array(counts), bands, printed, alternative, caption))
+
+
+def diagnostics(paper: str) -> Html:
+    """Show everything that speaks for or against the posteriors of a paper, each in a fold."""
+    steps = (model, computation, results, decision, sensitivity, reproducing)
+    folds = []
+    for name, declared in posteriors().items():
+        if declared.paper != paper:
+            continue
+        parts = [Markup(reporting(name).text), *(Markup(step(name).text) for step in steps)]
+        summary = Markup("<strong>{}</strong>: {}. {}").format(name, declared.title, _gates(name))
+        fold = folded(summary, Markup("").join(parts))
+        folds.append(Markup('<div id="diagnostics-{}">{}</div>').format(name, fold))
+    return Html(Markup("").join(folds))
+
+
+def _gates(name: str) -> str:
+    found = book_posterior(name).diagnoses
+    return (
+        f"R-hat up to {max(one.rhat for one in found):.3f}, effective sample size from "
+        f"{min(min(one.bulk, one.tail) for one in found):,.0f}"
+    )
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:
@@ -60,15 +287,16 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> 
 
 
 def _step(step: str, name: str, *parts: str) -> Html:
-    return Html(f'<div id="posterior-{name}-{step}">{"".join(parts)}</div>')
+    title = f'<p class="rp-step"><strong>{STEPS[step]}</strong></p>'
+    return Html(f'<div id="posterior-{name}-{step}">{title}{"".join(parts)}</div>')
 
 
 def model(name: str) -> Html:
     """Show a model: parameters, units, priors with their reasons, and what reaches it."""
-    declared = posteriors()[name]
-    kind = "simulated from the printed settings" if declared.simulated else "as printed"
-    caption = f"{declared.title}. Data {kind}; printed cells read: {', '.join(declared.given)}."
-    rows = list(Posterior(name).priors.itertuples(name=None))
+    ours = Posterior(name)
+    caption = f"Data {ours.told}. Printed cells read: {', '.join(ours.reads)}."
+    rows = [(name, unit, prior.replace(" -", " −"), why)
+            for name, unit, prior, why in ours.priors.itertuples(name=None)]  # fmt: skip
     return _step("model", name, _table(("Parameter", "Unit", "Prior", "Why"), rows, caption))
 
 
@@ -86,7 +314,11 @@ def computation(name: str) -> Html:
         f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}."
     )
     head = ("Parameter", "R-hat", "τ (steps)", "steps / τ", "bulk ESS", "tail ESS")
-    drawn = figures.traces(found, f"Trace of every parameter of {name}, one colour per ensemble")
+    alternative = (
+        f"One panel for each parameter of {name}, with the median of the walkers of each ensemble "
+        "against the step. All ensembles wander about one level, without a trend."
+    )
+    drawn = figures.traces(found, alternative, "Median of the walkers, one line per ensemble.")
     return _step("computation", name, _table(head, rows, caption), drawn)
 
 
@@ -94,20 +326,37 @@ def results(name: str) -> Html:
     """Show the posterior: summaries, consequences, predictive checks and a corner plot."""
     found = book_posterior(name)
     head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk ESS", "tail ESS")
-    rows = [(_named(r), *entries(r)) for r in found.summaries()]
-    summary = _table(head, rows, "Posterior, with no more digits than its error allows.")
+    rows = [(named(r), *map(_minus, entries(r)))
+            for r in found.summaries()]  # fmt: skip
+    summary = _table(
+        head, rows, "Posterior, to the digits that its Monte Carlo error (MCSE) allows."
+    )
     checks = [
-        (c.name, f"{c.observed:.4g}", ranged(c.prior), ranged(c.posterior), shared(c.tail))
+        (
+            c.name,
+            _minus(f"{c.observed:.4g}"),
+            ranged(c.prior),
+            ranged(c.posterior),
+            shared(c.tail),
+        )
         for c in predictive_checks(found)
     ]
     compared = ("Number", "in the data", "prior predicts", "posterior predicts", "tail probability")
     caption = "Predictive checks: central 95 % of simulated data, and where the data lie."
-    drawn = figures.corner(found, f"Corner plot of the posterior of {name}")
-    return _step("results", name, summary, _table(compared, checks, caption), drawn)
+    return _step("results", name, summary, _table(compared, checks, caption), correlations(name))
 
 
-def _named(row: Any) -> str:
-    return f"{row.name} ({row.unit})"
+def correlations(name: str) -> str:
+    """Return the correlation of every pair of parameters, for those that no corner plot shows."""
+    found = book_posterior(name)
+    if found.model.dimension == 1:
+        return ""
+    related = np.atleast_2d(np.corrcoef(found.draws.T))
+    rows = [
+        (name, *(_minus(f"{value:z.2f}") for value in row[: i + 1]), *[""] * (len(row) - i - 1))
+        for i, (name, row) in enumerate(zip(found.model.names, related, strict=True))
+    ]
+    return _table(("Parameter", *found.model.names), rows, "Correlations of the parameters.")
 
 
 def decision(name: str) -> Html:
@@ -118,7 +367,12 @@ def decision(name: str) -> Html:
 def estimates(name: str) -> str:
     """Return the nominal or least-squares estimates, placed in the posterior."""
     rows = [
-        (_named(one), f"{one.estimate:.6g}", signed(digits(one.off, one.error)), shared(one.tail))
+        (
+            named(one),
+            _minus(f"{one.estimate:.6g}"),
+            signed(digits(one.off, one.error)),
+            shared(one.tail),
+        )
         for one in placed(book_posterior(name))
     ]
     head = ("Parameter", "estimate", "posterior sd from the mean", "tail probability")
@@ -129,7 +383,7 @@ def estimates(name: str) -> str:
 def bounds(name: str) -> str:
     """Return the Cramér-Rao bound beside the width of the posterior, where it is simple."""
     rows = [
-        (_named(one), digits(one.width, one.error), f"{one.bound:.4g}",
+        (named(one), digits(one.width, one.error), f"{one.bound:.4g}",
          digits(one.ratio, one.ratio_error))
         for one in posteriors()[name].bounds(book_posterior(name))
     ]  # fmt: skip
@@ -191,53 +445,48 @@ def _weighed(one: Compared, less: str) -> tuple[str, ...]:
     sampled = ("not needed", "", "")
     if one.sampled is not None:
         value, error = one.sampled.value, one.sampled.error
-        sampled = (digits(value, error), f"{error:.1g}", f"{one.sampled.shape:.2f}")
+        sampled = (digits(value, error), f"{error:.1g}",
+                   _minus(f"{one.sampled.shape:.2f}"))  # fmt: skip
     return one.name, *sampled, "none" if one.exact is None else f"{one.exact:.3f}", less
 
 
 def _difference(one: Compared) -> str:
     if one.error == 0:
-        return f"{one.less:.3f}".replace("-", "−")
-    return f"{digits(one.less, one.error)} ± {one.error:.1g}".replace("-", "−")
+        return _minus(f"{one.less:.3f}")
+    return _minus(f"{digits(one.less, one.error)} ± {one.error:.1g}")
 
 
 def transform_choice() -> Html:
     """Show the evidence of similarity, radial term and affine transform, under several priors."""
-    rows = [(name, *(f"{log:.3f}" for log in logs)) for name, logs in transforms().items()]
+    rows = [(name, *(_minus(f"{log:.3f}") for log in logs)) for name, logs in transforms().items()]
     head = ("Transform", *(f"log evidence, {width:g} px" for width in WIDTHS))
     caption = (
-        "Similarity against its rivals. Displacements at the edge of the field have equal priors; "
-        "those that a rival adds to the similarity are Gaussian about nothing with the standard "
-        "deviation at the head of the column, on which the evidence of a rival hangs: a prior "
-        "wider than the estimate is sharp costs it the logarithm of their ratio, per term."
-        " The data are our own simulation with the printed settings, from cameras whose "
-        "distortions differ from channel to channel: the choice tests the method, and says "
-        "nothing of the paper's centroids."
+        "Similarity against its rivals, on our own simulation with the printed settings, from "
+        "cameras whose distortions differ: the choice tests the method and says nothing of the "
+        "paper's centroids. What a rival adds has a Gaussian prior about zero; its "
+        "standard deviation, at the edge of the field, heads the column. The evidence of a rival "
+        "depends on it: a prior wider than the estimate's error costs the logarithm of their "
+        "ratio, per term."
     )
     return Html(_table(head, rows, caption))
 
 
 def columns_of_table_5() -> Html:
-    """Show what every reading of Table V comes to: which columns stand where, which digit holds."""
+    """Show every reading of Table V: which columns stand where, which digit holds."""
     focal, noise = posteriors()["table-5"].model().parameters[:2]
     shown = (focal, noise, noise, noise)
     rows = []
     for one, share in zip(table_reads(), table_shares(), strict=True):
         pairs = zip(one.means, one.deviations, shown, strict=True)
-        moments = (_moments(m * p.shown, d * p.shown, p.unit) for m, d, p in pairs)
-        rows.append((one.name, f"{one.log_evidence:.3f}", f"{share:.2g}", *moments))
+        shown_as = (f"{moments(m * p.shown, d * p.shown)} {p.unit}" for m, d, p in pairs)
+        rows.append((one.name, _minus(f"{one.log_evidence:.3f}"), f"{share:.2g}", *shown_as))
     head = ("Reading", "log evidence", "probability", "focal length", "noise",
             "bias, angles printed about X", "about Y")  # fmt: skip
     caption = (
-        "What each reading of the table comes to, all equally probable beforehand; mean ± standard "
-        "deviation. No sampling: the sums are exact to the digits shown."
+        "Each reading of Table V, all equally probable beforehand; mean ± standard deviation. Data "
+        "as printed in chen2023. No sampling: the sums are exact to the digits shown."
     )
     return Html(_table(head, rows, caption))
-
-
-def _moments(mean: float, deviation: float, unit: str) -> str:
-    decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
-    return f"{mean:z.{decimals}f} ± {deviation:.{decimals}f} {unit}"
 
 
 def columns_of_table_4() -> Html:
@@ -249,14 +498,14 @@ def columns_of_table_4() -> Html:
             one.column.replace("-", ", "),
             f"{one.white:.{decimals}f} ± {one.white_error:.2g} arcsec",
             f"{one.floor:#.2g} arcsec", f"{one.prior:.3g} arcsec",
-            *(f"{gain:+.2f}".replace("-", "−") for gain in one.gains),
+            *(_minus(f"{gain:+.2f}") for gain in one.gains),
         ))  # fmt: skip
     head = ("Column", "white noise of one frame", "floor, 97.5 % below", "scale of its prior",
             *(f"evidence of a floor, scale times {factor:g}" for factor in FLOORS))  # fmt: skip
     caption = (
-        "Every column by itself, one sigma, summed over nodes without sampling; and the log "
-        "evidence of a floor less that of none, for priors of the floor narrower and wider than "
-        "ours: what changes its sign is decided by the prior."
+        "Each column of Table IV by itself, one sigma, summed without sampling; data as printed in "
+        "chen2023. Then the log evidence of a floor less that of none, under narrower and wider "
+        "priors of the floor: where its sign changes, the prior decides."
     )
     return Html(_table(head, rows, caption))
 
@@ -281,14 +530,14 @@ def sensitivity(name: str) -> Html:
             plain(digits(answer, max(error, LEAST_ERROR)))
             for answer, error in zip(answers, one.errors, strict=True)
         )
-        rows.append((one.name, *told, f"{one.shape:.2f}", one.held_by))
+        rows.append((one.name, *told, _minus(f"{one.shape:.2f}"),
+                     one.held_by))  # fmt: skip
     head = ("Parameter", "to prior", "to likelihood", "mean shift (sd)", "Pareto k", "reading")
     caption = (
-        "Change of the posterior per doubling of the power of prior or likelihood (root of the "
-        f"cumulative Jensen-Shannon divergence; from {NOTABLE} on it is worth a word), with no "
-        "more digits than the errors allow that leaving out one ensemble after the other tells "
-        f"of. An end holds a posterior with more than {100 * CROWDED:g} % of its draws within "
-        f"{100 * NEAR:g} % of the width of a flat prior from it."
+        "Change of the posterior when the power of prior or likelihood is doubled: root of the "
+        f"cumulative Jensen-Shannon divergence, notable from {NOTABLE}. Digits: as the jackknife "
+        "over ensembles allows. An end of a flat prior holds a posterior that has more than "
+        f"{100 * CROWDED:g} % of its draws within {100 * NEAR:g} % of the prior's width from it."
     )
     return _step("sensitivity", name, _table(head, rows, caption))
 
@@ -303,20 +552,24 @@ def reproducing(name: str) -> Html:
     head = ("Quantity", "evenness of ranks, p", "50 % covers", "95 % covers",
             "published estimator, 95 % covers")  # fmt: skip
     caption = (
-        f"Simulation-based calibration, {stored.replicates} replicates, "
-        f"{int(stored.failed.sum())} of which missed the gate on autocorrelation times. The band "
-        "below holds a whole curve, but each by itself: of many curves one or the other leaves it. "
-        "The published estimator is least squares on stars and QUEST on laser spots, with its own "
-        "standard errors; it is tried on the same data, drawn from the whole prior, which it may "
-        "take for something simpler."
+        f"Simulation-based calibration, {stored.replicates} replicates, of which "
+        f"{int(stored.failed.sum())} missed the gate on autocorrelation times. The published "
+        "estimator is least squares for stars and QUEST for laser spots, with its own standard "
+        "errors, on the same data. These are drawn from the whole prior, so they may hold a drift "
+        "or a distortion that it does not know."
     )
     table = _table(head, coverage_rows(stored), caption)
-    drawn = figures.ranks(stored, name, f"Ranks of {name} against their simultaneous band")
+    alternative = (
+        f"One curve for each quantity of {name}: its ranks, cumulated, less what even ranks give, "
+        "against a shaded band about zero that holds a whole curve with the stated probability."
+    )
+    below = "The band holds one whole curve; of many curves one or another may leave it."
+    drawn = figures.ranks(stored, name, alternative, below)
     return _step("reproducing", name, table, drawn, commands)
 
 
 def calibrations_of_all() -> Html:
-    """Show the stored calibrations of all models, a line each, and how even all ranks are."""
+    """Show the stored calibrations of all models, a line each."""
     found = calibrations.of_all()
     rows = []
     for name, one in found.items():
@@ -327,15 +580,14 @@ def calibrations_of_all() -> Html:
     least_one, count, expected = least_of_all(list(found.values()))
     head = ("Model", "replicates", "failed", "quantities", "least even, p", "95 % covers")
     caption = (
-        f"Calibrations of all models. The least even of all {count} quantities has p = "
-        f"{least_one:.2g}; of so many {expected:.2g} are expected to be as small by chance alone, "
-        "however they depend on each other."
+        f"Calibrations of all models. Of {count} quantities the least even has p = "
+        f"{least_one:.2g}; {expected:.2g} are expected to be as small by chance alone."
     )
     return Html(_table(head, rows, caption))
 
 
 def reporting(name: str) -> Html:
-    """Link the six steps of the reporting guidelines to their artefacts on this page."""
+    """Link the six steps of the reporting guidelines to their artefacts."""
     link = '<li><a href="#posterior-{}-{}">{}</a></li>'
     links = (link.format(name, step, text) for step, text in STEPS.items())
-    return Html(f"<ul>{''.join(links)}</ul>")
+    return Html(f"<ol>{''.join(links)}</ol>")

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import ast
+import inspect
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from functools import cache, cached_property
 from pathlib import Path
+from textwrap import dedent
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from markupsafe import Markup
 from rich.console import RenderableType
 from rich.table import Table
 
 from reproduce.views import computed
 from reproduce.views.objects.base import Shown, by_row, text_of
 from reproduce.views.writing.cite import beside
-from reproduce.views.writing.display import Grid, Html, columns
+from reproduce.views.writing.display import Grid, Html, columns, folded
 from reproduce.views.writing.export import export_frame
 from reproduce.views.writing.numbers import digits, percent
 
@@ -31,8 +35,23 @@ if TYPE_CHECKING:
     from reproduce.inference.sampling import Plan
     from reproduce.papers.declare_posterior import Declaration, Supplied
 
-__all__ = ["Posterior", "book_posterior", "coverage_rows", "entries", "named", "spread"]
+__all__ = [
+    "Posterior",
+    "book_posterior",
+    "coverage_rows",
+    "entries",
+    "interval",
+    "moments",
+    "named",
+    "spread",
+]
 
+# Rows that a page shows at once.
+SHORT = 20
+# A correlation that a picture does not show.
+WEAK = 0.15
+# In standard deviations: a mark further out would leave no room for the posterior.
+FAR = 8.0
 PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 
@@ -159,9 +178,7 @@ class Posterior(Shown):
         paper = self.declared.paper
         if not self.declared.simulated:
             return {"kind": "printed", "paper": paper}
-        factors = {one.name: one.shown for one in self.model.parameters}
-        truth = {name: value * factors[name] for name, value in self.declared.true_values().items()}
-        return {"kind": "simulated", "paper": paper, "truth": truth}
+        return {"kind": "simulated", "paper": paper, "truth": self.truth}
 
     @property
     def told(self) -> str:
@@ -190,9 +207,22 @@ class Posterior(Shown):
 
     @property
     def source(self) -> str:
-        """The text of the function that makes the model."""
-        function = self.declared.build
-        return text_of(getattr(function, "func", function))
+        """The text of the declaration, of the function that makes the model, and of its likelihood.
+
+        What is sampled, from which data, and what the data say of it.
+        """
+        likelihood = dedent(text_of(type(self.model.likelihood).__call__))
+        return "\n\n".join((_declaration(self.declared), text_of(self.declared.build), likelihood))
+
+    @property
+    def setup(self) -> Html:
+        """What is sampled, from which data, under which priors and why; its code unfolds."""
+        rows = list(self.priors.itertuples(name=None))
+        rows = [(name, unit, prior.replace(" -", " −"), why) for name, unit, prior, why in rows]
+        caption = f"What is sampled. {self.where.capitalize()}."
+        priors = Grid(caption, ("Parameter", "Unit", "Prior", "Why"), rows, kind="rp-small").html
+        code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
+        return Html(priors + folded("The model as code", code))
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the unit shown."""
@@ -222,11 +252,55 @@ class Posterior(Shown):
         }
         return pd.DataFrame(shown)
 
-    def corner(self) -> Html:
-        """Return the corner plot."""
-        from reproduce.views.writing.posterior_figures import corner
+    @property
+    def truth(self) -> dict[str, float]:
+        """The parameters with which the data were simulated, in the unit shown; none otherwise."""
+        if self.data:
+            return {}
+        factors = {one.name: one.shown for one in self.model.parameters}
+        return {name: value * factors[name] for name, value in self.declared.true_values().items()}
 
-        return Html(corner(self.sampled, f"Corner plot of the posterior of {self.name}"))
+    def corner(self, *names: str) -> Html:
+        """Return the corner plot of up to five parameters, the first ones by default.
+
+        Where the data are simulated the truth is marked, else a least-squares or nominal estimate.
+        """
+        from reproduce.views.writing.posterior_figures import MOST, corner
+
+        known = self.model.names
+        chosen = names or known[:MOST]
+        if len(chosen) > MOST or len(set(chosen)) < len(chosen) or not set(chosen) <= set(known):
+            raise ValueError(
+                f"expected up to {MOST} different parameters of {', '.join(known)}; got "
+                f"{', '.join(chosen)}; all draws are in `draws`"
+            )
+        factors = {one.name: one.shown for one in self.model.parameters}
+        true = {name: value / factors[name] for name, value in self.truth.items()}
+        rows = {row.name: row for row in self.sampled.rows()}
+        marks = {
+            name: value
+            for name, value in (true or self.model.estimate).items()
+            if abs(value * factors[name] - rows[name].mean) < FAR * rows[name].deviation
+        }
+        mark = "truth of the simulation" if true else "least-squares or nominal estimate"
+        caption = f"Posterior of {self.name}, {self.where}."
+        caption += f" Orange: {mark}." if set(marks) & set(chosen) else ""
+        caption += " Contours hold 50 % and 95 % of the draws." if len(chosen) > 1 else ""
+        alternative = f"Histograms of {', '.join(chosen)} in the posterior of {self.name}"
+        alternative += self._related(chosen) if len(chosen) > 1 else "."
+        return Html(corner(self.sampled, chosen, marks, alternative, caption))
+
+    def _related(self, names: Sequence[str]) -> str:
+        """Say which two parameters are correlated most."""
+        found = self.draws.to_numpy()[:, [self.model.names.index(name) for name in names]]
+        related = np.triu(np.corrcoef(found.T), 1)
+        i, j = (int(k) for k in np.unravel_index(np.argmax(np.abs(related)), related.shape))
+        if abs(related[i, j]) < WEAK:
+            return ", with contours of each pair. No two of them are notably correlated."
+        return (
+            f", with contours of each pair. The pair with the strongest correlation is {names[i]} "
+            f"and {names[j]}, {related[i, j]:z.1f}.".replace("-0", "−0")
+        )
 
     def export(self, form: str) -> str:
         """Return the summary as csv, json, latex or markdown."""
@@ -304,9 +378,32 @@ class Posterior(Shown):
         }
 
     def _repr_html_(self) -> str:
-        head = ("Quantity", "mean", "sd", "95 % from", "to", *PRECISION)
-        rows = [(f"{row.name} ({row.unit})", *entries(row)) for row in self.sampled.summaries()]
-        return str(Grid(f"Posterior {self.name}, {self.where}.", head, rows).html)
+        from reproduce.inference.sensitivity import leanings
+
+        true, own = self.truth, self.changes
+        head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
+        marks = {name: (f"{value:.6g}".replace("-", "−"),) for name, value in true.items()}
+        none = ("",) if true else ()
+        rows = [
+            (named(row), *marks.get(row.name, none), *interval(row))
+            for row in self.sampled.summaries()
+        ]
+        caption = f"Posterior {self.name}, {self.where}." + (f" Changed: {own}." if own else "")
+        first = len(rows) if len(rows) <= SHORT else self.model.dimension
+        identifier = "" if self.data or own else f"posterior-{self.name}"
+        html = Grid(caption, head, rows[:first], identifier).html
+        if rows[first:]:
+            rest = Grid("What follows from the parameters.", head, rows[first:]).html
+            html += folded(f"{len(rows) - first} consequences", rest)
+        remarks = [*map(str, leanings(self.sampled)), *self.remarks] if self.data or own else []
+        line = Markup('<p class="rp-joint">Beware: {}.</p>')
+        return str(html + Markup("").join(line.format(text) for text in remarks))
+
+    @property
+    def changes(self) -> str:
+        """What a reader changed, in one line; empty for the posterior of the book."""
+        named = [f"prior of {name}" for name in self._priors]
+        return ", ".join((*named, *(f"{key} = {value}" for key, value in self.settings.items())))
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the summary."""
@@ -339,6 +436,24 @@ def entries(row: Summary) -> tuple[str, ...]:
     return (*spread(row), *precision)
 
 
+def interval(row: Summary) -> tuple[str, str]:
+    """Write mean ± standard deviation of a summary, and the ends of its 95 %."""
+    _, _, low, high = spread(row)
+    return moments(row.mean, row.deviation), f"{low} to {high}".replace("-", "−")
+
+
+def moments(mean: float, deviation: float) -> str:
+    """Write mean ± standard deviation, to two digits of the latter.
+
+    Examples
+    --------
+    >>> moments(-0.99756643, 1.1e-5)
+    '−0.997566 ± 0.000011'
+    """
+    decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
+    return f"{mean:z.{decimals}f} ± {deviation:.{decimals}f}".replace("-", "−")
+
+
 def coverage_rows(stored: Ranks) -> list[tuple[str, ...]]:
     """Write evenness and coverage of every quantity, with binomial standard errors."""
     return [
@@ -351,6 +466,17 @@ def coverage_rows(stored: Ranks) -> list[tuple[str, ...]]:
         )
         for row in stored.coverages()
     ]
+
+
+def _declaration(declared: Declaration) -> str:
+    """Return the text in which a posterior is declared, beside the function that makes it."""
+    text = inspect.getsource(inspect.getmodule(declared.build) or declared.build)
+    for node in ast.walk(ast.parse(text)):
+        first = node.args[0] if isinstance(node, ast.Call) and node.args else None
+        if isinstance(first, ast.Constant) and first.value == declared.key:
+            found = ast.get_source_segment(text, node, padded=True) or ""
+            return dedent(found).rstrip()
+    raise LookupError(f"{declared.key}: not declared in the module of {declared.build.__name__}")
 
 
 def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
