@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from reproduce.views.figures import data, draw
 
 from reproduce.judge.ledger import build
 from reproduce.judge.verdicts import judge_prediction
@@ -10,6 +9,7 @@ from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import SCATTER, scatter
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
+from reproduce.views.writing.figures import data, draw
 
 ARCSEC = np.pi / 180 / 3600
 

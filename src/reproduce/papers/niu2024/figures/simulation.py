@@ -82,7 +82,7 @@ def draw_table_3(figure: Figure, printed: Marks) -> None:
     axes.set_xlim(-REACH, REACH)
     axes.axvline(0, color=INK, linewidth=0.6, alpha=0.5, zorder=0)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("distance from the middle of the prediction (half-widths)", fontsize=9)
+    axes.set_xlabel("distance from the median (half-widths)", fontsize=9)
     axes.tick_params(axis="x", labelsize=9)
     _legend(figure)
 
