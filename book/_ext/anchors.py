@@ -62,7 +62,9 @@ def lead(
 
     if body:
         # docutils gives the entries of a bibliography a role that is no longer in use.
-        context["body"] = LINK.sub(turned, body).replace(' role="doc-biblioentry"', "")
+        context["body"] = LINK.sub(turned, body).replace(
+            'role="doc-biblioentry"', 'role="listitem"'
+        )
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
