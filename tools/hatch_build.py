@@ -9,6 +9,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
+# Hatchling leaves the kind of its configuration open.
 class DataHook(BuildHookInterface):  # type: ignore[type-arg]
     """Adds the data folder to standard wheels."""
 

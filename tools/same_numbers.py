@@ -28,6 +28,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+# What NumPy was built for is told by no public function.
 from numpy._core import _multiarray_umath  # type: ignore[attr-defined]
 
 from page_cells import BOOK, notebooks, posteriors_on, run
@@ -224,6 +226,7 @@ if __name__ == "__main__":
     parser.add_argument("--here", nargs="*", help="print what these pages show, and no more")
     asked = parser.parse_args()
     if asked.here is not None:
+        # It is a TextIOWrapper, which the annotation TextIO does not say.
         sys.stdout.reconfigure(encoding="utf-8")  # type: ignore[union-attr]
         json.dump(computed(asked.here), sys.stdout)
     else:

@@ -79,6 +79,7 @@ class WarmProvisioner(LocalProvisioner):
             target=serve, args=(arguments, settings.get("cwd"), settings.get("env")), daemon=True
         )
         process.start()
+        # Declared as a Popen, of which a kernel's provisioner asks only what Forked has.
         self.process = Forked(process)  # type: ignore[assignment]
         self.pid = process.pid
         return self.connection_info

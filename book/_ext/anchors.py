@@ -27,10 +27,7 @@ def collect(app: Sphinx, doctree: nodes.document) -> None:
 
 def known(env: BuildEnvironment) -> dict[str, str]:
     """Return the page of each anchor."""
-    if not hasattr(env, "output_anchors"):
-        env.output_anchors = {}  # type: ignore[attr-defined]
-    found: dict[str, str] = env.output_anchors  # type: ignore[attr-defined]
-    return found
+    return env.domaindata.setdefault("output_anchors", {})
 
 
 def drop(app: Sphinx, env: BuildEnvironment, page: str) -> None:

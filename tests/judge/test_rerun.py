@@ -189,6 +189,20 @@ def test_readings_that_are_not_computed_are_refused_with_those_that_are():
         rerun.rerun(TABLE, chosen={"columns": "motions", "telescope": "nominal"})
 
 
+def test_rounding_noise_of_a_processor_replaces_nothing(monkeypatch):
+    """What a change does not reach stays as printed, whatever the last bits say."""
+    change = {f"{TABLE}#2.position-x": "0 um"}
+    before = set(rerun.rerun(TABLE, change).replaced)
+    made = rerun._Run._made
+
+    def noisy(self, computation, cell):
+        found = made(self, computation, cell)
+        return found if found is None or not self.values else found * (1 + 4e-14)
+
+    monkeypatch.setattr(rerun._Run, "_made", noisy)
+    assert set(rerun.rerun(TABLE, change).replaced) == before != set()
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

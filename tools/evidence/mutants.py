@@ -113,6 +113,7 @@ def left_out(source: str) -> list[tuple[Spot, Spot]]:
 
 
 def _span(node: ast.AST) -> tuple[Spot, Spot]:
+    # All nodes that come here stand in the source; the base class of nodes knows no lines.
     lines = (node.lineno, node.end_lineno)  # type: ignore[attr-defined]
     columns = (node.col_offset, node.end_col_offset)  # type: ignore[attr-defined]
     return (lines[0], columns[0]), (lines[1], columns[1])

@@ -10,6 +10,7 @@ the paper, and says what each cell would be judged as.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -43,6 +44,8 @@ _VALUE = re.compile(
 # The central 99 % of a prediction, as in the ledger.
 _ENDS = (0.005, 0.995)
 _ANGLES = {"deg", "arcsec"}
+# Relative: far above rounding noise, far below what any printed digit shows.
+_NOISE = 1e-9
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 # More than so many times a printed count, or so many replicates, would only fill the memory.
 LARGEST, MOST_REPLICATES = 20, 100_000
@@ -347,6 +350,13 @@ def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:
     ]
 
 
+def _same(cell: Cell, found: float, unchanged: float) -> bool:
+    """Tell whether two results differ by no more than rounding noise, which processors do."""
+    low, high = cell.number.interval()
+    print_width = (high - low) * si_factor(cell.unit)
+    return math.isclose(found, unchanged, rel_tol=_NOISE, abs_tol=_NOISE * print_width)
+
+
 class _Run:
     """Values of cells under one set of changes, every computation run at most once."""
 
@@ -383,7 +393,7 @@ class _Run:
             return None
         cell = _cell(address)
         found, unchanged = self._made(above, cell), self._unchanged._made(above, cell)
-        if found is None or found == unchanged:
+        if found is None or (unchanged is not None and _same(cell, found, unchanged)):
             return None  # nothing is computed, or no change reaches this cell
         self.replaced[address] = found / si_factor(cell.unit)
         return found
