@@ -1,6 +1,34 @@
-"""The version of the project and the day of its release."""
+"""The version of the project, the day of its release and the commit that computes."""
 
-__all__ = ["RELEASED"]
+import subprocess
+from functools import cache
+from pathlib import Path
+
+__all__ = ["RELEASED", "commit", "software"]
 
 __version__ = "0.1.0"
 RELEASED = "2026-11-21"
+
+
+def software() -> str:
+    """Return what computes here: name, version, day of release, and commit where there is one."""
+    found = commit(Path(__file__).parents[2])
+    return f"reproduce-pointing {__version__}, {RELEASED}" + (f", commit {found}" if found else "")
+
+
+@cache
+def commit(root: Path) -> str:
+    """Return the commit of a checkout, shortened; nothing elsewhere, or where files differ."""
+    if not (root / ".git").exists():
+        return ""
+    asked = ("status", "--porcelain", "--untracked-files=no"), ("rev-parse", "--short=10", "HEAD")
+    try:
+        changed, found = (
+            subprocess.run(
+                ["git", "-C", root, *words], check=True, capture_output=True, text=True
+            ).stdout.strip()
+            for words in asked
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return "" if changed else found

@@ -2,12 +2,14 @@
 
 import io
 import json
+import subprocess
 
 import numpy as np
 import pandas as pd
 import pytest
 from pybtex.database import parse_string
 
+from reproduce import version
 from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
@@ -133,3 +135,32 @@ def test_the_frame_averaging_figure_marks_every_printed_value():
                 printed += list(line.get_ydata())
     cells = [r for r in ledger.build(["chen2023/table-4"]).records if r.unit == "arcsec"]
     np.testing.assert_allclose(sorted(printed), sorted(float(r.printed) for r in cells))
+
+
+def test_the_commit_of_an_unchanged_checkout_is_named(tmp_path):
+    """Where a file differs, or nothing is known of commits, none is claimed."""
+
+    def git(*words):
+        me = ("-c", "user.name=A", "-c", "user.email=a@example.org")
+        done = subprocess.run(
+            ["git", *me, *words], cwd=tmp_path, check=True, capture_output=True, text=True
+        )
+        return done.stdout.strip()
+
+    named = version.commit.__wrapped__
+    (tmp_path / "file").write_text("as committed", encoding="utf-8")
+    assert named(tmp_path) == ""
+    git("init", "--quiet")
+    git("add", "file")
+    assert named(tmp_path) == "", "no commit yet"
+    git("commit", "--quiet", "--message", "First")
+    assert named(tmp_path) == git("rev-parse", "HEAD")[:10] != ""
+    (tmp_path / "file").write_text("changed", encoding="utf-8")
+    assert named(tmp_path) == ""
+
+
+def test_citation_and_export_name_the_same_software(table):
+    name = version.software()
+    assert name.startswith(f"reproduce-pointing {__version__}, {RELEASED}")
+    assert name in citation(KEY, "bibtex")
+    assert json.loads(export(table, KEY, "json"))["software"] == name

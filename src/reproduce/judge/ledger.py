@@ -125,7 +125,7 @@ class Ledger(_Frozen):
     altered: tuple[str, ...] = Field(
         default=(), description="files of printed numbers that are not those of their checksums"
     )
-    software: str = Field(default="", description="what made an export: name, version, day")
+    software: str = Field(default="", description="what made an export: name, version, day, commit")
 
     def of(self, key: str) -> tuple[Record, ...]:
         """Return the records of one item, in the order of print."""

@@ -10,7 +10,7 @@ from pybtex.database import BibliographyData, Entry, Person, parse_file
 from reproduce.judge.studies import studies
 from reproduce.locate import papers
 from reproduce.printed.cells import anchor
-from reproduce.version import RELEASED, __version__
+from reproduce.version import RELEASED, __version__, software
 from reproduce.views import keys
 
 __all__ = ["beside", "citation"]
@@ -60,7 +60,7 @@ def _written(name: str, title: str, note: str, paper: str, form: str) -> str:
     fields = {
         "title": f"{{{title}}}",
         "year": RELEASED[:4],
-        "howpublished": f"reproduce-pointing, version {__version__}",
+        "howpublished": software(),
         "note": note,
     }
     ours = Entry("misc", fields=fields, persons={"author": [Person("{" + _DEVELOPERS + "}")]})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from reproduce.judge.expected import reason
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.printed.cells import anchor, library
-from reproduce.version import RELEASED, __version__
+from reproduce.version import software
 from reproduce.views import keys
 from reproduce.views.writing import verdicts
 
@@ -53,8 +53,7 @@ def table_files(key: str) -> dict[str, str]:
 def signed(ledger: Ledger) -> Ledger:
     """Return a ledger with the written reason of each verdict and what made it."""
     told = tuple(r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records)
-    software = f"reproduce-pointing {__version__}, {RELEASED}"
-    return ledger.model_copy(update={"records": told, "software": software})
+    return ledger.model_copy(update={"records": told, "software": software()})
 
 
 def export_frame(frame: pd.DataFrame, form: str) -> str:
