@@ -92,6 +92,13 @@ def test_a_sweep_holds_what_each_rerun_gives():
     assert "25.0601 mm (printed)" in repr(swept)
 
 
+def test_a_sweep_simulates_as_many_tables_as_asked():
+    noise, changes = "niu2024/text-simulation#noise", {"niu2024/text-simulation#noise": "0.1 px"}
+    few = rp.table("niu2024/table-3").sweep(noise, ["0.1 px"], ["scale.red"], replicates=20)
+    alone = rp.table("niu2024/table-3").rerun(changes, replicates=20).frame()
+    assert few.frame()["computed"].iloc[0] == alone.loc["scale.red", "changed"].iloc[0]
+
+
 def test_a_sweep_is_a_table_first_and_a_slider_with_a_script():
     html = rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.red", "scale.blue"])._repr_html_()
     tags = Tags(html)

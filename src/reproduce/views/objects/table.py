@@ -133,7 +133,14 @@ class Table(Item):
             rerunning.rerun(self.key, changes, seed=seed, replicates=replicates, chosen=options)
         )
 
-    def sweep(self, address: str, values: Sequence[str], cells: Sequence[str] = ()) -> Sweep:
+    def sweep(
+        self,
+        address: str,
+        values: Sequence[str],
+        cells: Sequence[str] = (),
+        *,
+        replicates: int | None = None,
+    ) -> Sweep:
         """Compute the table again for several values of one printed input.
 
         Parameters
@@ -144,6 +151,8 @@ class Table(Item):
             Values as in the print: ``["0.02 px", "0.05 px", "0.2 px"]``.
         cells : sequence of str, optional
             Names of the cells to show; all of them by default.
+        replicates : int, optional
+            Tables simulated for each value; those of the book by default.
 
         Returns
         -------
@@ -154,7 +163,9 @@ class Table(Item):
             raise ValueError("expected at least one value to move the cell to, got none")
         for name in cells:
             self[name]
-        reruns = tuple(rerunning.rerun(self.key, {address: value}) for value in values)
+        reruns = tuple(
+            rerunning.rerun(self.key, {address: value}, replicates=replicates) for value in values
+        )
         return Sweep(address, tuple(values), reruns, tuple(cells))
 
     def export(self, form: str) -> str:
