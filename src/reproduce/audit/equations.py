@@ -116,17 +116,6 @@ def _iteration(cells: Sheet) -> Demonstration:
     return Demonstration("iteration", "(24), (25)", asked, errors[0], errors[1], 0.0, meaning)
 
 
-def _stacked(cells: Sheet) -> Demonstration:
-    """Stack the rows of (25) side by side, as printed, before the transposition."""
-    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
-    right = calibration.jacobian((1.0, 0.0, 0.0, 0.0), corners, detector_centre(size))
-    printed = np.hstack([row[np.newaxis] for row in right]).T
-    asked = "the Jacobian must have a column for each of the four parameters"
-    one, many = (float(matrix.shape[1]) for matrix in (printed, right))
-    return Demonstration("jacobian", "(25)", asked, one, many, 4.0, "columns")
-
-
 def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
     half = cells["chen2023/text-hardware#laser-diagonal"].si / 2
     places = np.array([[0.0, -half], [-half, 0.0], [half, 0.0], [0.0, half]])
@@ -224,7 +213,7 @@ def _stage_signs(cells: Sheet) -> Demonstration:
 
 
 _RUNS: dict[str, tuple[Callable[[Sheet], Demonstration], ...]] = {
-    "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration, _stacked),
+    "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration),
     "chen2023": (_unit_vectors, _chain, _stage_angle, _stage_signs, _retroreflector, _roll_leak),
 }
 

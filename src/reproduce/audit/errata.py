@@ -26,7 +26,8 @@ class Erratum(BaseModel):
     that it names. Where words stand against words, `evidence` says which. `reading` tells which
     of two independent readings of the paper found it, as for a relation. An entry that holds only
     if we suppose something that the paper does not say names it as its `supposition`, and is
-    counted apart. `extraction` marks what rests on a formula of the machine text.
+    counted apart. `extraction` marks what rests on a formula, a digit or a heading of our text,
+    which a machine read.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
