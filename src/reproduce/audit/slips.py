@@ -8,9 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from reproduce.audit.rounding import Sheet, allowed, reprinted
+from reproduce.audit.rounding import Sheet, reprinted
 from reproduce.printed.cells import Cell
-from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS
 
 __all__ = [
@@ -20,7 +19,6 @@ __all__ = [
     "interchanges",
     "of_cell",
     "of_digits",
-    "reaching",
     "readable",
 ]
 
@@ -131,20 +129,6 @@ def _units_like(unit: str) -> tuple[str, ...]:
     if unit in {"1", "count", "mag", "px", "percent"}:
         return ()
     return tuple(u for u in UNITS if u != unit and dimension(u) == dimension(unit))
-
-
-def reaching(cell: Cell, wanted: Iterable[Interval]) -> Iterator[Slip]:
-    """Yield the slips in a cell whose correction can reach one of the wanted intervals."""
-    goals = list(wanted)
-    for slip, (low, high) in _with_intervals(cell):
-        if any(low <= end and high >= start for start, end in goals):
-            yield slip
-
-
-@functools.lru_cache(maxsize=5_000)
-def _with_intervals(cell: Cell) -> tuple[tuple[Slip, Interval], ...]:
-    """Keep the slips of a cell: a search asks for the same ones again and again."""
-    return tuple((slip, allowed(slip.changes[0][1])) for slip in of_cell(cell))
 
 
 @dataclass(frozen=True)
