@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from reproduce.audit.examine import Agreement, agreements, by_value, contradicted
-from reproduce.audit.intervals import EVERYTHING
+from reproduce.audit.intervals import EVERYTHING, meet
 from reproduce.audit.relation import Relation
 from reproduce.audit.rounding import Sheet, allowed, reprinted
 from reproduce.audit.slips import COSTS, Slip, interchanges, of_cell
@@ -162,7 +162,8 @@ class Search:
                 found.append(own)
                 continue
             rivals = [r for r in ours if r.unknown is relation.unknown]
-            apart = [r for r in rivals if _apart(value, _value(r, state.cells))]
+            asked = [(r, _value(r, state.cells)) for r in rivals]
+            apart = [r for r, other in asked if other and not meet(value, other)]
             found += [own | frozenset(r.addresses) for r in apart]
             if not apart:  # outvoted by relations that were right: any of them may change sides
                 family = [r for r in self.near if r.unknown is relation.unknown]
@@ -241,8 +242,8 @@ class Search:
         wrong = state.wrong & self.targets
         blamed = [r for r in self.near if r.name in wrong and address in r.addresses]
         goals = [self._goals(r, address, state.cells) for r in by_value(blamed[:lifting])]
-        for slip, (low, high) in _slips_of(state.cells[address]):
-            if all(any(low <= end and high >= start for start, end in goal) for goal in goals):
+        for slip, reached in _slips_of(state.cells[address]):
+            if all(any(meet(reached, one) for one in goal) for goal in goals):
                 yield slip
 
     def _goals(self, relation: Relation, address: str, cells: Sheet) -> list[Interval]:
@@ -293,10 +294,6 @@ def _value(relation: Relation, cells: Sheet) -> Interval | None:
     if relation.unknown is None:
         return None
     return projection(relation, printed_intervals(cells, [relation]))
-
-
-def _apart(one: Interval, two: Interval | None) -> bool:
-    return two is not None and (one[1] < two[0] or two[1] < one[0])
 
 
 def _correction(state: State, search: Search) -> Correction:

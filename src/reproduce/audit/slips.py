@@ -10,7 +10,6 @@ from typing import Literal
 
 from reproduce.audit.rounding import Sheet, reprinted
 from reproduce.printed.cells import Cell
-from reproduce.printed.units import UNITS
 
 __all__ = [
     "COSTS",
@@ -37,6 +36,9 @@ COSTS: Mapping[SlipKind, float] = {
     "rows": 2.0,
     "columns": 2.0,
 }
+
+# Units that a pen confuses. To a computer an angle is a pure number, but not to a pen.
+_ALIKE = (("nm", "um", "mm", "m", "km"), ("deg", "arcsec"), ("ms", "s", "min"))
 
 
 @dataclass(frozen=True)
@@ -103,32 +105,16 @@ def of_cell(cell: Cell) -> Iterator[Slip]:
             seen.add(text)
             label = f"{address}: {printed} → {text}"
             yield Slip(kind, label, ((address, reprinted(cell, text)),))
-    for unit in _units_like(cell.unit):
-        label = f"{address}: {cell.unit} → {unit}"
-        yield Slip("unit", label, ((address, replace(cell, unit=unit)),))
+    for unit in next((alike for alike in _ALIKE if cell.unit in alike), ()):
+        if unit != cell.unit:
+            label = f"{address}: {cell.unit} → {unit}"
+            yield Slip("unit", label, ((address, replace(cell, unit=unit)),))
 
 
 def readable(text: str) -> bool:
     """Tell whether a number could be printed so: it starts with a digit, without idle zeros."""
     body = text.removeprefix("-").partition("e")[0]
     return body[:1].isdigit() and not (len(body) > 1 and body[0] == "0" and body[1] != ".")
-
-
-@functools.cache
-def _units_like(unit: str) -> tuple[str, ...]:
-    import pint
-
-    registry = pint.application_registry
-
-    def dimension(name: str) -> object:
-        return registry.Quantity(1.0, UNITS[name][0]).dimensionality
-
-    angles = {"deg", "arcsec"}  # to pint an angle is a pure number, but no pen confuses the two
-    if unit in angles:
-        return tuple(angles - {unit})
-    if unit in {"1", "count", "mag", "px", "percent"}:
-        return ()
-    return tuple(u for u in UNITS if u != unit and dimension(u) == dimension(unit))
 
 
 @dataclass(frozen=True)
