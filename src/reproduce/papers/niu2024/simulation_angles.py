@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "ARRANGEMENTS", "READS", "SETTINGS", "arrangement", "candidates", "draw", "draw_arrangements",
-    "facts", "half_ranges", "literal",
+    "ARRANGEMENTS", "READS", "SETTINGS", "arrangement", "candidates", "draw", "half_ranges",
+    "literal",
 ]  # fmt: skip
 
 SETTINGS = "niu2024/text-simulation"
