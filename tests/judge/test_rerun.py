@@ -257,3 +257,17 @@ def test_a_changed_value_is_exact():
     assert door.shifted({"niu2024/table-1#focal-length.red": 1.0})[
         "niu2024/table-1#focal-length.red"
     ] == 0.03  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("factor", "possible"), [(1.73, True), (1.74, False), (0.58, True), (0.57, False)]
+)
+def test_residuals_that_leave_no_error_to_a_channel_are_named(factor, possible):
+    """Green's part of the squares exceeds the smaller residual from a ratio of √3 on."""
+    blue = find("niu2024/text-experiment#rmse-after-blue-x")[0].number.value
+    changes = {"niu2024/text-experiment#rmse-after-red-x": f"{factor * blue} px"}
+    if possible:
+        assert rerun.rerun("niu2024/text-experiment", changes, replicates=2).cells
+    else:
+        with pytest.raises(CannotChangeError, match=r"rmse-after-blue-x = 0\.2146 px.*√3"):
+            rerun.rerun("niu2024/text-experiment", changes, replicates=2)

@@ -255,6 +255,12 @@ def test_the_facts_of_a_drawing_are_those_it_draws():
     assert facts["own-start"].value == own[0]
     assert facts["own-next"].value == own[first + 1]
     assert f"{facts['restarts'].value} random starts" in [line.get_label() for line in axes.lines]
+    shown = drawings()["niu2024-arrangements"].named()
+    pictures = drawn("niu2024-arrangements").axes
+    assert len(pictures) == shown["arrangements"].value
+    assert {len(one.lines[0].get_xdata()) for one in pictures} == {shown["angles"].value}
+    rings = [line for one in pictures for line in one.lines if line.get_fillstyle() == "none"]
+    assert len(rings) == shown["with-zero"].value
     errors = drawings()["niu2024-fusion-errors"].named()
     middle = drawn("niu2024-fusion-errors").axes[1]
     lines = {line.get_label(): line.get_ydata() for line in middle.lines}

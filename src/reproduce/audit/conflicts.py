@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from reproduce.audit.examine import by_value, contradicted, uniform
-from reproduce.audit.intervals import EVERYTHING
+from reproduce.audit.intervals import EVERYTHING, meet
 from reproduce.audit.relation import Relation
 from reproduce.audit.rounding import Sheet, last_digit
 from reproduce.audit.solve import contract, printed_intervals, projection, propagate
@@ -90,7 +90,7 @@ def _disjoint_pairs(
     return [
         [one, two]
         for (one, a), (two, b) in itertools.combinations(shared, 2)
-        if one.unknown is two.unknown and (a[1] < b[0] or b[1] < a[0])
+        if one.unknown is two.unknown and not meet(a, b)
     ]
 
 

@@ -10,16 +10,17 @@ follows the most promising pairs only.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from reproduce.audit.examine import Agreement, agreements, by_value, contradicted, uniform
-from reproduce.audit.intervals import EVERYTHING
+from reproduce.audit.examine import Agreement, agreements, by_value, contradicted
+from reproduce.audit.intervals import EVERYTHING, meet
 from reproduce.audit.relation import Relation
 from reproduce.audit.rounding import Sheet, allowed, reprinted
-from reproduce.audit.slips import COSTS, Slip, interchanges, of_cell, reaching
+from reproduce.audit.slips import COSTS, Slip, interchanges, of_cell
 from reproduce.audit.solve import contract, printed_intervals, projection, widened
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval
@@ -35,7 +36,7 @@ _BROKEN = 0.5
 # The search follows everything up to this many slips.
 _COMPLETE = 2
 _SMALLEST = min(COSTS.values())
-Fingerprint = frozenset[tuple[str, str]]
+Fingerprint = frozenset[tuple[str, str, str]]
 
 
 @dataclass(frozen=True)
@@ -103,16 +104,8 @@ class State:
 
     def fingerprint(self, cells: Sheet) -> Fingerprint:
         """Tell states apart by what they print, whatever the order of the slips."""
-        changed = (a for slip in self.slips for a, _ in slip.changes)
-        return frozenset(
-            (a, f"{self.cells[a].number.text} {self.cells[a].unit}")
-            for a in changed
-            if self.cells[a] != cells[a]
-        )
-
-    def slipped(self, address: str) -> bool:
-        """Tell whether a number had its slip: enough of them turn any number into any other."""
-        return any(slip.addresses == {address} for slip in self.slips)
+        moved = [a for slip in self.slips for a in slip.addresses if self.cells[a] != cells[a]]
+        return frozenset((a, self.cells[a].number.text, self.cells[a].unit) for a in moved)
 
 
 class Search:
@@ -133,12 +126,10 @@ class Search:
         self.interchanges = interchanges(cells, keys)
         self.already = contradicted(cells, self.near)
         self.start = State((), cells, self.already)
-        self._affected: dict[frozenset[str], list[list[Relation]]] = {}
+        self._touched: dict[frozenset[str], tuple[list[Relation], list[Relation]]] = {}
 
     def run(self, depth: int, breadth: int) -> list[State]:
         """Return the states without a contradiction of the group."""
-        if self._slips_needed() > depth:
-            return []
         done: dict[Fingerprint, State] = {}
         limit = math.inf  # the size of the smallest correction that restores everything
         level = [self.start]
@@ -171,23 +162,13 @@ class Search:
                 found.append(own)
                 continue
             rivals = [r for r in ours if r.unknown is relation.unknown]
-            apart = [r for r in rivals if _apart(value, _value(r, state.cells))]
+            asked = [(r, _value(r, state.cells)) for r in rivals]
+            apart = [r for r, other in asked if other and not meet(value, other)]
             found += [own | frozenset(r.addresses) for r in apart]
             if not apart:  # outvoted by relations that were right: any of them may change sides
                 family = [r for r in self.near if r.unknown is relation.unknown]
                 found.append(frozenset(itertools.chain.from_iterable(r.addresses for r in family)))
         return list(dict.fromkeys(found))
-
-    def _slips_needed(self) -> int:
-        """Return how many slips are needed at least: a slip stays within one table."""
-        seen: set[str] = set()
-        count = 0
-        for cover in sorted(self.covers(self.start), key=len):
-            keys = {self.cells[a].key for a in cover}
-            if not keys & seen:
-                seen |= keys
-                count += 1
-        return count
 
     def _further(self, level: Sequence[State], taken: int, breadth: int) -> list[State]:
         """Return the states one slip on: all of them as long as the search is complete."""
@@ -196,11 +177,11 @@ class Search:
             return state.cost + self._ill(state.wrong)
 
         if taken < _COMPLETE:
-            grown = itertools.chain(*(self._grown(state, self._any) for state in level))
+            grown = itertools.chain(*(self._grown(state, 0) for state in level))
             return sorted(grown, key=lambda state: (state.cost, len(state.wrong - self.already)))
         found: dict[Fingerprint, State] = {}
         for state in sorted(level, key=promise)[:breadth]:
-            for child in self._grown(state, self._reaching, self._ill(state.wrong)):
+            for child in self._grown(state, 1, self._ill(state.wrong)):
                 found.setdefault(child.fingerprint(self.cells), child)
         return sorted(found.values(), key=promise)[:breadth]
 
@@ -208,18 +189,13 @@ class Search:
         left, broken = wrong & self.targets, wrong - self.already
         return len(left) + _BROKEN * len(broken)
 
-    def _grown(
-        self,
-        state: State,
-        single: Callable[[State, str], Iterable[Slip]],
-        below: float = math.inf,
-    ) -> Iterator[State]:
+    def _grown(self, state: State, lifting: int | None, below: float = math.inf) -> Iterator[State]:
         """Yield the states one slip on that touch the smallest cover, with the group still wrong.
 
         Only those with less wrong than `below`, as `_ill` weighs it.
         """
         cover = min(self.covers(state), key=len)
-        slips = (single(state, address) for address in sorted(cover))
+        slips = (self._slips(state, address, lifting) for address in sorted(cover))
         for slip in itertools.chain(*slips, self._interchanged(state, [cover])):
             child = self._after(state, slip, lambda wrong: self._ill(wrong) < below)
             if child is not None and child.wrong & self.targets:
@@ -231,23 +207,16 @@ class Search:
         if room < _SMALLEST:
             return
         covers = self.covers(state)
-        if room == _SMALLEST:  # nothing may stay broken, so what is broken must be touched too
-            broken = state.wrong - self.already
-            covers += [
-                frozenset(r.addresses) for r in self.near if r.name in broken and not r.unknown
-            ]
         common = frozenset.intersection(*covers) - self._tried_before(state)
-        slips = (self._lifting(state, address) for address in sorted(common))
+        slips = (self._slips(state, address, None) for address in sorted(common))
         for slip in itertools.chain(*slips, self._interchanged(state, covers, room)):
-            if slip.cost <= room:
-                size = slip.cost
+            whole = slip.cost == room  # as large as what restores everything: so must this
 
-                def lifts(wrong: frozenset[str], size: float = size) -> bool:
-                    whole = size < room or not wrong - self.already
-                    return whole and not wrong & self.targets
+            def lifts(wrong: frozenset[str], whole: bool = whole) -> bool:
+                return not (wrong & self.targets or (whole and wrong - self.already))
 
-                if child := self._after(state, slip, lifts):
-                    yield child
+            if slip.cost <= room and (child := self._after(state, slip, lifts)):
+                yield child
 
     def _tried_before(self, state: State) -> frozenset[str]:
         """Return the cells whose slips were tried first: a pair need not come in both orders."""
@@ -255,9 +224,6 @@ class Search:
             return frozenset()
         (address,) = state.slips[0].addresses
         return frozenset(a for a in min(self.covers(self.start), key=len) if a < address)
-
-    def _any(self, state: State, address: str) -> Iterable[Slip]:
-        return [] if state.slipped(address) else of_cell(state.cells[address])
 
     def _interchanged(
         self, state: State, covers: Sequence[frozenset[str]], room: float = math.inf
@@ -269,72 +235,52 @@ class Search:
                 if slip is not None:
                     yield slip
 
-    def _reaching(self, state: State, address: str) -> Iterator[Slip]:
-        """Yield the slips in one cell that may let a contradicting relation hold."""
-        if state.slipped(address):
-            return
-        printed = state.cells[address]
-        wrong = [r for r in self.near if r.name in state.wrong & self.targets]
-        relation = next((r for r in wrong if address in r.addresses), None)
-        if relation is None:
-            yield from of_cell(printed)
-        elif relation.kind == "print":
-            yield from (s for s in of_cell(printed) if uniform(s.undone(state.cells), relation))
-        else:
-            free = (
-                _freed(relation, address, state.cells, value)
-                for value in self._values(relation, state.cells)
-            )
-            yield from reaching(printed, [goal for goal in free if goal is not None])
-
-    def _lifting(self, state: State, address: str) -> Iterator[Slip]:
-        """Yield the slips in one cell that may let every contradicting relation of it hold."""
+    def _slips(self, state: State, address: str, lifting: int | None) -> Iterator[Slip]:
+        """Yield the slips in one cell that may lift its first contradictions, as many as said."""
+        if any(slip.addresses == {address} for slip in state.slips):
+            return  # enough slips turn any number into any other
         wrong = state.wrong & self.targets
         blamed = [r for r in self.near if r.name in wrong and address in r.addresses]
-        goals: list[Interval] = []
-        for relation in by_value(r for r in blamed if r.unknown is None):
-            goal = _freed(relation, address, state.cells)
-            if goal is None:
-                return
-            goals.append(goal)
-        for slip in self._reaching(state, address):
-            low, high = widened(allowed(slip.changes[0][1]))
-            if all(low <= end and high >= start for start, end in goals):
+        goals = [self._goals(r, address, state.cells) for r in by_value(blamed[:lifting])]
+        for slip, reached in _slips_of(state.cells[address]):
+            if all(any(meet(reached, one) for one in goal) for goal in goals):
                 yield slip
 
-    def _values(self, relation: Relation, cells: Sheet) -> Iterable[Interval | None]:
-        """Return the values of the unknown worth trying: those that the others allow."""
-        if relation.unknown is None:
-            return [None]
-        others = [r for r in self.near if r.unknown is relation.unknown and r is not relation]
-        about = agreements(cells, others).get(relation.unknown.name)
-        return list(about.by_relation.values()) if about and about.by_relation else [None]
+    def _goals(self, relation: Relation, address: str, cells: Sheet) -> list[Interval]:
+        """Return the values of a cell that a relation allows, its unknown as the others have it."""
+        others = [r for r in _sharing([relation], self.near) if address not in r.addresses]
+        about = list(agreements(cells, others).values())
+        values: list[Interval | None] = [*about[0].by_relation.values()] if about else []
+        intervals = printed_intervals(cells, [relation]) | {address: EVERYTHING}
+        free = [contract(relation, intervals, value) for value in values or [None]]
+        return [found[address] for found in free if found is not None]
 
     def _after(
         self, state: State, slip: Slip, worth: Callable[[frozenset[str]], bool]
     ) -> State | None:
         """Undo a slip, and judge again what it touches and what shares an unknown with that.
 
-        None as soon as what is wrong is not worth going on; the group's own relations come first.
+        None if what is wrong is not worth going on; the group's own relations tell first.
         """
+        if slip.addresses not in self._touched:
+            hit = [r for r in self.near if not slip.addresses.isdisjoint(r.addresses)]
+            own = [r for r in hit if r.name in self.targets and not r.unknown]
+            rest = [r for r in hit if not (r in own or r.unknown)]
+            self._touched[slip.addresses] = own, [*_sharing(hit, self.near), *rest]
         cells = slip.undone(state.cells)
-        again = self._again(slip.addresses)
-        wrong = state.wrong - {relation.name for batch in again for relation in batch}
-        for batch in again:
+        batches = self._touched[slip.addresses]
+        wrong = state.wrong - {r.name for r in itertools.chain(*batches)}
+        for batch in batches:
+            wrong |= contradicted(cells, batch)
             if not worth(wrong):
                 return None
-            wrong |= contradicted(cells, batch)
-        return State((*state.slips, slip), cells, wrong) if worth(wrong) else None
+        return State((*state.slips, slip), cells, wrong)
 
-    def _again(self, moved: frozenset[str]) -> list[list[Relation]]:
-        """Return what some cells touch, in batches that can be judged one after the other."""
-        if moved not in self._affected:
-            hit = [r for r in self.near if not moved.isdisjoint(r.addresses)]
-            alone = [r for r in hit if r.unknown is None]
-            ours = [[r] for r in alone if r.name in self.targets]
-            others = [[r] for r in alone if r.name not in self.targets]
-            self._affected[moved] = [*ours, _sharing(hit, self.near), *others]
-        return self._affected[moved]
+
+@functools.lru_cache(maxsize=5_000)
+def _slips_of(cell: Cell) -> tuple[tuple[Slip, Interval], ...]:
+    """Return the slips in a cell, each with the values that then print so."""
+    return tuple((slip, widened(allowed(slip.changes[0][1]))) for slip in of_cell(cell))
 
 
 def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Relation]:
@@ -343,24 +289,11 @@ def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Re
     return [r for r in relations if r.unknown in unknowns]
 
 
-def _freed(
-    relation: Relation, address: str, cells: Sheet, unknown: Interval | None = None
-) -> Interval | None:
-    """Return the values of a cell that its relation allows, with its own print left open."""
-    intervals = printed_intervals(cells, [relation]) | {address: EVERYTHING}
-    free = contract(relation, intervals, unknown)
-    return None if free is None else free[address]
-
-
 def _value(relation: Relation, cells: Sheet) -> Interval | None:
     """Return what a relation allows of its unknown; None if that is nothing or it has none."""
     if relation.unknown is None:
         return None
     return projection(relation, printed_intervals(cells, [relation]))
-
-
-def _apart(one: Interval, two: Interval | None) -> bool:
-    return two is not None and (one[1] < two[0] or two[1] < one[0])
 
 
 def _correction(state: State, search: Search) -> Correction:

@@ -84,10 +84,8 @@ def _rotary(cells: Sheet) -> Demonstration:
     printed, right = (
         float(np.linalg.det(form(0.0, turn))) for form in (rotary_matrix_printed, rotary_matrix)
     )
-    asked, meaning = (
-        "a rotation matrix must have determinant one",
-        "determinant at the largest angle",
-    )
+    asked = "a rotation matrix must have determinant one"
+    meaning = "determinant at the largest angle"
     return Demonstration("rotary-matrix", "(20)", asked, printed, right, 1.0, meaning)
 
 
@@ -98,12 +96,17 @@ def _constraint(cells: Sheet) -> Demonstration:
     return Demonstration("unit-circle", "section 3.2", asked, printed, right, 0.0, meaning)
 
 
+def _corners(cells: Sheet) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of the detector, and its middle."""
+    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    return corners, detector_centre(size)
+
+
 def _iteration(cells: Sheet) -> Demonstration:
     rows = ("scale", "rotation", "translation-x", "translation-y")
     truth = np.array([cells[f"niu2024/table-2#{row}.red"].si for row in rows])
-    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
-    middle = detector_centre(size)
-    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    source, middle = _corners(cells)
     target = calibration.model_points(truth, source, middle)
     errors = []
     for step in (calibration.gauss_newton_step_printed, calibration.gauss_newton_step):
@@ -171,9 +174,7 @@ def _roll_leak(cells: Sheet) -> Demonstration:
     asked = "a roll of the camera must not count as an error about X and Y"
     meaning = "arcseconds about X and Y for a roll of one arcminute"
     place, supposed = "V-B, behind Fig. 8", "the tracker's boresight meets its detector's centre"
-    return Demonstration(
-        "roll-leak", place, asked, errors[0], errors[1], 0.0, meaning, supposition=supposed
-    )
+    return Demonstration("roll-leak", place, asked, errors[0], errors[1], 0.0, meaning, supposed)
 
 
 def _stage_angle(cells: Sheet) -> Demonstration:
@@ -207,9 +208,7 @@ def _stage_signs(cells: Sheet) -> Demonstration:
     asked = "with right-handed axes (10) must have the sign that (7) measures about X"
     supposed = "the angles about X and Y are both right-handed"
     meaning = "sign of the angle about X"
-    return Demonstration(
-        "stage-signs", "(10)", asked, printed, right, wanted, meaning, supposition=supposed
-    )
+    return Demonstration("stage-signs", "(10)", asked, printed, right, wanted, meaning, supposed)
 
 
 _RUNS: dict[str, tuple[Callable[[Sheet], Demonstration], ...]] = {

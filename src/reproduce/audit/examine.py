@@ -16,7 +16,7 @@ from reproduce.audit.rounding import (
     last_digit,
     rules_that_print,
 )
-from reproduce.audit.solve import NOISE, possible, printed_intervals, projection
+from reproduce.audit.solve import NOISE, contract, printed_intervals, projection
 from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
@@ -124,7 +124,7 @@ def contradicted(
         if relation.kind == "print":
             return uniform(cells, relation)
         if relation.unknown is None:
-            return possible(relation, intervals)
+            return contract(relation, intervals) is not None
         return relation.name in shared[relation.unknown.name].members
 
     return frozenset(relation.name for relation in relations if not holds(relation))

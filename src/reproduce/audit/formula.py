@@ -13,14 +13,19 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from reproduce.printed.units import UNITS, si_factor
 
 __all__ = ["Formula", "FormulaError", "Side", "functions", "read"]
 
 _SIGNS: dict[type[ast.cmpop], str] = {ast.Eq: "=", ast.LtE: "<=", ast.GtE: ">="}
-_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
+_OPERATORS: dict[type[ast.operator], str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+}
 _OF_ONE = ("abs", "sqrt", "sin", "cos", "tan", "atan")
 _OF_LISTS = ("mean", "rms", "sum", "min", "max", "count")
 Functions = dict[str, Any]
@@ -38,18 +43,16 @@ def functions(known: Mapping[str, Callable[..., Any]]) -> Functions:
 
 def _of_list(name: str, known: Mapping[str, Callable[..., Any]], *arguments: Any) -> Any:
     entries = [x for entry in arguments for x in (entry if isinstance(entry, list) else [entry])]
-    if name == "count":
-        return len(entries)
-    if name in {"min", "max"}:
-        return functools.reduce(known[name], entries)
-    if name == "rms":
-        return known["sqrt"](_total([x * x for x in entries]) / len(entries))
-    total = _total(entries)
+    match name:
+        case "count":
+            return len(entries)
+        case "min" | "max":
+            return functools.reduce(known[name], entries)
+        case "rms":
+            mean = functools.partial(_of_list, "mean", known)
+            return known["sqrt"](mean([x * x for x in entries]))
+    total = functools.reduce(operator.add, entries)
     return total / len(entries) if name == "mean" else total
-
-
-def _total(entries: list[Any]) -> Any:
-    return functools.reduce(operator.add, entries)
 
 
 FLOATS = functions(
@@ -57,16 +60,9 @@ FLOATS = functions(
 )
 
 
-class Side(Protocol):
-    """One side of a formula, evaluated in any arithmetic."""
-
-    def __call__(
-        self,
-        values: Mapping[str, Any],
-        known: Functions = FLOATS,
-        unit: Callable[[str], Any] = si_factor,
-    ) -> Any:
-        """Return its value for what its names, functions and units stand for."""
+# One side of a formula: its value for what its names, functions and units stand for, in any
+# arithmetic; by default in floats.
+Side = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -106,64 +102,47 @@ def read(text: str) -> Formula:
         raise FormulaError(f"{text!r}: expected a formula such as 'a = b - c'") from error
     if not isinstance(tree, ast.Compare) or len(tree.ops) != 1 or type(tree.ops[0]) not in _SIGNS:
         raise FormulaError(f"{text!r}: expected two expressions with one of = <= >= between them")
-    names: dict[str, None] = {}
     left, right = tree.left, tree.comparators[0]
-    for side in (left, right):
-        _check(side, text, names)
+    names: dict[str, None] = {}
+    sides = [_compiled(_checked(side, text, names)) for side in (left, right)]
     sign = _SIGNS[type(tree.ops[0])]
     result = left.id if isinstance(left, ast.Name) and sign == "=" else ""
     bare = isinstance(left, ast.Name) and isinstance(right, ast.Name)
-    return Formula(text, _compiled(left), _compiled(right), sign, tuple(names), result, bare)
+    return Formula(text, sides[0], sides[1], sign, tuple(names), result, bare)
 
 
-def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
-    """Refuse what is not arithmetic with the known functions, and collect the names."""
+def _checked(node: ast.expr, text: str, names: dict[str, None]) -> str:
+    """Write out arithmetic with the known functions, names and units looked up; refuse all else."""
+
+    def inner(part: ast.expr) -> str:
+        return _checked(part, text, names)
+
     match node:
-        case ast.Constant(value=int() | float()):
-            return
+        case ast.Constant(value=int() | float() as number):
+            return repr(number)
         case ast.Attribute(value=ast.Name(id="u"), attr=unit) if unit in UNITS:
-            return
+            return f"unit({unit!r})"
         case ast.Name(id=name):
             names.setdefault(name)
-        case ast.UnaryOp(op=ast.USub(), operand=inner):
-            _check(inner, text, names)
-        case ast.BinOp(left=base, op=ast.Pow(), right=ast.Constant(value=int())):
-            _check(base, text, names)
-        case ast.BinOp(left=one, op=op, right=two) if isinstance(op, _OPERATORS):
-            _check(one, text, names)
-            _check(two, text, names)
-        case ast.Call(func=ast.Name(id=name), args=[*inner], keywords=[]) if (
-            inner and name in _OF_ONE + _OF_LISTS
+            return f"values[{name!r}]"  # looked up, since a cell may be called as a function is
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return f"(-{inner(operand)})"
+        case ast.BinOp(left=base, op=ast.Pow(), right=ast.Constant(value=int() as exponent)):
+            return f"({inner(base)} ** {exponent})"
+        case ast.BinOp(left=one, op=operation, right=two) if type(operation) in _OPERATORS:
+            return f"({inner(one)} {_OPERATORS[type(operation)]} {inner(two)})"
+        case ast.Call(func=ast.Name(id=name), args=[*parts], keywords=[]) if (
+            parts and name in _OF_ONE + _OF_LISTS
         ):
-            for one in inner:
-                _check(one, text, names)
-        case _:
-            raise FormulaError(
-                f"{text!r}: cannot read {ast.unparse(node)!r}; expected names, numbers, "
-                f"+ - * / **, units as u.mm, and {', '.join(_OF_ONE + _OF_LISTS)}"
-            )
+            return f"{name}({', '.join(map(inner, parts))})"
+    raise FormulaError(
+        f"{text!r}: cannot read {ast.unparse(node)!r}; expected names, numbers, "
+        f"+ - * / **, units as u.mm, and {', '.join(_OF_ONE + _OF_LISTS)}"
+    )
 
 
-class _LookUp(ast.NodeTransformer):
-    """Turn names and units into what is looked up when the formula is evaluated."""
-
-    def visit_Name(self, node: ast.Name) -> ast.expr:
-        """Look a value up, since a cell may be called as a function is."""
-        return ast.Subscript(ast.Name("values", ast.Load()), ast.Constant(node.id), ast.Load())
-
-    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
-        """Ask for the value of a unit."""
-        return ast.Call(ast.Name("unit", ast.Load()), [ast.Constant(node.attr)], [])
-
-    def visit_Call(self, node: ast.Call) -> ast.expr:
-        """Leave the name of a function alone."""
-        return ast.Call(node.func, [self.visit(entry) for entry in node.args], [])
-
-
-def _compiled(side: ast.expr) -> Side:
-    """Compile a side, of which `_check` has seen that it is arithmetic with known functions."""
-    tree = ast.fix_missing_locations(ast.Expression(_LookUp().visit(side)))
-    code = compile(tree, "<formula>", "eval")
+def _compiled(side: str) -> Side:
+    code = compile(side, "<formula>", "eval")
 
     def value(
         values: Mapping[str, Any],

@@ -19,7 +19,7 @@ from reproduce.audit.formula import functions
 from reproduce.audit.relation import Relation
 from reproduce.printed.number import Interval
 
-__all__ = ["EVERYTHING", "contractor"]
+__all__ = ["EVERYTHING", "contractor", "meet"]
 
 _INF = math.inf
 EVERYTHING: Interval = (-_INF, _INF)
@@ -48,14 +48,15 @@ def _loose(low: float, high: float) -> Interval:
     return _ends(low * (1 - math.copysign(_ROOM, low)), high * (1 + math.copysign(_ROOM, high)))
 
 
-def _meet(one: Interval, two: Interval) -> _Found:
+def meet(one: Interval, two: Interval) -> _Found:
+    """Return what two intervals share, or None."""
     low = one[0] if one[0] > two[0] else two[0]
     high = one[1] if one[1] < two[1] else two[1]
     return (low, high) if low <= high else None
 
 
 def _hull(within: Interval, parts: Iterable[Interval]) -> _Found:
-    met = [found for part in parts if (found := _meet(within, part))]
+    met = [found for part in parts if (found := meet(within, part))]
     return (min(low for low, _ in met), max(high for _, high in met)) if met else None
 
 
@@ -115,27 +116,21 @@ def _quotients(x: Interval, y: Interval) -> list[Interval]:
 def _lesser(z: Interval, x: Interval, y: Interval) -> _Pair:
     """Narrow two numbers by the lesser of them: one alone is it if the other lies above."""
     alone, other = z[1] if y[0] > z[1] else _INF, z[1] if x[0] > z[1] else _INF
-    return _both(_meet(x, (z[0], alone)), _meet(y, (z[0], other)))
-
-
-def _greater(z: Interval, x: Interval, y: Interval) -> _Pair:
-    alone, other = z[0] if y[1] < z[0] else -_INF, z[0] if x[1] < z[0] else -_INF
-    return _both(_meet(x, (alone, z[1])), _meet(y, (other, z[1])))
+    return _both(meet(x, (z[0], alone)), meet(y, (z[0], other)))
 
 
 _TWO: dict[str, _Step] = {
-    "add": (_add, lambda z, x, y: _both(_meet(x, _subtract(z, y)), _meet(y, _subtract(z, x)))),
-    "sub": (_subtract, lambda z, x, y: _both(_meet(x, _add(z, y)), _meet(y, _subtract(x, z)))),
+    "add": (_add, lambda z, x, y: _both(meet(x, _subtract(z, y)), meet(y, _subtract(z, x)))),
+    "sub": (_subtract, lambda z, x, y: _both(meet(x, _add(z, y)), meet(y, _subtract(x, z)))),
     "mul": (
         _multiply,
         lambda z, x, y: _both(_hull(x, _quotients(z, y)), _hull(y, _quotients(z, x))),
     ),
     "truediv": (
         lambda x, y: _hull(EVERYTHING, _quotients(x, y)),
-        lambda z, x, y: _both(_meet(x, _multiply(z, y)), _hull(y, _quotients(x, z))),
+        lambda z, x, y: _both(meet(x, _multiply(z, y)), _hull(y, _quotients(x, z))),
     ),
     "min": (lambda x, y: (min(x[0], y[0]), min(x[1], y[1])), _lesser),
-    "max": (lambda x, y: (max(x[0], y[0]), max(x[1], y[1])), _greater),
 }
 
 
@@ -148,17 +143,17 @@ def _rising(
     """Return the step of a function that rises over its domain from end to end of its values."""
 
     def forwards(x: Interval, _: Interval) -> _Found:
-        inside = _meet(x, domain)
-        return inside and _meet(_loose(function(inside[0]), function(inside[1])), values)
+        inside = meet(x, domain)
+        return inside and meet(_loose(function(inside[0]), function(inside[1])), values)
 
     def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
-        left = _meet(z, values)
+        left = meet(z, values)
         if left is None:
             return None
         low = domain[0] if left[0] <= values[0] else inverse(left[0])
         high = domain[1] if left[1] >= values[1] else inverse(left[1])
-        inside = _meet(x, domain)
-        narrowed = inside and _meet(inside, _loose(low, high))
+        inside = meet(x, domain)
+        narrowed = inside and meet(inside, _loose(low, high))
         return _both(narrowed, narrowed)
 
     return forwards, backwards
@@ -192,7 +187,7 @@ def _turning(
         if found is None:
             return x, x
         pair = narrows((-z[1], -z[0]) if found[2] else z, found[0], found[0])
-        narrowed = pair and _meet(x, _add(pair[0], found[1]))
+        narrowed = pair and meet(x, _add(pair[0], found[1]))
         return _both(narrowed, narrowed)
 
     return forwards, backwards
@@ -255,10 +250,14 @@ class _Steps:
     def functions(self) -> dict[str, Any]:
         """Return the functions that a formula may name."""
         one = {name: lambda x, s=step: self.further(s, x, x) for name, step in _ONE.items()}
-        two = {name: functools.partial(self.further, _TWO[name]) for name in ("min", "max")}
         quarter = _loose(math.pi / 2, math.pi / 2)
-        cosine = {"cos": lambda x: one["sin"](self.further(_TWO["add"], x, quarter))}
-        return functions({**one, **two, **cosine})
+        least = functools.partial(self.further, _TWO["min"])
+        others: dict[str, Callable[..., Any]] = {
+            "cos": lambda x: one["sin"](self.further(_TWO["add"], x, quarter)),
+            "min": least,
+            "max": lambda x, y: -least(-x, -y),
+        }
+        return functions({**one, **others})
 
 
 class _Number:
@@ -314,7 +313,7 @@ def contractor(relation: Relation) -> Callable[[tuple[Interval, ...]], list[Inte
             if found is None:
                 return None
             at[z] = found
-        left = _meet(at[gap], target)
+        left = meet(at[gap], target)
         if left is None:
             return None
         at[gap] = left

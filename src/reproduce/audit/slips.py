@@ -8,10 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from reproduce.audit.rounding import Sheet, allowed, reprinted
+from reproduce.audit.rounding import Sheet, reprinted
 from reproduce.printed.cells import Cell
-from reproduce.printed.number import Interval
-from reproduce.printed.units import UNITS
 
 __all__ = [
     "COSTS",
@@ -20,7 +18,6 @@ __all__ = [
     "interchanges",
     "of_cell",
     "of_digits",
-    "reaching",
     "readable",
 ]
 
@@ -39,6 +36,9 @@ COSTS: Mapping[SlipKind, float] = {
     "rows": 2.0,
     "columns": 2.0,
 }
+
+# Units that a pen confuses. To a computer an angle is a pure number, but not to a pen.
+_ALIKE = (("nm", "um", "mm", "m", "km"), ("deg", "arcsec"), ("ms", "s", "min"))
 
 
 @dataclass(frozen=True)
@@ -105,46 +105,16 @@ def of_cell(cell: Cell) -> Iterator[Slip]:
             seen.add(text)
             label = f"{address}: {printed} → {text}"
             yield Slip(kind, label, ((address, reprinted(cell, text)),))
-    for unit in _units_like(cell.unit):
-        label = f"{address}: {cell.unit} → {unit}"
-        yield Slip("unit", label, ((address, replace(cell, unit=unit)),))
+    for unit in next((alike for alike in _ALIKE if cell.unit in alike), ()):
+        if unit != cell.unit:
+            label = f"{address}: {cell.unit} → {unit}"
+            yield Slip("unit", label, ((address, replace(cell, unit=unit)),))
 
 
 def readable(text: str) -> bool:
     """Tell whether a number could be printed so: it starts with a digit, without idle zeros."""
     body = text.removeprefix("-").partition("e")[0]
     return body[:1].isdigit() and not (len(body) > 1 and body[0] == "0" and body[1] != ".")
-
-
-@functools.cache
-def _units_like(unit: str) -> tuple[str, ...]:
-    import pint
-
-    registry = pint.application_registry
-
-    def dimension(name: str) -> object:
-        return registry.Quantity(1.0, UNITS[name][0]).dimensionality
-
-    angles = {"deg", "arcsec"}  # to pint an angle is a pure number, but no pen confuses the two
-    if unit in angles:
-        return tuple(angles - {unit})
-    if unit in {"1", "count", "mag", "px", "percent"}:
-        return ()
-    return tuple(u for u in UNITS if u != unit and dimension(u) == dimension(unit))
-
-
-def reaching(cell: Cell, wanted: Iterable[Interval]) -> Iterator[Slip]:
-    """Yield the slips in a cell whose correction can reach one of the wanted intervals."""
-    goals = list(wanted)
-    for slip, (low, high) in _with_intervals(cell):
-        if any(low <= end and high >= start for start, end in goals):
-            yield slip
-
-
-@functools.lru_cache(maxsize=5_000)
-def _with_intervals(cell: Cell) -> tuple[tuple[Slip, Interval], ...]:
-    """Keep the slips of a cell: a search asks for the same ones again and again."""
-    return tuple((slip, allowed(slip.changes[0][1])) for slip in of_cell(cell))
 
 
 @dataclass(frozen=True)

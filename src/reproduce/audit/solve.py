@@ -19,7 +19,6 @@ __all__ = [
     "NOISE",
     "contract",
     "enclosure",
-    "possible",
     "printed_intervals",
     "projection",
     "propagate",
@@ -65,7 +64,10 @@ def contract(
 
     Address to narrowed interval, the unknown under its name; None if nothing is left.
     """
-    found = _alone(relation, tuple([intervals[a] for a in relation.addresses]), unknown)
+    box = [widened(_open(relation, intervals[a])) for a in relation.addresses]
+    if relation.unknown is not None:
+        box.append(unknown or relation.unknown.domain)
+    found = _narrowed(relation, tuple(box))
     return None if found is None else dict(zip(relation.variables, found, strict=False))
 
 
@@ -77,38 +79,12 @@ def projection(relation: Relation, intervals: Mapping[str, Interval]) -> Interva
     return None if found is None else found[relation.unknown.name]
 
 
-def possible(relation: Relation, intervals: Mapping[str, Interval]) -> bool:
-    """Tell whether `contract` leaves anything; quicker for an inequality that plainly holds."""
-    return _possible(relation, tuple([intervals[a] for a in relation.addresses]))
-
-
-@functools.lru_cache(maxsize=200_000)
-def _possible(relation: Relation, box: tuple[Interval, ...]) -> bool:
-    if relation.formula.sign != "=" and relation.unknown is None:
-        middle = [(low + high) / 2 for low, high in box]
-        left, right = relation.sides(dict(zip(relation.addresses, middle, strict=True)))
-        if relation.missed_by(left, right) <= -NOISE * (abs(left) + abs(right)):
-            return True
-    return _alone(relation, box, None) is not None
-
-
-@functools.lru_cache(maxsize=200_000)
-def _alone(
-    relation: Relation, box: tuple[Interval, ...], unknown: Interval | None
-) -> list[Interval] | None:
-    found = [widened(_open(relation, interval)) for interval in box]
-    return _narrowed(relation, (*found, unknown or _domain(relation)))
-
-
 @functools.lru_cache(maxsize=200_000)
 def _narrowed(relation: Relation, box: tuple[Interval, ...]) -> list[Interval] | None:
-    """Narrow the cells and the unknown of a relation, which come in this order."""
+    """Narrow the variables of a relation, which come in their order."""
     room = relation.tolerance.si if relation.tolerance else 0.0
-    return contractor(relation)((*box, (-room, room)))
-
-
-def _domain(relation: Relation) -> Interval:
-    return relation.unknown.domain if relation.unknown else _POINT
+    point = [] if relation.unknown else [_POINT]
+    return contractor(relation)((*box, *point, (-room, room)))
 
 
 def widened(interval: Interval) -> Interval:
@@ -151,8 +127,7 @@ def propagate(
             break
         relation = next(iter(queue))
         del queue[relation]
-        point = [] if relation.unknown else [_POINT]
-        found = _narrowed(relation, (*[state[name] for name in relation.variables], *point))
+        found = _narrowed(relation, tuple([state[name] for name in relation.variables]))
         if found is None:
             return None
         for name, interval in zip(relation.variables, found, strict=False):

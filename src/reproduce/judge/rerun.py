@@ -24,6 +24,7 @@ import numpy as np
 
 from reproduce.judge.ledger import Record, TableRecord, reread
 from reproduce.judge.studies import studies
+from reproduce.judge.verdicts import central
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
@@ -41,8 +42,6 @@ Made = TypeVar("Made")
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"
 )
-# The central 99 % of a prediction, as in the ledger.
-_ENDS = (0.005, 0.995)
 _ANGLES = {"deg", "arcsec"}
 # Relative: far above rounding noise, far below what any printed digit shows.
 _NOISE = 1e-9
@@ -428,5 +427,4 @@ def _shown(cell: Cell, result: Result) -> float | None:
 def _central(cell: Cell, result: Result) -> Interval | None:
     if not isinstance(result, Prediction):
         return None
-    low, high = np.quantile(result.draws, _ENDS) / si_factor(cell.unit)
-    return float(low), float(high)
+    return central(result.draws / si_factor(cell.unit))

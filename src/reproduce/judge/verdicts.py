@@ -16,6 +16,7 @@ __all__ = [
     "VERDICTS",
     "Judgement",
     "Verdict",
+    "central",
     "joint_probability",
     "judge_prediction",
     "judge_value",
@@ -96,7 +97,7 @@ def judge_prediction(printed: PrintedNumber, draws: NDArray[np.float64]) -> Judg
         raise ValueError(f"expected finite draws, got {draws.size} with NaN or infinity among them")
     tail = tail_mid_p(np.sort(draws), *printed.interval())
     probability = min(1.0, 2.0 * float(tail))
-    low, high = _central(draws)
+    low, high = central(draws)
     consistent = probability >= 1.0 - CENTRAL
     flags = ("uninformative",) if high - low > abs(printed.value) else ()
     # (k + 1/2)/(n + 1) in place of k/n, so that a count of zero does not claim a zero error.
@@ -132,7 +133,8 @@ def tail_mid_p(
     return np.asarray((smaller + 0.5 * inside) / ordered.size, dtype=np.float64).clip(max=0.5)
 
 
-def _central(draws: NDArray[np.float64]) -> tuple[float, float]:
+def central(draws: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the ends of the central share of some draws in which a print counts as consistent."""
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
     return float(low), float(high)

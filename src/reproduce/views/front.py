@@ -174,12 +174,13 @@ def misalignment(
     Parameters
     ----------
     spots : path or array_like, shape (frames, lasers, 2)
-        Images at the present, in px, or a CSV file of both groups in the format of
-        ``reproduce posterior misalignment --data``.
+        Images at the present, in px; or a CSV file of both groups, with the columns ``group``
+        (0 at the zero point, 1 at the present), ``laser``, ``x``, ``y``.
     zero : array_like, shape (frames, lasers, 2), optional
         Images at the zero point, where `spots` is an array.
     changes : mapping, optional
-        Printed cells of chen2023's ground platform, which is the instrument, to values of yours.
+        The instrument is chen2023's ground platform as designed: addresses of its printed cells,
+        to values as in the print that are those of another instrument.
 
     Returns
     -------

@@ -34,6 +34,7 @@ DRAWINGS = {
     "niu2024-registration": "figures.registration",
     "niu2024-approximations": "figures.approximations",
     "niu2024-rotary-table": "figures.calibration",
+    "niu2024-arrangements": "simulation_angles",
     "niu2024-table-3": "figures.simulation",
     "niu2024-convergence": "figures.readings",
     "niu2024-distributions": "figures.readings",

@@ -126,13 +126,23 @@ def centroid_errors(given: Given) -> FloatArray:
     """Return the centroid errors that the printed residuals imply.
 
     Shape (3, 1, 2). Standard deviation by channel (green, red, blue) and axis, in px: green has
-    half the mean squared residual, the others have what is then missing to their own.
+    half the mean squared residual, the others have what is then missing to their own. Raises
+    ValueError where that is less than nothing.
     """
     after = np.array(
         [[given[f"{OUTCOME}#rmse-after-{c}-{axis}"] for axis in "xy"] for c in REGISTERED]
     )
-    green = np.square(after).mean(axis=0) / 2
-    return np.asarray(np.sqrt(np.stack([green, *(np.square(after) - green)]))[:, None, :])
+    squares = np.square(after)
+    green = squares.mean(axis=0) / 2
+    for axis in np.flatnonzero((squares < green).any(axis=0)):
+        red, blue = after[:, axis]
+        raise ValueError(
+            f"{OUTCOME}#rmse-after-red-{'xy'[axis]} = {red:.4g} px and "
+            f"{OUTCOME}#rmse-after-blue-{'xy'[axis]} = {blue:.4g} px: expected neither to be more "
+            "than √3 times the other; green's part, half of their mean square, would exceed the "
+            "whole of the smaller one"
+        )
+    return np.asarray(np.sqrt(np.stack([green, *(squares - green)]))[:, None, :])
 
 
 def registered_points(given: Given, angles: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The rotation angles of the simulation, and Figure 4, which shows them (niu2024, section 4.1).
+"""The rotation angles of the simulation, with Figure 4, which shows them (niu2024, section 4.1).
 
 The text gives a count, a range and a step; no full rectangle has that count, which is a prime.
 The count therefore selects among those of `physics.optics.arrangements`, and so it is an input.
@@ -8,14 +8,17 @@ square lattice and holds the zero position, which the starting values of section
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reproduce.papers.declare import draws
+from reproduce.papers.study import Fact
 from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
-from reproduce.printed.given import Given
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,7 +88,46 @@ def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     angles = np.degrees(literal(door).angles)
     axes = figure.add_subplot()
     axes.plot(*angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation")
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * half_ranges(door)
-    axes.plot(*np.degrees(corners).T, linestyle="--", linewidth=1, label="printed range")
+    axes.plot(*_range(door), linestyle="--", linewidth=1, label="printed range")
     axes.set(aspect="equal", xlabel="middle frame (°)", ylabel="external frame (°)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+
+
+def _range(door: Given) -> FloatArray:
+    """Return the outline of the printed range, in degrees, shape (2, 5)."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+    return np.degrees(corners * half_ranges(door)).T
+
+
+def facts() -> dict[str, Fact]:
+    """Return how many arrangements have the printed count, and how many of them hold zero."""
+    found = candidates(given(READS))
+    return {
+        "arrangements": Fact(len(found), "d"),
+        "angles": Fact(len(found[0].angles), "d"),
+        "with-zero": Fact(sum(map(_holds_zero, found)), "d"),
+    }
+
+
+def _holds_zero(one: Arrangement) -> bool:
+    return bool(np.isclose(one.angles, 0).all(axis=-1).any())
+
+
+@draws("niu2024-arrangements", given=READS, named=facts)
+def draw_arrangements(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Every arrangement of rotation angles that has the printed count."""
+    found, used = candidates(door), literal(door).name
+    figure.set_size_inches(6.4, 1.75 * -(-len(found) // 3))
+    grid = figure.subplots(-(-len(found) // 3), 3, sharex=True, sharey=True).ravel()
+    for axes, one in zip(grid, found, strict=False):
+        axes.plot(*np.degrees(one.angles).T, "o", markersize=1.5)
+        axes.plot(*_range(door), color="#000000", linewidth=0.6)
+        if _holds_zero(one):
+            axes.plot(0, 0, "o", markersize=6, fillstyle="none", color="#000000")
+        lines = textwrap.wrap(one.name + (" (in use)" if one.name == used else ""), 34)
+        axes.set_title("\n".join(lines), fontsize=7.5)
+        axes.set(aspect="equal")
+    for axes in grid[len(found) :]:
+        axes.set_axis_off()
+    figure.supxlabel("middle frame (°)", fontsize=9)
+    figure.supylabel("external frame (°)", fontsize=9)

@@ -5,15 +5,12 @@ from __future__ import annotations
 import platform
 from importlib import metadata
 
-import numpy as np
 from markupsafe import Markup
 
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import papers
 from reproduce.papers.catalogue import drawings
-from reproduce.papers.niu2024 import simulation_angles
 from reproduce.printed.cells import anchor
-from reproduce.printed.given import given
 from reproduce.version import __version__
 from reproduce.views.book.build import shipped
 from reproduce.views.book.facts import filled
@@ -25,10 +22,7 @@ from reproduce.views.writing.cite import citation as citation_of
 from reproduce.views.writing.display import Grid, Html
 from reproduce.views.writing.figures import declared, figure_files, inline, vector
 
-__all__ = [
-    *("angle_arrangements", "citation", "downloads", "figure", "source"),
-    *("verdict_legend", "versions"),
-]
+__all__ = ["citation", "downloads", "figure", "source", "verdict_legend", "versions"]
 
 
 def figure(key: str, alternative: str, caption: str = "") -> Html:
@@ -79,38 +73,3 @@ def versions() -> Html:
     rows = {"Python": platform.python_version(), "reproduce-pointing": __version__}
     rows |= {name: metadata.version(name) for name in names}
     return Html(Grid("What the book was built with.", ("", "version"), list(rows.items())).html)
-
-
-def angle_arrangements() -> Html:
-    """Show every arrangement of rotation angles that has the count niu2024 prints."""
-    door = given(simulation_angles.READS)
-    used = simulation_angles.literal(door).name
-    half = np.degrees(simulation_angles.half_ranges(door)).round(3).tolist()
-    found = simulation_angles.candidates(door)
-    rows = []
-    for one in found:
-        choices = Markup("; ").join((one.lattice, one.offset, one.window))
-        if one.name == used:
-            choices += Markup("<br><strong>in use</strong>")
-        zero = "yes" if np.isclose(one.angles, 0).all(axis=-1).any() else "no"
-        rows.append([_picture(np.degrees(one.angles).round(3).tolist(), half), choices, zero])
-    caption = f"The {len(found)} arrangements with exactly {len(found[0].angles)} angles."
-    head = ("Angles", "Lattice, offset, outline", "Zero position")
-    return Html(Grid(caption, head, rows).html)
-
-
-def _picture(angles: list[list[float]], half: list[float]) -> Markup:
-    """Draw angles within the printed range, to its scale."""
-    wide, high = half
-    box = Markup('<rect x="{}" y="{}" width="{}" height="{}" {}/>').format(
-        -wide,
-        -high,
-        2 * wide,
-        2 * high,
-        Markup('fill="none" stroke="currentColor" stroke-width="0.08" opacity="0.5"'),
-    )
-    dot = Markup('<circle cx="{}" cy="{}" r="0.2" fill="currentColor"/>')
-    dots = Markup("").join(dot.format(x, -y) for x, y in angles)
-    view = f"{-wide - 0.4} {-high - 0.4} {2 * wide + 0.8} {2 * high + 0.8}"
-    svg = Markup('<svg viewBox="{}" width="128" aria-hidden="true">{}{}</svg>')
-    return svg.format(view, box, dots)

@@ -1,4 +1,4 @@
-"""A user's own measurements: stars laid over each other, lasers that watch a camera."""
+"""What the front door returns for a user's own stars and lasers."""
 
 from __future__ import annotations
 
@@ -68,16 +68,8 @@ class Registered(_Measured):
     """The transform that lays a user's own stars over each other.
 
     It has the ``model``, the ``parameters`` in px and radians with their ``covariance``, the
-    ``residuals``, target minus transformed source, and the ``transform`` for other points.
-
-    Parameters
-    ----------
-    source, target : array_like, shape (n, 2)
-        The same stars in both images, in px.
-    pivot : array_like, shape (2,), optional
-        The point turned and scaled about, in px; the middle of the source points by default.
-    **settings
-        Those of `reproduce.physics.registration.fit.fit_registration`.
+    ``residuals``, target minus transformed source, and the ``transform`` for other points. It is
+    made from the arguments of `reproduce.register`.
     """
 
     def __init__(
@@ -117,18 +109,7 @@ class Registered(_Measured):
 class Monitored(_Measured):
     """The misalignment of a user's own camera, image by image.
 
-    The instrument is chen2023's ground platform as designed; any printed cell of it can be changed
-    to that of another one.
-
-    Parameters
-    ----------
-    spots : path or array_like, shape (frames, lasers, 2)
-        Images at the present, in px; or a CSV file with both groups, with the columns ``group``
-        (0 at the zero point, 1 at the present), ``laser``, ``x``, ``y``.
-    zero : array_like, shape (frames, lasers, 2), optional
-        Images at the zero point, where `spots` is an array.
-    changes : mapping, optional
-        Address of a cell in `reads` to a value as in the print.
+    It is made from the arguments of `reproduce.misalignment`.
     """
 
     def __init__(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 from rich.console import RenderableType
@@ -399,17 +399,9 @@ class Cell(Shown):
 
         return pd.DataFrame({self.address: self.record.model_dump()})
 
-    def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        replicates: int | None = None,
-        **options: str,
-    ) -> Changed:
+    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: Any) -> Changed:
         """Compute the cell again with something changed, as `Table.rerun` does."""
-        whole = self.table.rerun(changes, seed=seed, replicates=replicates, **options)
-        return Changed(whole.result, self._cell.name)
+        return Changed(self.table.rerun(changes, **settings).result, self._cell.name)
 
     def export(self, form: str) -> str:
         """Return its record as csv, json, latex or markdown."""
