@@ -10,9 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 import reproduce as rp
-from reproduce.inference import sampling
+from reproduce.inference import posterior, sampling
 from reproduce.inference.evidence import compared, exact_evidence
-from reproduce.papers import calibrations
+from reproduce.papers import calibrations, declare_posterior
 from reproduce.papers.chen2023.posteriors import COLUMNS, FLOORS, summed_columns
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
@@ -20,7 +20,7 @@ from reproduce.views import computed
 from reproduce.views.book import posteriors as pages
 from reproduce.views.book.facts import of_posteriors
 from reproduce.views.cli import main
-from reproduce.views.objects.posterior import book_posterior
+from reproduce.views.objects.posterior import book_posterior, book_repeats
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
 # A single parameter has no corner plot: its histogram stands on the first page.
@@ -286,17 +286,22 @@ def test_facts_are_the_numbers_of_the_object():
     assert found["posterior/frame-averaging#printed-count"] == str(len(printed))
 
 
-def test_a_build_samples_once_and_keeps_the_chains_of_its_files_alone(tmp_path, monkeypatch):
-    alone = book_posterior("frame-averaging")
+def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path, monkeypatch):
+    alone, repeated = book_posterior("frame-averaging"), book_repeats("frame-averaging")
     (tmp_path / "of other files").mkdir()
     monkeypatch.setenv(computed.FOLDER, str(tmp_path))
     for cached in (computed.kept, book_posterior):
         cached.cache_clear()
     try:
         again = book_posterior("frame-averaging")
+        assert book_repeats("frame-averaging") == repeated
         book_posterior.cache_clear()
         monkeypatch.setattr(sampling, "run_ensemble", None)
+        monkeypatch.setattr(posterior, "summarised", None)
+        monkeypatch.setattr(declare_posterior, "repeats", None)
         read = book_posterior("frame-averaging")
+        assert book_repeats("frame-averaging") == repeated
+        assert read.summaries() == alone.summaries()
     finally:
         for cached in (computed.kept, book_posterior):
             cached.cache_clear()

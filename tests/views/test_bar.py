@@ -57,7 +57,9 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     try:
         figures.write_figure("niu2024/fig-2", tmp_path)
         monkeypatch.setattr(figures, "draw", lambda key: pytest.fail("drawn again"))
-        assert figures.vector("niu2024/fig-2").svg.startswith("<?xml")
+        shown = figures.vector("niu2024/fig-2").svg
+        assert shown.startswith("<?xml")
+        assert (tmp_path / "figures" / "niu2024-fig-2.svg").read_text(encoding="utf-8") == shown
     finally:
         monkeypatch.delenv(computed.FOLDER)
         computed.kept.cache_clear()

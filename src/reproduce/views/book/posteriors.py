@@ -36,6 +36,7 @@ from reproduce.views.computed import item_ledger
 from reproduce.views.objects.posterior import (
     Posterior,
     book_posterior,
+    book_repeats,
     coverage_rows,
     entries,
     interval,
@@ -397,7 +398,7 @@ def bounds(name: str) -> str:
 
 def repeats(name: str) -> str:
     """Return the published numbers, and those of repeats of the experiment."""
-    found = posteriors()[name].repeats(book_posterior(name))
+    found = book_repeats(name)
     if found is None:
         return ""
     printed, together, note = found

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.inference.calibration import Ranks
+    from reproduce.inference.checks import Repeat, Share
     from reproduce.inference.model import Model, Parameter
     from reproduce.inference.parts import Progress
     from reproduce.inference.posterior import Sampled, Summary
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Posterior",
     "book_posterior",
+    "book_repeats",
     "coverage_rows",
     "entries",
     "interval",
@@ -57,12 +59,25 @@ PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 @cache
 def book_posterior(name: str) -> Sampled:
-    """Return the posterior of the book, sampled once in a process, and once in a build."""
+    """Return the posterior of the book, sampled and summarised once in a build."""
     from reproduce.inference import sampling
     from reproduce.papers.posteriors import posteriors
 
-    declared, kept = posteriors()[name], computed.kept()
-    return sampling.sample(declared.model(), declared.plan(), folder=kept and kept / name)
+    def sampled() -> Sampled:
+        declared = posteriors()[name]
+        found = sampling.sample(declared.model(), declared.plan())
+        found.summaries()  # kept with the draws
+        return found
+
+    return computed.once(f"posterior-{name}", sampled)
+
+
+def book_repeats(name: str) -> tuple[list[Repeat], Share, str] | None:
+    """Return the printed numbers among those of repeats, as declared; simulated once in a build."""
+    from reproduce.papers.posteriors import posteriors
+
+    declared = posteriors()[name]
+    return computed.once(f"repeats-{name}", lambda: declared.repeats(book_posterior(name)))
 
 
 class Posterior(Shown):

@@ -139,10 +139,12 @@ def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
     figure = draw(key)
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    once(f"figure-{anchor(key)}", lambda: vector_of(figure))
+    drawn = once(f"figure-{anchor(key)}", lambda: vector_of(figure))
     for path in figure_files(key):
         if path.endswith(".csv"):
             data(figure).to_csv(root / path, index=False)
+        elif path.endswith(".svg"):
+            (root / path).write_text(drawn.svg, encoding="utf-8")
         else:
             save(figure, root / path)
 
