@@ -83,7 +83,7 @@ def triad(
             away = (end - start) / np.hypot(*(end - start))
             # Beside an arrow that runs sideways, above or below one that runs up or down.
             side = "center" if abs(away[0]) < 0.6 else "left" if away[0] > 0 else "right"
-            gap = (0.36 if side == "center" else 0.16) * (1.5 if slim(axes) else 1.0)
+            gap = (0.36 if side == "center" else 0.16) * (1.2 if slim(axes) else 1.0)
             label(axes, end + gap * away, name, size=SIZE, ha=side)
 
 

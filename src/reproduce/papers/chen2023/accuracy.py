@@ -195,8 +195,8 @@ def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         axes.minorticks_off()
     for axes in panels if narrow else panels[:1]:
         axes.set_ylabel("accuracy (3σ, arcsec)")
-    columns = 2 if narrow else 4
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 4
+    figure.legend(*handles, loc="outside lower center", ncols=across)
 
 
 @dataclass(frozen=True, eq=False)

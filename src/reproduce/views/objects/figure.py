@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-__all__ = ["Figure", "Panels", "pictured", "with_bar"]
+__all__ = ["Figure", "Panels", "captioned", "pictured", "with_bar"]
 
 
 def with_bar(
@@ -41,10 +41,13 @@ def with_bar(
     item: bool = False,
 ) -> Html:
     """Show a figure of the book under its anchor, its caption and its bar below."""
-    # The book writes its number there, in the order in which the pages are read.
-    numbered = Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
-    below = numbered + bar(key, name, figures.figure_files(key), source, item=item)
+    below = captioned(caption) + bar(key, name, figures.figure_files(key), source, item=item)
     return Html(figures.inline(shown, name, alternative, below))
+
+
+def captioned(caption: str) -> Markup:
+    """Return a caption with the place into which the book writes the figure's number."""
+    return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
 
 
 def pictured(picture: figures.Picture, alternative: str, caption: str, source: str) -> Html:

@@ -265,7 +265,7 @@ class Posterior(Shown):
 
         Where the data are simulated the truth is marked, else a least-squares or nominal estimate.
         """
-        from reproduce.views.objects.figure import pictured
+        from reproduce.views.objects.figure import captioned, pictured
         from reproduce.views.writing.figures import Vectors, drawn, inline, vector_of
         from reproduce.views.writing.posterior_figures import MOST, corner
 
@@ -294,10 +294,9 @@ class Posterior(Shown):
         if not self.data and not self.changes:
             return pictured(picture, alternative, caption, text_of(corner))
         # A reader's own is in no file of the book.
-        below = str(Markup("<figcaption>{}</figcaption>").format(caption))
         wide, narrow = (vector_of(drawn(picture.paint, narrow=one)) for one in (False, True))
         name = f"figure-{picture.key}-own"
-        return Html(inline(Vectors(wide, narrow), name, alternative, below))
+        return Html(inline(Vectors(wide, narrow), name, alternative, captioned(caption)))
 
     def _related(self, names: Sequence[str]) -> str:
         """Say which two parameters are correlated most."""

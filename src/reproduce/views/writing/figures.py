@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import zlib
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
@@ -41,6 +42,8 @@ ENDINGS = (".svg", ".pdf", ".png")
 # On a narrow page text has little room, and must not be under eight points.
 SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
 FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
+LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
+NAMED = re.compile(r' id="([^"]+)"')
 Paint = Callable[["Figure"], None]
 
 
@@ -193,7 +196,13 @@ def _followed(svg: str, name: str, alternative: str) -> str:
     # something, matplotlib writes nothing, since SVG fills in black by itself: the root says
     # otherwise.
     svg = re.sub(r"#000000\b", "currentColor", svg)
-    svg = re.sub(r'\bid="', f'id="{name}-', svg)
-    svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>{name}-", svg)
+    # Short names, of what is named at all, and each its own in a page: points repeat them.
+    mark = f"v{zlib.crc32(name.encode()):x}-"
+    short = {
+        old: f"{mark}{n}"
+        for n, old in enumerate(dict.fromkeys(old for _, old in LINK.findall(svg)))
+    }
+    svg = NAMED.sub(lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg)
+    svg = LINK.sub(lambda link: link[1] + short[link[2]], svg)
     label = escape(alternative, quote=True)
     return svg.replace("<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" ', 1)

@@ -105,7 +105,9 @@ def corner(posterior: Sampled, names: Sequence[str], marks: Mapping[str, float])
         else:
             _corner(figure, values, [_label(one) for one in chosen], marked)
 
-    return Picture(f"posterior-{model.name}-corner", paint, pd.DataFrame(values, columns=names))
+    return Picture(
+        f"posterior-{model.name}-corner", paint, pd.DataFrame(values, columns=list(names))
+    )
 
 
 def _corner(

@@ -47,7 +47,7 @@ def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
     left.locator_params(axis="x", nbins=3 if narrow else 5)
     left.axvline(nominal, color=INK, ls="--", lw=1, label="nominal")
     left.set(yticks=rows, yticklabels=labels, ylim=(len(rows) - 0.5, -0.5))
-    right.set_title("the same, enlarged", size=10)
+    right.set_title("enlarged" if narrow else "the same, enlarged", size=10)
     right.set_xlim((other - other_half).min() - 0.5, (other + other_half).max() + 0.5)
     entries = left.get_legend_handles_labels()
     columns = 1 if narrow else 3

@@ -75,7 +75,7 @@ def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     spots = received_spots(rays[ahead], *platform.tracker(door))
     inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
     spots, seen = spots[inside], np.flatnonzero(ahead)[inside]
-    sized(figure, 6.0, 6.0, 4.2)
+    gap = 28 if sized(figure, 6.0, 6.0, 4.2) else 16
     axes = figure.add_subplot()
     size = 5 * 1.7 ** (FAINTEST - stars.magnitude[seen])
     x, y = spots.T
@@ -83,7 +83,7 @@ def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     for number, (name, side) in NAMED.items():
         for x, y in spots[stars.number[seen] == number]:
             ends = "left" if side > 0 else "right"
-            axes.annotate(name, (x + 16 * side, y), ha=ends, va="center", fontsize=9)
+            axes.annotate(name, (x + gap * side, y), ha=ends, va="center", fontsize=9)
     _lasers(axes, _pairs(printed), 5, "laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
@@ -246,8 +246,8 @@ def _series(
         panel.set(xlabel="frame", title=f"about {axis}")
     for panel in panels if narrow else panels[:1]:
         panel.set_ylabel(quantity)
-    columns = 2 if narrow else 3
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 3
+    figure.legend(*handles, loc="outside lower center", ncols=across)
 
 
 @draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])

@@ -111,7 +111,8 @@ def draw_scene(axes: Axes, door: Given) -> None:
     label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
     label(axes, beside(VIEW.point(tracker), -0.35, 0.1), "tracker", ha="right")
     label(axes, beside(target, 0.3, 0.4), "target")
-    label(axes, beside((place + np.asarray(VIEW.centre)) / 2, 1.3, -0.35), "$(X_S, Y_S, Z_S)$")
+    aside = (1.8, -0.93) if slim(axes) else (1.3, -0.35)
+    label(axes, beside((place + np.asarray(VIEW.centre)) / 2, *aside), "$(X_S, Y_S, Z_S)$")
     key(axes, (SCENE, STAR, INERTIAL), (0.0, 1.0))
 
 

@@ -48,10 +48,11 @@ def draw_workflow(axes: Axes) -> None:
     places = {name: layouts[slim(axes)] for name, (_, *layouts) in BOXES.items()}
     for name, (text, *_) in BOXES.items():
         box(axes, *places[name], text, LOOKS.get(name))
-    steps = [(*step.split(), INKED) for step in STEPS]
+    steps = [(step, INKED) for step in STEPS]
     for name, look in LOOKS.items():
-        steps += [("prism", name, look), (name, "registration", look)]
-    for start, end, look in steps:
+        steps += [(f"prism {name}", look), (f"{name} registration", look)]
+    for step, look in steps:
+        start, end = step.split()
         joined(axes, places[start], places[end], look)
     # All three images make the colour.
     group: Place = ((5.0, 8.1), (9.9, 2.2)) if slim(axes) else ((8.0, 6.2), (4.2, 6.3))

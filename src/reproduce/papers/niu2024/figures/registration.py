@@ -58,7 +58,7 @@ def _plane(axes: Axes, origin: FloatArray, turn: float, look: Look) -> None:
         arrow(axes, origin, origin + tip, look)
         away = tip / np.hypot(*tip)
         label(axes, origin + tip + 0.38 * away, f"${name}_{letter}$")
-    below, corner = turned([[-0.55, -0.5], [-3.6, -2.4]])
+    below, corner = turned([[-0.55, -0.5], [2.1, -2.35]])
     label(axes, origin + below, f"$O_{letter}$")
     label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn))
 

@@ -105,7 +105,7 @@ def _printed(axes: Axes, height: int, row: Row, printed: Marks) -> None:
     axes.plot(0.97 * side * REACH, height, "<" if side < 0 else ">", color=INK, markersize=7)
     text = f"{abs(place):.0f} away"
     where = "left" if side < 0 else "right"
-    axes.text(0.91 * side * REACH, height, text, ha=where, va="center", fontsize=9)
+    axes.text(0.86 * side * REACH, height, text, ha=where, va="center", fontsize=9)
 
 
 def _legend(figure: Figure, columns: int) -> None:
