@@ -289,7 +289,7 @@ def picture(paper: str, alternative: str, caption: str) -> Html:
     names = [_named(cell) for cell in cells]
 
     def paint(figure: Figure) -> None:
-        narrow = sized(figure, 6.8, 1.6 + 0.2 * len(cells), 1.8 + 0.32 * len(cells))
+        narrow = sized(figure, 6.8, 1.6 + 0.2 * len(cells), 1.8 + 0.39 * len(cells))
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2, 1))
         for x, relation in enumerate(wrong, start=1):
             rows = [y for y, cell in enumerate(cells) if cell in relation.addresses]
@@ -301,7 +301,7 @@ def picture(paper: str, alternative: str, caption: str) -> Html:
         left.set_title("relation", loc="left")
         left.xaxis.tick_top()
         right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
-        right.set_title("in how\nmany sets" if narrow else "in how many smallest sets", loc="left")
+        right.set_title("in how\nmany sets", loc="left")
 
     numbers = pd.DataFrame(
         {"cell": address, "smallest sets": counts[address], "relation": relation.name}
@@ -318,7 +318,8 @@ def picture(paper: str, alternative: str, caption: str) -> Html:
     key = folded(
         f"The relations by their number.{more}", Markup("<ol>{}</ol>").format(listed), opened=False
     )
-    return Html(pictured(drawn, alternative, caption, text_of(picture)).text + key)
+    shown = pictured(drawn, alternative, caption, text_of(picture))
+    return Html(Markup(shown.text) + key)
 
 
 def _named(address: str) -> str:
