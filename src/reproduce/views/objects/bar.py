@@ -31,7 +31,11 @@ def bar(key: str, anchor: str, files: Iterable[str], source: str, *, item: bool 
     item : bool
         Whether it is an item of a paper, which can be cited.
     """
-    parts = [Markup('<a href="#{}" title="permalink"><code>{}</code></a>').format(anchor, key)]
+    parts = [
+        Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>').format(
+            anchor, key
+        )
+    ]
     if item:
         texts = (citation(key, form) for form in ("bibtex", "text"))
         parts.append(_fold("Cite", Markup("").join(map(_block, texts))))

@@ -280,6 +280,8 @@ class Posterior(Shown):
 
         Where the data are simulated the truth is marked, else a least-squares or nominal estimate.
         """
+        from reproduce.views.objects.figure import captioned, pictured
+        from reproduce.views.writing.figures import Vectors, drawn, inline, vector_of
         from reproduce.views.writing.posterior_figures import MOST, corner
 
         known = self.model.names
@@ -303,7 +305,13 @@ class Posterior(Shown):
         caption += " Contours hold 50 % and 95 % of the draws." if len(chosen) > 1 else ""
         alternative = f"Histograms of {', '.join(chosen)} in the posterior of {self.name}"
         alternative += self._related(chosen) if len(chosen) > 1 else "."
-        return Html(corner(self.sampled, chosen, marks, alternative, caption))
+        picture = corner(self.sampled, chosen, marks)
+        if not self.data and not self.changes:
+            return pictured(picture, alternative, caption, text_of(corner))
+        # A reader's own is in no file of the book.
+        wide, narrow = (vector_of(drawn(picture.paint, narrow=one)) for one in (False, True))
+        name = f"figure-{picture.key}-own"
+        return Html(inline(Vectors(wide, narrow), name, alternative, captioned(caption)))
 
     def _related(self, names: Sequence[str]) -> str:
         """Say which two parameters are correlated most."""
