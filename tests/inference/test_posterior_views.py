@@ -146,7 +146,7 @@ def test_diagnostics_hold_every_step_that_they_link(monkeypatch):
         assert links == [f"posterior-{name}-{step}" for step in pages.STEPS]
         assert set(links) <= set(held)
         assert {f"figure-posterior-{name}-{what}" for what in ("traces", "ranks")} <= set(held)
-        assert html.count("<details") == 1
+        assert html.count('<details class="rp-details"') == 1
 
 
 @pytest.mark.parametrize("name", list(posteriors()))

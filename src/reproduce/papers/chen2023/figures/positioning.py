@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["on_the_ground"]
 
-READS = (*satellite.CAMERA, satellite.ACCURACY)
+FRAMES = "chen2023/table-4#100.frames"
+READS = (*satellite.CAMERA, satellite.ACCURACY, FRAMES)
 # Of the drawing: units to a metre of the ground.
 METRE = 3.4
 
@@ -46,6 +47,7 @@ def ground_facts() -> Mapping[str, Fact]:
         "pixel": Fact(pixel, ".2f", "m"),
         "pixels": Fact(second / pixel, ".0f"),
         "error": Fact(error, ".2f", "m"),
+        "frames": Fact(door.count(FRAMES), "d"),
     }
 
 
@@ -67,7 +69,7 @@ def draw_ground(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     for y, length, text in (
         (1.9, second, f"an arc second: {second:.1f} m"),
         (1.2, pixel, f"a pixel of the camera: {pixel:.2f} m"),
-        (0.4, error, f"misalignment, mean of 100 frames, 3σ: {error:.2f} m"),
+        (0.4, error, f"misalignment, mean of {door.count(FRAMES)} frames, 3σ: {error:.2f} m"),
     ):
         arrow(axes, (left, y), (left + METRE * length, y), style="<|-|>")
         if length is second:
