@@ -16,7 +16,7 @@ from rich.text import Text
 
 from reproduce.views.writing.numbers import powers_in_html
 
-__all__ = ["Box", "Display", "Entry", "Grid", "Html", "columns", "folded"]
+__all__ = ["Box", "Display", "Entry", "Grid", "Html", "columns", "fits", "folded"]
 
 WIDTH = 80
 Entry = str | Markup
@@ -145,6 +145,11 @@ def columns(
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def fits(table: Table, width: int) -> bool:
+    """Tell whether a terminal of this many columns shows a table without wrapping an entry."""
+    return Console(width=10_000).measure(table).maximum <= width
 
 
 def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
