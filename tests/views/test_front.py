@@ -1,5 +1,6 @@
 """The front door: every name, and what each object shows."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -78,6 +79,18 @@ def test_a_cell_tells_all_that_is_known_of_it():
     assert cell.frame().loc["verdict"].item() == "exact"
 
 
+@pytest.mark.parametrize(
+    ("address", "shown"),
+    [
+        ("niu2024/table-3#rotation.red", r"predicted, central 99 %: 0\.\d+ to 0\.\d+°"),
+        ("chen2023/table-5#2.motion-x", r"computed: 20\.\d+\u202fµm"),
+        ("niu2024/table-2#scale.red", r"allowed by rounded inputs: 0\.\d+ to 0\.\d+\n"),
+    ],
+)
+def test_a_cell_says_what_its_interval_is_and_its_unit(address, shown):
+    assert re.search(shown, repr(rp.table(address)))
+
+
 def test_rerun_shows_print_value_and_difference_without_a_verdict():
     found = rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
     row = found.frame().loc["scale.red"]
@@ -85,6 +98,7 @@ def test_rerun_shows_print_value_and_difference_without_a_verdict():
     assert row["changed - printed"] == row["changed"] - 0.9973
     assert row["low"] < row["changed"] < row["high"]
     for shown in (repr(found), found._repr_html_()):
+        assert "From and to: the central 99 % of the prediction." in " ".join(shown.split())
         assert "noise = 0.2 px" in shown
         assert "seed = 7" in shown
         for verdict in ("differs", "consistent", "exact"):

@@ -78,6 +78,8 @@ class Changed(Display):
             )
         changed = {**self.changes, **self.options}
         told = setting(f"{self.result.key} with", changed, self.replaced, remark)
+        if any(one.interval for one in self._cells):
+            told += " From and to: the central 99 % of the prediction."
         if joint := self.result.joint:
             told += (
                 f" The table as a whole: probability {joint_chance(joint)}; "
@@ -102,7 +104,7 @@ class Changed(Display):
                 digits = [*digits[1:], one.would_be]
             name = f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
             rows.append((name, one.cell.text, *digits, symbol(one.cell.unit)))
-        return Grid(self._caption(), head, rows)
+        return Grid(self._caption(), head, rows, whole=range(1, len(head)))
 
     def _repr_html_(self) -> str:
         return self.grid._repr_html_()

@@ -412,8 +412,8 @@ class Cell(Shown):
         value = verdicts.computed(record, extra=1)
         lines = [
             ("printed", self.printed),
-            ("computed", f"{value} {verdicts.unit(record)}".strip() if value else ""),
-            ("allowed or predicted", verdicts.interval(record)),
+            ("computed", verdicts.quantity(value, verdicts.unit(record)) if value else ""),
+            (verdicts.meaning_of_interval(record), verdicts.interval(record, unit=True)),
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", reason(self.address) or record.why),

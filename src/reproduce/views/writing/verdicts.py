@@ -10,7 +10,16 @@ from reproduce.views.writing.numbers import chance
 
 __all__ = [
     *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "computed", "interval"),
-    *("joint_chance", "name_of", "probability", "qualified", "quantity", "read", "strong"),
+    *(
+        "joint_chance",
+        "meaning_of_interval",
+        "name_of",
+        "probability",
+        "qualified",
+        "quantity",
+        "read",
+        "strong",
+    ),
     *("tally", "unit", "weak", "weak_agreement"),
 ]
 
@@ -54,13 +63,21 @@ def computed(record: Record, extra: int = 0) -> str:
     return text.replace("-", "−")
 
 
-def interval(record: Record) -> str:
+def meaning_of_interval(record: Record) -> str:
+    """Say what a record's interval is."""
+    if record.probability is None:
+        return "allowed by rounded inputs"
+    return "predicted, central 99 %"
+
+
+def interval(record: Record, *, unit: bool = False) -> str:
     """Write a record's interval, empty where there is none."""
     if record.interval is None or record.interval[0] == record.interval[1]:
         return ""
     number = cell_of(record).number
     low, high = (number.format(end, extra=1).replace("-", "−") for end in record.interval)
-    return f"{low} to {high}"
+    text = f"{low} to {high}"
+    return quantity(text, symbol(record.unit)) if unit and record.unit else text
 
 
 def probability(record: Record) -> str:
