@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from reproduce.judge import expected
+from reproduce.judge.studies import studies
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
@@ -32,12 +33,15 @@ def test_list_names_every_item_in_order_of_print():
     shown = [
         line.split()[0] for line in result.stdout.splitlines() if "2024/" in line or "2023/" in line
     ]
-    assert shown == list(catalogue())
+    assert shown == [*catalogue(), *studies()]
+    told = result.stdout.partition("our own tables")[2]
+    assert "What thermal motion of the lasers does" in told
+    assert "niu2024/table-3" not in told
 
 
 def test_list_as_json():
     listed = json.loads(run("list", "--json").stdout)
-    assert [entry["key"] for entry in listed] == list(catalogue())
+    assert [entry["key"] for entry in listed] == [*catalogue(), *studies()]
     assert next(e for e in listed if e["key"] == "niu2024/fig-4")["draws"] is True
 
 

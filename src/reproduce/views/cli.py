@@ -55,13 +55,14 @@ main.add_command(calibrate)
 @main.command("list")
 @_JSON
 def list_items(as_json: bool) -> None:
-    """List all items, in order of print."""
+    """List all items, in order of print, and our own tables."""
     contents = front.contents()
     if as_json:
         click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
     else:
         console = Console()
-        console.print(contents.listed(console.width))
+        for part in contents.listed(console.width):
+            console.print(part)
 
 
 @main.command()
