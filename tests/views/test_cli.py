@@ -213,7 +213,12 @@ def test_show_reruns_under_a_change():
     ("arguments", "message"),
     [
         (["show", "niu2024/table-3#scale.green"], "has no cell 'scale.green'"),
-        (["show", "niu2024/table-3", "--set", "noise"], "expected NAME=VALUE"),
+        (["show", "niu2024/table-3", "--set", "noise"], "--set noise: expected CELL=VALUE"),
+        (["show", "niu2024/table-3", "--option", "noise"], "expected NAME=ALTERNATIVE"),
+        (
+            ["show", "niu2024/table-3", "--option", "noise=0.2"],
+            "--set niu2024/text-simulation#noise",
+        ),
         (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
         (["show", "niu2024/fig-4", "--seed", "1"], "is a figure"),
         (["show", "niu2024/table-3", "--option", "angle=square"], "has no option 'angle'; it"),

@@ -73,6 +73,13 @@ def test_a_cell_tells_all_that_is_known_of_it():
     assert (cell.printed, cell.verdict) == ("0.9976", "exact")
     assert cell.computed == pytest.approx(0.9976, abs=5e-5)
     assert cell.reads == rp.table("niu2024/table-2")["scale.red"].reads
+    with pytest.raises(ValueError, match=r"#scale.red does not read .*#noise; it reads niu2024"):
+        cell.rerun({STRANGER: "1 px"})
+    table, other = rp.table("niu2024/table-3"), "niu2024/table-2#translation-x.red"
+    assert other in table.reads
+    assert other not in table["scale.red"].reads
+    with pytest.raises(ValueError, match=r"table-3#scale\.red does not read"):
+        table["scale.red"].rerun({other: "1 px"})
     assert "def true_scale" in cell.source
     assert "niu2024/table-1#focal-length.red" in repr(cell)
     assert "<table" in cell._repr_html_()

@@ -379,11 +379,6 @@ class Cell(Shown):
         return self.record.verdict
 
     @property
-    def reads(self) -> tuple[str, ...]:
-        """Addresses that the function that makes it reads itself."""
-        return () if self._maker is None else rerunning.reads(self._maker)
-
-    @property
     def source(self) -> str:
         """The text of the function that makes it, empty for an input."""
         return "" if self._maker is None else text_of(self._maker.function)
@@ -400,7 +395,8 @@ class Cell(Shown):
         return pd.DataFrame({self.address: self.record.model_dump()})
 
     def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: Any) -> Changed:
-        """Compute the cell again with something changed, as `Table.rerun` does."""
+        """Compute the cell again with something that it reads changed, as `Table.rerun` does."""
+        rerunning.checked_values(self.address, changes or {})
         return Changed(self.table.rerun(changes, **settings).result, self._cell.name)
 
     def export(self, form: str) -> str:
