@@ -98,6 +98,19 @@ def test_a_cell_says_what_its_interval_is_and_its_unit(address, shown):
     assert re.search(shown, repr(rp.table(address)))
 
 
+def test_readers_see_a_minus_sign_and_other_programs_a_hyphen():
+    table = rp.table("niu2024/table-3")
+    changed = table.rerun({STRANGER: "0.2 px"}, replicates=20)
+    cell = table["rotation.blue"]
+    for one in (table, changed, cell):
+        for shown in (repr(one), re.sub(r"<[^>]*>", " ", one._repr_html_().split("<pre")[0])):
+            assert re.search(r"−0\.0", shown)
+            assert not re.search(r"(?<!\w)-\.?\d", shown)
+    for form in ("csv", "json", "latex", "markdown"):
+        assert "-0.05" in table.export(form)
+        assert "−" not in re.sub(r'"(why|reason)":.*', "", table.export(form))
+
+
 def test_rerun_shows_print_value_and_difference_without_a_verdict():
     found = rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
     row = found.frame().loc["scale.red"]

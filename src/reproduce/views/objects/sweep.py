@@ -15,6 +15,7 @@ from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
 from reproduce.views.writing.display import Display, Grid, columns, fits
+from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -143,7 +144,7 @@ def _written(one: ChangedCell) -> str:
     if one.interval is not None:
         text += f" ({' to '.join(number.format(end, extra=1) for end in one.interval)})"
     unit = symbol(one.cell.unit) if one.cell.unit else ""
-    return f"{text} {unit}".strip().replace("-", "−")
+    return minus(f"{text} {unit}".strip())
 
 
 def _picture(column: list[ChangedCell], values: tuple[str, ...]) -> Markup:

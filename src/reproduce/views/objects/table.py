@@ -24,7 +24,7 @@ from reproduce.views.objects.sweep import Sweep
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.display import Box, Entry, Grid, columns, folded
 from reproduce.views.writing.export import export, full_frame, table_files
-from reproduce.views.writing.numbers import powers_in_html
+from reproduce.views.writing.numbers import minus, powers_in_html
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -219,9 +219,9 @@ class Table(Item):
         heads += ["allowed or predicted", "probability"] if width >= WIDE else []
         rows: list[tuple[str | Text, ...]] = []
         for name, one in self._records.items():
-            value, ends = (f(one).replace("−", "-") for f in (verdicts.computed, verdicts.interval))
+            value, ends = verdicts.computed(one), verdicts.interval(one)
             word = Text(one.verdict, style=COLOURS[one.verdict])
-            row = (name, one.printed, value, verdicts.unit(one), word)
+            row = (name, minus(one.printed), value, verdicts.unit(one), word)
             wide = (ends, verdicts.probability(one))
             rows.append(row + wide if width >= WIDE else row)
         shown = columns(heads, rows, ruled=True, whole=range(1, 7))
@@ -246,12 +246,12 @@ class Table(Item):
         for name, one in self._records.items():
             if one.verdict in {"differs", "blocked"}:
                 known = erratum(one.cell)
-                text = (reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
+                text = minus(reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
                 reasons.setdefault(f"{one.verdict}: {text}", []).append(name)
         yield from (f"{text} ({', '.join(names)})" for text, names in reasons.items())
         for name, one in self._records.items():
             for reading in one.readings:
-                read = verdicts.read(one, reading).replace("−", "-")
+                read = verdicts.read(one, reading)
                 yield f"{name}, if {reading.name} ({reading.place}): {read}"
 
 
@@ -287,7 +287,7 @@ def _verdict(record: Record) -> Markup:
 
 
 def _detail(record: Record) -> list[Entry]:
-    why: Entry = ". ".join(part for part in (record.why, reason(record.cell)) if part)
+    why: Entry = ". ".join(part for part in (minus(record.why), reason(record.cell)) if part)
     if known := erratum(record.cell):
         link = Markup('{} <a href="#{}">Erratum</a>')
         why = link.format(why, known)
@@ -412,7 +412,7 @@ class Cell(Shown):
             (verdicts.meaning_of_interval(record), verdicts.interval(record, unit=True)),
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
-            ("why", reason(self.address) or record.why),
+            ("why", minus(reason(self.address) or record.why)),
             ("function", record.function or ""),
             ("equations", ", ".join(f"({one})" for one in record.equations)),
             ("seed", ", ".join(map(str, record.seed or ()))),

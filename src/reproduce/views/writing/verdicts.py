@@ -6,7 +6,7 @@ from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
-from reproduce.views.writing.numbers import chance
+from reproduce.views.writing.numbers import chance, minus
 
 __all__ = [
     *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "computed", "interval"),
@@ -59,8 +59,7 @@ def computed(record: Record, extra: int = 0) -> str:
         return ""
     # One more digit where the printed ones alone could not show the difference.
     hidden = record.verdict == "differs" or "through_rounding" in record.flags
-    text = cell_of(record).number.format(record.computed, extra=extra + hidden)
-    return text.replace("-", "−")
+    return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
 
 
 def meaning_of_interval(record: Record) -> str:
@@ -75,7 +74,7 @@ def interval(record: Record, *, unit: bool = False) -> str:
     if record.interval is None or record.interval[0] == record.interval[1]:
         return ""
     number = cell_of(record).number
-    low, high = (number.format(end, extra=1).replace("-", "−") for end in record.interval)
+    low, high = (minus(number.format(end, extra=1)) for end in record.interval)
     text = f"{low} to {high}"
     return quantity(text, symbol(record.unit)) if unit and record.unit else text
 
@@ -98,7 +97,7 @@ def read(record: Record, reading: ReadingRecord) -> str:
     """Write what a blocked cell is under one reading of the text."""
     flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
     hidden = not reading.agrees or "through_rounding" in reading.flags
-    value = cell_of(record).number.format(reading.computed, extra=int(hidden)).replace("-", "−")
+    value = minus(cell_of(record).number.format(reading.computed, extra=int(hidden)))
     marks = f" ({', '.join(flag.replace('_', ' ') for flag in flags)})" if flags else ""
     return f"{quantity(value, unit(record))}, {reading.verdict}{marks}"
 
