@@ -15,6 +15,8 @@ from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
 from reproduce.views.cli import main
+from reproduce.views.computed import item_ledger
+from reproduce.views.writing import verdicts
 
 RANGE = "niu2024/text-simulation#range-x-high"
 FIELDS = (
@@ -135,6 +137,25 @@ def test_show_puts_computed_beside_printed():
     lines = run("show", "niu2024/table-3").stdout.splitlines()
     (row,) = [line for line in lines if "rotation.red" in line]
     assert row.split() == ["rotation.red", "0.0698", "0.0700", "°", "consistent"]
+
+
+@pytest.mark.parametrize("key", ["chen2023/table-5", "chen2023/text-resolution"])
+def test_show_names_each_reading_once_and_gives_what_it_makes_of_each_cell(key):
+    records = item_ledger(key).records
+    told = " ".join(run("show", key).stdout.partition("readings of the text")[2].split())
+    legend, _, body = told.partition("cell under each reading")
+    names = {(one.name, one.place) for record in records for one in record.readings}
+    letters = {}
+    for name, place in names:
+        assert told.count(f" {name} ({place})") == 1
+        letters[name, place] = legend[legend.index(f" {name} ({place})") - 1]
+    assert sorted(letters.values()) == list("ABCDEFGHIJKLM"[: len(names)])
+    for record in records:
+        shown = "; ".join(
+            f"{letters[one.name, one.place]} {verdicts.read(record, one)}"
+            for one in record.readings
+        )
+        assert " ".join(f"{verdicts.name_of(record)} {shown}".split()) in body or not shown
 
 
 def test_wide_terminals_show_more():

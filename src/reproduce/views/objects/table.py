@@ -230,7 +230,7 @@ class Table(Item):
         yield shown
         yield from self._remarks()
 
-    def _remarks(self) -> Iterator[str]:
+    def _remarks(self) -> Iterator[RenderableType]:
         """Yield the joint probability, what the flags mean, the reasons and the readings."""
         if joint := self._ledger.table(self.key):
             yield (
@@ -249,10 +249,21 @@ class Table(Item):
                 text = minus(reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
                 reasons.setdefault(f"{one.verdict}: {text}", []).append(name)
         yield from (f"{text} ({', '.join(names)})" for text, names in reasons.items())
-        for name, one in self._records.items():
-            for reading in one.readings:
-                read = verdicts.read(one, reading)
-                yield f"{name}, if {reading.name} ({reading.place}): {read}"
+        every = [(one, reading) for one in self._records.values() for reading in one.readings]
+        if not every:
+            return
+        names = dict.fromkeys((reading.name, reading.place) for _, reading in every)
+        letters = {pair: chr(ord("A") + place) for place, pair in enumerate(names)}
+        legend = [(letters[pair], f"{pair[0]} ({pair[1]})") for pair in names]
+        yield columns(("", "readings of the text"), legend, words=2, whole=(0,))
+        yield ""
+        read: dict[str, list[str]] = {}
+        for one, reading in every:
+            letter = letters[reading.name, reading.place]
+            told = f"{letter} {verdicts.read(one, reading)}"
+            read.setdefault(verdicts.name_of(one), []).append(told)
+        rows = [(name, "; ".join(told)) for name, told in read.items()]
+        yield columns(("cell", "under each reading"), rows, words=2, whole=(0,))
 
 
 def _cell(cell: PrintedCell, record: Record) -> Box:
