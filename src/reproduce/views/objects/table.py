@@ -13,12 +13,14 @@ from rich.text import Text
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.views import keys
 from reproduce.views.computed import item_ledger
 from reproduce.views.objects.bar import bar
-from reproduce.views.objects.base import Item, Shown, by_row, text_of
+from reproduce.views.objects.base import Item, Shown, by_row, line_of, text_of
 from reproduce.views.objects.changed import Changed
 from reproduce.views.objects.sweep import Sweep
 from reproduce.views.writing import verdicts
@@ -185,7 +187,7 @@ class Table(Item):
             grid = Grid(f"Details of {place}", DETAILS, details, kind="rp-small")
             parts.append(folded("How each cell was judged", grid.html))
         files = table_files(self.key)
-        parts.append(bar(self.key, anchor(self.key), files, self.source))
+        parts.append(bar(self.key, anchor(self.key), files, self.source, inputs=self._inputs()))
         item = Markup('<div class="rp-item" id="{}">\n{}\n</div>')
         return powers_in_html(item.format(anchor(self.key), Markup("\n").join(parts)))
 
@@ -210,6 +212,32 @@ class Table(Item):
             names = [f"{row.id}.{column.id}" for column in printed.columns]
             rows.append([row.label, *(_cell(printed[name], records[name]) for name in names)])
         return Grid(caption, ["", *(column.label for column in printed.columns)], rows)
+
+    def _inputs(self) -> Markup:
+        """Say what the table is computed from, each printed cell a link; nothing if it is not."""
+        if not self.reads:
+            return Markup("")
+        link = Markup('<a href="#{}"><code>{}</code></a>').format
+        lines: dict[str, list[Markup]] = {}
+        for lead, ends in keys.alike(self.reads).items():
+            key, _, name = lead.partition("#")
+            links = Markup(", ").join(link(anchor(lead + end), end) for end in ends)
+            many = Markup("<code>{}</code>{{{}}}").format(name, links) if name else links
+            one = link(anchor(lead + ends[0]), name + ends[0])
+            lines.setdefault(key, []).append(one if len(ends) == 1 else many)
+        entry = Markup("<li>{} (<code>{}</code>): {}</li>").format
+        listed = [
+            entry(keys.place(key), key, Markup("; ").join(cells)) for key, cells in lines.items()
+        ]
+        made = [one for one in catalogue()[self.key].computations if one.replicates]
+        told = [f"Printed in {self.place}."]
+        told += [
+            f"{one.function.__name__} draws random numbers: seed {_seed(one)}." for one in made
+        ]
+        said = Markup("").join(Markup("<p>{}</p>").format(one) for one in told)
+        return said + Markup("<p>Reads, directly or through other items:</p><ul>{}</ul>").format(
+            Markup("").join(listed)
+        )
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the cells, computed beside printed, and what a reader needs beside them."""
@@ -353,6 +381,18 @@ def _joint_sentence(joint: TableRecord) -> str:
     )
 
 
+def _seed(made: Computation) -> str:
+    """Say where the random numbers of a computation come from, empty where there are none."""
+    if not made.replicates:
+        return ""
+    project, own = made.entropy
+    return f"{project} of the project, {own} of this function; {made.replicates:,} replicates"
+
+
+def _braced(lead: str, ends: Sequence[str]) -> str:
+    return f"{lead}{ends[0]}" if len(ends) == 1 else f"{lead}{{{','.join(ends)}}}"
+
+
 class Cell(Shown):
     """One printed number: what the paper prints, what we compute, the verdict and why.
 
@@ -415,7 +455,7 @@ class Cell(Shown):
         return export(item_ledger(self.table.key), self.address, form)
 
     def _lines(self) -> list[tuple[str, str]]:
-        record = self.record
+        record, maker = self.record, self._maker
         value = verdicts.computed(record, extra=1)
         lines = [
             ("printed", self.printed),
@@ -424,10 +464,10 @@ class Cell(Shown):
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", minus(reason(self.address) or record.why)),
-            ("function", record.function or ""),
+            ("function", f"{record.function} ({line_of(maker.function)})" if maker else ""),
             ("equations", ", ".join(f"({one})" for one in record.equations)),
-            ("seed", ", ".join(map(str, record.seed or ()))),
-            ("reads", ", ".join(self.reads)),
+            ("seed", _seed(maker) if maker else ""),
+            ("reads", ", ".join(_braced(*one) for one in keys.alike(self.reads).items())),
             *((f"if {one.name}", verdicts.read(record, one)) for one in record.readings),
         ]
         return [(name, text) for name, text in lines if text]
