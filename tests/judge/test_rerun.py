@@ -85,8 +85,37 @@ def test_only_what_an_item_reads_can_be_changed(key):
         for cell in find(pattern)
         if cell.is_number
     }
-    with pytest.raises(CannotChangeError, match=f"{key} does not read .*; it reads: {allowed[0]}"):
+    with pytest.raises(CannotChangeError, match=f"{key} does not read .*; it reads {allowed[0]}"):
         rerun.rerun(key, {"niu2024/text-context#matched-stars": "4"})
+
+
+@pytest.mark.parametrize(
+    ("stray", "first"),
+    [
+        ("noise", "niu2024/text-simulation#noise"),
+        ("niu2024/text-simulation#noize", "niu2024/text-simulation#noise"),
+        ("focal-length", "niu2024/table-1#focal-length.red"),
+    ],
+)
+def test_a_stray_change_is_told_the_nearest_cells_and_where_all_are(stray, first):
+    with pytest.raises(CannotChangeError) as told:
+        rerun.rerun("niu2024/table-3", {stray: "1"})
+    message = str(told.value)
+    assert f"does not read {stray}; did you mean {first}" in message
+    assert message.count("niu2024/t") <= 3 + rerun.SUGGESTED
+    count = len(rerun.changeable("niu2024/table-3"))
+    assert f'(rp.table("niu2024/table-3").reads lists all {count})' in message
+
+
+def test_a_cell_reads_what_its_own_computation_reads_directly_or_through_others():
+    whole, cell = (
+        rerun.changeable(name) for name in ("niu2024/table-3", "niu2024/table-3#scale.red")
+    )
+    assert set(cell) < set(whole)
+    assert not [address for address in cell if address.endswith("translation-x.red")]
+    monitored = rerun.changeable(f"{TABLE}#2.monitoring-y")
+    assert len(monitored) == len(set(monitored))
+    assert rerun.changeable("niu2024/table-1#focal-length.red") == (), "an input reads nothing"
 
 
 def test_seed_and_replicates_are_changes():

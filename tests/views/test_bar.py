@@ -6,8 +6,8 @@ import re
 import pytest
 
 import reproduce as rp
-from reproduce.papers.catalogue import drawings
-from reproduce.printed.cells import library
+from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.printed.cells import anchor, library
 from reproduce.views import computed
 from reproduce.views.book import build, pages
 from reproduce.views.writing import figures
@@ -25,8 +25,28 @@ def test_a_table_can_be_cited_taken_away_and_followed_to_its_function():
     assert "def true_registrations" in bar or "@reproduces" in bar
 
 
-def test_a_table_that_is_only_quoted_has_no_function():
-    assert "<summary>Function" not in rp.table("niu2024/table-1")._repr_html_()
+def test_a_table_that_is_only_quoted_has_no_function_and_no_inputs():
+    html = rp.table("niu2024/table-1")._repr_html_()
+    assert "<summary>Function" not in html
+    assert "<summary>Inputs" not in html
+
+
+@pytest.mark.parametrize("key", [KEY, "niu2024/table-3", "chen2023/table-5"])
+def test_a_table_can_be_followed_to_its_inputs_its_seed_and_its_place(key):
+    html = rp.table(key)._repr_html_()
+    (inputs,) = re.findall(r"<summary>Inputs</summary>(.*?)</details>", html)
+    reads = {anchor(address) for address in rp.table(key).reads}
+    linked = re.findall(r'<a href="#([^"]+)">', inputs)
+    assert len(linked) == len(reads)
+    assert set(linked) == reads
+    assert f"Printed in {library()[key].place}." in inputs
+    for one in catalogue()[key].computations:
+        drawn = f"{one.function.__name__} draws random numbers: seed "
+        assert (drawn in inputs) == bool(one.replicates)
+        if one.replicates:
+            project, own = one.entropy
+            told = f"{drawn}{project} of the project, {own} of this function; "
+            assert f"{told}{one.replicates:,} replicates." in inputs
 
 
 @pytest.mark.parametrize(("key", "cited"), [("niu2024/fig-2", True), ("chen2023-stage", False)])

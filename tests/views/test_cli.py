@@ -10,10 +10,13 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from reproduce.judge import expected
+from reproduce.judge.studies import studies
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
 from reproduce.views.cli import main
+from reproduce.views.computed import item_ledger
+from reproduce.views.writing import verdicts
 
 RANGE = "niu2024/text-simulation#range-x-high"
 FIELDS = (
@@ -32,12 +35,15 @@ def test_list_names_every_item_in_order_of_print():
     shown = [
         line.split()[0] for line in result.stdout.splitlines() if "2024/" in line or "2023/" in line
     ]
-    assert shown == list(catalogue())
+    assert shown == [*catalogue(), *studies()]
+    told = result.stdout.partition("our own tables")[2]
+    assert "What thermal motion of the lasers does" in told
+    assert "niu2024/table-3" not in told
 
 
 def test_list_as_json():
     listed = json.loads(run("list", "--json").stdout)
-    assert [entry["key"] for entry in listed] == list(catalogue())
+    assert [entry["key"] for entry in listed] == [*catalogue(), *studies()]
     assert next(e for e in listed if e["key"] == "niu2024/fig-4")["draws"] is True
 
 
@@ -133,6 +139,25 @@ def test_show_puts_computed_beside_printed():
     assert row.split() == ["rotation.red", "0.0698", "0.0700", "°", "consistent"]
 
 
+@pytest.mark.parametrize("key", ["chen2023/table-5", "chen2023/text-resolution"])
+def test_show_names_each_reading_once_and_gives_what_it_makes_of_each_cell(key):
+    records = item_ledger(key).records
+    told = " ".join(run("show", key).stdout.partition("readings of the text")[2].split())
+    legend, _, body = told.partition("cell under each reading")
+    names = {(one.name, one.place) for record in records for one in record.readings}
+    letters = {}
+    for name, place in names:
+        assert told.count(f" {name} ({place})") == 1
+        letters[name, place] = legend[legend.index(f" {name} ({place})") - 1]
+    assert sorted(letters.values()) == list("ABCDEFGHIJKLM"[: len(names)])
+    for record in records:
+        shown = "; ".join(
+            f"{letters[one.name, one.place]} {verdicts.read(record, one)}"
+            for one in record.readings
+        )
+        assert " ".join(f"{verdicts.name_of(record)} {shown}".split()) in body or not shown
+
+
 def test_wide_terminals_show_more():
     assert "allowed or predicted" in run("show", "niu2024/table-3", columns=140).stdout
 
@@ -209,7 +234,12 @@ def test_show_reruns_under_a_change():
     ("arguments", "message"),
     [
         (["show", "niu2024/table-3#scale.green"], "has no cell 'scale.green'"),
-        (["show", "niu2024/table-3", "--set", "noise"], "expected NAME=VALUE"),
+        (["show", "niu2024/table-3", "--set", "noise"], "--set noise: expected CELL=VALUE"),
+        (["show", "niu2024/table-3", "--option", "noise"], "expected NAME=ALTERNATIVE"),
+        (
+            ["show", "niu2024/table-3", "--option", "noise=0.2"],
+            "--set niu2024/text-simulation#noise",
+        ),
         (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
         (["show", "niu2024/fig-4", "--seed", "1"], "is a figure"),
         (["show", "niu2024/table-3", "--option", "angle=square"], "has no option 'angle'; it"),

@@ -1,5 +1,6 @@
 """The front door: every name, and what each object shows."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,7 +51,9 @@ def test_importing_the_package_imports_nothing_else():
 def test_an_unknown_name_is_told():
     with pytest.raises(AttributeError, match="has no attribute 'tabel'"):
         _ = rp.tabel
-    assert set(rp.__all__) <= set(dir(rp))
+    assert fresh("print([n for n in dir(__import__('reproduce')) if n[0] != '_'])") == str(
+        sorted(rp.__all__)
+    )
 
 
 @pytest.mark.parametrize("key", list(library()))
@@ -72,10 +75,48 @@ def test_a_cell_tells_all_that_is_known_of_it():
     assert (cell.printed, cell.verdict) == ("0.9976", "exact")
     assert cell.computed == pytest.approx(0.9976, abs=5e-5)
     assert cell.reads == rp.table("niu2024/table-2")["scale.red"].reads
+    with pytest.raises(ValueError, match=r"#scale.red does not read .*#noise; it reads niu2024"):
+        cell.rerun({STRANGER: "1 px"})
+    table, other = rp.table("niu2024/table-3"), "niu2024/table-2#translation-x.red"
+    assert other in table.reads
+    assert other not in table["scale.red"].reads
+    with pytest.raises(ValueError, match=r"table-3#scale\.red does not read"):
+        table["scale.red"].rerun({other: "1 px"})
     assert "def true_scale" in cell.source
-    assert "niu2024/table-1#focal-length.red" in repr(cell)
+    shown = " ".join(repr(cell).split())
+    assert "reads: niu2024/table-1#focal-length.{red,green,blue}" in shown
+    (path, line) = re.findall(r"\((reproduce/papers/niu2024/registration\.py):(\d+)\)", shown)[0]
+    lines = (Path(reproduce.__file__).parents[1] / path).read_text(encoding="utf-8").splitlines()
+    assert "\n".join(lines[int(line) - 1 :]).startswith(cell.source)
+    drawn = " ".join(repr(rp.table("niu2024/table-3#scale.red")).split())
+    assert re.search(r"seed: \d+ of the project, \d+ of this function; [\d,]+ replicates", drawn)
     assert "<table" in cell._repr_html_()
     assert cell.frame().loc["verdict"].item() == "exact"
+
+
+@pytest.mark.parametrize(
+    ("address", "shown"),
+    [
+        ("niu2024/table-3#rotation.red", r"predicted, central 99 %: 0\.\d+ to 0\.\d+°"),
+        ("chen2023/table-5#2.motion-x", r"computed: 20\.\d+\u202fµm"),
+        ("niu2024/table-2#scale.red", r"allowed by rounded inputs: 0\.\d+ to 0\.\d+\n"),
+    ],
+)
+def test_a_cell_says_what_its_interval_is_and_its_unit(address, shown):
+    assert re.search(shown, repr(rp.table(address)))
+
+
+def test_readers_see_a_minus_sign_and_other_programs_a_hyphen():
+    table = rp.table("niu2024/table-3")
+    changed = table.rerun({STRANGER: "0.2 px"}, replicates=20)
+    cell = table["rotation.blue"]
+    for one in (table, changed, cell):
+        for shown in (repr(one), re.sub(r"<[^>]*>", " ", one._repr_html_().split("<pre")[0])):
+            assert re.search(r"−0\.0", shown)
+            assert not re.search(r"(?<!\w)-\.?\d", shown)
+    for form in ("csv", "json", "latex", "markdown"):
+        assert "-0.05" in table.export(form)
+        assert "−" not in re.sub(r'"(why|reason)":.*', "", table.export(form))
 
 
 def test_rerun_shows_print_value_and_difference_without_a_verdict():
@@ -85,6 +126,7 @@ def test_rerun_shows_print_value_and_difference_without_a_verdict():
     assert row["changed - printed"] == row["changed"] - 0.9973
     assert row["low"] < row["changed"] < row["high"]
     for shown in (repr(found), found._repr_html_()):
+        assert "From and to: the central 99 % of the prediction." in " ".join(shown.split())
         assert "noise = 0.2 px" in shown
         assert "seed = 7" in shown
         for verdict in ("differs", "consistent", "exact"):
@@ -164,7 +206,10 @@ def test_contents_and_check_stand_on_the_whole_ledger():
     frame = rp.contents().frame()
     assert list(frame.index) == list(catalogue())
     assert frame["differs"].sum() == sum(r.verdict == "differs" for r in build().records)
-    assert "niu2024/table-3" in repr(rp.contents())
+    shown = repr(rp.contents("niu2024"))
+    assert "niu2024/table-3" in shown
+    assert "niu2024/readings" in shown.partition("our own tables")[2]
+    assert "chen2023" not in shown
     found = rp.check()
     assert bool(found)
     assert found.frame().empty

@@ -99,6 +99,20 @@ def test_a_sweep_simulates_as_many_tables_as_asked():
     assert few.frame()["computed"].iloc[0] == alone.loc["scale.red", "changed"]
 
 
+def test_a_sweep_that_is_too_wide_for_a_terminal_is_a_block_for_each_cell():
+    """No number is broken, and each cell has a line for each value."""
+    noise, values = "niu2024/text-simulation#noise", ("0.05 px", "0.2 px")
+    swept = rp.table("niu2024/table-3").sweep(noise, values, replicates=20)
+    lines = repr(swept).splitlines()
+    assert max(map(len, lines)) <= 80
+    for column in swept.grid.head[1:]:
+        assert column in lines
+    for row in swept.grid.rows:
+        for entry in row[1:]:
+            assert any(line.startswith(row[0]) and line.endswith(entry) for line in lines)
+    assert "central 99 % of the prediction" in " ".join(lines)
+
+
 def test_a_sweep_is_a_table_first_and_a_slider_with_a_script():
     html = rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.red", "scale.blue"])._repr_html_()
     tags = Tags(html)

@@ -10,9 +10,10 @@ the paper, and says what each cell would be judged as.
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
@@ -34,7 +35,7 @@ from reproduce.printed.units import UNITS, si_factor, symbol
 
 __all__ = [
     *("CannotChangeError", "ChangedCell", "Rerun", "changeable", "checked_values", "in_si"),
-    *("maker", "options", "reads", "rerun", "under"),
+    *("maker", "options", "refuse_strays", "rerun", "under"),
 ]
 
 Replaced = dict[str, float]
@@ -48,6 +49,8 @@ _NOISE = 1e-9
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 # More than so many times a printed count, or so many replicates, would only fill the memory.
 LARGEST, MOST_REPLICATES = 20, 100_000
+# Cells that a message names of those that could be meant.
+SUGGESTED = 5
 
 
 class CannotChangeError(ValueError):
@@ -121,11 +124,6 @@ def maker(address: str) -> Computation | None:
     return next((one for one in catalogue()[key].computations if one.makes(name)), None)
 
 
-def reads(computation: Computation) -> tuple[str, ...]:
-    """Return the addresses that a computation reads itself."""
-    return tuple(cell.address for pattern in computation.given for cell in find(pattern))
-
-
 def options(key: str) -> dict[str, dict[str, str]]:
     """Return what the text leaves open of an item.
 
@@ -144,7 +142,7 @@ def options(key: str) -> dict[str, dict[str, str]]:
 
 
 def changeable(key: str) -> tuple[str, ...]:
-    """Return every cell that an item or a study reads, directly or through other items.
+    """Return every cell that an item, a cell or a study reads, directly or through other items.
 
     Addresses, nearest first.
 
@@ -155,6 +153,9 @@ def changeable(key: str) -> tuple[str, ...]:
     """
     if key in studies():
         return _upstream(studies()[key].given)
+    if "#" in key:
+        made_by = maker(key)
+        return () if made_by is None else _upstream(made_by.given)
     item = catalogue()[key]
     patterns = [one.given for one in item.computations]
     patterns += [] if item.draw is None else [item.draw.given]
@@ -256,12 +257,38 @@ def rerun(
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
     """Return a reader's values in SI units, or refuse what the item does not read."""
-    allowed = changeable(key)
-    if strays := [address for address in changes if address not in allowed]:
-        raise CannotChangeError(
-            f"{key} does not read {', '.join(strays)}; it reads: {', '.join(allowed) or 'nothing'}"
-        )
+    refuse_strays(key, changes, changeable(key), _listing(key))
     return {address: in_si(_cell(address), text) for address, text in changes.items()}
+
+
+def refuse_strays(
+    subject: str, changes: Iterable[str], allowed: Sequence[str], listing: str
+) -> None:
+    """Refuse changes of what is not read; name the nearest cells, and the call that lists all."""
+    if not (strays := [address for address in changes if address not in allowed]):
+        return
+    near = list(dict.fromkeys(chain.from_iterable(_near(stray, allowed) for stray in strays)))
+    named = near[:SUGGESTED] or allowed[:SUGGESTED]
+    listed = ", ".join(named) or "nothing"
+    told = f"did you mean {listed}?" if near else f"it reads {listed}"
+    if len(named) < len(allowed):
+        told += f" ({listing} lists all {len(allowed)})"
+    raise CannotChangeError(f"{subject} does not read {', '.join(strays)}; {told}")
+
+
+def _listing(key: str) -> str:
+    """Return the call that lists what an item, a cell or a study reads."""
+    held = key.partition("#")[0] in library() or key in studies()
+    return f'rp.{"table" if held else "figure"}("{key}").reads'
+
+
+def _near(stray: str, allowed: Sequence[str]) -> list[str]:
+    """Return the cells whose name holds that of a stray, or else those with a name much like it."""
+    name = stray.rpartition("#")[2]
+    names = {address: address.partition("#")[2] for address in allowed}
+    held = {one for one in names.values() if len(name) > 2 and name in one}
+    alike = held or difflib.get_close_matches(name, names.values(), n=SUGGESTED, cutoff=0.7)
+    return [address for address, one in names.items() if one in alike]
 
 
 def under(
@@ -294,11 +321,21 @@ def _check_options(key: str, chosen: Mapping[str, str]) -> None:
             listed = "; ".join(f"{n} ({', '.join(ways)})" for n, ways in known.items())
             raise CannotChangeError(
                 f"{key} has no option {name!r}; it leaves open: {listed or 'nothing'}"
+                f"{_as_change(key, name)}"
             )
         if way not in known[name]:
             raise CannotChangeError(
                 f"{key}: {name} is one of {', '.join(known[name])}, got {way!r}"
+                f"{_as_change(key, name)}"
             )
+
+
+def _as_change(key: str, name: str) -> str:
+    """Say how to change a printed cell that is called like an option, if one is."""
+    cells = [find(address)[0] for address in changeable(key) if address.endswith(f"#{name}")]
+    return "".join(
+        f"; to change what is printed, {one.shown}: --set {one.address}=VALUE" for one in cells
+    )
 
 
 def _reading(key: str, chosen: dict[str, str]) -> Rerun:

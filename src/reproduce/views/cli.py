@@ -21,6 +21,7 @@ from reproduce.views.objects.contents import score_table
 
 __all__ = ["main"]
 
+_CHANGE, _CHOICE = "CELL=VALUE", "NAME=ALTERNATIVE"
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
@@ -55,13 +56,14 @@ main.add_command(calibrate)
 @main.command("list")
 @_JSON
 def list_items(as_json: bool) -> None:
-    """List all items, in order of print."""
+    """List all items, in order of print, and our own tables."""
     contents = front.contents()
     if as_json:
         click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
     else:
         console = Console()
-        console.print(contents.listed(console.width))
+        for part in contents.listed(console.width):
+            console.print(part)
 
 
 @main.command()
@@ -93,7 +95,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     "--set",
     "changes",
     multiple=True,
-    metavar="CELL=VALUE",
+    metavar=_CHANGE,
     help='Another value for a printed cell, such as niu2024/text-simulation#noise="0.2 px".',
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
@@ -102,7 +104,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     "--option",
     "options",
     multiple=True,
-    metavar="NAME=ALTERNATIVE",
+    metavar=_CHOICE,
     help="How to read what the text leaves open, such as translations=table-2.",
 )
 def show(
@@ -112,21 +114,21 @@ def show(
 
     With nothing but options, the cells say what they would be judged as under that reading.
     """
-    found, set_to = front.item(address), _pairs("--set", changes)
+    found, set_to = front.item(address), _pairs("--set", _CHANGE, changes)
     again: dict[str, Any] = {n: value for n, value in numbers.items() if value is not None}
-    again |= _pairs("--option", options)
+    again |= _pairs("--option", _CHOICE, options)
     try:
         (found.rerun(set_to, **again) if set_to or again else found).print(Console())
     except CannotChangeError as error:
         raise click.UsageError(str(error)) from error
 
 
-def _pairs(option: str, texts: tuple[str, ...]) -> dict[str, str]:
+def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
     """Return what stands left and right of the equals signs."""
     pairs = [text.partition("=") for text in texts]
     for name, equals, value in pairs:
         if not equals or not name.strip():
-            raise click.UsageError(f"{option} {name}{equals}{value}: expected NAME=VALUE")
+            raise click.UsageError(f"{option} {name}{equals}{value}: expected {form}")
     return {name.strip(): value.strip() for name, _, value in pairs}
 
 
@@ -156,13 +158,13 @@ def export_item(address: str, form: str) -> None:
     "--set",
     "changes",
     multiple=True,
-    metavar="CELL=VALUE",
+    metavar=_CHANGE,
     help="Another value for a printed cell that the figure reads.",
 )
 def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
     """Draw an item that draws."""
     try:
-        front.figure(key).rerun(_pairs("--set", changes)).save(out)
+        front.figure(key).rerun(_pairs("--set", _CHANGE, changes)).save(out)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:

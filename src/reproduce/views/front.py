@@ -34,7 +34,13 @@ __all__ = [
 
 
 def contents(paper: str | None = None) -> Contents:
-    """Return all items of a paper, or of all, in order of print, with their score."""
+    """Return all items of a paper, or of all, in order of print, with their score.
+
+    Examples
+    --------
+    >>> contents("niu2024").frame().loc["niu2024/table-1", "input"]
+    np.int64(12)
+    """
     return Contents(paper)
 
 
@@ -86,14 +92,26 @@ def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
 
 
 def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Check:
-    """Recompute and judge items, or everything, and compare the verdicts with the frozen ones."""
+    """Recompute and judge items, or everything, and compare the verdicts with the frozen ones.
+
+    Examples
+    --------
+    >>> bool(check("niu2024/table-2"))
+    True
+    """
     from reproduce.views.objects.check import Check
 
     return Check(keys, progress)
 
 
 def cite(address: str, form: str = "bibtex") -> str:
-    """Return how to cite an item, a cell or a study and its paper: bibtex, csl or text."""
+    """Return how to cite an item, a cell or a study and its paper: bibtex, csl or text.
+
+    Examples
+    --------
+    >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
+    Yanzhao Niu, Xinguo Wei, and Jian Li
+    """
     return citation(address, form)
 
 

@@ -24,6 +24,7 @@ from reproduce.views.objects.contradictions import errata_register, within_paper
 from reproduce.views.objects.figure import pictured
 from reproduce.views.writing.display import Grid, Html, folded
 from reproduce.views.writing.figures import Picture
+from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -264,7 +265,7 @@ def _verdicts(entry: Erratum) -> Markup:
     }
     return Markup("<br>").join(
         Markup("{}: {} printed, {}").format(
-            _cell_link(a), records[a].printed.replace("-", "−"), _outcome(records[a])
+            _cell_link(a), minus(records[a].printed), _outcome(records[a])
         )
         for a in resting
     )
@@ -365,7 +366,7 @@ def audit_facts() -> dict[str, str]:
 
 
 def _digits(value: float) -> str:
-    return f"{0.0 if abs(value) < 1e-9 else value:.5g}".replace("-", "−")
+    return minus(f"{0.0 if abs(value) < 1e-9 else value:.5g}")
 
 
 def _code(text: str) -> Markup:

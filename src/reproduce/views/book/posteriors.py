@@ -47,7 +47,7 @@ from reproduce.views.objects.posterior import (
 )
 from reproduce.views.writing import posterior_figures as figures
 from reproduce.views.writing.display import Entry, Grid, Html, folded
-from reproduce.views.writing.numbers import digits, plain, ranged, shared, signed
+from reproduce.views.writing.numbers import digits, minus, plain, ranged, shared, signed
 
 __all__ = [
     *(
@@ -166,11 +166,7 @@ def summarised(one: Said) -> tuple[Entry, ...]:
     mean, ends = interval(row)
     truth = f"{ours.truth[one.name]:.6g}{gap}" if one.name in ours.truth else ""
     data = "simulated" if ours.declared.simulated else "printed"
-    return label, data, printed, f"{mean}{gap}", f"{ends}{gap}", _minus(truth), verdict
-
-
-def _minus(text: str) -> str:
-    return text.replace("-", "−")
+    return label, data, printed, f"{mean}{gap}", f"{ends}{gap}", minus(truth), verdict
 
 
 def _gap(unit: str) -> str:
@@ -332,7 +328,7 @@ def results(name: str) -> Html:
     """Show the posterior: summaries, consequences, predictive checks and a corner plot."""
     found = book_posterior(name)
     head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk ESS", "tail ESS")
-    rows = [(named(r), *map(_minus, entries(r)))
+    rows = [(named(r), *map(minus, entries(r)))
             for r in found.summaries()]  # fmt: skip
     summary = _table(
         head, rows, "Posterior, to the digits that its Monte Carlo error (MCSE) allows."
@@ -340,7 +336,7 @@ def results(name: str) -> Html:
     checks = [
         (
             c.name,
-            _minus(f"{c.observed:.4g}"),
+            minus(f"{c.observed:.4g}"),
             ranged(c.prior),
             ranged(c.posterior),
             shared(c.tail),
@@ -359,7 +355,7 @@ def correlations(name: str) -> str:
         return ""
     related = np.atleast_2d(np.corrcoef(found.draws.T))
     rows = [
-        (name, *(_minus(f"{value:z.2f}") for value in row[: i + 1]), *[""] * (len(row) - i - 1))
+        (name, *(minus(f"{value:z.2f}") for value in row[: i + 1]), *[""] * (len(row) - i - 1))
         for i, (name, row) in enumerate(zip(found.model.names, related, strict=True))
     ]
     return _table(("Parameter", *found.model.names), rows, "Correlations of the parameters.")
@@ -375,7 +371,7 @@ def estimates(name: str) -> str:
     rows = [
         (
             named(one),
-            _minus(f"{one.estimate:.6g}"),
+            minus(f"{one.estimate:.6g}"),
             signed(digits(one.off, one.error)),
             shared(one.tail),
         )
@@ -452,19 +448,19 @@ def _weighed(one: Compared, less: str) -> tuple[str, ...]:
     if one.sampled is not None:
         value, error = one.sampled.value, one.sampled.error
         sampled = (digits(value, error), f"{error:.1g}",
-                   _minus(f"{one.sampled.shape:.2f}"))  # fmt: skip
+                   minus(f"{one.sampled.shape:.2f}"))  # fmt: skip
     return one.name, *sampled, "none" if one.exact is None else f"{one.exact:.3f}", less
 
 
 def _difference(one: Compared) -> str:
     if one.error == 0:
-        return _minus(f"{one.less:.3f}")
-    return _minus(f"{digits(one.less, one.error)} ± {one.error:.1g}")
+        return minus(f"{one.less:.3f}")
+    return minus(f"{digits(one.less, one.error)} ± {one.error:.1g}")
 
 
 def transform_choice() -> Html:
     """Show the evidence of similarity, radial term and affine transform, under several priors."""
-    rows = [(name, *(_minus(f"{log:.3f}") for log in logs)) for name, logs in transforms().items()]
+    rows = [(name, *(minus(f"{log:.3f}") for log in logs)) for name, logs in transforms().items()]
     head = ("Transform", *(f"log evidence, {width:g} px" for width in WIDTHS))
     caption = (
         "Similarity against its rivals, on our own simulation with the printed settings, from "
@@ -485,7 +481,7 @@ def columns_of_table_5() -> Html:
     for one, share in zip(table_reads(), table_shares(), strict=True):
         pairs = zip(one.means, one.deviations, shown, strict=True)
         shown_as = (f"{moments(m * p.shown, d * p.shown)} {p.unit}" for m, d, p in pairs)
-        rows.append((one.name, _minus(f"{one.log_evidence:.3f}"), f"{share:.2g}", *shown_as))
+        rows.append((one.name, minus(f"{one.log_evidence:.3f}"), f"{share:.2g}", *shown_as))
     head = ("Reading", "log evidence", "probability", "focal length", "noise",
             "bias, angles printed about X", "about Y")  # fmt: skip
     caption = (
@@ -504,7 +500,7 @@ def columns_of_table_4() -> Html:
             one.column.replace("-", ", "),
             f"{one.white:.{decimals}f} ± {one.white_error:.2g} arcsec",
             f"{one.floor:#.2g} arcsec", f"{one.prior:.3g} arcsec",
-            *(_minus(f"{gain:+.2f}") for gain in one.gains),
+            *(minus(f"{gain:+.2f}") for gain in one.gains),
         ))  # fmt: skip
     head = ("Column", "white noise of one frame", "floor, 97.5 % below", "scale of its prior",
             *(f"evidence of a floor, scale times {factor:g}" for factor in FLOORS))  # fmt: skip
@@ -536,7 +532,7 @@ def sensitivity(name: str) -> Html:
             plain(digits(answer, max(error, LEAST_ERROR)))
             for answer, error in zip(answers, one.errors, strict=True)
         )
-        rows.append((one.name, *told, _minus(f"{one.shape:.2f}"),
+        rows.append((one.name, *told, minus(f"{one.shape:.2f}"),
                      one.held_by))  # fmt: skip
     head = ("Parameter", "to prior", "to likelihood", "mean shift (sd)", "Pareto k", "reading")
     caption = (

@@ -1,4 +1,4 @@
-"""What a reader takes away from a table or a figure: its address, citation, data and function."""
+"""What a reader takes away from a table or a figure: address, citation, data, function, inputs."""
 
 from __future__ import annotations
 
@@ -10,10 +10,19 @@ from reproduce.views.writing.cite import citation
 
 __all__ = ["bar"]
 
+NOTHING = Markup("")
 NAMES = {"tex": "LaTeX", "md": "Markdown"}
 
 
-def bar(key: str, anchor: str, files: Iterable[str], source: str, *, item: bool = True) -> Markup:
+def bar(
+    key: str,
+    anchor: str,
+    files: Iterable[str],
+    source: str,
+    *,
+    item: bool = True,
+    inputs: Markup = NOTHING,
+) -> Markup:
     """Return the bar below a table or a figure of a page.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
@@ -30,6 +39,8 @@ def bar(key: str, anchor: str, files: Iterable[str], source: str, *, item: bool 
         The text of the functions that make it, empty where there is none.
     item : bool
         Whether it is an item of a paper, which can be cited.
+    inputs : Markup
+        What it is computed from, empty where it is not.
     """
     parts = [
         Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>').format(
@@ -45,6 +56,8 @@ def bar(key: str, anchor: str, files: Iterable[str], source: str, *, item: bool 
     parts.append(Markup("<span>{}</span>").format(Markup(" · ").join(links)))
     if source:
         parts.append(_fold("Function", _block(source)))
+    if inputs:
+        parts.append(_fold("Inputs", inputs))
     return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
 
 

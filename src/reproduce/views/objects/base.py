@@ -6,6 +6,7 @@ import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-__all__ = ["Changeable", "Item", "Shown", "by_row", "setting", "text_of"]
+__all__ = ["Changeable", "Item", "Shown", "by_row", "line_of", "setting", "text_of"]
 
 
 class Shown(Display):
@@ -163,6 +164,14 @@ def setting(
 def text_of(function: Callable[..., Any]) -> str:
     """Return the text of a function."""
     return inspect.getsource(inspect.unwrap(function)).rstrip()
+
+
+def line_of(function: Callable[..., Any]) -> str:
+    """Return the file of a function, from its package on, and the line where it begins."""
+    bare = inspect.unwrap(function)
+    path = Path(inspect.getfile(bare))
+    depth = bare.__module__.count(".") + 1 + (path.name == "__init__.py")
+    return f"{'/'.join(path.parts[-depth:])}:{inspect.getsourcelines(bare)[1]}"
 
 
 def by_row(rows: Mapping[str, Any], columns: list[str] | None = None) -> pd.DataFrame:

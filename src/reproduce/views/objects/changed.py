@@ -11,6 +11,7 @@ from reproduce.judge.rerun import Rerun
 from reproduce.printed.units import symbol
 from reproduce.views.objects.base import setting
 from reproduce.views.writing.display import Display, Grid
+from reproduce.views.writing.numbers import minus
 from reproduce.views.writing.verdicts import joint_chance
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class Changed(Display):
             )
         changed = {**self.changes, **self.options}
         told = setting(f"{self.result.key} with", changed, self.replaced, remark)
+        if any(one.interval for one in self._cells):
+            told += " From and to: the central 99 % of the prediction."
         if joint := self.result.joint:
             told += (
                 f" The table as a whole: probability {joint_chance(joint)}; "
@@ -97,12 +100,14 @@ class Changed(Display):
             if not one.cell.is_number:
                 continue
             values = [one.unchanged, one.value, *(one.interval or (None, None))]
-            digits = ["" if v is None else one.cell.number.format(v, extra=1) for v in values]
+            digits = [
+                "" if v is None else minus(one.cell.number.format(v, extra=1)) for v in values
+            ]
             if self.result.is_reading:
                 digits = [*digits[1:], one.would_be]
             name = f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
-            rows.append((name, one.cell.text, *digits, symbol(one.cell.unit)))
-        return Grid(self._caption(), head, rows)
+            rows.append((name, minus(one.cell.text), *digits, symbol(one.cell.unit)))
+        return Grid(self._caption(), head, rows, whole=range(1, len(head)))
 
     def _repr_html_(self) -> str:
         return self.grid._repr_html_()

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.studies import studies
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
@@ -31,6 +32,8 @@ __all__ = ["Contents", "score_table"]
 class Contents(Display):
     """All items of a paper or of all, in order of print, with the verdicts of their cells.
 
+    A terminal also names the tables of our own, which no paper prints.
+
     Parameters
     ----------
     paper : str, optional
@@ -40,13 +43,14 @@ class Contents(Display):
     def __init__(self, paper: str | None = None) -> None:
         self.paper = paper if paper is None else keys.check_paper(paper)
         self.keys = [key for key in catalogue() if paper in {None, key.partition("/")[0]}]
+        self.own = [key for key in studies() if paper in {None, key.partition("/")[0]}]
 
     @cached_property
     def _ledger(self) -> Ledger:
         return item_ledger(*self.keys)
 
     def entries(self) -> list[dict[str, Any]]:
-        """Return what is known of each item without computing anything."""
+        """Return what is known of each item and each table of our own, computing nothing."""
         return [
             {
                 "key": key,
@@ -56,6 +60,16 @@ class Contents(Display):
                 "draws": catalogue()[key].draw is not None,
             }
             for key in self.keys
+        ] + [
+            {
+                "key": key,
+                "place": "a table of our own",
+                "title": studies()[key].title,
+                "functions": [f"{made.__module__}.{made.__qualname__}"],
+                "draws": False,
+            }
+            for key in self.own
+            for made in (studies()[key].function,)
         ]
 
     def frame(self) -> pd.DataFrame:
@@ -65,11 +79,14 @@ class Contents(Display):
             {key: row | verdicts.tally(self._ledger.of(key)) for key, row in named.items()}
         )
 
-    def listed(self, width: int) -> Table:
-        """Return the list of items for a terminal, without the score."""
+    def listed(self, width: int) -> Iterator[Table]:
+        """Yield the items and the tables of our own for a terminal, without the score."""
         rows = [(key, keys.place(key), keys.title(key)) for key in self.keys]
-        heads = ("key", "in the paper", "what")
-        return columns(heads, rows, ruled=True, words=3, whole=(0,), width=min(width, 110))
+        own = [(key, studies()[key].title) for key in self.own]
+        look: dict[str, Any] = {"ruled": True, "whole": (0,), "width": min(width, 110)}
+        yield columns(("key", "in the paper", "what"), rows, words=3, **look)
+        if own:
+            yield columns(("our own tables", "what"), own, words=2, **look)
 
     @property
     def index(self) -> Grid:
@@ -95,8 +112,8 @@ class Contents(Display):
         return str(Markup("\n").join([*parts, legend(records)]))
 
     def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the list of items and the score."""
-        yield self.listed(width)
+        """Yield the list of items, that of our own tables, and the score."""
+        yield from self.listed(width)
         yield score_table(self._ledger)
 
 

@@ -23,6 +23,7 @@ from reproduce.views.computed import paper_audit
 from reproduce.views.keys import check_paper
 from reproduce.views.objects.base import by_row
 from reproduce.views.writing.display import Display
+from reproduce.views.writing.numbers import minus
 from reproduce.views.writing.verdicts import quantity
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def sides(finding: Finding, audit: Audit) -> str:
     unit = units.pop() if len(units) == 1 else "1"
     mark = symbol(unit)
     values = (finding.left / si_factor(unit), finding.right / si_factor(unit))
-    texts = (f"{value:.6g}".replace("-", "−") for value in values)
+    texts = (minus(f"{value:.6g}") for value in values)
     return " against ".join(quantity(text, mark) for text in texts)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 from rich.console import RenderableType
 
-from reproduce.judge.rerun import CannotChangeError
+from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor
 from reproduce.views import computed, keys
@@ -167,11 +167,7 @@ class Panels(Shown):
     def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Panels:
         """Return the panels drawn again; each takes the changes of cells that it reads."""
         told = dict(changes or {})
-        if strays := [address for address in told if address not in self.reads]:
-            raise CannotChangeError(
-                f"{self.key} does not read {', '.join(strays)}; it reads: "
-                f"{', '.join(self.reads) or 'nothing'}"
-            )
+        refuse_strays(self.key, told, self.reads, f'rp.figure("{self.key}").reads')
         again = (
             one.rerun({a: value for a, value in told.items() if a in one.reads}, **settings)
             for one in self.panels

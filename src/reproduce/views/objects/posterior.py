@@ -22,7 +22,7 @@ from reproduce.views.objects.base import Shown, by_row, text_of
 from reproduce.views.writing.cite import beside
 from reproduce.views.writing.display import Grid, Html, columns, folded
 from reproduce.views.writing.export import export_frame
-from reproduce.views.writing.numbers import digits, percent
+from reproduce.views.writing.numbers import digits, minus, percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -405,7 +405,7 @@ class Posterior(Shown):
 
         true, own = self.truth, self.changes
         head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
-        marks = {name: (f"{value:.6g}".replace("-", "−"),) for name, value in true.items()}
+        marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
         none = ("",) if true else ()
         rows = [
             (named(row), *marks.get(row.name, none), *interval(row))
@@ -462,7 +462,7 @@ def entries(row: Summary) -> tuple[str, ...]:
 def interval(row: Summary) -> tuple[str, str]:
     """Write mean ± standard deviation of a summary, and the ends of its 95 %."""
     _, _, low, high = spread(row)
-    return moments(row.mean, row.deviation), f"{low} to {high}".replace("-", "−")
+    return moments(row.mean, row.deviation), minus(f"{low} to {high}")
 
 
 def moments(mean: float, deviation: float) -> str:
@@ -474,7 +474,7 @@ def moments(mean: float, deviation: float) -> str:
     '−0.997566 ± 0.000011'
     """
     decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
-    return f"{mean:z.{decimals}f} ± {deviation:.{decimals}f}".replace("-", "−")
+    return minus(f"{mean:z.{decimals}f} ± {deviation:.{decimals}f}")
 
 
 def coverage_rows(stored: Ranks) -> list[tuple[str, ...]]:

@@ -14,7 +14,8 @@ from rich.console import RenderableType
 from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
-from reproduce.views.writing.display import Display, Grid
+from reproduce.views.writing.display import Display, Grid, columns, fits
+from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,23 +83,40 @@ class Sweep(Display):
         frame = pd.DataFrame(rows).set_index(["setting", "cell"])
         return frame if frame["reading"].any() else frame.drop(columns="reading")
 
-    @property
-    def grid(self) -> Grid:
-        """The table of values and what becomes of each cell."""
+    @cached_property
+    def _shown(self) -> tuple[str, list[str], list[list[str]]]:
+        """The caption, the head, and for each value what becomes of each cell."""
         head = [self._input.label, *(_name(column[0]) for column in self._columns)]
         rows = [
             [self._setting(value), *(_written(column[number]) for column in self._columns)]
             for number, value in enumerate(self.values)
         ]
-        key = self.reruns[0].key
-        return Grid(f"{key} for {len(rows)} values of {self.address}, all computed.", head, rows)
+        caption = f"{self.reruns[0].key} for {len(rows)} values of {self.address}, all computed"
+        predicted = any(one.interval for column in self._columns for one in column)
+        caption += "; in brackets the central 99 % of the prediction." if predicted else "."
+        return caption, head, rows
+
+    @property
+    def grid(self) -> Grid:
+        """The table of values and what becomes of each cell."""
+        return Grid(*self._shown)
 
     def _setting(self, value: str) -> str:
         return f"{value} (printed)" if value == self._input.shown.replace("\u202f", " ") else value
 
     def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the table."""
-        yield from self.grid.parts(width)
+        """Yield the table; a block for each cell where it is wider than the terminal."""
+        caption, head, rows = self._shown
+        table = columns(head, rows, whole=range(len(head)))
+        if fits(table, width):
+            yield table
+        else:
+            for place, name in enumerate(head[1:], start=1):
+                pairs = [(row[0], row[place]) for row in rows]
+                yield name
+                yield columns(["", ""], pairs, words=2, whole=(1,), show_header=False)
+                yield ""
+        yield caption
 
     def _repr_html_(self) -> str:
         start = [self._setting(value) != value for value in self.values]
@@ -126,7 +144,7 @@ def _written(one: ChangedCell) -> str:
     if one.interval is not None:
         text += f" ({' to '.join(number.format(end, extra=1) for end in one.interval)})"
     unit = symbol(one.cell.unit) if one.cell.unit else ""
-    return f"{text} {unit}".strip().replace("-", "−")
+    return minus(f"{text} {unit}".strip())
 
 
 def _picture(column: list[ChangedCell], values: tuple[str, ...]) -> Markup:

@@ -13,18 +13,20 @@ from rich.text import Text
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.expected import erratum, reason
 from reproduce.judge.ledger import Ledger, Record, TableRecord
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.views import keys
 from reproduce.views.computed import item_ledger
 from reproduce.views.objects.bar import bar
-from reproduce.views.objects.base import Item, Shown, by_row, text_of
+from reproduce.views.objects.base import Item, Shown, by_row, line_of, text_of
 from reproduce.views.objects.changed import Changed
 from reproduce.views.objects.sweep import Sweep
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.display import Box, Entry, Grid, columns, folded
 from reproduce.views.writing.export import export, full_frame, table_files
-from reproduce.views.writing.numbers import powers_in_html
+from reproduce.views.writing.numbers import minus, powers_in_html
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -187,7 +189,7 @@ class Table(Item):
             grid = Grid(f"Details of {place}", DETAILS, details, kind="rp-small")
             parts.append(folded("How each cell was judged", grid.html))
         files = table_files(self.key)
-        parts.append(bar(self.key, anchor(self.key), files, self.source))
+        parts.append(bar(self.key, anchor(self.key), files, self.source, inputs=self._inputs()))
         item = Markup('<div class="rp-item" id="{}">\n{}\n</div>')
         return powers_in_html(item.format(anchor(self.key), Markup("\n").join(parts)))
 
@@ -213,6 +215,32 @@ class Table(Item):
             rows.append([row.label, *(_cell(printed[name], records[name]) for name in names)])
         return Grid(caption, ["", *(column.label for column in printed.columns)], rows)
 
+    def _inputs(self) -> Markup:
+        """Say what the table is computed from, each printed cell a link; nothing if it is not."""
+        if not self.reads:
+            return Markup("")
+        link = Markup('<a href="#{}"><code>{}</code></a>').format
+        lines: dict[str, list[Markup]] = {}
+        for lead, ends in keys.alike(self.reads).items():
+            key, _, name = lead.partition("#")
+            links = Markup(", ").join(link(anchor(lead + end), end) for end in ends)
+            many = Markup("<code>{}</code>{{{}}}").format(name, links) if name else links
+            one = link(anchor(lead + ends[0]), name + ends[0])
+            lines.setdefault(key, []).append(one if len(ends) == 1 else many)
+        entry = Markup("<li>{} (<code>{}</code>): {}</li>").format
+        listed = [
+            entry(keys.place(key), key, Markup("; ").join(cells)) for key, cells in lines.items()
+        ]
+        made = [one for one in catalogue()[self.key].computations if one.replicates]
+        told = [f"Printed in {self.place}."]
+        told += [
+            f"{one.function.__name__} draws random numbers: seed {_seed(one)}." for one in made
+        ]
+        said = Markup("").join(Markup("<p>{}</p>").format(one) for one in told)
+        return said + Markup("<p>Reads, directly or through other items:</p><ul>{}</ul>").format(
+            Markup("").join(listed)
+        )
+
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the cells, computed beside printed, and what a reader needs beside them."""
         yield f"{self.key}: {self.title}"
@@ -221,9 +249,9 @@ class Table(Item):
         heads += ["allowed or predicted", "probability"] if width >= WIDE else []
         rows: list[tuple[str | Text, ...]] = []
         for name, one in self._records.items():
-            value, ends = (f(one).replace("−", "-") for f in (verdicts.computed, verdicts.interval))
+            value, ends = verdicts.computed(one), verdicts.interval(one)
             word = Text(one.verdict, style=COLOURS[one.verdict])
-            row = (name, one.printed, value, verdicts.unit(one), word)
+            row = (name, minus(one.printed), value, verdicts.unit(one), word)
             wide = (ends, verdicts.probability(one))
             rows.append(row + wide if width >= WIDE else row)
         shown = columns(heads, rows, ruled=True, whole=range(1, 7))
@@ -232,7 +260,7 @@ class Table(Item):
         yield shown
         yield from self._remarks()
 
-    def _remarks(self) -> Iterator[str]:
+    def _remarks(self) -> Iterator[RenderableType]:
         """Yield the joint probability, what the flags mean, the reasons and the readings."""
         if joint := self._ledger.table(self.key):
             yield (
@@ -248,13 +276,24 @@ class Table(Item):
         for name, one in self._records.items():
             if one.verdict in {"differs", "blocked"}:
                 known = erratum(one.cell)
-                text = (reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
+                text = minus(reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
                 reasons.setdefault(f"{one.verdict}: {text}", []).append(name)
         yield from (f"{text} ({', '.join(names)})" for text, names in reasons.items())
-        for name, one in self._records.items():
-            for reading in one.readings:
-                read = verdicts.read(one, reading).replace("−", "-")
-                yield f"{name}, if {reading.name} ({reading.place}): {read}"
+        every = [(one, reading) for one in self._records.values() for reading in one.readings]
+        if not every:
+            return
+        names = dict.fromkeys((reading.name, reading.place) for _, reading in every)
+        letters = {pair: chr(ord("A") + place) for place, pair in enumerate(names)}
+        legend = [(letters[pair], f"{pair[0]} ({pair[1]})") for pair in names]
+        yield columns(("", "readings of the text"), legend, words=2, whole=(0,))
+        yield ""
+        read: dict[str, list[str]] = {}
+        for one, reading in every:
+            letter = letters[reading.name, reading.place]
+            told = f"{letter} {verdicts.read(one, reading)}"
+            read.setdefault(verdicts.name_of(one), []).append(told)
+        rows = [(name, "; ".join(told)) for name, told in read.items()]
+        yield columns(("cell", "under each reading"), rows, words=2, whole=(0,))
 
 
 def _cell(cell: PrintedCell, record: Record) -> Box:
@@ -305,7 +344,7 @@ def _verdict(record: Record) -> Markup:
 
 
 def _detail(record: Record) -> list[Entry]:
-    why: Entry = ". ".join(part for part in (record.why, reason(record.cell)) if part)
+    why: Entry = ". ".join(part for part in (minus(record.why), reason(record.cell)) if part)
     if known := erratum(record.cell):
         link = Markup('{} <a href="#{}">Erratum</a>')
         why = link.format(why, known)
@@ -360,6 +399,18 @@ def _joint_sentence(joint: TableRecord) -> str:
     )
 
 
+def _seed(made: Computation) -> str:
+    """Say where the random numbers of a computation come from, empty where there are none."""
+    if not made.replicates:
+        return ""
+    project, own = made.entropy
+    return f"{project} of the project, {own} of this function; {made.replicates:,} replicates"
+
+
+def _braced(lead: str, ends: Sequence[str]) -> str:
+    return f"{lead}{ends[0]}" if len(ends) == 1 else f"{lead}{{{','.join(ends)}}}"
+
+
 class Cell(Shown):
     """One printed number: what the paper prints, what we compute, the verdict and why.
 
@@ -397,11 +448,6 @@ class Cell(Shown):
         return self.record.verdict
 
     @property
-    def reads(self) -> tuple[str, ...]:
-        """Addresses that the function that makes it reads itself."""
-        return () if self._maker is None else rerunning.reads(self._maker)
-
-    @property
     def source(self) -> str:
         """The text of the function that makes it, empty for an input."""
         return "" if self._maker is None else text_of(self._maker.function)
@@ -418,7 +464,8 @@ class Cell(Shown):
         return pd.DataFrame({self.address: self.record.model_dump()})
 
     def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: Any) -> Changed:
-        """Compute the cell again with something changed, as `Table.rerun` does."""
+        """Compute the cell again with something that it reads changed, as `Table.rerun` does."""
+        rerunning.checked_values(self.address, changes or {})
         return Changed(self.table.rerun(changes, **settings).result, self._cell.name)
 
     def export(self, form: str) -> str:
@@ -426,19 +473,19 @@ class Cell(Shown):
         return export(item_ledger(self.table.key), self.address, form)
 
     def _lines(self) -> list[tuple[str, str]]:
-        record = self.record
+        record, maker = self.record, self._maker
         value = verdicts.computed(record, extra=1)
         lines = [
             ("printed", self.printed),
-            ("computed", f"{value} {verdicts.unit(record)}".strip() if value else ""),
-            ("allowed or predicted", verdicts.interval(record)),
+            ("computed", verdicts.quantity(value, verdicts.unit(record)) if value else ""),
+            (verdicts.meaning_of_interval(record), verdicts.interval(record, unit=True)),
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
-            ("why", reason(self.address) or record.why),
-            ("function", record.function or ""),
+            ("why", minus(reason(self.address) or record.why)),
+            ("function", f"{record.function} ({line_of(maker.function)})" if maker else ""),
             ("equations", ", ".join(f"({one})" for one in record.equations)),
-            ("seed", ", ".join(map(str, record.seed or ()))),
-            ("reads", ", ".join(self.reads)),
+            ("seed", _seed(maker) if maker else ""),
+            ("reads", ", ".join(_braced(*one) for one in keys.alike(self.reads).items())),
             *((f"if {one.name}", verdicts.read(record, one)) for one in record.readings),
         ]
         return [(name, text) for name, text in lines if text]

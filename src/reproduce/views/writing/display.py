@@ -16,7 +16,7 @@ from rich.text import Text
 
 from reproduce.views.writing.numbers import powers_in_html
 
-__all__ = ["Box", "Display", "Entry", "Grid", "Html", "columns", "folded"]
+__all__ = ["Box", "Display", "Entry", "Grid", "Html", "columns", "fits", "folded"]
 
 WIDTH = 80
 Entry = str | Markup
@@ -84,6 +84,8 @@ class Grid(Display):
         A further class of its HTML.
     anchors : sequence of str
         The anchor of each row, where rows have one.
+    whole : collection of int
+        Columns that a terminal does not wrap.
     """
 
     caption: Entry
@@ -92,6 +94,7 @@ class Grid(Display):
     identifier: str = ""
     kind: str = ""
     anchors: Sequence[str] = ()
+    whole: Collection[int] = ()
 
     @property
     def html(self) -> Markup:
@@ -119,7 +122,8 @@ class Grid(Display):
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the table and its caption."""
-        yield columns(map(_text, self.head), (map(_text, row) for row in self.rows))
+        rows = (map(_text, row) for row in self.rows)
+        yield columns(map(_text, self.head), rows, whole=self.whole)
         yield _text(self.caption)
 
 
@@ -145,6 +149,11 @@ def columns(
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def fits(table: Table, width: int) -> bool:
+    """Tell whether a terminal of this many columns shows a table without wrapping an entry."""
+    return Console(width=10_000).measure(table).maximum <= width
 
 
 def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:

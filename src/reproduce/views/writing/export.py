@@ -11,6 +11,7 @@ from reproduce.printed.cells import anchor, library
 from reproduce.version import software
 from reproduce.views import keys
 from reproduce.views.writing import verdicts
+from reproduce.views.writing.numbers import hyphen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,7 +96,7 @@ def _shown_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFr
         {
             "cell": verdicts.name_of(record),
             "printed": record.printed,
-            "computed": verdicts.computed(record).replace("−", "-"),
+            "computed": hyphen(verdicts.computed(record)),
             "unit": record.unit if ascii_units else verdicts.unit(record),
             "verdict": verdicts.qualified(record),
             "probability": verdicts.probability(record).replace("\u00a0", " "),
@@ -128,7 +129,7 @@ def _shaped_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataF
 
 def _shaped(record: Record) -> str:
     flags = [flag.replace("_", " ") for flag in record.flags if flag in verdicts.WEAK]
-    told = [verdicts.computed(record).replace("−", "-"), record.verdict, *flags]
+    told = [hyphen(verdicts.computed(record)), record.verdict, *flags]
     return (
         f"{record.printed} ({', '.join(filter(None, told))})"
         if record.role == "result"

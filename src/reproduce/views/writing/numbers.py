@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from reproduce.inference.checks import Range, Share
 
 __all__ = [
-    *("chance", "digits", "entry", "fact", "percent", "plain", "powers", "powers_in_html"),
-    *("ranged", "shared", "signed"),
+    *("chance", "digits", "entry", "fact", "hyphen", "minus", "percent", "plain", "powers"),
+    *("powers_in_html", "ranged", "shared", "signed"),
 ]
 
 # Below this a probability is written with its power of ten.
@@ -23,7 +23,31 @@ TINY = 1e-5
 
 _EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
 _SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# A hyphen that is the sign of a number or of its exponent, not one within a word or a range.
+_HYPHEN = re.compile(r"(?<![\w.)])-(?=\.?\d|inf)|(?<=\d[eE])-(?=\d)")
 _TAGS = re.compile(r"(<[^>]*>)")
+
+
+def minus(text: str) -> str:
+    """Write the numbers of a text with a true minus sign, as every reader sees them.
+
+    Examples
+    --------
+    >>> minus("from -0.3 to -.1 (-2e-11) in II-B, fig-4 and 2-1")
+    'from −0.3 to −.1 (−2e−11) in II-B, fig-4 and 2-1'
+    """
+    return _HYPHEN.sub("−", text)
+
+
+def hyphen(text: str) -> str:
+    """Write a hyphen for each minus sign, as other programs read numbers.
+
+    Examples
+    --------
+    >>> hyphen("−2e−11")
+    '-2e-11'
+    """
+    return text.replace("−", "-")
 
 
 def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any") -> str:
@@ -40,7 +64,7 @@ def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any")
         return infinite
     if abs(value) < zero:
         return "0"
-    return f"{value:{form}}".replace("-", "−")
+    return minus(f"{value:{form}}")
 
 
 def entry(value: float | str, column: Column, error: tuple[float, str] | None = None) -> str:

@@ -17,6 +17,7 @@ from reproduce.inference.model import Parameter
 from reproduce.inference.posterior import Sampled
 from reproduce.papers.sketch import sized, thin
 from reproduce.views.writing.figures import Picture
+from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -278,7 +279,7 @@ def _against(axes: Axes, place: float, half: float, row: int) -> None:
         return
     side = np.sign(place)
     axes.plot(side * EDGE, row, ">" if side > 0 else "<", color="#000000", markersize=6)
-    text = f"{place:.0f}".replace("-", "−")
+    text = minus(f"{place:.0f}")
     axes.text(side * (EDGE + 0.15), row, text, fontsize=8.5, va="center",
               ha="left" if side > 0 else "right")  # fmt: skip
 

@@ -6,11 +6,20 @@ from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
-from reproduce.views.writing.numbers import chance
+from reproduce.views.writing.numbers import chance, minus
 
 __all__ = [
     *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "computed", "interval"),
-    *("joint_chance", "name_of", "probability", "qualified", "quantity", "read", "strong"),
+    *(
+        "joint_chance",
+        "meaning_of_interval",
+        "name_of",
+        "probability",
+        "qualified",
+        "quantity",
+        "read",
+        "strong",
+    ),
     *("tally", "unit", "weak", "weak_agreement"),
 ]
 
@@ -50,17 +59,24 @@ def computed(record: Record, extra: int = 0) -> str:
         return ""
     # One more digit where the printed ones alone could not show the difference.
     hidden = record.verdict == "differs" or "through_rounding" in record.flags
-    text = cell_of(record).number.format(record.computed, extra=extra + hidden)
-    return text.replace("-", "−")
+    return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
 
 
-def interval(record: Record) -> str:
+def meaning_of_interval(record: Record) -> str:
+    """Say what a record's interval is."""
+    if record.probability is None:
+        return "allowed by rounded inputs"
+    return "predicted, central 99 %"
+
+
+def interval(record: Record, *, unit: bool = False) -> str:
     """Write a record's interval, empty where there is none."""
     if record.interval is None or record.interval[0] == record.interval[1]:
         return ""
     number = cell_of(record).number
-    low, high = (number.format(end, extra=1).replace("-", "−") for end in record.interval)
-    return f"{low} to {high}"
+    low, high = (minus(number.format(end, extra=1)) for end in record.interval)
+    text = f"{low} to {high}"
+    return quantity(text, symbol(record.unit)) if unit and record.unit else text
 
 
 def probability(record: Record) -> str:
@@ -81,7 +97,7 @@ def read(record: Record, reading: ReadingRecord) -> str:
     """Write what a blocked cell is under one reading of the text."""
     flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
     hidden = not reading.agrees or "through_rounding" in reading.flags
-    value = cell_of(record).number.format(reading.computed, extra=int(hidden)).replace("-", "−")
+    value = minus(cell_of(record).number.format(reading.computed, extra=int(hidden)))
     marks = f" ({', '.join(flag.replace('_', ' ') for flag in flags)})" if flags else ""
     return f"{quantity(value, unit(record))}, {reading.verdict}{marks}"
 
