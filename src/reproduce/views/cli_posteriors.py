@@ -167,8 +167,6 @@ def _carried(
 
 
 def _show(wanted: Posterior) -> None:
-    from reproduce.inference.sensitivity import leanings
-
     console, found = Console(), wanted.sampled
     console.print(f"Data: {wanted.told}", highlight=False, markup=False)
     console.print(f"{wanted.name}: {wanted.declared.title}", style="bold", highlight=False)
@@ -180,7 +178,7 @@ def _show(wanted: Posterior) -> None:
         f"seed {found.seed}",
         highlight=False,
     )
-    for line in [*map(str, leanings(found)), *wanted.remarks]:
+    for line in wanted.warnings:
         console.print(f"Beware: {line}.", style="bold", highlight=False, markup=False)
 
 

@@ -206,6 +206,13 @@ class Posterior(Shown):
         return self._supplied.remarks if self._supplied else ()
 
     @property
+    def warnings(self) -> list[str]:
+        """The remarks, after the ends of priors that hold the posterior."""
+        from reproduce.inference.sensitivity import leanings
+
+        return [*map(str, leanings(self.sampled)), *self.remarks]
+
+    @property
     def source(self) -> str:
         """The text of the declaration, of the function that makes the model, and of its likelihood.
 
@@ -378,8 +385,6 @@ class Posterior(Shown):
         }
 
     def _repr_html_(self) -> str:
-        from reproduce.inference.sensitivity import leanings
-
         true, own = self.truth, self.changes
         head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
         marks = {name: (f"{value:.6g}".replace("-", "−"),) for name, value in true.items()}
@@ -395,9 +400,9 @@ class Posterior(Shown):
         if rows[first:]:
             rest = Grid("What follows from the parameters.", head, rows[first:]).html
             html += folded(f"{len(rows) - first} consequences", rest)
-        remarks = [*map(str, leanings(self.sampled)), *self.remarks] if self.data or own else []
+        warnings = self.warnings if self.data or own else []
         line = Markup('<p class="rp-joint">Beware: {}.</p>')
-        return str(html + Markup("").join(line.format(text) for text in remarks))
+        return str(html + Markup("").join(line.format(text) for text in warnings))
 
     @property
     def changes(self) -> str:
@@ -409,6 +414,8 @@ class Posterior(Shown):
         """Yield the summary."""
         yield f"posterior {self.name}, {self.where}"
         yield self.table()
+        if self.data or self.changes:
+            yield from (f"Beware: {line}." for line in self.warnings)
 
     def table(self) -> Table:
         """Return the summary for a terminal, every number with the digits its error allows."""

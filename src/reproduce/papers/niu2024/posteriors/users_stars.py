@@ -41,6 +41,8 @@ FREEDOM = (-1.0, 2.3)
 FURTHEST = 100.0
 # Fewer stars do not tell a wrong match from noise.
 FEW = 10
+# Stars that span less, in px, are perhaps in another unit.
+SMALL = 50.0
 
 
 def plain(table: Table, pivot: Pivot) -> Model:
@@ -101,7 +103,9 @@ def pivots(table: Table, pivot: Pivot) -> list[FloatArray]:
         return [points.mean(axis=0) for points in channels]
     for points in channels:
         away = float(np.abs(points.mean(axis=0) - pivot).max())
-        if not away <= FURTHEST * float(np.ptp(points, axis=0).max()):
+        field = float(np.ptp(points, axis=0).max())
+        # Of stars in one place their number is to be told, or that they coincide.
+        if field and not away <= FURTHEST * field:
             raise TableFileError(
                 f"--pivot: expected a point within {FURTHEST:g} fields of the stars, got "
                 f"{pivot[0]:g}, {pivot[1]:g}; give the channel's principal point, in px"
@@ -119,8 +123,9 @@ def _free(
 
 
 def remarks(table: Table, pivot: Pivot) -> list[str]:
-    """What a user should hear of the stars: repeated lines, likely mismatches."""
-    found = []
+    """What a user should hear of the stars: another unit, repeated lines, likely mismatches."""
+    centres = pivots(table, pivot)
+    found = unlike_pixels(table.values[:, :2], centres[0])
     _, first, where = np.unique(table.values, axis=0, return_index=True, return_inverse=True)
     again = [i for i in range(len(table.values)) if first[where.ravel()[i]] != i]
     if again:
@@ -129,7 +134,7 @@ def remarks(table: Table, pivot: Pivot) -> list[str]:
             f"({_lines(table, again)}): each counts as a star of its own"
         )
     target = table.values[:, -2:]
-    for i, centre in enumerate(pivots(table, pivot)):
+    for i, centre in enumerate(centres):
         if len(target) < FEW:
             continue
         fit = robust_similarity(table.values[:, 2 * i : 2 * i + 2], target, centre)
@@ -141,6 +146,17 @@ def remarks(table: Table, pivot: Pivot) -> list[str]:
                 "deviations off): wrong matches? registration-student tolerates them"
             )
     return found
+
+
+def unlike_pixels(points: FloatArray, pivot: FloatArray) -> list[str]:
+    """Ask after the unit of stars, shape (n, 2), that are small or far from their pivot."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    field = float((high - low).max())
+    outside = float(np.maximum(low - pivot, pivot - high).max())
+    far = f", and the pivot lies {outside:.3g} outside them" if outside > field else ""
+    if far or field < SMALL:
+        return [f"the stars span {field:.3g}{far}: are these pixels?"]
+    return []
 
 
 def _lines(table: Table, rows: list[int]) -> str:
