@@ -221,8 +221,8 @@ def test_honest_stars_are_not_suspected_and_repeated_lines_are_named(tmp_path):
         (1.0, FIELD * 1.9, None),
         (1.0, FIELD * 2.1, "the pivot lies"),
         (1.0, -FIELD * 1.1, "the pivot lies"),
-        (0.0055, FIELD / 2, "are these pixels?"),  # stars in mm
-        (0.0055, None, "the stars span 11.*: are these pixels?"),
+        (0.0055, FIELD / 2, "the pivot lies .*are these pixels"),  # stars in mm
+        (0.0055, None, "the stars span 11[0-9.]* .are these pixels"),
         (0.0275, None, None),
     ],
 )

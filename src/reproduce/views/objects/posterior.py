@@ -99,7 +99,10 @@ class Posterior(Shown):
         self._priors = dict(priors or {})
         self.settings = {key: value for key, value in settings.items() if value is not None}
         if unknown := set(self.settings) - {"steps", "walkers", "ensembles", "seed"}:
-            raise TypeError(f"unknown settings {sorted(unknown)}: steps, walkers, ensembles, seed")
+            raise TypeError(
+                f"unknown {sorted(unknown)}: expected data, pivot, priors, steps, walkers, "
+                "ensembles or seed"
+            )
         if self._priors:
             _ = self.model  # so that a wrong one is refused here, not when it is looked at
 
