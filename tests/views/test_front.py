@@ -367,6 +367,7 @@ def test_doubts_about_ones_own_stars_are_told(tmp_path):
     in_mm = rp.register(0.0055 * stars[:, :2], 0.0055 * stars[:, 2:], (1032, 772))
     assert "are these pixels" in in_mm.remarks[0]
     assert "are these pixels" in " ".join(repr(in_mm).split())
+    assert "</table></div><p class=" in in_mm._repr_html_()
     assert "are these pixels" in in_mm._repr_html_()
     exact = rp.register(SQUARE, np.add(SQUARE, [1 / 3, 0]))
     assert "fit without any error" in exact.remarks[0]

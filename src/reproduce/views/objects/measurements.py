@@ -181,7 +181,7 @@ class Registered(_Measured):
 
     def _repr_html_(self) -> str:
         line = Markup('<p class="rp-joint">Beware: {}.</p>')
-        return self.grid._repr_html_() + Markup("").join(map(line.format, self.remarks))
+        return str(self.grid.html + Markup("").join(map(line.format, self.remarks)))
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the parameters, the title and the remarks."""
