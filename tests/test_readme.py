@@ -29,7 +29,12 @@ def test_the_python_example_runs():
     (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     names: dict[str, object] = {}
     exec(compile(code, "README.md", "exec"), names)
-    assert abs(names["fit"].parameters[0] - 1.001) < 1e-9
+    fit = names["fit"]
+    assert fit.remarks == []
+    scale, deviation = fit.frame().loc["scale", ["value", "standard deviation"]]
+    # Both sides of the square, and both its heights, from target to target.
+    assert abs(scale - (100.1 + 100.1 + 100.1 + 99.9) / 400) < 1e-4
+    assert 1e-5 < deviation < 1e-2
     assert names["table"]["scale.red"].printed == "0.9973"
 
 

@@ -1,5 +1,6 @@
 """The front door: every name, and what each object shows."""
 
+import json
 import re
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 
 import reproduce
 import reproduce as rp
@@ -18,8 +20,11 @@ from reproduce.papers.chen2023.posteriors import READS, platform
 from reproduce.printed.cells import find, library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
+from reproduce.views.cli import main
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
+SQUARE = np.array([[0.0, 0], [1000, 0], [0, 1000], [1000, 1000]])
+STAR_COLUMNS = "x,y,x_reference,y_reference"
 STRANGER = "niu2024/text-simulation#noise"
 ROOMS = [path.parent.name for path in Path(reproduce.__file__).parent.glob("*/__init__.py")]
 
@@ -193,7 +198,14 @@ def test_the_data_of_a_figure_are_what_is_drawn():
         (lambda: rp.table("chen2023/heat").rerun({STRANGER: "1 px"}), "does not read"),
         (lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}), "expected m as in the print"),
         (lambda: rp.posterior("nothing"), "unknown posterior"),
-        (lambda: rp.posterior("registration", thin=2), "unknown settings"),
+        (lambda: rp.posterior("registration", thin=2), "posterior.. got an unexpected keyword"),
+        (lambda: rp.posterior("registration").rerun(thin=2), "expected data, pivot, priors, steps"),
+        (lambda: rp.register(SQUARE, SQUARE, modle="rigid"), "register.. got an unexpected key"),
+        (lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid"), "expected source, .*robust"),
+        (lambda: rp.register([], []), r"source: expected shape \(..., n, 2\), got \(0,\)"),
+        (lambda: rp.register(SQUARE), "target: expected the stars of the other image"),
+        (lambda: rp.register("stars.csv", SQUARE), "target: expected nothing beside a file"),
+        (lambda: rp.register([SQUARE] * 2, [SQUARE] * 2), "expected one set of stars"),
         (lambda: rp.contradictions("nobody1999"), "expected one of niu2024, chen2023"),
     ],
 )
@@ -248,7 +260,7 @@ def written_stars(path):
     generator = np.random.default_rng(1)
     source = generator.uniform(0, 1000, (60, 2))
     rows = np.column_stack([source, source - [3, 0] + 0.1 * generator.normal(size=(60, 2))])
-    np.savetxt(path, rows, delimiter=",", header="x,y,x_reference,y_reference", comments="")
+    np.savetxt(path, rows, delimiter=",", header=STAR_COLUMNS, comments="")
     return rows
 
 
@@ -376,11 +388,62 @@ def test_contradictions_give_the_register_and_the_relations():
     assert len(repr(found).splitlines()) > 20
 
 
-def test_stars_of_ones_own_are_registered():
-    source = np.array([[0.0, 0], [1000, 0], [0, 1000], [1000, 1000]])
-    fit = rp.register(source, 1.001 * source + np.array([3, -2]))
+def test_stars_of_ones_own_are_registered(tmp_path):
+    fit = rp.register(SQUARE, 1.001 * SQUARE + np.array([3, -2]))
     assert fit.parameters[0] == pytest.approx(1.001)
-    assert rp.register(source, np.add(source, [3, -2]), (0, 0), model="shift").model == "shift"
+    moved = rp.register(SQUARE, np.add(SQUARE, [3, -2]), (0, 0), model="shift")
+    np.testing.assert_allclose(moved.parameters, [-3, 2], atol=1e-9)
+    stars = written_stars(tmp_path / "stars.csv")
+    fit = rp.register(stars[:, :2], stars[:, 2:], (500, 400))
+    file = rp.register(tmp_path / "stars.csv", pivot=(500, 400))
+    pd.testing.assert_frame_equal(file.frame(), fit.frame(), rtol=1e-9)
+    assert fit.frame()["unit"].tolist() == ["1", "rad", "px", "px"]
+    shift, deviation = fit.parameters[2], np.sqrt(fit.covariance[2, 2])
+    decimals = 1 - int(np.floor(np.log10(deviation)))
+    assert f"px {shift:.{decimals}f} ± {deviation:.{decimals}f} " in " ".join(repr(fit).split())
+    assert file.remarks == []
+    json.dumps(file.record(), allow_nan=False)
+
+
+def test_doubts_about_ones_own_stars_are_told(tmp_path):
+    """Another unit, no error or none that shows, wrong matches by their lines."""
+    stars = written_stars(tmp_path / "stars.csv")
+    in_mm = rp.register(0.0055 * stars[:, :2], 0.0055 * stars[:, 2:], (1032, 772))
+    assert "are these pixels" in in_mm.remarks[0]
+    assert "are these pixels" in " ".join(repr(in_mm).split())
+    assert "</table></div><p class=" in in_mm._repr_html_()
+    assert "are these pixels" in in_mm._repr_html_()
+    exact = rp.register(SQUARE, np.add(SQUARE, [1 / 3, 0]))
+    assert "fit without any error" in exact.remarks[0]
+    assert exact.frame()["standard deviation"].isna().all()
+    rows = [line.split() for line in repr(exact).splitlines()[1:5]]
+    assert rows == [["scale", "1", "1"], ["rotation", "rad", "0"],
+                    ["shift-x", "px", "-0.3333333333"], ["shift-y", "px", "0"]]  # fmt: skip
+    two = rp.register(SQUARE[:2], np.add(SQUARE[:2], [[0, 1], [1, 1]]))
+    assert "no star is to spare" in two.remarks[0]
+    assert two.frame()["standard deviation"].isna().all()
+    stars[3, 2:] += 40
+    np.savetxt(tmp_path / "stars.csv", stars, delimiter=",", comments="", header=STAR_COLUMNS)
+    plain = rp.register(str(tmp_path / "stars.csv"))
+    assert "1 of 60 stars do not fit the others (line 5;" in plain.remarks[0]
+    assert plain.rerun(robust=True).remarks == ["1 of 60 stars count for nothing (line 5)"]
+    assert plain.rerun(model="affine").remarks == []
+
+
+def test_the_command_registers_a_file(tmp_path):
+    path = tmp_path / "stars.csv"
+    written_stars(path)
+    arguments = ["register", str(path), "--pivot", "500", "400", "--model", "rigid"]
+    fit = rp.register(path, pivot=(500, 400), model="rigid")
+    shown = CliRunner().invoke(main, arguments).output
+    assert " ".join(shown.split()) == " ".join(repr(fit).split())
+    assert json.loads(CliRunner().invoke(main, [*arguments, "--json"]).output) == fit.record()
+    path.write_text("x,y\n1,2\n")
+    refused = CliRunner().invoke(main, [*arguments, "--json"])
+    assert refused.exit_code == 2
+    assert "missing column x_reference" in json.loads(refused.stdout)["error"]
+    described = CliRunner().invoke(main, ["register", "--help"]).output
+    assert set(STAR_COLUMNS.split(",")) <= set(re.findall(r"\w+", described))
 
 
 def test_cells_are_cited_by_their_own_address():

@@ -15,6 +15,7 @@ from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare_posterior import File
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.registration.transforms import MODELS
 from reproduce.printed.cells import find
 from reproduce.views.cli import main
 
@@ -88,7 +89,8 @@ def check(*arguments):
             TEXT,
             st.sampled_from(
                 "--json --format --out --table --relations --set --seed --data --pivot --steps "
-                "--option --list --resume -- -h niu2024 csv bibtex 3 registration niu2024/table-2 "
+                "--option --list --resume --model --robust --prior -- -h niu2024 csv bibtex 3 "
+                "registration niu2024/table-2 "
                 "chen2023/dichroic chen2023/dichroic#x niu2024-colours".split()
             ),
         ),
@@ -149,9 +151,13 @@ def test_any_file_of_measurements(tmp_path, data, model, rows, raw):
     path.write_bytes(content)
     pivot = data.draw(st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "nan", "inf"]]))
     check("posterior", model, "--data", str(path), *pivot, *data.draw(JSON))
+    check("register", str(path), *pivot, *data.draw(FITS), *data.draw(JSON))
 
 
 JSON = st.sampled_from([[], ["--json"]])
+FITS = st.tuples(st.sampled_from(sorted(MODELS)), st.booleans()).map(
+    lambda way: ["--model", way[0], *["--robust"] * way[1]]
+)
 
 
 @FEW
@@ -170,6 +176,8 @@ def test_any_numbers_in_the_right_columns(tmp_path, data, model, count):
     path = tmp_path / "data.csv"
     path.write_text("\n".join(map(",".join, [columns, *rows])))
     check("posterior", model, "--data", str(path))
+    pivot = data.draw(st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "1e7", "-1e5"]]))
+    check("register", str(path), *pivot, *data.draw(FITS), *data.draw(JSON))
 
 
 TABLE = (data_folder() / "printed" / "niu2024" / "table-2.toml").read_text(encoding="utf-8")

@@ -1,6 +1,7 @@
 """Posteriors of a user's own data: never narrower than they are, and never a traceback."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -213,6 +214,26 @@ def test_honest_stars_are_not_suspected_and_repeated_lines_are_named(tmp_path):
     assert remark.startswith("2 of 42 lines repeat an earlier one (lines 42, 43)")
 
 
+@pytest.mark.parametrize(
+    ("unit", "pivot", "remark"),
+    [
+        (1.0, FIELD / 2, None),
+        (1.0, FIELD * 1.9, None),
+        (1.0, FIELD * 2.1, "the pivot lies"),
+        (1.0, -FIELD * 1.1, "the pivot lies"),
+        (0.0055, FIELD / 2, "the pivot lies .*are these pixels"),  # stars in mm
+        (0.0055, None, "the stars span 11[0-9.]* .are these pixels"),
+        (0.0275, None, None),
+    ],
+)
+def test_a_unit_that_is_not_the_pixel_is_asked_after(tmp_path, unit, pivot, remark):
+    source, target = stars()
+    path = written(tmp_path, unit * source, unit * target, fmt="%.9f")
+    found = supplied("registration", path, None if pivot is None else tuple(pivot)).remarks
+    assert len(found) == (remark is not None)
+    assert remark is None or re.search(remark, found[0])
+
+
 def test_noiseless_stars_give_the_exact_answer(tmp_path):
     path = written(tmp_path, *stars(noise=0, scale=1.5, rotation=0.5), fmt="%.17g")
     result = run("registration", "--data", path, "--pivot", *(FIELD / 2))
@@ -235,7 +256,7 @@ def text(name, lines):
     def arguments(tmp_path):
         path = tmp_path / "data.csv"
         path.write_text("\n".join(lines))
-        return [name, "--data", str(path)]
+        return [*name.split(), "--data", str(path)]
 
     return arguments
 
@@ -264,6 +285,14 @@ REFUSED = {
     "huge numbers": (text("registration", [STAR_COLUMNS, *HUGE]), "expected a number below 1e+30"),
     "one place": (text("registration", [STAR_COLUMNS, *["1,2,3,4"] * 9]), "coincident points"),
     "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "four or more stars"),
+    "one star and a pivot": (
+        text("registration --pivot 1032 772", [STAR_COLUMNS, "1,2,3,4"]),
+        "expected four or more stars, got 1",
+    ),
+    "one place and a pivot": (
+        text("registration --pivot 1032 1e9", [STAR_COLUMNS, *["1,2,3,4"] * 9]),
+        "coincident points",
+    ),
     "huge pivot": (with_stars("--pivot", "1e9", "1e9"), "within 100 fields of the stars"),
     "endless pivot": (with_stars("--pivot", "inf", "0"), "within 100 fields of the stars"),
     "no number": (with_stars("--pivot", "nan", "0"), "within 100 fields of the stars"),

@@ -20,7 +20,7 @@ from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import Table, TableFileError, read_table
+from reproduce.store.points import Table, TableFileError, computing, read_table
 
 __all__ = [
     "OWN_DATA", "Aside", "Declaration", "File", "Pivot", "Supplied", "published_cells",
@@ -162,17 +162,10 @@ class Declaration:
             raise TableFileError(f"{self.key} takes no file: {file}")
         if pivot is not None and file.pivots is None:
             raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
-        try:
-            # A number that overflows or divides by nothing is an error of the file, not a warning.
-            with np.errstate(over="raise", divide="raise", invalid="raise"):
-                table = read_table(path, file.columns)
-                model = file.read(table, pivot)
-                remarks = file.remarks(table, pivot) if file.remarks else []
-        except FloatingPointError as error:
-            raise TableFileError(
-                f"{path}: the numbers lead to an {error}; look for values that are huge, zero or "
-                "alike"
-            ) from error
+        with computing(path):
+            table = read_table(path, file.columns)
+            model = file.read(table, pivot)
+            remarks = file.remarks(table, pivot) if file.remarks else []
         pivots = file.pivots(table, pivot) if file.pivots else []
         return Supplied(model, len(table.values), [p.tolist() for p in pivots], tuple(remarks))
 

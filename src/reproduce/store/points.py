@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -17,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Table", "TableFileError", "last_place", "read_table"]
+__all__ = ["Table", "TableFileError", "computing", "last_place", "read_table"]
 
 # Significant digits that tell any two doubles apart.
 DIGITS = 17
@@ -78,6 +79,18 @@ class Table:
         places = [self.columns.index(name) for name in names]
         least = min(last_place(self.texts[row][place]) for row in chosen for place in places)
         return float(Decimal(1).scaleb(least))
+
+
+@contextmanager
+def computing(path: Path) -> Iterator[None]:
+    """Turn a number that overflows or divides by nothing into an error of the file."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            yield
+    except FloatingPointError as error:
+        raise TableFileError(
+            f"{path}: the numbers lead to an {error}; look for values that are huge, zero or alike"
+        ) from error
 
 
 def last_place(text: str) -> int:

@@ -1,4 +1,4 @@
-"""The command line: list, check, show, export, figure, cite, audit, posterior and calibrate."""
+"""The command line: what `main` lists, each a thin shell over the front door."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from rich.console import Console
 
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
+from reproduce.physics.registration.transforms import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.cli_posteriors import _JSON, bar, calibrate, posterior
+from reproduce.views.cli_posteriors import _JSON, _PIVOT, Spoken, bar, calibrate, posterior
 from reproduce.views.keys import check_address, check_key
 from reproduce.views.objects.contents import score_table
 
@@ -201,3 +202,28 @@ def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path 
             found.print(Console())
     except (ValueError, OSError) as error:
         raise click.UsageError(str(error)) from error
+
+
+@main.command(cls=Spoken)
+@click.argument("file", type=_FILE)
+@_PIVOT
+@click.option("--model", type=click.Choice(list(MODELS)), default="similarity", show_default=True)
+@click.option("--robust", is_flag=True, help="Guard against wrong matches.")
+@_JSON
+def register(file: Path, as_json: bool, **settings: Any) -> None:
+    """Fit the transform that lays your own stars on the same stars of another image.
+
+    FILE is a CSV, one star per line, in px, with the columns x, y (the source) and x_reference,
+    y_reference (the target). The shift is where the pivot was minus where it lands; the pivot is
+    the mean of the source stars unless --pivot says another.
+    """
+    try:
+        found = front.register(file, **settings)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.UsageError(f"cannot read {file}: {error.strerror}") from error
+    if as_json:
+        click.echo(json.dumps(found.record(), indent=2))
+    else:
+        found.print(Console())

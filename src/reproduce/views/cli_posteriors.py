@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from reproduce.inference.parts import Progress
 
-__all__ = ["bar", "calibrate", "posterior"]
+__all__ = ["Spoken", "bar", "calibrate", "posterior"]
 
 
 class Spoken(click.Command):
@@ -62,6 +62,9 @@ class RefusedError(click.ClickException):
 
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+_PIVOT = click.option(
+    "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
+)
 _OUT = click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path), help="Keep what is finished here."
 )
@@ -76,7 +79,7 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Your own CSV in place of ours; the book's page on your own data names the columns.",
 )
-@click.option("--pivot", type=float, nargs=2, help="Principal point of your data, in px.")
+@_PIVOT
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
@@ -167,8 +170,6 @@ def _carried(
 
 
 def _show(wanted: Posterior) -> None:
-    from reproduce.inference.sensitivity import leanings
-
     console, found = Console(), wanted.sampled
     console.print(f"Data: {wanted.told}", highlight=False, markup=False)
     console.print(f"{wanted.name}: {wanted.declared.title}", style="bold", highlight=False)
@@ -180,7 +181,7 @@ def _show(wanted: Posterior) -> None:
         f"seed {found.seed}",
         highlight=False,
     )
-    for line in [*map(str, leanings(found)), *wanted.remarks]:
+    for line in wanted.warnings:
         console.print(f"Beware: {line}.", style="bold", highlight=False, markup=False)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
@@ -22,6 +22,7 @@ from reproduce.views.writing.cite import citation
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from reproduce.inference.priors import Prior
     from reproduce.views.objects.check import Check
     from reproduce.views.objects.contradictions import Contradictions
     from reproduce.views.objects.measurements import Monitored, Registered
@@ -115,7 +116,17 @@ def cite(address: str, form: str = "bibtex") -> str:
     return citation(address, form)
 
 
-def posterior(name: str, data: str | Path | None = None, **settings: Any) -> Posterior:
+def posterior(
+    name: str,
+    data: str | Path | None = None,
+    pivot: tuple[float, float] | None = None,
+    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
+    *,
+    steps: int | None = None,
+    walkers: int | None = None,
+    ensembles: int | None = None,
+    seed: int | None = None,
+) -> Posterior:
     """Return a posterior of the book, or the same model on a reader's data.
 
     Parameters
@@ -123,13 +134,19 @@ def posterior(name: str, data: str | Path | None = None, **settings: Any) -> Pos
     name : str
         Such as ``registration``; ``reproduce posterior --list`` names all.
     data : str or Path, optional
-        A reader's CSV.
-    **settings
-        ``pivot``, ``steps``, ``walkers``, ``ensembles``, ``seed``, ``priors``.
+        A reader's CSV; ``reproduce posterior --list`` names its columns.
+    pivot : tuple of float, optional
+        Principal point of stars of a reader's own, in px; their mean by default.
+    priors : mapping, optional
+        Name of a parameter to its lowest and highest value in the unit shown, between which the
+        prior is even, or to a prior of `reproduce.inference.priors`.
+    steps, walkers, ensembles, seed : int, optional
+        How it is sampled, in place of the book's own plan.
     """
     from reproduce.views.objects.posterior import Posterior
 
-    return Posterior(name, data, **settings)
+    plan = {"steps": steps, "walkers": walkers, "ensembles": ensembles, "seed": seed}
+    return Posterior(name, data, pivot, priors, **plan)
 
 
 def contradictions(
@@ -158,28 +175,67 @@ def contradictions(
 
 
 def register(
-    source: ArrayLike, target: ArrayLike, pivot: ArrayLike | None = None, **settings: Any
+    source: str | Path | ArrayLike,
+    target: ArrayLike | None = None,
+    pivot: ArrayLike | None = None,
+    *,
+    model: str = "similarity",
+    robust: bool = False,
+    weights: ArrayLike | None = None,
+    source_covariance: ArrayLike | None = None,
+    target_covariance: ArrayLike | None = None,
 ) -> Registered:
-    """Fit the transform that lays a user's own stars over each other.
+    """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
 
     Parameters
     ----------
-    source, target : array_like, shape (n, 2)
-        The same stars in both images, in px.
+    source : path or array_like, shape (n, 2)
+        Stars in px, x before y; or a CSV file of both images, one star per line, with the columns
+        ``x``, ``y`` (source), ``x_reference``, ``y_reference`` (target).
+    target : array_like, shape (n, 2)
+        The same stars in the other image, in px, where `source` is an array.
     pivot : array_like, shape (2,), optional
-        The point turned and scaled about, in px; the middle of the source points by default.
-    **settings
-        Those of `physics.registration.fit.fit_registration`: ``model``, ``weights``, ``robust``,
-        ``source_covariance``, ``target_covariance``.
+        The point turned and scaled about, in px; the mean of the source stars by default.
+    model : {"similarity", "shift", "rigid", "similarity+radial", "affine"}
+        What the transform may do.
+    robust : bool
+        Whether to guard against wrong matches.
+    weights : array_like, shape (n,), optional
+        Relative weights of the stars, such as inverse variances; zero drops a star.
+    source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
+        Known covariances of the places, in px^2.
 
     Returns
     -------
     Registered
-        Parameters, covariance, residuals and the transform.
+        Scale, rotation in radians, positive from x towards y, and shift in px: where the pivot was
+        minus where it lands. With covariance, residuals and the transform for other points.
+
+    Raises
+    ------
+    ValueError
+        If the stars do not fix the model, a setting is wrong, or a line of the file.
+
+    Examples
+    --------
+    Stars that lie further right by 3 px in the target have the shift -3.
+
+    >>> moved = register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102, 0], [3, 99]])
+    >>> moved.parameters.round(9) + 0.0
+    array([ 1.,  0., -3.,  0.])
     """
     from reproduce.views.objects.measurements import Registered
 
-    return Registered(source, target, pivot, **settings)
+    return Registered(
+        source,
+        target,
+        pivot,
+        model=model,
+        robust=robust,
+        weights=weights,
+        source_covariance=source_covariance,
+        target_covariance=target_covariance,
+    )
 
 
 def misalignment(

@@ -24,7 +24,7 @@ TRUE = {
     "affine": [1.001, 0.002, -0.003, 0.998, -3.0, 2.0],
 }
 # What a parameter moves at the edge of the field, to compare parameters in px.
-REACH = {"shift x": 1.0, "shift y": 1.0, "radial": 1e9}
+REACH = {"shift-x": 1.0, "shift-y": 1.0, "radial": 1e9}
 
 
 def reach(model):

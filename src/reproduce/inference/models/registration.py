@@ -30,8 +30,8 @@ from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
 
 __all__ = [
-    "GaussianRegistration", "free_priors", "registration_model", "registration_parameters",
-    "triangular", "with_priors",
+    "GaussianRegistration", "fits_exactly", "free_priors", "registration_model",
+    "registration_parameters", "triangular", "with_priors",
 ]  # fmt: skip
 
 
@@ -224,14 +224,13 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
     >>> print(free_priors(points, moved, np.zeros(2))["rotation"])
     uniform from -3.14159 to 3.14159
     """
-    largest = float(np.abs([source, target]).max())
     if len(source) < 4:
         raise ValueError(f"expected four or more stars, got {len(source)}; add some")
     robust = robust_similarity(source, target, pivot)
     fit = fit_registration(source, target, pivot)
     residual = _residual(fit)
     k, theta, x, y = fit.parameters.tolist()
-    if residual < ROUNDING * max(largest, float(np.abs(pivot).max())):
+    if fits_exactly(fit, source, target):
         raise ValueError(
             "the points fit without any error, so there is no noise to sample; exactly: scale "
             f"{k:.10g}, rotation {np.degrees(theta):.10g} deg, shift {x:.10g} and {y:.10g} px"
@@ -252,6 +251,13 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
         "noise": LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
                             "billionth of the residuals of least squares to a thousand times them"),
     }  # fmt: skip
+
+
+def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> bool:
+    """Whether what a fit leaves of the points that count is rounding."""
+    largest = max(float(np.abs(one).max()) for one in (source, target, fit.transform.pivot))
+    counts = slice(None) if fit.weights is None else fit.weights > 0
+    return float(np.abs(fit.residuals[counts]).max()) < ROUNDING * largest
 
 
 def _residual(fit: RegistrationFit) -> float:

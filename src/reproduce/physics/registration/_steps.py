@@ -221,7 +221,7 @@ def model_jacobian(problem: Problem, parameters: FloatArray, points: FloatArray)
     q = points - problem.pivot[..., None, :]
     names = MODELS[problem.model]
     rows = np.zeros((*q.shape, len(names)))
-    start = names.index("shift x")
+    start = names.index("shift-x")
     rows[..., 0, start] = rows[..., 1, start + 1] = -1
     if problem.model == "affine":
         rows[..., 0, 0:2] = rows[..., 1, 2:4] = q

@@ -38,6 +38,7 @@ from reproduce.physics.validate import (
 
 __all__ = [
     "MODELS",
+    "UNITS",
     "Chain",
     "ComplexArray",
     "Registration",
@@ -49,15 +50,16 @@ __all__ = [
 
 ComplexArray = NDArray[np.complex128]
 
-# Names of the parameters, in the order in which every array has them. Angles in radians, shifts in
-# px, the radial coefficient in px^-2, scales and matrix elements without unit.
+# Names of the parameters, in the order in which every array has them.
 MODELS: dict[str, tuple[str, ...]] = {
-    "shift": ("shift x", "shift y"),
-    "rigid": ("rotation", "shift x", "shift y"),
-    "similarity": ("scale", "rotation", "shift x", "shift y"),
-    "similarity+radial": ("scale", "rotation", "shift x", "shift y", "radial"),
-    "affine": ("xx", "xy", "yx", "yy", "shift x", "shift y"),
+    "shift": ("shift-x", "shift-y"),
+    "rigid": ("rotation", "shift-x", "shift-y"),
+    "similarity": ("scale", "rotation", "shift-x", "shift-y"),
+    "similarity+radial": ("scale", "rotation", "shift-x", "shift-y", "radial"),
+    "affine": ("xx", "xy", "yx", "yy", "shift-x", "shift-y"),
 }
+# Units of the parameters; scales and matrix elements have none.
+UNITS = {"rotation": "rad", "shift-x": "px", "shift-y": "px", "radial": "px^-2"}
 _NEWTON_STEPS = 50
 
 
@@ -188,7 +190,7 @@ class Registration:
     @property
     def shift(self) -> FloatArray:
         """Where the pivot was minus where it lands, shape (..., 2), in px."""
-        start = MODELS[self.model].index("shift x")
+        start = MODELS[self.model].index("shift-x")
         return self.parameters[..., start : start + 2]
 
     @property

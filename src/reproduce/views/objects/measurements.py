@@ -4,23 +4,31 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 from rich.console import RenderableType
 
+from reproduce.inference.models.registration import fits_exactly
 from reproduce.judge.rerun import CannotChangeError, in_si
 from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
 from reproduce.papers.chen2023.posteriors.users_spots import COLUMNS, from_table
+from reproduce.papers.niu2024.posteriors import users_stars
 from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
+from reproduce.physics.registration.closed_form import paired_points
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.physics.registration.transforms import UNITS
 from reproduce.printed.given import given
-from reproduce.store.points import read_table
+from reproduce.store.points import Table as StarTable
+from reproduce.store.points import computing, read_table
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.objects.base import text_of
+from reproduce.views.objects.posterior import moments
 from reproduce.views.writing.display import Display, Grid
 from reproduce.views.writing.export import export_frame
 
@@ -30,6 +38,10 @@ if TYPE_CHECKING:
 __all__ = ["Monitored", "Registered"]
 
 FloatArray = NDArray[np.float64]
+# Decimals of a fit without an error; further ones are rounding.
+ROUNDING = 12
+# Models of which a star that fits no similarity is a wrong match.
+ROUND = ("rigid", "similarity")
 
 
 class _Measured(Display):
@@ -65,23 +77,74 @@ class _Measured(Display):
 
 
 class Registered(_Measured):
-    """The transform that lays a user's own stars over each other.
+    """The transform that lays a user's own stars, the source, on the same stars of a target.
 
-    It has the ``model``, the ``parameters`` in px and radians with their ``covariance``, the
-    ``residuals``, target minus transformed source, and the ``transform`` for other points. It is
-    made from the arguments of `reproduce.register`.
+    A source point at q from the pivot lands at pivot - shift + k R(rotation) q. So the shift, in
+    px, is where the pivot was minus where it lands: stars that moved by +3 have the shift -3. The
+    rotation, in radians, is positive from x towards y.
+
+    It has the ``model``, the ``parameters`` with their ``covariance``, the ``residuals``, target
+    minus transformed source, the ``transform`` for other points, and as ``fit`` all that
+    `physics.registration.fit.fit_registration` returns. What is doubtful stands in ``remarks``. It
+    is made from the arguments of `reproduce.register`.
     """
 
     def __init__(
-        self, source: ArrayLike, target: ArrayLike, pivot: ArrayLike | None = None, **settings: Any
+        self,
+        source: str | Path | ArrayLike,
+        target: ArrayLike | None = None,
+        pivot: ArrayLike | None = None,
+        **settings: Any,
     ) -> None:
         self._given = {"source": source, "target": target, "pivot": pivot, **settings}
-        middle = np.mean(np.asarray(source, dtype=float), axis=0) if pivot is None else pivot
-        self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
+        table = None
+        if isinstance(source, str | Path):
+            if target is not None:
+                raise ValueError("target: expected nothing beside a file, which holds both images")
+            table = read_table(Path(source), users_stars.COLUMNS)
+            source, target, pivot = users_stars.from_table(table, pivot)
+        elif target is None:
+            raise ValueError("target: expected the stars of the other image, or a file of both")
+        source, target = paired_points(source, target)
+        with computing(table.path) if table else nullcontext():
+            middle = source.mean(axis=-2) if pivot is None else pivot
+            self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
+            if self.fit.parameters.ndim > 1:
+                raise ValueError(
+                    f"source: expected one set of stars, shape (n, 2), got {source.shape}; "
+                    "fit_registration takes many at once"
+                )
+            exact = not self.fit.errors_known and fits_exactly(self.fit, source, target)
+            errors = self.fit.standard_errors
+            self._errors: FloatArray = np.full_like(errors, np.nan) if exact else errors
+            self.remarks = users_stars.unlike_pixels(source, self.fit.transform.pivot)
+            self.remarks += self._of_file(table) if table else []
         self.model, self.transform = str(self.fit.model), self.fit.transform
-        self.parameters, self.covariance = self.fit.parameters, self.fit.covariance
-        self.residuals = self.fit.residuals
-        self.title = f"{self.model} of {len(self.residuals)} stars"
+        self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
+        if self.fit.degrees_of_freedom <= 0 and not self.fit.errors_known:
+            self.remarks.append("no star is to spare, so nothing tells how large the errors are")
+        elif exact:
+            self.remarks.append("the stars fit without any error, so no scatter tells its size")
+        x, y = self.transform.pivot
+        self.title = (
+            f"{self.model} that lays {len(self.residuals)} stars on the target, pivot "
+            f"({x:.6g}, {y:.6g}) px"
+        )
+
+    def _of_file(self, table: StarTable) -> list[str]:
+        """What is to be said of the lines of a file."""
+        found = users_stars.repeated(table)
+        if self._given.get("robust"):
+            return found + users_stars.dropped(table, np.asarray(self.fit.weights))
+        if self.fit.model in ROUND:
+            remedy = "a robust fit tolerates them"
+            found += users_stars.mismatched(table, self.fit.transform.pivot, remedy)
+        return found
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the parameters."""
+        return self.fit.covariance
 
     @property
     def source(self) -> str:
@@ -89,20 +152,61 @@ class Registered(_Measured):
         return text_of(fit_registration)
 
     def frame(self) -> pd.DataFrame:
-        """Return one row per parameter: value and standard deviation, in px and radians.
+        """Return one row per parameter: unit, value and standard deviation.
 
         Returns
         -------
         pandas.DataFrame
-            The deviation is NaN where the points leave none to spare.
+            The deviation is NaN where the stars leave none to spare, or fit without any error.
         """
         import pandas as pd
 
-        columns = {"value": self.parameters, "standard deviation": self.fit.standard_errors}
+        columns = {
+            "unit": [UNITS.get(name, "1") for name in self.fit.names],
+            "value": self.parameters,
+            "standard deviation": self._errors,
+        }
         return pd.DataFrame(columns, index=pd.Index(self.fit.names, name="parameter"))
+
+    @property
+    def grid(self) -> Grid:
+        """The parameters as a reader sees them, with two digits of their standard deviations."""
+        rows = [
+            (name, unit, moments(value, error))
+            if 0 < error < np.inf
+            else (name, unit, f"{round(value, ROUNDING):z.10g}")
+            for name, unit, value, error in self.frame().itertuples()
+        ]
+        return Grid(self.title, ("parameter", "unit", "value ± standard deviation"), rows)
+
+    def _repr_html_(self) -> str:
+        line = Markup('<p class="rp-joint">Beware: {}.</p>')
+        return str(self.grid.html + Markup("").join(map(line.format, self.remarks)))
+
+    def parts(self, width: int) -> Iterator[RenderableType]:
+        """Yield the parameters, the title and the remarks."""
+        yield from super().parts(width)
+        yield from (f"Beware: {line}." for line in self.remarks)
+
+    def record(self) -> dict[str, Any]:
+        """Return everything for other programs; what the stars do not tell is None."""
+        parameters = [
+            {"name": name, "unit": unit, "value": value, "deviation": error}
+            for name, unit, value, error in self.frame().replace(np.nan, None).itertuples()
+        ]
+        return {
+            "model": self.model,
+            "stars": len(self.residuals),
+            "pivot": self.transform.pivot.tolist(),
+            "parameters": parameters,
+            "residual_rms": float(np.sqrt(np.square(self.residuals).mean())),
+            "remarks": self.remarks,
+        }
 
     def rerun(self, **settings: Any) -> Registered:
         """Return the fit with other stars or settings: ``model="affine"``, ``robust=True``."""
+        if unknown := set(settings) - set(self._given):
+            raise TypeError(f"unknown {sorted(unknown)}: expected {', '.join(self._given)}")
         return Registered(**{**self._given, **settings})
 
 

@@ -114,7 +114,10 @@ class Posterior(Shown):
         self._priors = dict(priors or {})
         self.settings = {key: value for key, value in settings.items() if value is not None}
         if unknown := set(self.settings) - {"steps", "walkers", "ensembles", "seed"}:
-            raise TypeError(f"unknown settings {sorted(unknown)}: steps, walkers, ensembles, seed")
+            raise TypeError(
+                f"unknown {sorted(unknown)}: expected data, pivot, priors, steps, walkers, "
+                "ensembles or seed"
+            )
         if self._priors:
             _ = self.model  # so that a wrong one is refused here, not when it is looked at
 
@@ -219,6 +222,13 @@ class Posterior(Shown):
     def remarks(self) -> tuple[str, ...]:
         """What a reader should hear of the data of a file."""
         return self._supplied.remarks if self._supplied else ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """The remarks, after the ends of priors that hold the posterior."""
+        from reproduce.inference.sensitivity import leanings
+
+        return [*map(str, leanings(self.sampled)), *self.remarks]
 
     @property
     def source(self) -> str:
@@ -401,8 +411,6 @@ class Posterior(Shown):
         }
 
     def _repr_html_(self) -> str:
-        from reproduce.inference.sensitivity import leanings
-
         true, own = self.truth, self.changes
         head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
         marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
@@ -418,9 +426,9 @@ class Posterior(Shown):
         if rows[first:]:
             rest = Grid("What follows from the parameters.", head, rows[first:]).html
             html += folded(f"{len(rows) - first} consequences", rest)
-        remarks = [*map(str, leanings(self.sampled)), *self.remarks] if self.data or own else []
+        warnings = self.warnings if self.data or own else []
         line = Markup('<p class="rp-joint">Beware: {}.</p>')
-        return str(html + Markup("").join(line.format(text) for text in remarks))
+        return str(html + Markup("").join(line.format(text) for text in warnings))
 
     @property
     def changes(self) -> str:
@@ -432,6 +440,8 @@ class Posterior(Shown):
         """Yield the summary."""
         yield f"posterior {self.name}, {self.where}"
         yield self.table()
+        if self.data or self.changes:
+            yield from (f"Beware: {line}." for line in self.warnings)
 
     def table(self) -> Table:
         """Return the summary for a terminal, every number with the digits its error allows."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reproduce.inference.model import Model
 from reproduce.inference.models.joint import CHANNELS, joint_model
@@ -25,10 +26,12 @@ from reproduce.inference.models.variants import (
 )
 from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
 from reproduce.papers.declare_posterior import File, Pivot
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import FloatArray, number_array
 from reproduce.store.points import Table, TableFileError
 
-__all__ = ["JOINT"]
+__all__ = [
+    "COLUMNS", "JOINT", "dropped", "from_table", "mismatched", "repeated", "unlike_pixels",
+]  # fmt: skip
 
 COLUMNS = ("x", "y", "x_reference", "y_reference")
 JOINT_COLUMNS = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
@@ -41,6 +44,8 @@ FREEDOM = (-1.0, 2.3)
 FURTHEST = 100.0
 # Fewer stars do not tell a wrong match from noise.
 FEW = 10
+# Stars that span less, in px, are perhaps in another unit.
+SMALL = 50.0
 
 
 def plain(table: Table, pivot: Pivot) -> Model:
@@ -94,16 +99,18 @@ def _high(prior: Prior | None) -> float:
     return prior.high if isinstance(prior, LogUniform) else 0.0
 
 
-def pivots(table: Table, pivot: Pivot) -> list[FloatArray]:
+def pivots(table: Table, pivot: Pivot | FloatArray) -> list[FloatArray]:
     """The principal point of each channel: as given, or the mean of its stars."""
     channels = [table.values[:, i : i + 2] for i in range(0, len(table.columns) - 2, 2)]
     if pivot is None:
         return [points.mean(axis=0) for points in channels]
     for points in channels:
         away = float(np.abs(points.mean(axis=0) - pivot).max())
-        if not away <= FURTHEST * float(np.ptp(points, axis=0).max()):
+        field = float(np.ptp(points, axis=0).max())
+        # Of stars in one place their number is to be told, or that they coincide.
+        if field and not away <= FURTHEST * field:
             raise TableFileError(
-                f"--pivot: expected a point within {FURTHEST:g} fields of the stars, got "
+                f"pivot: expected a point within {FURTHEST:g} fields of the stars, got "
                 f"{pivot[0]:g}, {pivot[1]:g}; give the channel's principal point, in px"
             )
     return [np.array(pivot)] * len(channels)
@@ -119,28 +126,64 @@ def _free(
 
 
 def remarks(table: Table, pivot: Pivot) -> list[str]:
-    """What a user should hear of the stars: repeated lines, likely mismatches."""
-    found = []
+    """What a user should hear of the stars: another unit, repeated lines, likely mismatches."""
+    centres = pivots(table, pivot)
+    found = unlike_pixels(table.values[:, :2], centres[0]) + repeated(table)
+    for i, centre in enumerate(centres):
+        found += mismatched(table, centre, "registration-student tolerates them", i)
+    return found
+
+
+def from_table(table: Table, pivot: ArrayLike | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Stars of a channel and of its reference channel, both (n, 2), and the pivot, in px."""
+    about = None if pivot is None else number_array("pivot", pivot, shape=(2,))
+    return table.values[:, :2], table.values[:, 2:], pivots(table, about)[0]
+
+
+def repeated(table: Table) -> list[str]:
+    """Name lines that repeat an earlier one."""
     _, first, where = np.unique(table.values, axis=0, return_index=True, return_inverse=True)
     again = [i for i in range(len(table.values)) if first[where.ravel()[i]] != i]
-    if again:
-        found.append(
-            f"{len(again)} of {len(table.values)} lines repeat an earlier one "
-            f"({_lines(table, again)}): each counts as a star of its own"
-        )
-    target = table.values[:, -2:]
-    for i, centre in enumerate(pivots(table, pivot)):
-        if len(target) < FEW:
-            continue
-        fit = robust_similarity(table.values[:, 2 * i : 2 * i + 2], target, centre)
-        if len(fit.suspects):
-            furthest = fit.off[fit.suspects[0]]
-            found.append(
-                f"{len(fit.suspects)} of {len(target)} stars do not fit the others "
-                f"({_lines(table, fit.suspects.tolist())}; up to {furthest:.3g} standard "
-                "deviations off): wrong matches? registration-student tolerates them"
-            )
-    return found
+    if not again:
+        return []
+    return [
+        f"{len(again)} of {len(table.values)} lines repeat an earlier one "
+        f"({_lines(table, again)}): each counts as a star of its own"
+    ]
+
+
+def mismatched(table: Table, pivot: FloatArray, remedy: str, channel: int = 0) -> list[str]:
+    """Name stars of a channel that do not fit the others, and what tolerates them."""
+    source, target = table.values[:, 2 * channel : 2 * channel + 2], table.values[:, -2:]
+    if len(target) < FEW:
+        return []
+    fit = robust_similarity(source, target, pivot)
+    if not len(fit.suspects):
+        return []
+    return [
+        f"{len(fit.suspects)} of {len(target)} stars do not fit the others "
+        f"({_lines(table, fit.suspects.tolist())}; up to {fit.off[fit.suspects[0]]:.3g} standard "
+        f"deviations off): wrong matches? {remedy}"
+    ]
+
+
+def dropped(table: Table, weights: FloatArray) -> list[str]:
+    """Name stars to which a robust fit gave no weight."""
+    rows = np.flatnonzero(weights == 0).tolist()
+    if not rows:
+        return []
+    return [f"{len(rows)} of {len(weights)} stars count for nothing ({_lines(table, rows)})"]
+
+
+def unlike_pixels(points: FloatArray, pivot: FloatArray) -> list[str]:
+    """Ask after the unit of stars, shape (n, 2), that are small or far from their pivot."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    field = float((high - low).max())
+    outside = float(np.maximum(low - pivot, pivot - high).max())
+    far = f", and the pivot lies {outside:.4g} outside them" if outside > field else ""
+    if far or field < SMALL:
+        return [f"the stars span {field:.4g}{far} (are these pixels?)"]
+    return []
 
 
 def _lines(table: Table, rows: list[int]) -> str:
