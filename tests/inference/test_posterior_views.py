@@ -59,6 +59,11 @@ def test_models_are_listed():
     pairs = re.findall(r"^ ?(\S+) +(niu2024|chen2023)", listed, re.MULTILINE)
     assert pairs == [(name, declared.paper) for name, declared in posteriors().items()]
     assert max(map(len, listed.splitlines())) <= 80
+    words = " ".join(listed.split())
+    for name, declared in posteriors().items():
+        if not isinstance(declared.file, str):
+            names = ", ".join(declared.file.columns)
+            assert re.search(rf"\b{name}\b[a-z0-9, -]*: {names}; ", words)
     assert list(json.loads(run("posterior", "--list", "--json").output)) == list(posteriors())
 
 

@@ -297,6 +297,20 @@ REFUSED = {
     "endless pivot": (with_stars("--pivot", "inf", "0"), "within 100 fields of the stars"),
     "no number": (with_stars("--pivot", "nan", "0"), "within 100 fields of the stars"),
     "pivot alone": (lambda tmp_path: ["registration", "--pivot", "1", "1"], "--pivot needs --data"),
+    "no ends": (with_stars("--prior", "noise=0.1"), "--prior noise=0.1: expected NAME=LOW,HIGH"),
+    "no name": (with_stars("--prior", "0.1,1"), "--prior 0.1,1: expected NAME=VALUE"),
+    "ends in words": (with_stars("--prior", "noise=a,b"), "expected NAME=LOW,HIGH, such as"),
+    "ends exchanged": (
+        with_stars("--prior", "rotation=2,-2"),
+        "prior of rotation: expected low below high, got 2 and -2",
+    ),
+    "noise below zero": (
+        with_stars("--prior", "noise=-1,1"),
+        "prior of noise: expected zero or more, got -1",
+    ),
+    "endless prior": (with_stars("--prior", "noise=0,inf"), "expected finite numbers"),
+    "prior of nothing": (with_stars("--prior", "nois=0.1,1"), "has no parameter nois; it has sca"),
+    "no seed": (with_stars("--seed", "-1"), "--seed"),
     "pivot of spots": (
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
         "misalignment takes no --pivot",
@@ -321,6 +335,19 @@ def test_what_cannot_be_sampled_is_refused_in_one_line(tmp_path, case, as_json):
     stdout = f'"{last.removeprefix("Error: ")}"' if as_json else ""
     assert stdout in (json.dumps(json.loads(result.stdout)["error"]), "") if as_json else True
     assert bool(result.stdout) == as_json
+
+
+def test_priors_and_seed_are_those_of_python(tmp_path):
+    """In the unit of the summary: the rotation in degrees."""
+    path = written(tmp_path, *stars())
+    arguments = ["--steps", 700, "--seed", 5, "--prior", "rotation=0.1145,0.1147"]
+    record, rows = sampled("registration", path, *arguments)
+    assert record["seed"] == 5
+    assert (rows["rotation"]["low"], rows["rotation"]["high"]) > (0.1145, 0.1145)
+    own = Posterior("registration", path, priors={"rotation": (0.1145, 0.1147)}, steps=700, seed=5)
+    assert own.frame().loc["rotation", "mean"] == pytest.approx(rows["rotation"]["mean"], rel=1e-9)
+    prior = own.priors.loc["rotation", "prior"]
+    assert prior == "uniform from 0.1145 to 0.1147"
 
 
 def test_a_damaged_run_is_refused(tmp_path):

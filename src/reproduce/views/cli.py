@@ -16,7 +16,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.physics.registration.transforms import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.cli_posteriors import _JSON, _PIVOT, Spoken, bar, calibrate, posterior
+from reproduce.views.cli_posteriors import _JSON, _PIVOT, Spoken, bar, calibrate, pairs, posterior
 from reproduce.views.keys import check_address, check_key
 from reproduce.views.objects.contents import score_table
 
@@ -115,22 +115,13 @@ def show(
 
     With nothing but options, the cells say what they would be judged as under that reading.
     """
-    found, set_to = front.item(address), _pairs("--set", _CHANGE, changes)
+    found, set_to = front.item(address), pairs("--set", _CHANGE, changes)
     again: dict[str, Any] = {n: value for n, value in numbers.items() if value is not None}
-    again |= _pairs("--option", _CHOICE, options)
+    again |= pairs("--option", _CHOICE, options)
     try:
         (found.rerun(set_to, **again) if set_to or again else found).print(Console())
     except CannotChangeError as error:
         raise click.UsageError(str(error)) from error
-
-
-def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
-    """Return what stands left and right of the equals signs."""
-    pairs = [text.partition("=") for text in texts]
-    for name, equals, value in pairs:
-        if not equals or not name.strip():
-            raise click.UsageError(f"{option} {name}{equals}{value}: expected {form}")
-    return {name.strip(): value.strip() for name, _, value in pairs}
 
 
 @main.command("export")
@@ -165,7 +156,7 @@ def export_item(address: str, form: str) -> None:
 def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
     """Draw an item that draws."""
     try:
-        front.figure(key).rerun(_pairs("--set", _CHANGE, changes)).save(out)
+        front.figure(key).rerun(pairs("--set", _CHANGE, changes)).save(out)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.padding import Padding
+from rich.text import Text
 
-from reproduce.views.objects.posterior import Posterior, coverage_rows
+from reproduce.views.objects.posterior import Posterior, coverage_rows, file_formats
 from reproduce.views.writing.display import columns
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 
     from reproduce.inference.parts import Progress
 
-__all__ = ["Spoken", "bar", "calibrate", "posterior"]
+__all__ = ["Spoken", "bar", "calibrate", "pairs", "posterior"]
 
 
 class Spoken(click.Command):
@@ -73,13 +75,23 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
 
 @click.command(cls=Spoken)
 @click.argument("model", required=False)
-@click.option("--list", "list_models", is_flag=True, help="Name all models.")
+@click.option(
+    "--list", "list_models", is_flag=True, help="Name all models, and columns for --data."
+)
 @click.option(
     "--data",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Your own CSV in place of ours; the book's page on your own data names the columns.",
+    help="Your own CSV in place of ours; --list names its columns.",
 )
 @_PIVOT
+@click.option(
+    "--prior",
+    "priors",
+    multiple=True,
+    metavar="NAME=LOW,HIGH",
+    help="An even prior of your own for a parameter, in the unit of the summary.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
@@ -93,6 +105,7 @@ def posterior(
     workers: int,
     resume: bool,
     out: Path | None,
+    priors: tuple[str, ...],
     **asked: Any,
 ) -> None:
     """Sample the posterior of MODEL and print its summary.
@@ -108,12 +121,41 @@ def posterior(
     if asked["pivot"] is not None and asked["data"] is None:
         raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
     _check_folder(out, resume)
-    wanted = Posterior(name, **asked)
-    record = _sample(wanted, workers, out)
+    ends = {
+        key: _ends(key, text) for key, text in pairs("--prior", "NAME=LOW,HIGH", priors).items()
+    }
+    try:
+        wanted = Posterior(name, priors=ends, **asked)
+        data = wanted.provenance
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.UsageError(f"--data: cannot read {asked['data']}: {error.strerror}") from error
+    record = _sample(wanted, data, workers, out)
     if as_json:
         click.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
         _show(wanted)
+
+
+def pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
+    """Return what stands left and right of the equals signs."""
+    parts = [text.partition("=") for text in texts]
+    for name, equals, value in parts:
+        if not equals or not name.strip():
+            raise click.UsageError(f"{option} {name}{equals}{value}: expected {form}")
+    return {name.strip(): value.strip() for name, _, value in parts}
+
+
+def _ends(name: str, text: str) -> tuple[float, float]:
+    """Return the lowest and the highest value of a prior."""
+    try:
+        low, high = map(float, text.split(","))
+    except ValueError as error:
+        raise click.UsageError(
+            f"--prior {name}={text}: expected NAME=LOW,HIGH, such as noise=0.01,1"
+        ) from error
+    return low, high
 
 
 def _check_folder(out: Path | None, resume: bool) -> None:
@@ -123,17 +165,13 @@ def _check_folder(out: Path | None, resume: bool) -> None:
         raise click.UsageError(f"{out} holds a run already; add --resume, or choose another folder")
 
 
-def _sample(wanted: Posterior, workers: int, out: Path | None) -> dict[str, Any]:
+def _sample(
+    wanted: Posterior, data: dict[str, Any], workers: int, out: Path | None
+) -> dict[str, Any]:
     """Sample and return the record; say in one line what does not go."""
     from reproduce.inference.diagnostics import UnconvergedError
     from reproduce.inference.model import StartError
 
-    try:
-        data = wanted.provenance
-    except ValueError as error:
-        raise click.UsageError(str(error)) from error
-    except OSError as error:
-        raise click.UsageError(f"--data: cannot read {wanted.data}: {error.strerror}") from error
     try:
         with _carried(workers, out, "sampling") as (executor, progress):
             wanted.sample(executor, out, progress)
@@ -195,7 +233,13 @@ def _list_models(as_json: bool) -> None:
         return
     rows = [(name, known[name].paper, title) for name, title in titles.items()]
     heads = ("model", "paper", "about")
-    Console().print(columns(heads, rows, ruled=True, words=3, whole=(0, 1)))
+    console = Console()
+    console.print(columns(heads, rows, ruled=True, words=3, whole=(0, 1)))
+    console.print("A CSV for --data has a line of column names, then numbers:", highlight=False)
+    for models, names, meaning in file_formats():
+        if names:
+            console.print(Padding(Text(f"{models}:"), (0, 0, 0, 1)))
+            console.print(Padding(Text(f"{names}; {meaning}"), (0, 0, 0, 3)))
 
 
 def _known(model: str | None) -> str:

@@ -45,6 +45,7 @@ from reproduce.views.objects.posterior import (
     moments,
     named,
 )
+from reproduce.views.objects.posterior import file_formats as formats
 from reproduce.views.writing import posterior_figures as figures
 from reproduce.views.writing.display import Entry, Grid, Html, folded
 from reproduce.views.writing.numbers import digits, minus, plain, ranged, shared, signed
@@ -514,12 +515,7 @@ def columns_of_table_4() -> Html:
 
 def file_formats() -> Html:
     """Show which columns a user's own file has, for every model that takes one."""
-    formats: dict[tuple[str, str], list[str]] = {}
-    for key, declared in posteriors().items():
-        file = declared.file
-        told = ("none", file) if isinstance(file, str) else (", ".join(file.columns), file.meaning)
-        formats.setdefault(told, []).append(key)
-    rows = [(", ".join(keys), *told) for told, keys in formats.items()]
+    rows = [(keys, names or "none", text) for keys, names, text in formats()]
     return Html(_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
 
 

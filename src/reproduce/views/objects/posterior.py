@@ -42,6 +42,7 @@ __all__ = [
     "book_repeats",
     "coverage_rows",
     "entries",
+    "file_formats",
     "interval",
     "moments",
     "named",
@@ -501,6 +502,18 @@ def coverage_rows(stored: Ranks) -> list[tuple[str, ...]]:
     ]
 
 
+def file_formats() -> list[tuple[str, str, str]]:
+    """Say for a user's own files: models, their columns, what these hold, or why there are none."""
+    from reproduce.papers.posteriors import posteriors
+
+    found: dict[tuple[str, str], list[str]] = {}
+    for key, declared in posteriors().items():
+        file = declared.file
+        known = ("", file) if isinstance(file, str) else (", ".join(file.columns), file.meaning)
+        found.setdefault(known, []).append(key)
+    return [(", ".join(keys), *known) for known, keys in found.items()]
+
+
 def _declaration(declared: Declaration) -> str:
     """Return the text in which a posterior is declared, beside the function that makes it."""
     text = inspect.getsource(inspect.getmodule(declared.build) or declared.build)
@@ -516,7 +529,13 @@ def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
     """Return a reader's prior; two ends are in the unit shown."""
     if not isinstance(prior, tuple | list):
         return prior
-    from reproduce.inference.priors import Uniform
+    from reproduce.inference.priors import HalfNormal, LogNormal, LogUniform, Uniform
 
-    low, high = (float(end) / parameter.shown for end in prior)
-    return Uniform(low, high, "a reader's own")
+    low, high = prior
+    if low < 0 and isinstance(parameter.prior, HalfNormal | LogNormal | LogUniform):
+        raise ValueError(f"prior of {parameter.name}: expected zero or more, got {low:g}")
+    if not low < high:
+        raise ValueError(
+            f"prior of {parameter.name}: expected low below high, got {low:g} and {high:g}"
+        )
+    return Uniform(low / parameter.shown, high / parameter.shown, "a reader's own")
