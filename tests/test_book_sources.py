@@ -12,7 +12,7 @@ from reproduce.printed.cells import library
 from reproduce.views.writing.figures import drawable
 
 BOOK = Path(__file__).parent.parent / "book"
-PAGES = sorted(p for p in BOOK.rglob("*.md") if "_build" not in p.parts)
+PAGES = sorted(p for p in BOOK.rglob("*.md") if not {"_build", "_extra"} & set(p.parts))
 UNITS = (
     "px|pixels?|mm|µm|um|nm|cm|km|m|metres?|arcsec(?:onds?)?|deg(?:rees?)?|°|″|rad|mrad|µrad|"
     "Hz|ms|s|min|minutes?|seconds?|%|percent|per cent"

@@ -3,6 +3,7 @@
 ``make same`` runs this. Each setting computes the ledger and runs the cells of all pages in fresh
 processes: with another processor's linear algebra, without the wide instructions, on one thread,
 and from another place, with another locale, time zone and order of sets, and no home to write to.
+What several pages show is computed once in each setting, as in a build of the book.
 Words and tables must be the same letter by letter, drawings to a thousandth of a pixel, the
 ledger's own numbers to `CLOSE`. The pages that sample take most of the time; they run under the
 settings of `SAMPLED`, as in CI, under all with ``--all``, or under none with ``--quick``.
@@ -22,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ CLOSE = 1e-12
 DRAWN = 1e-3
 USUAL, PLAIN, ONE, ELSEWHERE = "as it is", "plain instructions", "one thread", "some where"
 SAMPLED = (USUAL, PLAIN, ONE)
+KEPT = "REPRODUCE_BUILD"  # the folder of what is computed once, one for each setting
 # What a process needs of the checkout to make the pages.
 NEEDED = ("src", "data", "book", "tools")
 # What a setting may change is not taken over from outside.
@@ -193,13 +195,14 @@ def compared(*, sampled: Collection[str] = SAMPLED) -> int:
         away = Path(folder) / ELSEWHERE
         for part in NEEDED:
             shutil.copytree(ROOT / part, away / part, ignore=shutil.ignore_patterns("_build"))
-        parts = {
-            name: [
-                pool.submit(apart, environment, away if name == ELSEWHERE else ROOT, pages)
-                for pages in ([[page] for page in slow] if name in sampled else []) + [quick, []]
-            ]
-            for name, environment in settings().items()
-        }
+        parts: dict[str, list[Future[dict[str, Any]]]] = {name: [] for name in settings()}
+        # Settings take turns, so that what works at the same time seldom needs the same posterior.
+        for batch in [*([page] for page in slow), quick, []]:
+            for name, environment in settings().items():
+                if name in sampled or batch in (quick, []):
+                    kept = {KEPT: str(Path(folder) / "kept" / name)}
+                    root = away if name == ELSEWHERE else ROOT
+                    parts[name].append(pool.submit(apart, environment | kept, root, batch))
         results = {name: [part.result() for part in each] for name, each in parts.items()}
     usual = {page: shown for part in results[USUAL] for page, shown in part["pages"].items()}
     wrong = 0

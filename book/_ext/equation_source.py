@@ -35,8 +35,9 @@ def implementations() -> dict[str, list[Source]]:
     found: dict[str, list[Source]] = {}
     for path in sorted((Path(package.submodule_search_locations[0]) / "physics").rglob("*.py")):
         text = path.read_text(encoding="utf-8")
+        lines = text.splitlines()
         for name, claim, node in functions(ast.parse(text)):
-            source = Source(name, ast.get_source_segment(text, node) or "", str(path))
+            source = Source(name, "\n".join(lines[node.lineno - 1 : node.end_lineno]), str(path))
             for line in claim.splitlines():
                 for label in claimed(line):
                     found.setdefault(label, []).append(source)

@@ -21,9 +21,13 @@ ICON = re.compile(
     r'(?:"([\w-]+)"|(\w+)):\[\d+,\d+,\[[^\]]*\],"[0-9a-f]+",(?:"[^"]*"|\[[^\]]*\])\],?'
 )
 NAMED = re.compile(r"\bfa-([a-z0-9-]+)")
-# The coordinates of a drawing, and a number with more than two decimals.
+# The coordinates of a drawing, and a number with more than one decimal.
 COORDINATES = re.compile(r'(?<= )(d|x|y)="[^"]*"')
-FINE = re.compile(r"-?\d+\.\d{3,}")
+FINE = re.compile(r"-?\d+\.\d{2,}")
+# Points that share a group, and what a drawing can do without.
+POINTS = re.compile(r"<g([^>]*)>((?:\s*<use [^>]*/>){2,})\s*</g>")
+STYLE = re.compile(r' style="([^"]*)"')
+IDLE = re.compile(r' transform="rotate\(-0 [^"]*"|(?<=>)\s*\n\s*(?=<)')
 DRAWING = re.compile(r"<svg .*?</svg>", re.DOTALL)
 # The full build: the smaller one loses a page's mathematics at \boldsymbol.
 MATHJAX = "tex-svg-full.js"
@@ -74,17 +78,28 @@ def drop_icons(app: Sphinx, error: Exception | None) -> None:
 
 
 def coarser(drawing: str) -> str:
-    """Return a drawing with its coordinates to a hundredth of a pixel, which nobody can see.
+    """Return a drawing with its coordinates to a tenth of a point, and shared styles told once.
 
     >>> coarser('<svg id="a1.2345"><path d="M 1.23456 -0.00123 L 3.14 2"/></svg>')
-    '<svg id="a1.2345"><path d="M 1.23 0 L 3.14 2"/></svg>'
+    '<svg id="a1.2345"><path d="M 1.2 0 L 3.1 2"/></svg>'
+    >>> coarser('<g> <use x="1" style="fill: red"/> <use x="2" style="fill: red"/> </g>')
+    '<g style="fill: red"> <use x="1"/> <use x="2"/></g>'
     """
-    return COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
+    drawing = COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
+    return POINTS.sub(_shared, IDLE.sub("", drawing))
+
+
+def _shared(group: re.Match[str]) -> str:
+    """Return points with their style on their group, where all have the same."""
+    styles = set(STYLE.findall(group[2]))
+    if len(styles) != 1 or "style=" in group[1]:
+        return group[0]
+    return f'<g{group[1]} style="{styles.pop()}">{STYLE.sub("", group[2])}</g>'
 
 
 def _rounded(number: re.Match[str]) -> str:
-    """Return a number with two decimals at most, and no zeros that say nothing."""
-    return f"{float(number[0]):z.2f}".rstrip("0").rstrip(".")
+    """Return a number with one decimal at most, and no zero that says nothing."""
+    return f"{float(number[0]):z.1f}".rstrip("0").rstrip(".")
 
 
 def coarsen(

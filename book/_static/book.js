@@ -26,3 +26,20 @@ document.addEventListener("DOMContentLoaded", () => {
     summary.setAttribute("aria-label", `Pages below ${part.textContent.trim()}`);
   }
 });
+
+// What scrolls sideways is within a keyboard's reach, and has a name.
+const reach = () => {
+  for (const box of document.querySelectorAll("article :is(pre, .highlight, .math, mjx-container, .cell_output, .output, .pst-scrollable-table-container)")) {
+    if (box.scrollWidth <= box.clientWidth + 1 || !/auto|scroll/.test(getComputedStyle(box).overflowX)) continue;
+    box.tabIndex = 0;
+    if (box.ariaLabel) continue;
+    box.setAttribute("role", "group");
+    box.ariaLabel = box.matches(".math, mjx-container") ? "Formula" : box.matches("pre, .highlight") ? "Code" : "Table or output";
+  }
+};
+addEventListener("load", () => {
+  reach();
+  window.MathJax?.startup?.promise.then(reach);
+  document.addEventListener("toggle", reach, true);
+  addEventListener("resize", reach);
+});

@@ -95,7 +95,9 @@ def test_the_rays_of_both_instruments_are_those_of_the_equations():
     lens = np.array([0.0, 0.0, focal])
     out = np.array([-x, -y, focal])
     unit = out / np.linalg.norm(out)
-    first, second, third = (attitude._view(place) for place in (2.4, 7.6, 12.8))
+    first, second, third = (
+        space.seen_from(-68.0, 24.0, (place, 2.5), 1.15) for place in attitude.WIDE
+    )
     assert holds_arrow(axes, first.point(lens), first.point([x, y, 0.0]))  # the bracket, inwards
     assert holds_arrow(axes, second.point(lens), second.point(lens + 2.6 * unit))  # v, outwards
     aside = np.array([0.35, 0.12])

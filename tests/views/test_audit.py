@@ -13,7 +13,7 @@ import reproduce as rp
 from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
-from reproduce.printed.cells import anchor, library
+from reproduce.printed.cells import anchor, find, library
 from reproduce.views.book import audit
 from reproduce.views.cli import main
 from reproduce.views.objects.contradictions import errata_register
@@ -197,11 +197,13 @@ def test_pages_show_corrections_equations_and_pictures(paper):
     wrong = {f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"}
     joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
     assert sets.count(audit.JOINT) == len(joint)
-    svg = audit.picture(paper, "what it shows").text
+    svg = audit.picture(paper, "what it shows", "a caption").text
     assert 'aria-label="what it shows"' in svg
     blamed = audit_paper(paper).blamed()
     worst = max(blamed, key=blamed.get)
-    assert worst.partition("/")[2] in svg
+    (cell,) = find(worst)
+    assert f"{cell.label}, {cell.place.partition(',')[0]}" in svg.replace("text", "Text")
+    assert svg.count(f'href="#relation-{paper}-') == len(wrong)
 
 
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():

@@ -19,7 +19,7 @@ KEY = "niu2024/table-2"
 def test_a_table_can_be_cited_taken_away_and_followed_to_its_function():
     html = rp.table(KEY)._repr_html_()
     bar = html[html.index('<div class="rp-bar">') :]
-    assert '<a href="#niu2024-table-2" title="permalink">' in bar
+    assert f'<a href="#niu2024-table-2" aria-label="Permalink: {KEY}">' in bar
     assert "@misc" in bar and "10.3390/s24010259" in bar  # noqa: PT018
     assert re.findall(r'href="#(tables/[^"]+)"', bar) == list(table_files(KEY))
     assert "def true_registrations" in bar or "@reproduces" in bar
@@ -54,7 +54,7 @@ def test_a_figure_has_its_pictures_data_and_caption(key, cited):
     html = pages.figure(
         key, "what it shows", "The {niu2024/table-2#scale.red printed} <of> red."
     ).text
-    assert "<figcaption>The 0.9976 &lt;of&gt; red.</figcaption>" in html
+    assert "</span>The 0.9976 &lt;of&gt; red.</figcaption>" in html
     assert re.findall(r'href="#(figures/[^"]+)"', html) == figures.figure_files(key)
     assert ("<summary>Cite" in html) == cited
     assert (key in drawings()) != cited
@@ -76,8 +76,11 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     computed.kept.cache_clear()
     try:
         figures.write_figure("niu2024/fig-2", tmp_path)
-        monkeypatch.setattr(figures, "draw", lambda key: pytest.fail("drawn again"))
-        assert figures.vector("niu2024/fig-2").svg.startswith("<?xml")
+        monkeypatch.setattr(figures, "draw", lambda key, **_: pytest.fail("drawn again"))
+        shown = figures.vectors("niu2024/fig-2")
+        assert shown.narrow.startswith("<svg")
+        file = tmp_path / "figures" / "niu2024-fig-2.svg"
+        assert file.read_text(encoding="utf-8") == figures.XML + shown.wide
     finally:
         monkeypatch.delenv(computed.FOLDER)
         computed.kept.cache_clear()

@@ -14,7 +14,7 @@ TEXTS = [p.read_text(encoding="utf-8") for p in BOOK.rglob("*.md") if "_build" n
 
 @pytest.mark.parametrize("name", drawings())
 def test_drawings_follow_the_theme(name):
-    html = pages.figure(name, 'a "quoted" text').text.partition("</svg>")[0]
+    html = pages.figure(name, 'a "quoted" text', "").text.partition("</svg>")[0]
     assert 'aria-label="a &quot;quoted&quot; text"' in html
     assert "currentColor" in html
     assert "#000000" not in html

@@ -18,21 +18,25 @@ from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
 from reproduce.views.book import pages
 from reproduce.views.writing import figures
-from reproduce.views.writing.figures import SMALLEST, inline, vector_of
+from reproduce.views.writing.figures import Vectors, inline, vector_of
 from reproduce.views.writing.numbers import powers
 
-NAMES = [*figures.drawable(), *drawings()]
+NARROWED = "on a phone"
+# Each as a wide page shows it, and as a narrow one.
+NAMES = [name for key in (*figures.drawable(), *drawings()) for name in (key, f"{key} {NARROWED}")]
 # The theme's backgrounds, and what it writes with; black in a figure becomes the latter.
 PAGES = {"light": ("#ffffff", "#222832"), "dark": ("#14181e", "#ced6dd")}
 # WCAG 2.1, success criteria 1.4.11 (graphics) and 1.4.3 (text).
 GRAPHICS, TEXT = 3.0, 4.5
-PHONE = 390.0  # CSS pixels
+# Inches that a phone of 390 CSS pixels shows beside its margins, and the least points of a text.
+PHONE, LEAST = 358 / 96, 8.0
 
 
 @functools.cache
 def drawn(name):
     """Return a figure, laid out."""
-    figure = figures.draw(name)
+    key, _, narrowed = name.partition(" ")
+    figure = figures.draw(key, narrow=bool(narrowed))
     FigureCanvasAgg(figure).draw()
     return figure
 
@@ -223,28 +227,23 @@ def test_the_paper_ends_outside_of_every_text():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_text_keeps_its_size_on_a_phone(name):
-    """A figure that a phone would shrink too far scrolls instead, and by less than a screen."""
-    html = inline(vector_of(drawn(name)), "x", "what it shows")
-    least = float(re.search(r'<svg [^>]*style="min-width:(\d+)px"', html).group(1))
-    points = min(text.get_fontsize() for text, _ in texts(drawn(name)))
-    natural = drawn(name).get_figwidth() * 96
-    assert points * 96 / 72 * least / natural >= SMALLEST - 0.1
-    assert least <= min(natural, 2 * PHONE)
+def test_a_figure_fits_its_page_with_no_text_too_small(name):
+    assert drawn(name).get_figwidth() <= (PHONE if name.endswith(NARROWED) else 6.8)
+    assert min(text.get_fontsize() for text, _ in texts(drawn(name))) >= LEAST
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_black_follows_the_page(name):
-    html = inline(vector_of(drawn(name)), "x", "what it shows")
+    html = inline(Vectors(vector_of(drawn(name))), "x", "what it shows")
     assert re.search(r'<svg [^>]*fill="currentColor"', html), "SVG fills in black by itself"
     assert not re.search(r"#000000\b|\bblack\b", html)
 
 
 def test_an_alternative_text_is_filled_with_numbers_of_the_ledger():
-    html = pages.figure("niu2024/fig-1", "scale {niu2024/table-2#scale.red printed}").text
+    html = pages.figure("niu2024/fig-1", "scale {niu2024/table-2#scale.red printed}", "").text
     assert 'aria-label="scale 0.9976"' in html
     with pytest.raises(KeyError):
-        pages.figure("niu2024/fig-1", "a {blank}")
+        pages.figure("niu2024/fig-1", "a {blank}", "")
 
 
 def test_the_facts_of_a_drawing_are_those_it_draws():

@@ -23,14 +23,18 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 __all__ = [
-    "INK", "INKED", "SIZE", "Look", "Point", "arc", "arrow", "beside", "box", "canvas",
-    "diagram", "key", "label", "line", "path", "turned", "turning",
+    "INK", "INKED", "NARROW", "SIZE", "Look", "Point", "arc", "arrow", "beside", "box", "canvas",
+    "diagram", "joined", "key", "label", "line", "path", "sized", "slim", "thin", "turned",
+    "turning",
 ]  # fmt: skip
 
 Point = tuple[float, float]
 Draw = Callable[..., None]
 INK = "#000000"
-SIZE = 9.0
+# Points: on a wide page, and the least that a narrow one may have.
+SIZE, LEAST = 9.0, 8.0
+# Inches: what a phone of 390 CSS pixels shows in full.
+NARROW = 3.7
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,34 @@ class Look:
 INKED = Look("", INK, "-")
 
 
-def canvas(figure: Figure, width: float, height: float, inches: float = 6.4) -> Axes:
-    """Return axes without ticks that reach from (0, 0) to (width, height), to scale."""
+def thin(figure: Figure) -> bool:
+    """Tell whether a figure is drawn for a narrow page."""
+    return float(figure.get_figwidth()) <= NARROW
+
+
+def slim(axes: Axes) -> bool:
+    """Tell whether axes are drawn for a narrow page."""
+    figure = axes.get_figure(root=True)
+    return figure is not None and thin(figure)
+
+
+def sized(figure: Figure, width: float, height: float, narrow: float | None = None) -> bool:
+    """Give a figure its inches, or its height on a narrow page; tell whether it is for one."""
+    if narrowed := thin(figure):
+        width, height = NARROW, narrow or height
+    figure.set_size_inches(width, height)
+    return narrowed
+
+
+def canvas(
+    figure: Figure, width: float, height: float, inches: float = 6.4, narrow: Point | None = None
+) -> Axes:
+    """Return axes without ticks that reach from (0, 0) to (width, height), to scale.
+
+    On a narrow page they reach to `narrow`, where it is given.
+    """
+    if thin(figure):
+        (width, height), inches = narrow or (width, height), NARROW
     figure.set_size_inches(inches, inches * height / width)
     axes = figure.add_subplot()
     axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
@@ -56,14 +86,14 @@ def canvas(figure: Figure, width: float, height: float, inches: float = 6.4) -> 
 
 
 def diagram(
-    width: float, height: float, inches: float = 6.4
+    width: float, height: float, inches: float = 6.4, narrow: Point | None = None
 ) -> Callable[[Callable[..., None]], Draw]:
     """Turn a painter on a canvas into a drawing of an item without printed values."""
 
     def declare(paint: Callable[..., None]) -> Draw:
         @functools.wraps(paint)
         def draw(figure: Figure, printed: Mapping[str, float], *door: Given) -> None:
-            paint(canvas(figure, width, height, inches), *door)
+            paint(canvas(figure, width, height, inches, narrow), *door)
 
         return draw
 
@@ -91,6 +121,7 @@ def turned(points: ArrayLike, degrees: float) -> FloatArray:
 
 def label(axes: Axes, place: ArrayLike, text: str, *, size: float = SIZE, **look: object) -> None:
     """Write a label, centred on its place unless `ha` or `va` say otherwise."""
+    size = min(size, LEAST) if slim(axes) else size
     settings = {"ha": "center", "va": "center", "fontsize": size, **look}
     # Matplotlib types every property of a text apart; here they are mixed in one mapping.
     axes.text(*pair(place), text, **settings)  # type: ignore[arg-type]
@@ -149,6 +180,17 @@ def box(
         label(axes, centre, text)
 
 
+def joined(
+    axes: Axes, one: tuple[Point, Point], other: tuple[Point, Point], look: Look = INKED
+) -> None:
+    """Draw an arrow from one box to another, each a centre and a size, from edge to edge."""
+    (start, width), (end, across) = np.array(one), np.array(other)
+    way = end - start
+    with np.errstate(divide="ignore"):
+        out, into = (0.5 * np.min(size / np.abs(way)) for size in (width, across))
+    arrow(axes, start + out * way, end - into * way, look)
+
+
 def arc(
     axes: Axes,
     centre: ArrayLike,
@@ -179,4 +221,5 @@ def key(axes: Axes, looks: Sequence[Look], place: Point) -> None:
     """Name the kinds of lines; the place of the upper left corner is in shares of the axes."""
     for look in looks:
         axes.plot([], [], color=look.colour, linestyle=look.line, label=look.name)
-    axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=SIZE)
+    size = LEAST if slim(axes) else SIZE
+    axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=size)

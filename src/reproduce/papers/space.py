@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.papers.sketch import INKED, SIZE, Look, Point, arrow, label, turning
+from reproduce.papers.sketch import INKED, SIZE, Look, Point, arrow, label, slim, turning
 from reproduce.physics.attitude.rotations import rotation_from_vector, unit
 from reproduce.physics.validate import FloatArray
 
@@ -83,7 +83,7 @@ def triad(
             away = (end - start) / np.hypot(*(end - start))
             # Beside an arrow that runs sideways, above or below one that runs up or down.
             side = "center" if abs(away[0]) < 0.6 else "left" if away[0] > 0 else "right"
-            gap = 0.36 if side == "center" else 0.16
+            gap = (0.36 if side == "center" else 0.16) * (1.2 if slim(axes) else 1.0)
             label(axes, end + gap * away, name, size=SIZE, ha=side)
 
 

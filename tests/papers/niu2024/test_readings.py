@@ -265,21 +265,27 @@ def test_all_starts_end_at_one_point():
     assert (distance[-2] < 1e-6).all()
 
 
-def test_the_drawing_of_the_distributions_shows_the_stored_quantiles_and_the_print():
-    figure = Figure()
+def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold():
     printed = dict(zip(readings.ADDRESSES, judged.printed_values(), strict=True))
+    figure = Figure()
     drawings.draw_distributions(figure, printed)
     levels = readings.stored().arrays["quantiles"]
     chosen = list(drawings.chosen().values())
     assert len(set(chosen)) == len(chosen) == 10
-    for place, axes in enumerate(figure.axes):
-        cell, channel = divmod(place, 2)
-        bars, dashed = axes.lines[:-1:2], axes.lines[-1]
-        for bar, (number, axes_counted) in zip(bars, chosen, strict=True):
-            expected = readings.counted(levels[number], axes_counted)[[0, -1], channel, cell]
-            np.testing.assert_allclose(bar.get_xdata(), expected * (1e3 if cell == 1 else 1))
-        printed = judged.printed_values()[channel * 6 + cell]
-        np.testing.assert_allclose(dashed.get_xdata(), printed * (1e3 if cell == 1 else 1))
+    for channel, axes in enumerate(figure.axes):
+        inside = {(int(x), int(y)) for x, y in axes.lines[0].get_xydata()}
+        away = {tuple(one.get_position()): float(one.get_text()) for one in axes.texts}
+        for row, (number, counted) in enumerate(chosen):
+            low, high = readings.counted(levels[number], counted)[[0, -1], channel]
+            value = judged.printed_values()[channel * 6 : channel * 6 + 6]
+            held = (low <= value) & (value <= high)
+            assert {x for x, y in inside if y == row} == set(np.flatnonzero(held))
+            for column in np.flatnonzero(~held):
+                end = low[column] if value[column] < low[column] else high[column]
+                beyond = abs(value[column] - end) / (high[column] - low[column]) * 2
+                assert away[column, row] == pytest.approx(
+                    1 + beyond, abs=0.51 if beyond > 9 else 0.051
+                )
     assert judged.printed_values()[:2] == pytest.approx([0.9973, np.radians(0.0698)])
 
 

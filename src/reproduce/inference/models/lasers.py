@@ -35,9 +35,11 @@ from reproduce.physics.attitude.rotations import (
     transpose,
     vector_from_rotation,
 )
-from reproduce.physics.validate import FloatArray, finite_array
+from reproduce.physics.validate import FloatArray, finite_array, kernel
 
 __all__ = ["Platform", "Quest", "SpotStatistics", "none"]
+
+_rotation_from_vector = kernel(rotation_from_vector)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +90,8 @@ class Platform:
         rays = np.empty((count, lasers.shape[-2], 3))
         rays[..., :2] = -lasers
         rays[..., 2] = np.broadcast_to(focal, count)[:, None]
-        zero = self.reference @ rotation_from_vector(mount)
-        now = zero[:, None] @ rotation_from_vector(turn)  # (6): the turn of the camera, undone
+        zero = self.reference @ _rotation_from_vector(mount)
+        now = zero[:, None] @ _rotation_from_vector(turn)  # (6): the turn of the camera, undone
         arriving = rays[:, None] @ np.swapaxes(now, -1, -2)
         slopes = arriving[..., :2] / arriving[..., 2:]
         return np.asarray(

@@ -171,7 +171,8 @@ class DistortedRegistration(PointwiseRegistration):
         radius = np.broadcast_to(self.radius, (len(parameters), len(self.radius)))
         ideal = radius.copy()
         for _ in range(NEWTON_STEPS):
-            ideal = ideal - (ideal + source * ideal**3 - radius) / (1 + 3 * source * ideal**2)
+            bend = source * ideal**2
+            ideal = ideal - (ideal + bend * ideal - radius) / (1 + 3 * bend)
         with np.errstate(invalid="ignore"):
             ratio = np.where(radius > 0, ideal / radius, 1.0)
         factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])

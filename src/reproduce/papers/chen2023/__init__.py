@@ -45,3 +45,4 @@ STUDIES = _made(
 # The modules of our own drawings.
 DRAWINGS = {f"chen2023-{what}": "attitude" for what in ("instruments", "misalignment", "stage")}
 DRAWINGS |= {"chen2023-focal-lengths": "figures.effectiveness"}
+DRAWINGS |= {"chen2023-arc-second": "figures.positioning"}

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Prediction, Results, draws, reproduces
+from reproduce.papers.sketch import sized
 from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import averaged_error, scatter_of_averages
 from reproduce.physics.optics.simulate import spawned_normals
@@ -173,7 +174,8 @@ def _counts(given: Given) -> list[int]:
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Accuracy of the matrices against the number of averaged frames."""
     counts = _counts(door)
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    narrow = sized(figure, 6.4, 4.0, 5.6)
+    panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True)
     looks = (("o", "-"), ("s", "--")) * 2
     columns = zip(COLUMNS, looks, replicated_table(door).transpose(1, 2, 0), strict=True)
     for (matrix, axis), (marker, line), tables in columns:
@@ -191,8 +193,10 @@ def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         axes.set_xticks(counts, [str(count) for count in counts], minor=False)
         axes.set_yticks([0.1, 0.2, 0.5, 1.0], ["0.1", "0.2", "0.5", "1"], minor=False)
         axes.minorticks_off()
-    panels[0].set_ylabel("accuracy (3σ, arcsec)")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    for axes in panels if narrow else panels[:1]:
+        axes.set_ylabel("accuracy (3σ, arcsec)")
+    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 4
+    figure.legend(*handles, loc="outside lower center", ncols=across)
 
 
 @dataclass(frozen=True, eq=False)

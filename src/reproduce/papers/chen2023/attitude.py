@@ -16,7 +16,19 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.chen2023.figures.sketch import LASER, SCENE, lens
 from reproduce.papers.declare import draws
-from reproduce.papers.sketch import INK, Look, arc, arrow, beside, canvas, key, label, line, path
+from reproduce.papers.sketch import (
+    INK,
+    Look,
+    arc,
+    arrow,
+    beside,
+    canvas,
+    key,
+    label,
+    line,
+    path,
+    slim,
+)
 from reproduce.papers.space import View, seen_from, sense, triad
 from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
@@ -35,6 +47,8 @@ __all__ = ["FOCAL", "POINT", "TURN", "towards", "turned_camera"]
 
 PRINTED = "chen2023/table-4#1.transform-?"
 NAMES = ("X", "Y", "Z")
+# Where the three instruments stand beside each other on the paper.
+WIDE = (2.4, 7.6, 12.8)
 BEFORE = Look("zero point", INK, "--")
 FOCAL = 2.2
 LENS = np.array([0.0, 0.0, FOCAL])
@@ -80,42 +94,44 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
 @draws("chen2023-instruments")
 def draw_instruments(figure: Figure) -> None:
     """Frames of camera and tracker, with the vectors of equations (1), (2) and (3)."""
-    axes = canvas(figure, 15.6, 8.8, 6.8)
-    for x, name, title, look, what in (
-        (2.4, "c", "camera, (1)", SCENE, "$(X, Y)$"),
-        (7.6, "c", "camera, (2)", LASER, "$(X_i, Y_i)$"),
-        (12.8, "s", "tracker, (3)", LASER, "$(x_i, y_i)$"),
+    axes = canvas(figure, 15.6, 8.8, 6.8, (10.4, 17.6))
+    feet = [(2.4, 11.3), (7.6, 11.3), (2.4, 2.5)] if slim(axes) else [(x, 2.5) for x in WIDE]
+    views = [seen_from(-68.0, 24.0, foot, 1.15) for foot in feet]
+    for view, (name, title, look, what) in zip(
+        views,
+        (
+            ("c", "camera, (1)", SCENE, "$(X, Y)$"),
+            ("c", "camera, (2)", LASER, "$(X_i, Y_i)$"),
+            ("s", "tracker, (3)", LASER, "$(x_i, y_i)$"),
+        ),
+        strict=True,
     ):
-        _instrument(axes, _view(x), name)
-        label(axes, (x, 0.4), title, size=10)
-        place = _view(x).point(SPOT)
+        _instrument(axes, view, name)
+        label(axes, beside(view.centre, 0.0, -2.1), title, size=10)
+        place = view.point(SPOT)
         axes.plot(*place, look.marker, color=look.colour, markersize=6)
         label(axes, beside(place, -0.1, -1.1), what)
     # The bracket of (1), from the lens to the image point, against the light's way out.
-    bracket, point = image_vectors([POINT], FOCAL)[0], _view(2.4).point
+    bracket, point = image_vectors([POINT], FOCAL)[0], views[0].point
     target, middle = point(LENS - 0.9 * bracket), point(LENS)
     path(axes, [target, middle], SCENE)
     arrow(axes, middle, point(LENS + bracket), width=2.4)
     label(axes, beside(target, 0.0, 0.35), "from the target")
     label(axes, beside(point(LENS + 0.45 * bracket), 0.95, 0.15), "bracket")
     # A laser, its light through the lens and the direction (2) in which that leaves.
-    direction, point = emitted_directions([POINT], FOCAL)[0], _view(7.6).point
+    direction, point = emitted_directions([POINT], FOCAL)[0], views[1].point
     middle, end = point(LENS), point(LENS + REACH * direction)
     path(axes, [point(SPOT), middle], LASER)
     arrow(axes, middle, end, LASER, width=2.4)
     label(axes, beside(end, 0.0, 0.35), r"$\mathbf{v}_i$: goes")
     # A spot, the light that made it and the direction (3) from which that came.
     direction = received_directions([POINT], (0.0, 0.0), 1.0, FOCAL)[0]
-    point, aside = _view(12.8).point, np.array([0.35, 0.12])
+    point, aside = views[2].point, np.array([0.35, 0.12])
     start, middle = point(LENS + REACH * direction), point(LENS)
     path(axes, [start, middle, point(SPOT)], LASER)
     arrow(axes, middle + aside, start + aside, width=2.4)
     label(axes, beside(start, 0.2, 0.45), r"$\mathbf{w}_i$: where from")
-    key(axes, (SCENE, LASER), (0.0, 1.0))
-
-
-def _view(x: float) -> View:
-    return seen_from(-68.0, 24.0, (x, 2.5), 1.15)
+    key(axes, (SCENE, LASER), (0.6, 0.3) if slim(axes) else (0.0, 1.0))
 
 
 def _instrument(axes: Axes, view: View, name: str) -> None:
@@ -131,7 +147,9 @@ def _instrument(axes: Axes, view: View, name: str) -> None:
 @draws("chen2023-misalignment")
 def draw_misalignment(figure: Figure) -> None:
     """Positive misalignment angles: the camera's axes before and after a turn about each."""
-    axes = canvas(figure, 13.6, 6.2, 6.8)
+    axes = canvas(figure, 13.6, 6.2, 6.8, (13.6, 7.4))
+    below, gap = (1.2, "\n") if slim(axes) else (0.0, " ")
+    axes.set_ylim(-below, 6.2)
     for index, x in enumerate((2.0, 6.6, 11.2)):
         view, centre = seen_from(-62.0, 26.0, (x, 2.7), 2.2), np.zeros(3)
         angles = TURN * np.eye(3)[index]
@@ -142,8 +160,9 @@ def draw_misalignment(figure: Figure) -> None:
         before = np.eye(3)[watched]
         sense(axes, view, centre, angles, 0.75 * before, TURN)
         axis = towards(before, after[watched])
-        label(axes, (x + 0.2, 0.95), rf"$\theta_{NAMES[index]} > 0$: {what} towards {axis}")
-    label(axes, (6.8, 0.2), "dashed: zero point; thick: now")
+        text = rf"$\theta_{NAMES[index]} > 0$: {what}{gap}towards {axis}"
+        label(axes, (x + 0.2, 0.95 - below / 4), text)
+    label(axes, (6.8, 0.2 - below), "dashed: zero point; thick: now")
 
 
 @draws("chen2023-stage")
@@ -168,11 +187,11 @@ def draw_stage(figure: Figure) -> None:
         turn = int(np.abs(angles).argmax())
         sign = ">" if angles[turn] > 0 else "<"
         label(axes, centre + 2.95 * boresight, rf"$\theta_{NAMES[turn]} {sign} 0$")
-        label(axes, beside(centre, 0.0, 2.75), "$Z$")
+        label(axes, beside(centre, 0.35, 2.2), "$Z$")
         label(axes, beside(origin, 2.6, 0.0), f"${name}$")
-        label(axes, beside(source, 0.0, -0.5), f"laser moves towards +{name}")
-        label(axes, beside(origin, 0.0, -1.1), f"its beam goes towards {towards([0, 0, 1], beam)}")
-    key(axes, (LASER,), (0.42, 1.0))
+        label(axes, beside(origin, 0.0, -0.6), f"laser moves towards +{name}")
+        label(axes, beside(origin, 0.0, -1.3), f"its beam goes towards {towards([0, 0, 1], beam)}")
+    key(axes, (LASER,), (0.38, 1.0))
 
 
 @studied(

@@ -33,6 +33,7 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
 )
+from reproduce.papers.sketch import thin
 from reproduce.papers.study import Column, Fact, studied
 from reproduce.physics.attitude.misalignment import stage_angle
 from reproduce.physics.optics.simulate import spawned_normals
@@ -291,7 +292,8 @@ def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=MOVED)
     panels[0].set_ylabel("focal length (mm)")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    columns = 2 if thin(figure) else 4
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
 def _column(printed: Given | Mapping[str, float], name: str) -> FloatArray:

@@ -46,6 +46,7 @@ from reproduce.papers.declare import (
     reproduces,
     seed_of,
 )
+from reproduce.papers.sketch import thin
 from reproduce.papers.study import Column, studied
 from reproduce.physics.attitude.averaging import attitude_accuracy
 from reproduce.physics.images.centroid_theory import CentroidError, centre_of_gravity_error
@@ -369,7 +370,7 @@ def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) ->
     place = optimum * ARCSEC_PER_RADIAN
     axes.plot(place, accuracy, "*", markersize=13, color="#000000", label="printed best")
     axes.set(ylabel="centroid error (1σ, px)")
-    figure.legend(loc="outside lower center", ncols=3)
+    figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
 
 
 @draws("chen2023/fig-11b", given=READS, marks=[SATURATION])
@@ -381,7 +382,7 @@ def draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -
     limit = printed[SATURATION] * ARCSEC_PER_RADIAN
     axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
     axes.set(ylabel="monitoring error (1σ, arcsec)")
-    figure.legend(loc="outside lower center", ncols=3)
+    figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
 
 
 def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | float) -> Axes:

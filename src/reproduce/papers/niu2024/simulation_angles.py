@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.declare import draws
+from reproduce.papers.sketch import sized, thin
 from reproduce.papers.study import Fact
 from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
 from reproduce.physics.validate import FloatArray
@@ -117,15 +118,17 @@ def _holds_zero(one: Arrangement) -> bool:
 def draw_arrangements(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Every arrangement of rotation angles that has the printed count."""
     found, used = candidates(door), literal(door).name
-    figure.set_size_inches(6.4, 1.75 * -(-len(found) // 3))
-    grid = figure.subplots(-(-len(found) // 3), 3, sharex=True, sharey=True).ravel()
+    columns = 2 if thin(figure) else 3
+    rows = -(-len(found) // columns)
+    sized(figure, 6.4, 1.85 * rows, narrow=1.7 * rows)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True).ravel()
     for axes, one in zip(grid, found, strict=False):
         axes.plot(*np.degrees(one.angles).T, "o", markersize=1.5)
         axes.plot(*_range(door), color="#000000", linewidth=0.6)
         if _holds_zero(one):
             axes.plot(0, 0, "o", markersize=6, fillstyle="none", color="#000000")
-        lines = textwrap.wrap(one.name + (" (in use)" if one.name == used else ""), 34)
-        axes.set_title("\n".join(lines), fontsize=7.5)
+        name = one.name + (" (in use)" if one.name == used else "")
+        axes.set_title("\n".join(textwrap.wrap(name, 26)), fontsize=8)
         axes.set(aspect="equal")
     for axes in grid[len(found) :]:
         axes.set_axis_off()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
+import pandas as pd
 from markupsafe import Markup
 
 from reproduce.audit.errata import Erratum
@@ -11,14 +14,20 @@ from reproduce.audit.examine import Finding
 from reproduce.audit.report import Audit, Group
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record
-from reproduce.printed.cells import PAPERS, anchor
+from reproduce.papers.sketch import sized
+from reproduce.printed.cells import PAPERS, anchor, find
 from reproduce.version import __version__
 from reproduce.views.computed import item_ledger, paper_audit
 from reproduce.views.objects import contradictions
+from reproduce.views.objects.base import text_of
 from reproduce.views.objects.contradictions import errata_register, within_paper
+from reproduce.views.objects.figure import pictured
 from reproduce.views.writing.display import Grid, Html, folded
-from reproduce.views.writing.figures import inline, styled, vector_of
+from reproduce.views.writing.figures import Picture
 from reproduce.views.writing.numbers import minus
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = [
     *("JOINT", "audit_facts", "corrections", "equations", "errata"),
@@ -269,7 +278,7 @@ def _outcome(record: Record) -> str:
     return f"{_digits(record.computed or 0.0)} computed"
 
 
-def picture(paper: str, alternative: str, caption: str = "") -> Html:
+def picture(paper: str, alternative: str, caption: str) -> Html:
     """Show relations against cells: a dot where a contradicting relation holds a blamed cell."""
     audit = paper_audit(paper)
     counts = audit.blamed()
@@ -278,23 +287,47 @@ def picture(paper: str, alternative: str, caption: str = "") -> Html:
     every = [f.relation for f in audit.read if f.outcome == "contradicts"]
     wrong = [relation for relation in every if set(cells) & set(relation.addresses)]
     others = len(every) - len(wrong)
-    with styled((8.5, 1.6 + 0.2 * max(len(cells), 1))) as figure:
-        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
-        for x, relation in enumerate(wrong):
+    names = [_named(cell) for cell in cells]
+
+    def paint(figure: Figure) -> None:
+        narrow = sized(figure, 6.8, 1.6 + 0.2 * len(cells), 1.8 + 0.39 * len(cells))
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2, 1))
+        for x, relation in enumerate(wrong, start=1):
             rows = [y for y, cell in enumerate(cells) if cell in relation.addresses]
             left.plot([x] * len(rows), rows, "-o", markersize=4, linewidth=0.8, color="C1")
-        left.set_yticks(range(len(cells)), [within_paper(cell) for cell in cells], fontsize=8)
-        left.set_xticks(
-            range(len(wrong)), [r.name for r in wrong], rotation=90, fontsize=8, ha="center"
-        )
+        labels = [textwrap.fill(name, 20) if narrow else name for name in names]
+        left.set_yticks(range(len(cells)), labels, fontsize=8)
+        left.set_xticks(range(1, len(wrong) + 1))
         left.set_ylim(len(cells) - 0.5, -0.5)
-        more = f"; {others} more hold none of these cells" if others else ""
-        left.set_title(f"relations that contradict{more}")
+        left.set_title("relation", loc="left")
+        left.xaxis.tick_top()
         right.barh(range(len(cells)), [counts[cell] for cell in cells], color="C0")
-        right.set_xlabel("smallest sets")
-        right.set_title("in how many")
-    below = Markup("<figcaption>{}</figcaption>").format(caption) if caption else ""
-    return Html(inline(vector_of(figure), f"audit-{paper}", alternative, below))
+        right.set_title("in how\nmany sets", loc="left")
+
+    numbers = pd.DataFrame(
+        {"cell": address, "smallest sets": counts[address], "relation": relation.name}
+        for address in cells
+        for relation in wrong
+        if address in relation.addresses
+    )
+    drawn = Picture(f"audit-{paper}", paint, numbers)
+    link = Markup('<li><a href="#{}"><code>{}</code></a>: {}</li>')
+    listed = Markup("").join(
+        link.format(relation_anchor(paper, one.name), one.name, one.source) for one in wrong
+    )
+    more = f" {others} more hold none of these numbers." if others else ""
+    key = folded(
+        f"The relations by their number.{more}", Markup("<ol>{}</ol>").format(listed), opened=False
+    )
+    shown = pictured(drawn, alternative, caption, text_of(picture))
+    return Html(Markup(shown.text) + key)
+
+
+def _named(address: str) -> str:
+    """Return what a cell is, and the table that prints it, in words."""
+    (cell,) = find(address)
+    place = cell.place.partition(",")[0]
+    return f"{cell.label}, {place[0].lower() if place == 'Text' else place[0]}{place[1:]}"
 
 
 def audit_facts() -> dict[str, str]:

@@ -24,7 +24,6 @@ from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.writing import numbers, verdicts
 
 if TYPE_CHECKING:
-    from reproduce.inference.posterior import Sampled
     from reproduce.papers.declare_posterior import Aside
 
 __all__ = ["facts", "facts_of", "filled", "of_posteriors", "unsampled"]
@@ -39,12 +38,10 @@ def facts(*papers: str) -> dict[str, str]:
 
 def of_posteriors(names: Iterable[str]) -> dict[str, str]:
     """Compute the facts of posteriors, which are sampled for it."""
-    from reproduce.views.objects.posterior import book_posterior
-
     return {
         f"posterior/{name}#{label}": numbers.powers(text)
         for name in names
-        for label, text in _of_posterior(name, book_posterior(name)).items()
+        for label, text in _of_posterior(name).items()
     }
 
 
@@ -173,7 +170,7 @@ def _of_evidence() -> dict[str, str]:
     return found
 
 
-def _of_posterior(name: str, found: Sampled) -> dict[str, str]:
+def _of_posterior(name: str) -> dict[str, str]:
     """Return the numbers of a posterior that sentences may say, by name.
 
     ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, the asides of the
@@ -181,9 +178,9 @@ def _of_posterior(name: str, found: Sampled) -> dict[str, str]:
     ``outside`` what repeats print.
     """
     from reproduce.papers.posteriors import posteriors
-    from reproduce.views.objects.posterior import spread
+    from reproduce.views.objects.posterior import book_posterior, book_repeats, spread
 
-    declared, texts = posteriors()[name], {}
+    declared, found, texts = posteriors()[name], book_posterior(name), {}
     for row in found.summaries():
         label = row.name.replace(" ", "-").replace(",", "")
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
@@ -191,7 +188,7 @@ def _of_posterior(name: str, found: Sampled) -> dict[str, str]:
     for key, aside in (declared.asides(found.model) if declared.asides else {}).items():
         texts |= _of_aside(key, aside)
     texts |= dict(_of_calibration(name))
-    if compared := declared.repeats(found):
+    if compared := book_repeats(name):
         rows = compared[0]
         outside = sum(row.tail.value < 0.05 / len(rows) for row in rows)
         texts |= {"outside": str(outside), "printed-count": str(len(rows))}

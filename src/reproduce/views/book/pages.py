@@ -15,27 +15,25 @@ from reproduce.version import __version__
 from reproduce.views.book.build import shipped
 from reproduce.views.book.facts import filled
 from reproduce.views.keys import check_key
-from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import text_of
+from reproduce.views.objects.figure import with_bar
 from reproduce.views.writing import numbers, verdicts
 from reproduce.views.writing.cite import citation as citation_of
 from reproduce.views.writing.display import Grid, Html
-from reproduce.views.writing.figures import declared, figure_files, inline, vector
+from reproduce.views.writing.figures import declared, vectors
 
 __all__ = ["citation", "downloads", "figure", "source", "verdict_legend", "versions"]
 
 
-def figure(key: str, alternative: str, caption: str = "") -> Html:
+def figure(key: str, alternative: str, caption: str) -> Html:
     """Show a figure that follows the page's light or dark theme, with its caption below."""
     named = declared(key).named
     facts = {name: numbers.fact(quoted) for name, quoted in named().items()} if named else {}
     own = key in drawings()
     name = f"{'drawing' if own else 'figure'}-{anchor(key)}"
     text, told = (numbers.powers(filled(one, facts)) for one in (alternative, caption))
-    below = Markup("<figcaption>{}</figcaption>").format(told) if told else Markup("")
     source = text_of(declared(key).function)
-    below += bar(key, name, figure_files(key), source, item=not own)
-    return Html(inline(vector(key), name, text, below))
+    return with_bar(key, name, vectors(key), text, told, source, item=not own)
 
 
 def verdict_legend() -> Html:

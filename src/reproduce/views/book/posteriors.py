@@ -33,9 +33,12 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.units import UNITS, symbol
 from reproduce.views.computed import item_ledger
+from reproduce.views.objects.base import text_of
+from reproduce.views.objects.figure import pictured
 from reproduce.views.objects.posterior import (
     Posterior,
     book_posterior,
+    book_repeats,
     coverage_rows,
     entries,
     interval,
@@ -207,7 +210,7 @@ def intervals() -> Html:
         "translations on Table 2: that is why they differ. The truth of a scale leaves out the "
         "distortion of the channels, which a similarity takes for scale."
     )
-    return Html(figures.bars(rows, alternative, caption))
+    return pictured(figures.bars(rows), alternative, caption, text_of(figures.bars))
 
 
 def noise_of_table_3() -> Html:
@@ -222,7 +225,8 @@ def noise_of_table_3() -> Html:
         "the noise that the text states."
     )
     mark = float(found.model.estimate["noise"])
-    return Html(figures.density(found, "noise", mark, alternative, caption))
+    picture = figures.density(found, "noise", mark)
+    return pictured(picture, alternative, caption, text_of(figures.density))
 
 
 def averaging() -> Html:
@@ -253,7 +257,8 @@ def averaging() -> Html:
         "printed point it is extrapolation: the data set only an upper bound on the floor. The "
         "points scatter together, since all come from one series of frames."
     )
-    return Html(figures.averaged(np.array(counts), bands, printed, alternative, caption))
+    picture = figures.averaged(np.array(counts), bands, printed)
+    return pictured(picture, alternative, caption, text_of(figures.averaged))
 
 
 def diagnostics(paper: str) -> Html:
@@ -314,8 +319,9 @@ def computation(name: str) -> Html:
         f"One panel for each parameter of {name}, with the median of the walkers of each ensemble "
         "against the step. All ensembles wander about one level, without a trend."
     )
-    drawn = figures.traces(found, alternative, "Median of the walkers, one line per ensemble.")
-    return _step("computation", name, _table(head, rows, caption), drawn)
+    below = f"Traces of {name}: the median of the walkers, a line for each ensemble."
+    drawn = pictured(figures.traces(found), alternative, below, text_of(figures.traces))
+    return _step("computation", name, _table(head, rows, caption), drawn.text)
 
 
 def results(name: str) -> Html:
@@ -393,7 +399,7 @@ def bounds(name: str) -> str:
 
 def repeats(name: str) -> str:
     """Return the published numbers, and those of repeats of the experiment."""
-    found = posteriors()[name].repeats(book_posterior(name))
+    found = book_repeats(name)
     if found is None:
         return ""
     printed, together, note = found
@@ -559,9 +565,12 @@ def reproducing(name: str) -> Html:
         f"One curve for each quantity of {name}: its ranks, cumulated, less what even ranks give, "
         "against a shaded band about zero that holds a whole curve with the stated probability."
     )
-    below = "The band holds one whole curve; of many curves one or another may leave it."
-    drawn = figures.ranks(stored, name, alternative, below)
-    return _step("reproducing", name, table, drawn, commands)
+    below = (
+        f"Ranks of {name} in its calibration. The band holds one whole curve; of many curves one "
+        "or another may leave it."
+    )
+    drawn = pictured(figures.ranks(stored, name), alternative, below, text_of(figures.ranks))
+    return _step("reproducing", name, table, drawn.text, commands)
 
 
 def calibrations_of_all() -> Html:

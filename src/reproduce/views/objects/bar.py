@@ -42,7 +42,11 @@ def bar(
     inputs : Markup
         What it is computed from, empty where it is not.
     """
-    parts = [Markup('<a href="#{}" title="permalink"><code>{}</code></a>').format(anchor, key)]
+    parts = [
+        Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>').format(
+            anchor, key
+        )
+    ]
     if item:
         texts = (citation(key, form) for form in ("bibtex", "text"))
         parts.append(_fold("Cite", Markup("").join(map(_block, texts))))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup
 from rich.console import RenderableType
 
 from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor
-from reproduce.views import keys
+from reproduce.views import computed, keys
+from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, Item, Shown, setting
 from reproduce.views.writing import figures
+from reproduce.views.writing.display import Html
 from reproduce.views.writing.numbers import powers_in_html
 
 if TYPE_CHECKING:
@@ -23,7 +27,38 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-__all__ = ["Figure", "Panels"]
+__all__ = ["Figure", "Panels", "captioned", "pictured", "with_bar"]
+
+
+def with_bar(
+    key: str,
+    name: str,
+    shown: figures.Vectors,
+    alternative: str,
+    caption: str,
+    source: str,
+    *,
+    item: bool = False,
+) -> Html:
+    """Show a figure of the book under its anchor, its caption and its bar below."""
+    below = captioned(caption) + bar(key, name, figures.figure_files(key), source, item=item)
+    return Html(figures.inline(shown, name, alternative, below))
+
+
+def captioned(caption: str) -> Markup:
+    """Return a caption with the place into which the book writes the figure's number."""
+    return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
+
+
+def pictured(picture: figures.Picture, alternative: str, caption: str, source: str) -> Html:
+    """Show a picture of the book, and, in a build of it, write the files that its bar offers."""
+    figure = figures.drawn(picture.paint)
+    slender = figures.drawn(picture.paint, narrow=True)
+    shown = figures.Vectors(figures.vector_of(figure), figures.vector_of(slender))
+    if build := os.environ.get(computed.FOLDER):
+        downloads = Path(build).parent.parent / "_extra"
+        figures.write_files(figure, picture.key, downloads, picture.numbers, svg=shown.wide)
+    return with_bar(picture.key, f"figure-{picture.key}", shown, alternative, caption, source)
 
 
 class Figure(Changeable, Item):
@@ -80,7 +115,8 @@ class Figure(Changeable, Item):
     def _repr_html_(self) -> str:
         name = f"figure-{anchor(self.key)}" + ("-changed" if self.changes else "")
         alternative = f"{self.title}. {self._told()}".rstrip()
-        return powers_in_html(figures.inline(figures.vector_of(self.drawn), name, alternative))
+        shown = figures.Vectors(figures.vector_of(self.drawn))
+        return powers_in_html(figures.inline(shown, name, alternative))
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield what the figure shows and how to look at it."""

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.inference.calibration import Ranks
+    from reproduce.inference.checks import Repeat, Share
     from reproduce.inference.model import Model, Parameter
     from reproduce.inference.parts import Progress
     from reproduce.inference.posterior import Sampled, Summary
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Posterior",
     "book_posterior",
+    "book_repeats",
     "coverage_rows",
     "entries",
     "interval",
@@ -57,12 +59,25 @@ PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 @cache
 def book_posterior(name: str) -> Sampled:
-    """Return the posterior of the book, sampled once in a process, and once in a build."""
+    """Return the posterior of the book, sampled and summarised once in a build."""
     from reproduce.inference import sampling
     from reproduce.papers.posteriors import posteriors
 
-    declared, kept = posteriors()[name], computed.kept()
-    return sampling.sample(declared.model(), declared.plan(), folder=kept and kept / name)
+    def sampled() -> Sampled:
+        declared = posteriors()[name]
+        found = sampling.sample(declared.model(), declared.plan())
+        found.summaries()  # kept with the draws
+        return found
+
+    return computed.once(f"posterior-{name}", sampled)
+
+
+def book_repeats(name: str) -> tuple[list[Repeat], Share, str] | None:
+    """Return the printed numbers among those of repeats, as declared; simulated once in a build."""
+    from reproduce.papers.posteriors import posteriors
+
+    declared = posteriors()[name]
+    return computed.once(f"repeats-{name}", lambda: declared.repeats(book_posterior(name)))
 
 
 class Posterior(Shown):
@@ -265,6 +280,8 @@ class Posterior(Shown):
 
         Where the data are simulated the truth is marked, else a least-squares or nominal estimate.
         """
+        from reproduce.views.objects.figure import captioned, pictured
+        from reproduce.views.writing.figures import Vectors, drawn, inline, vector_of
         from reproduce.views.writing.posterior_figures import MOST, corner
 
         known = self.model.names
@@ -288,7 +305,13 @@ class Posterior(Shown):
         caption += " Contours hold 50 % and 95 % of the draws." if len(chosen) > 1 else ""
         alternative = f"Histograms of {', '.join(chosen)} in the posterior of {self.name}"
         alternative += self._related(chosen) if len(chosen) > 1 else "."
-        return Html(corner(self.sampled, chosen, marks, alternative, caption))
+        picture = corner(self.sampled, chosen, marks)
+        if not self.data and not self.changes:
+            return pictured(picture, alternative, caption, text_of(corner))
+        # A reader's own is in no file of the book.
+        wide, narrow = (vector_of(drawn(picture.paint, narrow=one)) for one in (False, True))
+        name = f"figure-{picture.key}-own"
+        return Html(inline(Vectors(wide, narrow), name, alternative, captioned(caption)))
 
     def _related(self, names: Sequence[str]) -> str:
         """Say which two parameters are correlated most."""

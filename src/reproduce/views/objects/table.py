@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,8 @@ DETAILS = (
     *("Share of tolerance", "Verdict", "Why"),
 )
 # From this many columns on, a terminal also shows interval and probability.
+# Cells that share a note are counted from here on.
+FEW = 4
 WIDE = 110
 COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
 COLOURS |= {"input": "dim"}
@@ -175,7 +177,7 @@ class Table(Item):
         return export(self._ledger, self.key, form)
 
     def _repr_html_(self) -> str:
-        parts = [self._whole().html]
+        parts = [self._whole().html, _noted(self._printed.cells)]
         place, records = self._printed.place, self._ledger.of(self.key)
         if joint := self._ledger.table(self.key):
             parts.append(Markup('<p class="rp-joint">{}</p>').format(_joint_sentence(joint)))
@@ -306,10 +308,26 @@ def _printed(cell: PrintedCell) -> Markup:
     shown = Markup('<span class="rp-printed">{}</span>').format(cell.shown)
     if cell.sigma:
         shown += Markup(' <span class="rp-sigma">{}σ</span>').format(cell.sigma)
-    note = Markup(' <abbr title="{}">{}</abbr>').format
-    if cell.unit_assumed and cell.is_number:
-        shown += note(cell.unit_assumed, "unit ours")
-    return shown + note(cell.misprint, "misprint?") if cell.misprint else shown
+    return shown + Markup("").join(Markup(" <small>{}</small>").format(n) for n in _notes(cell))
+
+
+def _notes(cell: PrintedCell) -> dict[str, str]:
+    """Return what stands beside a print in a word or two, and why."""
+    notes = {"unit ours": cell.unit_assumed if cell.is_number else "", "misprint?": cell.misprint}
+    return {word: text for word, text in notes.items() if text}
+
+
+def _noted(cells: Iterable[PrintedCell]) -> Markup:
+    """Return in full what stands beside the prints, once for all cells that share it."""
+    shared: dict[tuple[str, str], list[str]] = {}
+    for cell in cells:
+        for note in _notes(cell).items():
+            shared.setdefault(note, []).append(cell.label)
+    line = Markup('<p class="rp-joint"><small>{}</small>, {}: {}</p>')
+    return Markup("").join(
+        line.format(word, "; ".join(labels) if len(labels) < FEW else f"{len(labels)} cells", text)
+        for (word, text), labels in shared.items()
+    )
 
 
 def _computed(record: Record) -> Markup:
@@ -321,8 +339,8 @@ def _verdict(record: Record) -> Markup:
     shown = {*verdicts.WEAK, "stand_in"}
     marks = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in shown)
     flags = Markup('<span class="rp-flag">{}</span>').format(marks) if marks else ""
-    badge = Markup('<span class="rp-badge rp-badge-{0}" title="{1}">{0}</span>{2}')
-    return badge.format(record.verdict, reason(record.cell) or record.why, flags)
+    badge = Markup('<span class="rp-badge rp-badge-{0}">{0}</span>{1}')
+    return badge.format(record.verdict, flags)
 
 
 def _detail(record: Record) -> list[Entry]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import io
-import math
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+import zlib
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Drawing, Marks
+from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
 from reproduce.views.computed import once
 
@@ -23,22 +23,44 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 __all__ = [
-    *("SMALLEST", "Vector", "check_ending", "data", "declared", "draw", "drawable"),
-    *("figure_files", "inline", "save", "styled", "vector", "vector_of", "write_figure"),
+    *(
+        "Paint",
+        "Picture",
+        "Vectors",
+        "check_ending",
+        "data",
+        "declared",
+        "draw",
+        "drawable",
+        "drawn",
+    ),
+    *("figure_files", "inline", "save", "vector_of", "vectors", "write_figure", "write_files"),
 ]
 
 STYLE = Path(__file__).parent / "figures.mplstyle"
 ENDINGS = (".svg", ".pdf", ".png")
-# Text smaller than this many CSS pixels is hard to read; a narrow screen scrolls instead.
-SMALLEST = 9.0
-POINTS, PIXELS = 72.0, 96.0  # per inch
+XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
+# On a narrow page text has little room, and must not be under eight points.
+SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
+FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
+LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
+NAMED = re.compile(r' id="([^"]+)"')
+Paint = Callable[["Figure"], None]
 
 
-class Vector(NamedTuple):
-    """A figure as SVG, and the width in CSS pixels from which its text is readable."""
+class Picture(NamedTuple):
+    """A picture that belongs to no paper: its key, what paints it, and the numbers behind it."""
 
-    svg: str
-    least: int
+    key: str
+    paint: Paint
+    numbers: pd.DataFrame
+
+
+class Vectors(NamedTuple):
+    """A figure as SVG, as a wide page shows it and, where it is drawn so, a narrow one."""
+
+    wide: str
+    narrow: str = ""
 
 
 def drawable() -> list[str]:
@@ -57,30 +79,29 @@ def declared(key: str) -> Drawing:
     return found
 
 
-@contextmanager
-def styled(size: tuple[float, float] | None = None, constrained: bool = True) -> Iterator[Figure]:
-    """Yield an empty figure to be drawn in the project's style."""
+def drawn(paint: Paint, *, narrow: bool = False) -> Figure:
+    """Draw in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    with style.context(STYLE):
-        yield Figure(figsize=size, layout="constrained" if constrained else None)
+    with style.context([STYLE, SMALL] if narrow else STYLE):
+        figure = Figure(figsize=(NARROW, 3.2) if narrow else None, layout="constrained")
+        paint(figure)
+    return figure
 
 
-def draw(key: str, door: Given | None = None) -> Figure:
+def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Figure:
     """Draw an item, or one of our own drawings."""
     drawing = declared(key)
     table = library().get(key)
     marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
     numbers = [cell for cell in marked if cell.is_number]
     printed = Marks({c.address: c.si for c in numbers}, {c.address: c.si_interval for c in numbers})
-    with styled() as figure:
-        drawing(figure, printed, door)
-    return figure
+    return drawn(lambda figure: drawing(figure, printed, door), narrow=narrow)
 
 
 def data(figure: Figure) -> pd.DataFrame:
-    """Return the lines and points of a figure."""
+    """Return the lines, points and labels of a figure."""
     import numpy as np
     import pandas as pd
 
@@ -88,6 +109,7 @@ def data(figure: Figure) -> pd.DataFrame:
     for panel, axes in enumerate(figure.axes, start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
         drawn += [(one.get_label(), one.get_offsets()) for one in axes.collections]
+        drawn += [(one.get_text(), [one.get_position()]) for one in axes.texts]
         for number, (label, points) in enumerate(drawn, start=1):
             x, y = np.asarray(points, dtype=float).reshape(-1, 2).T
             named = str(label)
@@ -123,59 +145,74 @@ def figure_files(key: str) -> list[str]:
     return [f"figures/{anchor(key)}{ending}" for ending in (*ENDINGS, ".csv")]
 
 
-def vector(key: str) -> Vector:
+def vectors(key: str) -> Vectors:
     """Draw an item or one of our own drawings for a page; once in a build."""
-    return once(f"figure-{anchor(key)}", lambda: vector_of(draw(key)))
+    return once(f"figure-{anchor(key)}", lambda: _both(key, draw(key)))
 
 
-def vector_of(figure: Figure) -> Vector:
+def _both(key: str, figure: Figure) -> Vectors:
+    return Vectors(vector_of(figure), vector_of(draw(key, narrow=True)))
+
+
+def vector_of(figure: Figure) -> str:
     """Return a figure as SVG for a page."""
     buffer = io.StringIO()
     _write(figure, buffer, ".svg")
-    return Vector(buffer.getvalue(), _least_width(figure))
+    svg = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
+    return FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
     figure = draw(key)
+    drawn = once(f"figure-{anchor(key)}", lambda: _both(key, figure))
+    write_files(figure, key, root, svg=drawn.wide)
+
+
+def write_files(
+    figure: Figure,
+    key: str,
+    root: Path,
+    numbers: pd.DataFrame | None = None,
+    *,
+    svg: str,
+) -> None:
+    """Write a figure, its page's SVG and its data (else its lines and points) below a root."""
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    once(f"figure-{anchor(key)}", lambda: vector_of(figure))
     for path in figure_files(key):
         if path.endswith(".csv"):
-            data(figure).to_csv(root / path, index=False)
+            (data(figure) if numbers is None else numbers).to_csv(root / path, index=False)
+        elif path.endswith(".svg"):
+            (root / path).write_text(f"{XML}{svg}", encoding="utf-8")
         else:
             save(figure, root / path)
 
 
-def inline(drawn: Vector, name: str, alternative: str, below: str = "") -> str:
+def inline(shown: Vectors, name: str, alternative: str, below: str = "") -> str:
     """Return a figure as an HTML fragment whose black parts follow the page's text colour.
 
     `below` is HTML: the caption and what else belongs to the figure.
     """
-    svg = drawn.svg
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    parts = [f'<div class="rp-wide">{_followed(shown.wide, name, alternative)}</div>']
+    if shown.narrow:
+        # Without the book's style sheet, as in a notebook, the wide one alone is seen.
+        svg = _followed(shown.narrow, f"{name}-narrow", alternative)
+        parts.append(f'<div class="rp-narrow" hidden>{svg}</div>')
+    return f'<figure class="rp-figure" id="{name}">{"".join(parts)}{below}</figure>'
+
+
+def _followed(svg: str, name: str, alternative: str) -> str:
     # What the style file paints in black is what should follow the page. Where black fills
     # something, matplotlib writes nothing, since SVG fills in black by itself: the root says
     # otherwise.
     svg = re.sub(r"#000000\b", "currentColor", svg)
-    svg = re.sub(r'\bid="', f'id="{name}-', svg)
-    svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>{name}-", svg)
+    # Short names, of what is named at all, and each its own in a page: points repeat them.
+    mark = f"v{zlib.crc32(name.encode()):x}-"
+    short = {
+        old: f"{mark}{n}"
+        for n, old in enumerate(dict.fromkeys(old for _, old in LINK.findall(svg)))
+    }
+    svg = NAMED.sub(lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg)
+    svg = LINK.sub(lambda link: link[1] + short[link[2]], svg)
     label = escape(alternative, quote=True)
-    least = f"min-width:{drawn.least}px"
-    svg = svg.replace(
-        "<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" style="{least}" ', 1
-    )
-    # What scrolls on a narrow screen is within a keyboard's reach.
-    return f'<figure class="rp-figure" id="{name}" tabindex="0">{svg}{below}</figure>'
-
-
-def _least_width(figure: Figure) -> int:
-    """Return the width in CSS pixels at which the smallest text of a figure is still readable."""
-    from matplotlib.text import Text
-
-    texts = [found for found in figure.findobj() if isinstance(found, Text)]
-    sizes = [float(t.get_fontsize()) for t in texts if t.get_text().strip()]
-    smallest = min(sizes, default=POINTS)
-    width = figure.get_figwidth()
-    return math.ceil(width * PIXELS * min(1.0, SMALLEST / (smallest * PIXELS / POINTS)))
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" ', 1)

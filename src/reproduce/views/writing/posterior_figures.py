@@ -1,24 +1,22 @@
-"""Figures of the posteriors: what they say, corner plots, traces, ranks.
-
-Each is light, since a page carries several: few points, and coordinates to a hundredth of a point.
-"""
+"""Figures of the posteriors: what they say, corner plots, traces, ranks; few points each."""
 
 from __future__ import annotations
 
-import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
-from markupsafe import Markup
+import pandas as pd
 from numpy.typing import NDArray
 
 from reproduce.inference.calibration import Ranks, band
 from reproduce.inference.model import Parameter
 from reproduce.inference.posterior import Sampled
-from reproduce.views.writing.figures import inline, styled, vector_of
+from reproduce.papers.sketch import sized, thin
+from reproduce.views.writing.figures import Picture
 from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
@@ -38,15 +36,12 @@ TAILS = (0.002, 0.998)
 # In panels of a corner plot: so far below, a label clears ticks of seven digits, as of a scale.
 BELOW = -0.6
 # Room for ticks and labels of a corner plot, in inches.
-EDGES = 1.15
+EDGES = 1.1
 SMALL = 8.0  # points
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#777777"
 DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = (
     "-", "--", "-.", ":", (0, (6, 2)), (0, (1, 4)), (0, (4, 1, 1, 1, 1, 1)), (0, (8, 3, 2, 3)),
 )  # fmt: skip
-_PATH = re.compile(r'\bd="[^"]*"')
-_FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
-_LONG = re.compile(r"(\.\d\d)\d+")
 # Half-widths of an interval at which a mark beyond it stands, at the edge of its picture.
 EDGE = 3.0
 
@@ -55,28 +50,21 @@ def _label(parameter: Parameter) -> str:
     return f"${parameter.label}$" + ("" if parameter.unit == "1" else f" ({parameter.unit})")
 
 
-def _shown(figure: Figure, name: str, alternative: str, caption: str = "") -> str:
-    """Return a drawn figure as HTML, its caption below."""
-    drawn = vector_of(figure)
-    short = _PATH.sub(lambda path: _LONG.sub(r"\1", path.group()), drawn.svg)
-    short = _FONTS.sub(r"\1, sans-serif", short)
-    below = Markup("<figcaption>{}</figcaption>").format(caption) if caption else ""
-    return inline(drawn._replace(svg=short), f"figure-posterior-{name}", alternative, below)
-
-
-def traces(posterior: Sampled, alternative: str, caption: str) -> str:
+def traces(posterior: Sampled) -> Picture:
     """Draw the median of the walkers of every ensemble against its steps."""
     model = posterior.model
     stride = max(1, posterior.chain.shape[1] // TRACE_POINTS)
-    chain = posterior.chain[:, ::stride]
-    height = 1.1 * -(-model.dimension // 2) + 0.6
-    with styled((7.0, height)) as figure:
-        panels = figure.subplots(-(-model.dimension // 2), 2, sharex=True, squeeze=False).ravel()
+    medians = np.median(posterior.chain[:, ::stride], axis=2)
+    steps = np.arange(medians.shape[1]) * stride
+
+    def paint(figure: Figure) -> None:
+        columns = 1 if thin(figure) else 2
+        rows = -(-model.dimension // columns)
+        sized(figure, 6.8, 1.1 * rows + 0.6, 0.9 * rows + 0.6)
+        panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
         for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=False)):
-            values = chain[..., i] * parameter.shown
-            steps = np.arange(values.shape[1]) * stride
-            for ensemble in values:
-                axes.plot(steps, np.median(ensemble, axis=1), linewidth=0.7)
+            for ensemble in medians[..., i] * parameter.shown:
+                axes.plot(steps, ensemble, linewidth=0.7)
             axes.set_ylabel(_label(parameter), fontsize=SMALL)
             axes.tick_params(labelsize=SMALL)
             axes.ticklabel_format(axis="y", useOffset=False)
@@ -84,48 +72,101 @@ def traces(posterior: Sampled, alternative: str, caption: str) -> str:
             axes.grid(visible=False)
         for axes in panels[model.dimension :]:
             axes.set_axis_off()
-        for axes in panels[max(0, model.dimension - 2) : model.dimension]:
+        for axes in panels[max(0, model.dimension - columns) : model.dimension]:
             axes.set_xlabel("step", fontsize=SMALL)
-    return _shown(figure, f"{model.name}-traces", alternative, caption)
+
+    shown = medians * [one.shown for one in model.parameters]
+    numbers = pd.DataFrame(shown.reshape(-1, model.dimension), columns=list(model.names))
+    numbers.insert(0, "step", np.tile(steps, len(shown)))
+    numbers.insert(0, "ensemble", np.repeat(np.arange(1, len(shown) + 1), len(steps)))
+    return Picture(f"posterior-{model.name}-traces", paint, numbers)
 
 
-def corner(
-    posterior: Sampled,
-    names: Sequence[str],
-    marks: Mapping[str, float],
-    alternative: str,
-    caption: str,
-    *,
-    identifier: str = "corner",
-) -> str:
-    """Draw the corner plot of some parameters, with marks in SI units or px where there are any."""
-    import corner as package
+def corner(posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]) -> Picture:
+    """Draw the corner plot of some parameters, with marks in SI units or px where there are any.
 
+    A narrow page has the histograms one below the other, and beside each the parameter that it is
+    correlated with most.
+    """
     model = posterior.model
     columns = [model.names.index(name) for name in names]
     chosen = [model.parameters[i] for i in columns]
     rows = posterior.draws[:, columns]
     rows = rows[np.linspace(0, len(rows) - 1, min(POINTS, len(rows))).astype(int)]
-    scale = np.array([one.shown for one in chosen])
-    marked = [marks[n] * s if n in marks else None for n, s in zip(names, scale, strict=True)]
-    side = 1.3 * len(chosen) + 1.2
-    alone = len(chosen) == 1
-    with styled((4.5, 2.6) if alone else (side, side), alone) as figure:
-        if alone:
-            _histogram(figure, rows[:, 0] * scale[0], _label(chosen[0]), marked[0])
+    values = rows * [one.shown for one in chosen]
+    marked = [marks[n] * one.shown if n in marks else None
+              for n, one in zip(names, chosen, strict=True)]  # fmt: skip
+
+    def paint(figure: Figure) -> None:
+        if len(chosen) == 1:
+            sized(figure, 4.5, 2.6)
+            _histogram(figure, values[:, 0], _label(chosen[0]), marked[0])
+        elif thin(figure):
+            _pairs(figure, values, [_label(one) for one in chosen], marked)
         else:
-            package.corner(
-                rows * scale,
-                range=[_span(*pair) for pair in zip((rows * scale).T, marked, strict=True)],
-                labels=[_label(one) for one in chosen],
-                truths=marked, truth_color=ORANGE, color=BLUE, fig=figure, bins=20,
-                smooth=1.0, levels=LEVELS, plot_datapoints=False, plot_density=False,
-                no_fill_contours=True, max_n_ticks=3, label_kwargs={"fontsize": SMALL}, quiet=True,
-            )  # fmt: skip
-            for axes in figure.axes:
-                _ticked(axes)
-            figure.subplots_adjust(left=EDGES / side, bottom=EDGES / side, right=0.99, top=0.99)
-    return _shown(figure, f"{model.name}-{identifier}", alternative, caption)
+            _corner(figure, values, [_label(one) for one in chosen], marked)
+
+    return Picture(
+        f"posterior-{model.name}-corner", paint, pd.DataFrame(values, columns=list(names))
+    )
+
+
+def _corner(
+    figure: Figure,
+    values: NDArray[np.float64],
+    labels: Sequence[str],
+    marked: Sequence[float | None],
+) -> None:
+    import corner as package
+
+    side = min(6.8, 1.3 * len(labels) + 1.2)
+    figure.set_layout_engine(None)
+    figure.set_size_inches(side, side)
+    package.corner(
+        values,
+        range=[_span(*pair) for pair in zip(values.T, marked, strict=True)],
+        labels=list(labels),
+        truths=list(marked), truth_color=ORANGE, color=BLUE, fig=figure, bins=20,
+        smooth=1.0, levels=LEVELS, plot_datapoints=False, plot_density=False,
+        no_fill_contours=True, max_n_ticks=3, label_kwargs={"fontsize": SMALL}, quiet=True,
+    )  # fmt: skip
+    for axes in figure.axes:
+        _ticked(axes)
+    figure.subplots_adjust(left=EDGES / side, bottom=EDGES / side, right=0.99, top=0.99)
+
+
+def _pairs(
+    figure: Figure,
+    values: NDArray[np.float64],
+    labels: Sequence[str],
+    marked: Sequence[float | None],
+) -> None:
+    """Draw a row for each parameter: its histogram, and contours with its closest partner."""
+    import corner as package
+
+    related = np.abs(np.corrcoef(values.T)) - 2 * np.eye(len(labels))
+    spans = [_span(*pair) for pair in zip(values.T, marked, strict=True)]
+    sized(figure, 6.8, 1.6 * len(labels))
+    for row, panels in enumerate(figure.subplots(len(labels), 2)):
+        other = int(related[row].argmax())
+        left, right = panels
+        left.hist(values[:, row], bins=20, range=spans[row], histtype="step", color=BLUE)
+        package.hist2d(
+            values[:, row], values[:, other], ax=right, range=[spans[row], spans[other]], bins=20,
+            smooth=1.0, levels=LEVELS, plot_datapoints=False, plot_density=False,
+            no_fill_contours=True, color=BLUE,
+        )  # fmt: skip
+        for axes in panels:
+            axes.set_xlabel(labels[row], fontsize=SMALL)
+            axes.grid(visible=False)
+            if marked[row] is not None:
+                axes.axvline(marked[row], color=ORANGE, linewidth=1)
+        if marked[other] is not None:
+            right.axhline(marked[other], color=ORANGE, linewidth=1)
+        left.set(yticks=[], xlim=spans[row])
+        right.set_ylabel(labels[other], fontsize=SMALL)
+        for axes in panels:
+            _ticked(axes, 2, placed=False)
 
 
 def _span(values: NDArray[np.float64], mark: float | None) -> tuple[float, float]:
@@ -135,7 +176,7 @@ def _span(values: NDArray[np.float64], mark: float | None) -> tuple[float, float
     return (low, high) if mark is None else (min(low, mark - beside), max(high, mark + beside))
 
 
-def _ticked(axes: Axes) -> None:
+def _ticked(axes: Axes, count: int = 3, *, placed: bool = True) -> None:
     """Give a panel few ticks, none near its ends, and numbers as they are."""
     from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
 
@@ -144,14 +185,15 @@ def _ticked(axes: Axes) -> None:
         if not isinstance(axis.get_major_locator(), MaxNLocator):
             continue
         low, high = axis.get_view_interval()
-        ticks = np.asarray(MaxNLocator(3).tick_values(low, high))
+        ticks = np.asarray(MaxNLocator(count).tick_values(low, high))
         inside = np.abs(ticks - 0.5 * (low + high)) < 0.4 * (high - low)
         axis.set_major_locator(FixedLocator(ticks[inside].tolist()))
         if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
             formatter.set_useOffset(False)
             formatter.set_scientific(False)
-    axes.xaxis.set_label_coords(0.5, BELOW)
-    axes.yaxis.set_label_coords(BELOW, 0.5)
+    if placed:
+        axes.xaxis.set_label_coords(0.5, BELOW)
+        axes.yaxis.set_label_coords(BELOW, 0.5)
 
 
 def _histogram(figure: Figure, values: NDArray[np.float64], label: str, mark: float | None) -> None:
@@ -162,13 +204,18 @@ def _histogram(figure: Figure, values: NDArray[np.float64], label: str, mark: fl
     axes.set(xlabel=label, ylabel="posterior density")
 
 
-def density(posterior: Sampled, name: str, mark: float, alternative: str, caption: str) -> str:
+def density(posterior: Sampled, name: str, mark: float) -> Picture:
     """Draw the posterior of one parameter beside a mark in SI units or px."""
     column = posterior.model.names.index(name)
     one = posterior.model.parameters[column]
-    with styled((5.6, 2.6)) as figure:
-        _histogram(figure, posterior.draws[:, column] * one.shown, _label(one), mark * one.shown)
-    return _shown(figure, f"{posterior.model.name}-density", alternative, caption)
+    values = posterior.draws[:, column] * one.shown
+
+    def paint(figure: Figure) -> None:
+        sized(figure, 5.6, 2.6)
+        _histogram(figure, values, _label(one), mark * one.shown)
+
+    numbers = pd.DataFrame({name: values[:: -(-len(values) // POINTS)]})
+    return Picture(f"posterior-{posterior.model.name}-density", paint, numbers)
 
 
 @dataclass(frozen=True)
@@ -190,9 +237,11 @@ class Bar:
     half: float
 
 
-def bars(rows: Sequence[Bar], alternative: str, caption: str) -> str:
+def bars(rows: Sequence[Bar]) -> Picture:
     """Draw intervals scaled to one width, with the truth and the print against them."""
-    with styled((6.4, 0.3 * len(rows) + 1.2)) as figure:
+
+    def paint(figure: Figure) -> None:
+        narrow = sized(figure, 6.4, 0.3 * len(rows) + 1.2, 0.42 * len(rows) + 1.6)
         axes = figure.subplots()
         axes.axvspan(-1, 1, color=BLUE, alpha=0.12)
         for place, row in enumerate(rows):
@@ -209,12 +258,16 @@ def bars(rows: Sequence[Bar], alternative: str, caption: str) -> str:
             ("o", "#000000", "print, with its rounding"),
         ):
             axes.plot([], [], style, color=colour, label=label)
-        axes.set_yticks(range(len(rows)), [row.label for row in rows], fontsize=9)
+        # What a quantity is, in lines that leave room for its bar.
+        labels = [textwrap.fill(row.label, 20) if narrow else row.label for row in rows]
+        axes.set_yticks(range(len(rows)), labels, fontsize=8 if narrow else 9)
         axes.set(xlim=(-EDGE - 1.2, EDGE + 1.2), ylim=(len(rows) - 0.4, -0.6))
-        axes.set_xlabel("distance from the middle of the interval (half-widths)")
+        axes.set_xlabel("from the middle of the interval" + "\n" * narrow + " (half-widths)")
         axes.grid(axis="y", visible=False)
-        figure.legend(loc="outside lower center", fontsize=9, ncols=3)
-    return _shown(figure, "all", alternative, caption)
+        columns = 1 if narrow else 3
+        figure.legend(loc="outside lower center", fontsize=9, ncols=columns)
+
+    return Picture("posterior-all", paint, pd.DataFrame(list(map(vars, rows))))
 
 
 def _against(axes: Axes, place: float, half: float, row: int) -> None:
@@ -235,16 +288,17 @@ def averaged(
     counts: NDArray[np.float64],
     bands: Mapping[str, NDArray[np.float64]],
     printed: Mapping[str, NDArray[np.float64]],
-    alternative: str,
-    caption: str,
-) -> str:
+) -> Picture:
     """Draw errors against the number of frames averaged, as printed and as the posterior has them.
 
     `bands` hold rows of low, median and high, (3, n), at the counts; `printed` holds rows of
     numbers of frames, errors and half the last digits; both by column, in arcsec.
     """
-    with styled((6.4, 3.6)) as figure:
-        panels = figure.subplots(1, len(bands), sharex=True, sharey=True, squeeze=False)[0]
+
+    def paint(figure: Figure) -> None:
+        narrow = sized(figure, 6.4, 3.6, 5.6)
+        shape = (len(bands), 1) if narrow else (1, len(bands))
+        panels = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, (name, (low, median, high)) in zip(panels, bands.items(), strict=True):
             axes.fill_between(counts, low, high, color=BLUE, alpha=0.25, label="95 %")
             axes.plot(counts, median, color=BLUE, label="median")
@@ -252,21 +306,31 @@ def averaged(
             frames, errors, half = printed[name]
             axes.errorbar(frames, errors, yerr=half, fmt="o", color=ORANGE, markersize=4,
                           label="Table IV")  # fmt: skip
-            axes.set(xscale="log", yscale="log", title=name, xlabel="frames averaged (count)")
+            axes.set(xscale="log", yscale="log", title=name)
             axes.set_xticks((1, 10, 100, 1000), ("1", "10", "100", "1000"))
-        panels[0].set_ylabel("error, three sigma (arcsec)")
+        for axes in panels if narrow else panels[:1]:
+            axes.set_ylabel("error, three sigma (arcsec)")
+        for axes in panels[-1:] if narrow else panels:
+            axes.set_xlabel("frames averaged (count)")
         panels[0].set_yticks((0.05, 0.1, 0.2, 0.5, 1.0), ("0.05", "0.1", "0.2", "0.5", "1"))
         panels[0].minorticks_off()
         panels[-1].legend(fontsize=9)
-    return _shown(figure, "averaging", alternative, caption)
+
+    rows = [
+        pd.DataFrame({"column": name, "frames": counts, "low": low, "median": middle, "high": high})
+        for name, (low, middle, high) in bands.items()
+    ]
+    return Picture("posterior-averaging", paint, pd.concat(rows))
 
 
-def ranks(stored: Ranks, name: str, alternative: str, caption: str) -> str:
+def ranks(stored: Ranks, name: str) -> Picture:
     """Draw cumulated ranks, less what even ranks give, against the band of one curve."""
     counts, total = stored.counts(), stored.replicates
     low, high = band(total)
     even = np.arange(1, counts.shape[1] + 1) / counts.shape[1]
-    with styled((6.4, 4.4)) as figure:
+
+    def paint(figure: Figure) -> None:
+        narrow = sized(figure, 6.4, 4.4, 3.4 + 0.16 * len(stored.names))
         axes = figure.subplots()
         ends = low / total - even, high / total - even
         axes.fill_between(even, *ends, facecolor=(GREY, 0.15), edgecolor=GREY,
@@ -275,5 +339,9 @@ def ranks(stored: Ranks, name: str, alternative: str, caption: str) -> str:
         for row, label, dashes in zip(counts, stored.names, cycle(DASHES), strict=False):
             axes.plot(even, row / total - even, linestyle=dashes, linewidth=1.1, label=label)
         axes.set(xlabel="rank / number of draws", ylabel="share of ranks, less even")
-        figure.legend(loc="outside lower center", fontsize=SMALL, ncols=3)
-    return _shown(figure, f"{name}-ranks", alternative, caption)
+        columns = 1 if narrow else 3
+        figure.legend(loc="outside lower center", fontsize=SMALL, ncols=columns)
+
+    numbers = pd.DataFrame((counts / total).T, columns=list(stored.names))
+    numbers.insert(0, "rank", even)
+    return Picture(f"posterior-{name}-ranks", paint, numbers)

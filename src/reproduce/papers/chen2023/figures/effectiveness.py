@@ -9,7 +9,7 @@ import numpy as np
 from reproduce.papers.chen2023.effectiveness import focal_lengths
 from reproduce.papers.chen2023.platform import TELESCOPE
 from reproduce.papers.declare import draws
-from reproduce.papers.sketch import INK, Look
+from reproduce.papers.sketch import INK, Look, sized
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +32,7 @@ def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
     labels = [", ".join(reversed(names.iloc[i])) for i in order]
     own, own_half, other, other_half = (frame.iloc[order, i].to_numpy() for i in (1, 2, 4, 5))
 
-    figure.set_size_inches(5.2, 3.7)
+    narrow = sized(figure, 5.2, 3.7, 4.6)
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(5, 3))
     rows = np.arange(len(order))
     left.hlines(rows, own, other, color="#777777", lw=0.8)
@@ -44,12 +44,14 @@ def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
         _points(axes, INTERCHANGED, rows, other, other_half)
         axes.set_xlabel("focal length (mm)")
     nominal = printed[TELESCOPE] * 1e3
+    left.locator_params(axis="x", nbins=3 if narrow else 5)
     left.axvline(nominal, color=INK, ls="--", lw=1, label="nominal")
     left.set(yticks=rows, yticklabels=labels, ylim=(len(rows) - 0.5, -0.5))
-    right.set_title("the same, enlarged", size=10)
+    right.set_title("enlarged" if narrow else "the same, enlarged", size=10)
     right.set_xlim((other - other_half).min() - 0.5, (other + other_half).max() + 0.5)
     entries = left.get_legend_handles_labels()
-    figure.legend(*entries, loc="outside lower center", ncols=3, columnspacing=1.0)
+    columns = 1 if narrow else 3
+    figure.legend(*entries, loc="outside lower center", ncols=columns, columnspacing=1.0)
 
 
 def _points(

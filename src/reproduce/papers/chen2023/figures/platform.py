@@ -28,6 +28,8 @@ from reproduce.papers.sketch import (
     label,
     line,
     path,
+    sized,
+    slim,
     turned,
 )
 from reproduce.physics.attitude.averaging import moving_average
@@ -73,7 +75,7 @@ def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     spots = received_spots(rays[ahead], *platform.tracker(door))
     inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
     spots, seen = spots[inside], np.flatnonzero(ahead)[inside]
-    figure.set_size_inches(6.0, 6.0)
+    gap = 28 if sized(figure, 6.0, 6.0, 4.2) else 16
     axes = figure.add_subplot()
     size = 5 * 1.7 ** (FAINTEST - stars.magnitude[seen])
     x, y = spots.T
@@ -81,7 +83,7 @@ def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     for number, (name, side) in NAMED.items():
         for x, y in spots[stars.number[seen] == number]:
             ends = "left" if side > 0 else "right"
-            axes.annotate(name, (x + 16 * side, y), ha=ends, va="center", fontsize=9)
+            axes.annotate(name, (x + gap * side, y), ha=ends, va="center", fontsize=9)
     _lasers(axes, _pairs(printed), 5, "laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
@@ -100,36 +102,39 @@ def _lasers(axes: Axes, places: FloatArray, size: float, name: str = "") -> None
 def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it."""
     (diagonal,) = printed.values()
-    axes = canvas(figure, 12.6, 7.6)
-    centre = np.array([3.8, 3.8])
+    axes = canvas(figure, 12.6, 7.6, narrow=(10.8, 9.4))
+    narrow = slim(axes)
+    centre = np.array([3.8, 5.7 if narrow else 3.8])
     box(axes, centre, (7.0, 7.0))
-    label(axes, (0.7, 0.7), "stage", ha="left")
+    label(axes, centre - 3.1, "stage", ha="left")
     corners = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre
     line(axes, np.vstack([corners, corners[:1]]), 0.7, ":")
     _lasers(axes, corners, 11)
     arrow(axes, beside(corners[3], 0.3, 0), corners[1] - [0.3, 0], style="<|-|>")
     label(axes, beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
     label(axes, beside(corners[0], 0.0, 0.55), "laser")
-    corner = np.array([8.3, 2.6])
-    for index, (axis, gap, y) in enumerate((("X", 2.3, 1.5), ("Y", 2.35, 0.9))):
+    corner = beside(centre, 4.3, -1.2)
+    for index, (axis, gap, y) in enumerate((("X", 2.3, 1.5), ("Y", 2.35, 0.8))):
         along = np.eye(2)[index]
         arrow(axes, corner, corner + 2.0 * along)
         label(axes, corner + gap * along, axis)
         sense = towards(np.zeros(3), stage_angles(along, 1.0))
         text = f"towards {axis}: as if the camera turned about {sense}"
-        label(axes, (7.5, y), text, ha="left", size=8)
+        label(axes, (0.3 if narrow else 7.5, y), text, ha="left", size=8)
 
 
 @draws("chen2023/fig-6b", marks=ANGLES)
 def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
     between, table, tilt = (float(np.degrees(printed[address])) for address in ANGLES)
-    axes = canvas(figure, 16.0, 9.0, 6.8)
+    axes = canvas(figure, 16.0, 9.0, 6.8, (16.0, 11.2))
+    below = 2.2 if slim(axes) else 0.0
+    axes.set_ylim(-below, 9.0)
     box(axes, (0.8, 5.4), (0.7, 2.2))
-    label(axes, (0.2, 7.0), "stage and lasers", ha="left")
+    label(axes, (0.2, 3.8), "stage and lasers", ha="left")
     lens(axes, (4.6, 5.4), 2.6)
     label(axes, (4.6, 7.2), "telescope")
-    label(axes, (10.6, 5.75), "camera's boresight")
+    label(axes, (10.3, 5.85), "camera's boresight")
     out, hit, back = turned([1.0, 0.0], between), np.array([8.6, 3.4]), np.array([-1.0, 0.0])
     path(axes, [(1.2, 5.4), (4.6, 5.4), (13.4, 5.4), (13.4, 3.4), hit], LASER)
     mirror(axes, (13.4, 5.4), 1.6, -45)
@@ -144,11 +149,11 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     box(axes, detector, (0.3, 1.4), turn=between)
     label(axes, beside(detector, 0.9, 0.9), "tracker", ha="left")
     path(axes, [hit + 4.4 * out, hit], STAR)
-    label(axes, beside(hit + 4.4 * out, 0.2, 0.5), "tracker's boresight")
+    label(axes, beside(hit + 4.4 * out, 0.2, 1.0), "tracker's boresight")
     arc(axes, hit, 1.2, (0, between), head=False)
-    label(axes, beside(hit, 0.9, 1.35), f"{between:g}°")
-    label(axes, (0.2, 1.0), f"tracker against the table: {table:g}°", ha="left")
-    label(axes, (0.2, 0.4), f"mirror against the plane across it: {tilt:g}°", ha="left")
+    label(axes, beside(hit, 1.35, 1.4), f"{between:g}°")
+    label(axes, (0.2, 1.1 - below), f"tracker against the table: {table:g}°", ha="left")
+    label(axes, (0.2, 0.4 - below), f"mirror against the plane across it: {tilt:g}°", ha="left")
     key(axes, (LASER, STAR), (0.8, 1.0))
 
 
@@ -192,7 +197,7 @@ def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     mean = render_frame(spots, twin.light[0], twin.radius, (width, height))
     seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7")))
     left, top = corner - 0.5
-    figure.set_size_inches(6.4, 5.2)
+    sized(figure, 6.4, 5.2, 3.2)
     figure.set_layout_engine("compressed")
     axes = figure.add_subplot()
     extent = (left, left + width, top + height, top)
@@ -228,8 +233,8 @@ def _series(
     figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], quantity: str
 ) -> None:
     count, frames = door.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
-    figure.set_size_inches(7.2, 3.4)
-    panels: list[Axes] = list(figure.subplots(1, 2, sharey=True))
+    narrow = sized(figure, 6.4, 3.4, 5.4)
+    panels: list[Axes] = list(figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True))
     columns = zip(panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True)
     for panel, axis, series, limit in columns:
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
@@ -239,8 +244,10 @@ def _series(
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN
             panel.axhline(edge, color=INK, linestyle="--", linewidth=1, label=limits)
         panel.set(xlabel="frame", title=f"about {axis}")
-    panels[0].set_ylabel(quantity)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    for panel in panels if narrow else panels[:1]:
+        panel.set_ylabel(quantity)
+    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 3
+    figure.legend(*handles, loc="outside lower center", ncols=across)
 
 
 @draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])
@@ -270,7 +277,7 @@ def draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> N
 @draws("chen2023/fig-1d", given=STAGE_READS)
 def draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """One move of the stage, close up: the average follows the reference after its own length."""
-    figure.set_size_inches(6.4, 3.2)
+    sized(figure, 6.4, 3.2, 2.8)
     _ridden(figure, door, "Y", {})
 
 

@@ -9,6 +9,7 @@ likeness or a scale.
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,7 @@ from reproduce.papers.sketch import (
     label,
     line,
     path,
+    slim,
     turned,
 )
 from reproduce.papers.space import seen_from, sense, triad
@@ -109,7 +111,8 @@ def draw_scene(axes: Axes, door: Given) -> None:
     label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
     label(axes, beside(VIEW.point(tracker), -0.35, 0.1), "tracker", ha="right")
     label(axes, beside(target, 0.3, 0.4), "target")
-    label(axes, beside((place + np.asarray(VIEW.centre)) / 2, 1.3, -0.35), "$(X_S, Y_S, Z_S)$")
+    aside = (1.8, -0.93) if slim(axes) else (1.3, -0.35)
+    label(axes, beside((place + np.asarray(VIEW.centre)) / 2, *aside), "$(X_S, Y_S, Z_S)$")
     key(axes, (SCENE, STAR, INERTIAL), (0.0, 1.0))
 
 
@@ -140,18 +143,18 @@ def _earth_frames(axes: Axes, earth_from_inertial: FloatArray) -> None:
 @diagram(12.0, 7.2)
 def draw_system(axes: Axes) -> None:
     """The monitoring system: what the laser light couples, and what the stars add."""
-    box(axes, (2.5, 3.4), (3.4, 1.7), "camera with lasers\nin its focal plane")
+    box(axes, (2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
     box(axes, (6.2, 0.8), (2.8, 1.1), "retro-reflector")
-    box(axes, (9.8, 3.4), (2.8, 1.7), "star and laser\ntracker")
+    box(axes, (9.9, 3.4), (3.4, 1.7), "star and laser\ntracker")
     path(axes, [(3.5, 2.55), (3.5, 0.8), (4.8, 0.8)], LASER)
     path(axes, [(7.6, 0.8), (9.8, 0.8), (9.8, 2.55)], LASER)
     path(axes, [(10.5, 6.9), (10.5, 4.25)], STAR)
     path(axes, [(1.6, 0.1), (1.6, 2.55)], SCENE)
-    arrow(axes, (4.2, 3.4), (8.4, 3.4), style="<|-|>")
-    label(axes, (6.3, 3.75), "installation, misalignment")
-    label(axes, (6.3, 3.05), "what heat bends")
-    attitude = "camera's attitude =\nmisalignment × installation × tracker's attitude"
-    label(axes, (5.4, 4.95), attitude)
+    arrow(axes, (4.6, 3.4), (8.2, 3.4), style="<|-|>")
+    label(axes, (6.4, 3.95), "installation,\nmisalignment")
+    label(axes, (6.4, 3.05), "what heat bends")
+    attitude = "camera's attitude =\nmisalignment × installation\n× tracker's attitude"
+    label(axes, (6.3, 5.5), attitude)
     key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
 
 
@@ -160,31 +163,34 @@ def draw_system(axes: Axes) -> None:
 def draw_satellite(axes: Axes) -> None:
     """The system in the satellite: camera down, tracker up, retro-reflector between."""
     box(axes, (3.4, 5.4), (3.8, 5.2))
-    label(axes, (3.4, 8.35), "camera")
+    label(axes, (3.4, 8.45), "camera")
     for x in (2.35, 4.45):
         mirror(axes, (x, 6.2), 1.3, 0)
     label(axes, (2.45, 6.55), "primary")
     mirror(axes, (3.4, 3.6), 1.0, 0)
     label(axes, (3.2, 3.2), "secondary")
-    box(axes, (3.4, 7.3), (2.9, 0.6), "focal plane, lasers")
+    if slim(axes):
+        box(axes, (3.4, 7.5), (3.2, 1.1), "focal plane,\nlasers")
+    else:
+        box(axes, (3.4, 7.3), (2.9, 0.6), "focal plane, lasers")
     path(axes, [(3.4, 7.0), (3.65, 3.65), (4.5, 6.1), (4.5, 1.2)], LASER)
     mirror(axes, (4.5, 1.2), 1.4, -45)
     mirror(axes, (9.4, 1.2), 1.4, 45)
     path(axes, [(4.5, 1.2), (9.4, 1.2), (9.4, 4.6)], LASER)
-    label(axes, (6.95, 1.6), "retro-reflector, in section")
+    label(axes, (6.95, 1.95), "retro-reflector,\nin section")
     path(axes, [(2.2, 0.6), (2.2, 6.1)], SCENE)
     label(axes, (2.2, 0.25), "from the Earth")
-    box(axes, (9.4, 5.6), (2.8, 2.0), "star and laser\ntracker")
+    box(axes, (9.4, 5.6), (3.4, 2.0), "star and laser\ntracker")
     for side in (-1, 1):
         line(axes, [(9.4 + side * 1.0, 6.6), (9.4 + side * 1.7, 8.2)], 1.3)
     label(axes, (11.2, 7.4), "baffle", ha="left")
     path(axes, [(9.9, 10.4), (9.9, 6.7)], STAR)
-    box(axes, (6.65, 5.4), (2.7, 0.8), "platform")
+    box(axes, (6.5, 5.4), (2.4, 0.8), "platform")
     key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
 
 
 @draws("chen2023/fig-2b", given=[DETECTORS])
-@diagram(14.8, 8.2)
+@diagram(15.8, 8.2)
 def draw_focal_plane(axes: Axes, door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
     from matplotlib.patches import Polygon
@@ -210,8 +216,8 @@ def draw_focal_plane(axes: Axes, door: Given) -> None:
         label(axes, (x, y), name, ha="left")
     for x in (3.0, 6.0, 9.0):
         arrow(axes, (x, 7.4), (x, 6.0), SCENE)
-    label(axes, (6.0, 7.8), "light from the telescope")
-    label(axes, (0.2, 6.3), f"{count} detectors", ha="left")
+    label(axes, (8.0, 7.8), "light from the telescope")
+    label(axes, (0.2, 7.8), f"{count} detectors", ha="left")
 
 
 @draws("chen2023/fig-3a")
@@ -224,15 +230,15 @@ def draw_tracker(axes: Axes) -> None:
     lens(axes, (5.0, 3.4), 2.2, 90)
     label(axes, (5.0, 3.4), "lens")
     mirror(axes, (5.0, 5.3), 2.6, 30)
-    label(axes, (3.9, 6.15), "dichroic mirror")
+    label(axes, (4.0, 6.4), "dichroic\nmirror")
     mirror(axes, (7.2, 4.0), 1.4, 60, ":")
     label(axes, (8.4, 3.5), "narrow band-pass\nfilter (dots)", ha="left")
     box(axes, (3.35, 4.7), (0.5, 2.2), style="--")
-    label(axes, (0.1, 4.7), "invar support\n(dashed)", ha="left")
-    box(axes, (5.2, 4.25), (5.8, 4.6), style=":")
+    label(axes, (0.1, 4.7), "invar\nsupport\n(dashed)", ha="left")
+    box(axes, (5.2, 4.5), (5.8, 5.1), style=":")
     label(axes, (8.4, 5.6), "thermal control\n(dotted)", ha="left")
     for side in (-1, 1):
-        line(axes, [(5 + side * 1.6, 6.8), (5 + side * 2.6, 8.9)], 1.3)
+        line(axes, [(5 + side * 1.6, 7.2), (5 + side * 2.6, 9.0)], 1.3)
     label(axes, (7.8, 7.9), "baffle, held by the\nsatellite alone", ha="left")
 
 
@@ -289,36 +295,39 @@ def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
 
 
 @draws("chen2023/fig-4")
-@diagram(15.0, 9.0, 6.8)
+@diagram(15.0, 9.0, 6.8, (15.0, 13.0))
 def draw_route(axes: Axes) -> None:
     """Technical route: calibration, monitoring, correction."""
     steps = {
         "calibration": (
-            "control points and\nstars: installation",
-            "laser spots at\nthe zero point",
-            "laser transform\nat the zero point",
+            "control points and stars: installation",
+            "laser spots at the zero point",
+            "laser transform at the zero point",
         ),
         "monitoring": (
-            "laser spots in\nevery frame",
-            "mean over\nmany frames",
-            "misalignment, by\nQUEST",
+            "laser spots in every frame",
+            "mean over many frames",
+            "misalignment, by QUEST",
         ),
         "correction": (
-            "corrected\ninstallation",
-            "attitude of tracker\nfrom the stars",
-            "attitude of camera\namong the stars",
+            "corrected installation",
+            "attitude of tracker from the stars",
+            "attitude of camera among the stars",
         ),
     }
+    # Height of a box, of the lowest one, from one to the next; letters in a line.
+    high, low, step, letters = (2.4, 2.2, 4.0, 15) if slim(axes) else (1.4, 1.6, 2.6, 19)
+    heights = [low + 2 * step, low + step, low]
     for x, (name, texts) in zip((2.5, 7.5, 12.5), steps.items(), strict=True):
-        label(axes, (x, 8.5), name, size=11)
-        box(axes, (x, 4.2), (4.6, 7.6), style=":")
-        for y, text in zip((6.8, 4.2, 1.6), texts, strict=True):
-            box(axes, (x, y), (4.0, 1.4), text)
-        for y in (6.1, 3.5):
-            arrow(axes, (x, y), (x, y - 1.2))
-    arrow(axes, (4.5, 1.6), (5.5, 1.6))
-    line(axes, [(9.5, 1.6), (10.0, 1.6), (10.0, 6.8)], 1.3)
-    arrow(axes, (10.0, 6.8), (10.5, 6.8))
+        label(axes, (x, heights[0] + high / 2 + 1.0), name, size=11)
+        box(axes, (x, heights[1]), (4.7, 2 * step + high + 1.0), style=":")
+        for y, text in zip(heights, texts, strict=True):
+            box(axes, (x, y), (4.2, high), textwrap.fill(text, letters))
+        for y in heights[:2]:
+            arrow(axes, (x, y - high / 2), (x, y - step + high / 2))
+    arrow(axes, (4.6, low), (5.4, low))
+    line(axes, [(9.6, low), (10.0, low), (10.0, heights[0])], 1.3)
+    arrow(axes, (10.0, heights[0]), (10.4, heights[0]))
 
 
 @draws("chen2023/fig-5")
@@ -329,7 +338,7 @@ def draw_transform(axes: Axes) -> None:
         line(axes, [(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
         lens(axes, (x, 4.4), 3.0, 90)
         arrow(axes, (x, 1.2), (x, 2.8))
-        label(axes, (x + 0.45, 2.7), f"$Z_{name}$")
+        label(axes, (x + 0.48, 1.8), f"$Z_{name}$")
         arrow(axes, (x + 2.2, 1.2), (x + 2.7, 1.2))
         label(axes, (x + 2.45, 1.6), f"$X_{name}$")
         arrow(axes, (x - 2.0, 1.2), (x - 2.0, 4.4), style="<|-|>", width=0.8)

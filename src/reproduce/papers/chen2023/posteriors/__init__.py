@@ -240,10 +240,14 @@ def readings() -> list[TableReading]:
 
 
 @cache
+def table_read(number: int) -> TableResult:
+    """Return what one of the readings of Table V comes to, summed once in a process."""
+    return read(table_5(given(STAGE_READS)), readings()[number])
+
+
 def table_reads() -> tuple[TableResult, ...]:
-    """Return what every reading of Table V comes to, summed once in a process."""
-    model = table_5(given(STAGE_READS))
-    return tuple(read(model, reading) for reading in readings())
+    """Return what every reading of Table V comes to."""
+    return tuple(map(table_read, range(len(readings()))))
 
 
 def table_shares() -> list[float]:
@@ -255,7 +259,7 @@ def table_shares() -> list[float]:
 def table_log_evidence(model: Model) -> float:
     """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves."""
     likelihood = model.likelihood_of(StageTableLikelihood)
-    both = [one.log_evidence for one in table_reads()[:2]]
+    both = [table_read(number).log_evidence for number in (0, 1)]
     if likelihood.hypothesis is not None:
         return both[likelihood.hypothesis]
     return float(np.logaddexp(both[0], both[1]) - np.log(2))

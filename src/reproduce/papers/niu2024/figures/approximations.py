@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import approximations, simulation
 from reproduce.papers.niu2024.figures.looks import LOOKS
-from reproduce.papers.sketch import INK
+from reproduce.papers.sketch import INK, sized
 from reproduce.papers.study import Fact
 from reproduce.printed.given import given
 
@@ -29,7 +29,7 @@ def facts() -> Mapping[str, Fact]:
 @draws("niu2024-approximations", marks=[NOISE], named=facts)
 def draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
     """Error of each approximation over the field, before and after a fit, for Tables 1 and 4."""
-    figure.set_size_inches(4.9, 5.6)
+    sized(figure, 4.9, 5.6, 6.0)
     costs = approximations.costs(given(approximations.READS))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, table in zip(panels, approximations.TABLES, strict=True):

@@ -26,7 +26,7 @@ TURN, FOCAL = float(np.radians(20.0)), 7.0
 
 
 @draws("niu2024/fig-3")
-@diagram(17.0, 9.6)
+@diagram(17.4, 9.6)
 def draw_calibration(axes: Axes) -> None:
     """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
     from matplotlib.patches import Ellipse
@@ -42,21 +42,21 @@ def draw_calibration(axes: Axes) -> None:
         arrow(axes, (4.6, 5.6 + height), (9.2, 5.6 + height))
     label(axes, (7.2, 7.2), "parallel light")
     # The two frames of the table, and the sensor on the middle one.
-    box(axes, (12.8, 5.6), (6.2, 6.0), width=1.6)
-    box(axes, (12.8, 5.6), (4.6, 4.4), style="--")
+    box(axes, (12.8, 5.6), (6.6, 6.0), width=1.6)
+    box(axes, (12.8, 5.6), (5.6, 4.6), style="--")
     label(axes, (12.8, 9.0), "external frame, $φ_1$")
-    label(axes, (12.8, 3.75), "middle frame, $φ_2$")
-    box(axes, (12.9, 5.6), (2.8, 2.2), "3CMOS\nstar sensor")
-    line(axes, [(11.0, 6.2), (11.5, 6.0)], 1.3)
-    line(axes, [(11.0, 5.0), (11.5, 5.2)], 1.3)
-    line(axes, [(16.6, 5.6), (15.9, 5.6)], 0.8, "-.")
+    label(axes, (12.8, 3.8), "middle frame, $φ_2$")
+    box(axes, (12.9, 5.5), (3.8, 2.0), "3CMOS\nstar sensor")
+    line(axes, [(10.5, 6.1), (11.0, 5.9)], 1.3)
+    line(axes, [(10.5, 4.9), (11.0, 5.1)], 1.3)
+    line(axes, [(16.9, 5.6), (16.1, 5.6)], 0.8, "-.")
     line(axes, [(12.8, 7.0), (12.8, 8.3)], 0.8, "-.")
     arc(axes, (12.8, 7.6), 0.45, (-150.0, 130.0), head=True)
-    arc(axes, (16.4, 5.6), 0.4, (-140.0, 140.0), head=True)
-    box(axes, (4.0, 1.3), (2.8, 1.2), "computer")
-    line(axes, [(12.2, 2.6), (12.2, 1.3), (5.8, 1.3)])
-    label(axes, (8.9, 0.7), "frame angles and spots")
-    arrow(axes, (6.0, 1.3), (5.4, 1.3))
+    arc(axes, (16.7, 5.6), 0.4, (-140.0, 140.0), head=True)
+    box(axes, (4.0, 1.3), (3.2, 1.2), "computer")
+    line(axes, [(12.2, 2.6), (12.2, 1.3), (6.2, 1.3)])
+    label(axes, (9.4, 0.6), "frame angles and spots")
+    arrow(axes, (6.3, 1.3), (5.6, 1.3))
 
 
 @draws("niu2024-rotary-table")
@@ -75,4 +75,4 @@ def draw_table(figure: Figure) -> None:
         axis = int(np.abs(spot).argmax())
         towards = f"{'+' if spot[axis] > 0 else '−'}{'xy'[axis]}"
         text = f"${name} > 0$: towards ${towards}$"
-        label(axes, centre + spot + ([0.0, 0.4] if axis else [0.6, 0.45]), text)
+        label(axes, centre + spot + ([0.0, 0.4] if axis else [0.2, 0.45]), text)

@@ -10,7 +10,7 @@ from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.papers.niu2024 import images_fusion as fusion
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
-from reproduce.papers.sketch import Look
+from reproduce.papers.sketch import Look, sized
 from reproduce.papers.study import Fact
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.validate import FloatArray
@@ -62,8 +62,8 @@ def draw_star(figure: Figure) -> None:
         "fused as they are": (plain[0], {name: at[name] for name in LOOKS}),
         "fused after registration": (registered[0], dict.fromkeys(LOOKS, at["green"])),
     }
-    figure.set_size_inches(6.4, 4.6)
-    grid = figure.subplots(2, 3, sharex=True, sharey=True)
+    shape = (3, 2) if sized(figure, 6.4, 4.6, 5.6) else (2, 3)
+    grid = figure.subplots(*shape, sharex=True, sharey=True)
     for axes, (title, (light, marks)) in zip(grid.flat, panels.items(), strict=False):
         root = np.sqrt(np.maximum(light, 0))
         # Never quite black: what is drawn in black follows the page, and is white on a dark one.
@@ -75,11 +75,11 @@ def draw_star(figure: Figure) -> None:
                 mark[0].set_markeredgewidth(width)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
-    for axes in grid[1]:
+    for axes in grid[-1]:
         axes.set_xlabel("x (px)")
     for axes in grid[:, 0]:
         axes.set_ylabel("y (px)")
-    grid[1, 2].set_axis_off()
+    grid[-1, -1].set_axis_off()
 
 
 def error_facts() -> dict[str, Fact]:
@@ -100,10 +100,12 @@ def error_facts() -> dict[str, Fact]:
 @draws("niu2024-fusion-errors", named=error_facts)
 def draw_errors(figure: Figure) -> None:
     """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
-    figure.set_size_inches(6.4, 5.6)
-    arrays = fusion.stored().arrays
-    grid = figure.subplots(2, len(fusion.BLACKBODIES), sharex=True, sharey="row")
-    for (above, below), star in zip(grid.T, fusion.BLACKBODIES, strict=True):
+    arrays, stars = fusion.stored().arrays, len(fusion.BLACKBODIES)
+    if narrow := sized(figure, 6.4, 5.6, 7.6):
+        grid = figure.subplots(stars, 2, sharex=True, sharey="col")
+    else:
+        grid = figure.subplots(2, stars, sharex=True, sharey="row").T
+    for (above, below), star in zip(grid, fusion.BLACKBODIES, strict=True):
         row = list(fusion.STARS).index(star)
         for kind, (name, look) in enumerate(zip(fusion.MADE, KINDS, strict=True)):
             for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
@@ -113,11 +115,15 @@ def draw_errors(figure: Figure) -> None:
                     (line,) = axes.semilogy(fusion.MAGNITUDES, values, look.line, c=look.colour)
                     line.set(marker=look.marker, mfc=fill, label=f"{name}, {where}")
         above.set_title(f"{star}: {fusion.STARS[star]:,.0f} K")
-        below.set_xlabel("V (mag)")
-    grid[0, 0].set_ylabel("centroid error, RMS (px)")
-    grid[1, 0].set_ylabel("signal over noise (1)")
+        if not narrow or above is grid[-1, 0]:
+            below.set_xlabel("V (mag)")
+    grid[-1, 0].set_xlabel("V (mag)" if narrow else "")
+    for axes in grid if narrow else grid[:1]:
+        axes[0].set_ylabel("centroid error, RMS (px)")
+        axes[1].set_ylabel("signal over noise (1)")
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+    columns = 1 if narrow else 2
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
 
 
 def _in_the_corner() -> tuple[FloatArray, FloatArray]:
@@ -143,8 +149,8 @@ def star_kind_facts() -> dict[str, Fact]:
 @draws("niu2024-fusion-stars", named=star_kind_facts)
 def draw_stars(figure: Figure) -> None:
     """Centroid error and gain of signal over noise by kind of star, at V = 4 in the corner."""
-    figure.set_size_inches(6.4, 3.8)
-    left, right = figure.subplots(1, 2, sharey=True)
+    shape = (2, 1) if sized(figure, 6.4, 3.8, 6.4) else (1, 2)
+    left, right = figure.subplots(*shape, sharey=True)
     rows, door = np.arange(len(fusion.STARS)), given(images.READS)
     luck = 2 / np.sqrt(2 * fusion.PHASES * fusion.TRIALS)
     for kind, (name, look, error, gain) in enumerate(
@@ -191,7 +197,7 @@ def colour_facts() -> dict[str, Fact]:
 def draw_colours(figure: Figure) -> None:
     """Colours of the stars of a frame with their errors, and those of known spectra."""
     found = images.colours_of_a_frame()
-    figure.set_size_inches(6.4, 4.6)
+    narrow = sized(figure, 6.4, 4.6, 4.4)
     axes = figure.add_subplot()
     (red, blue), (red_sigma, blue_sigma) = found.measured, found.sigma
     axes.errorbar(
@@ -219,4 +225,7 @@ def draw_colours(figure: Figure) -> None:
             label=f"{star}, table",
         )
     axes.set(xlabel="red over green (1)", ylabel="blue over green (1)")
-    axes.legend(loc="upper right", fontsize=8)
+    if narrow:
+        figure.legend(loc="outside lower center", fontsize=8)
+    else:
+        axes.legend(loc="upper right", fontsize=8)

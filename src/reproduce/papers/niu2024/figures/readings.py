@@ -11,6 +11,7 @@ import numpy as np
 from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import readings, simulation, simulation_angles
 from reproduce.papers.niu2024.figures.looks import LOOKS, RED
+from reproduce.papers.sketch import sized, thin
 from reproduce.papers.study import Fact
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import (
@@ -27,10 +28,9 @@ from reproduce.printed.given import Given, given
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["chosen", "convergence", "distance_to_end", "draw_distributions"]
+__all__ = ["chosen", "convergence", "distance_to_end", "distances", "draw_distributions"]
 
-TITLES = ("k (1)", "θ (mrad)", "Δx (px)", "Δy (px)", "RMSE before (px)", "RMSE after (px)")
-FACTORS = (1.0, 1e3, 1.0, 1.0, 1.0, 1.0)
+TITLES = ("k", "θ", "Δx", "Δy", "RMSE before", "RMSE after")
 
 
 def chosen() -> dict[str, tuple[int, str]]:
@@ -57,29 +57,45 @@ def chosen() -> dict[str, tuple[int, str]]:
     }
 
 
+def distances(printed: Mapping[str, float]) -> FloatArray:
+    """Return how far each print lies from what each of the chosen readings predicts.
+
+    Shape (readings, channels, numbers). From the middle of the central 99 %, in its half-widths: up
+    to one it lies inside.
+    """
+    quantiles = readings.stored().arrays["quantiles"]
+    ends = np.array([readings.counted(quantiles[n], way)[[0, -1]] for n, way in chosen().values()])
+    values = np.array([printed[address] for address in readings.ADDRESSES])
+    low, high = ends.swapaxes(0, 1)
+    result: FloatArray = np.abs(values.reshape(low.shape[1:]) - (low + high) / 2) * 2 / (high - low)
+    return result
+
+
 @draws("niu2024-distributions", marks=readings.ADDRESSES)
 def draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Median and central 99 % of every printed number, by reading, with the print."""
-    rows, factors = chosen(), np.array(FACTORS)
-    quantiles = readings.stored().arrays["quantiles"]
-    figure.set_size_inches(6.4, 10.6)
-    grid = figure.subplots(len(TITLES), 2, sharey=True)
-    for place, channel in enumerate(simulation.REGISTERED):
-        for cell, axes in enumerate(grid[:, place]):
-            for height, (number, counted) in enumerate(rows.values()):
-                levels = readings.counted(quantiles[number], counted) * factors
-                low, _, middle, _, high = levels[:, place, cell]
-                axes.plot([low, high], [height, height], color=LOOKS[channel].colour)
-                marker = LOOKS[channel].marker
-                axes.plot(middle, height, marker, color="#000000", markersize=3.5)
-            value = printed[readings.ADDRESSES[place * len(TITLES) + cell]] * factors[cell]
-            axes.axvline(value, color="#000000", linestyle="--", linewidth=1)
-            axes.set_xlabel(f"{channel}: {TITLES[cell]}", fontsize=9)
-            axes.tick_params(labelsize=8.5)
-            axes.ticklabel_format(axis="x", useOffset=False)
-            axes.locator_params(axis="x", nbins=3)
-    grid[0, 0].set_yticks(np.arange(len(rows)), list(rows), fontsize=8.5)
-    grid[0, 0].set_ylim(len(rows) - 0.5, -0.5)
+    """Which readings predict which printed number, and how far the print lies from the others."""
+    found, names = distances(printed), list(chosen())
+    narrow = sized(figure, 6.4, 4.4, 8.2)
+    panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True)
+    for axes, channel, table in zip(
+        panels, simulation.REGISTERED, found.swapaxes(0, 1), strict=True
+    ):
+        rows, columns = np.nonzero(table <= 1)
+        look = LOOKS[channel]
+        axes.plot(columns, rows, look.marker, color=look.colour, markersize=9, label="inside")
+        for row, column in zip(*np.nonzero(table > 1), strict=True):
+            away = (
+                f"{table[row, column]:.1f}"
+                if table[row, column] < 10
+                else f"{table[row, column]:.0f}"
+            )
+            axes.text(column, row, away, ha="center", va="center", fontsize=8)
+        axes.set_xticks(range(len(TITLES)), TITLES, rotation=90)
+        axes.set(title=channel, xlim=(-0.6, len(TITLES) - 0.4))
+        axes.tick_params(length=0)
+        axes.grid(visible=False)
+    panels[0].set_yticks(range(len(names)), names, fontsize=8.5)
+    panels[0].set_ylim(len(names) - 0.5, -0.5)
 
 
 # The paper draws restarts "within a certain range" that it does not print; this one is ours.
@@ -136,7 +152,7 @@ def draw_convergence(figure: Figure) -> None:
         axes.axvline(begin, color="#000000", linestyle=":", linewidth=1)
         axes.text(begin - 0.08, 1e-6, "all four from here on", rotation=90, ha="right", va="center")
     axes.set(yscale="log", ylim=(1e-12, 1e3), xlabel="step", ylabel="distance from the end (px)")
-    figure.legend(loc="outside lower center", ncols=2)
+    figure.legend(loc="outside lower center", ncols=1 if thin(figure) else 2)
 
 
 def distance_to_end(calibration: Calibration) -> FloatArray:

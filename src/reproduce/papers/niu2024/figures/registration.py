@@ -58,7 +58,7 @@ def _plane(axes: Axes, origin: FloatArray, turn: float, look: Look) -> None:
         arrow(axes, origin, origin + tip, look)
         away = tip / np.hypot(*tip)
         label(axes, origin + tip + 0.38 * away, f"${name}_{letter}$")
-    below, corner = turned([[-0.55, -0.5], [-3.75, -2.6]])
+    below, corner = turned([[-0.55, -0.5], [2.1, -2.35]])
     label(axes, origin + below, f"$O_{letter}$")
     label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn))
 
@@ -98,7 +98,7 @@ def draw_registration(figure: Figure) -> None:
     image_axes(axes, (0.5, 0.5), 1.8)
     before, turned, stretched, after = registration_steps()
     axes.plot(*PIVOT, "+", color="#000000", markersize=12)
-    label(axes, beside(PIVOT, -0.3, -0.7), "pivot: blue principal point")
+    label(axes, beside(PIVOT, 0.3, -0.8), "pivot: blue\nprincipal point", ha="left")
     for end in (before, stretched):
         line(axes, [PIVOT, end], 0.8, ":")
     axes.plot(*before, BLUE.marker, color=BLUE.colour, markersize=8)

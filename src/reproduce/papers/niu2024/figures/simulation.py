@@ -9,7 +9,7 @@ import numpy as np
 
 from reproduce.papers.declare import Blocked, Marks, Prediction, draws
 from reproduce.papers.niu2024 import simulation
-from reproduce.papers.sketch import INK
+from reproduce.papers.sketch import INK, sized
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 
@@ -72,7 +72,7 @@ def _row(address: str, label: str, prediction: Prediction) -> Row:
 def draw_table_3(figure: Figure, printed: Marks) -> None:
     """Table 3 printed against predicted: each prediction scaled to the same width."""
     rows = table_3()
-    figure.set_size_inches(4.9, 4.9)
+    narrow = sized(figure, 4.9, 4.9, 5.2)
     axes = figure.add_subplot()
     for height, row in enumerate(rows):
         _predicted(axes, height, row)
@@ -82,9 +82,10 @@ def draw_table_3(figure: Figure, printed: Marks) -> None:
     axes.set_xlim(-REACH, REACH)
     axes.axvline(0, color=INK, linewidth=0.6, alpha=0.5, zorder=0)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("distance from the median (half-widths)", fontsize=9)
+    gap = "\n" if narrow else " "
+    axes.set_xlabel(f"distance from the median{gap}(half-widths)", fontsize=9)
     axes.tick_params(axis="x", labelsize=9)
-    _legend(figure)
+    _legend(figure, 1 if narrow else 2)
 
 
 def _predicted(axes: Axes, height: int, row: Row) -> None:
@@ -104,10 +105,10 @@ def _printed(axes: Axes, height: int, row: Row, printed: Marks) -> None:
     axes.plot(0.97 * side * REACH, height, "<" if side < 0 else ">", color=INK, markersize=7)
     text = f"{abs(place):.0f} away"
     where = "left" if side < 0 else "right"
-    axes.text(0.91 * side * REACH, height, text, ha=where, va="center", fontsize=9)
+    axes.text(0.86 * side * REACH, height, text, ha=where, va="center", fontsize=9)
 
 
-def _legend(figure: Figure) -> None:
+def _legend(figure: Figure, columns: int) -> None:
     from matplotlib.lines import Line2D
 
     bar = Line2D([], [], color=PREDICTED, linewidth=8)
@@ -117,6 +118,6 @@ def _legend(figure: Figure) -> None:
         [bar, median, mark],
         ["predicted, central 99 %", "median", "printed, with its rounding"],
         loc="outside lower center",
-        ncols=2,
+        ncols=columns,
         fontsize=9,
     )

@@ -74,7 +74,7 @@ READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", TEST_POINTS)
 
 def centroids(given: Given) -> FloatArray:
     """Simulated centroids of green, red and blue, shape (3, n, 2), in px."""
-    noise = given["niu2024/text-simulation#noise"]
+    noise = given[f"{simulation.SETTINGS}#noise"]
     return np.asarray(noisy_centroids(true_centroids(given), noise, DATA_SEED, 1)[0])
 
 
@@ -160,9 +160,9 @@ def centroid_noise(given: Given) -> Model:
     )
     addresses = [f"{RESULTS}#{cell}" for cell in cells]
     printed = np.array([given[address] for address in addresses])
-    half = [abs(given.shifted({a: 1.0})[a] - given[a]) for a in addresses]
+    half = [given.half_unit(address) for address in addresses]
     likelihood = CentroidNoiseLikelihood(expected, response @ response.T, printed, np.array(half))
-    model = centroid_noise_model(likelihood, given["niu2024/text-simulation#noise"])
+    model = centroid_noise_model(likelihood, given[f"{simulation.SETTINGS}#noise"])
     return replace(model, derived=NoiseAlone(pixel_angle(given)))
 
 
