@@ -298,7 +298,7 @@ REFUSED = {
     "no number": (with_stars("--pivot", "nan", "0"), "within 100 fields of the stars"),
     "pivot alone": (lambda tmp_path: ["registration", "--pivot", "1", "1"], "--pivot needs --data"),
     "no ends": (with_stars("--prior", "noise=0.1"), "--prior noise=0.1: expected NAME=LOW,HIGH"),
-    "no name": (with_stars("--prior", "0.1,1"), "--prior 0.1,1: expected NAME=VALUE"),
+    "no name": (with_stars("--prior", "0.1,1"), "--prior 0.1,1: expected NAME=LOW,HIGH"),
     "ends in words": (with_stars("--prior", "noise=a,b"), "expected NAME=LOW,HIGH, such as"),
     "ends exchanged": (
         with_stars("--prior", "rotation=2,-2"),

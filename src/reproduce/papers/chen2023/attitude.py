@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FOCAL", "POINT", "TURN", "towards", "turned_camera"]
+__all__ = ["FOCAL", "POINT", "TURN", "WIDE", "towards", "turned_camera"]
 
 PRINTED = "chen2023/table-4#1.transform-?"
 NAMES = ("X", "Y", "Z")
