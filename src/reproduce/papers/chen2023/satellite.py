@@ -47,7 +47,7 @@ from reproduce.units import RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["CAMERA", "SATELLITE", "altitude", "dichroic_response", "tolerances"]
+__all__ = ["ACCURACY", "CAMERA", "SATELLITE", "altitude", "dichroic_response", "tolerances"]
 
 SATELLITE = "chen2023/table-1"
 TEXT = "chen2023/text-satellite"
