@@ -23,18 +23,9 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 __all__ = [
-    *(
-        "Paint",
-        "Picture",
-        "Vectors",
-        "check_ending",
-        "data",
-        "declared",
-        "draw",
-        "drawable",
-        "drawn",
-    ),
-    *("figure_files", "inline", "save", "vector_of", "vectors", "write_figure", "write_files"),
+    *("Paint", "Picture", "Vectors", "XML", "check_ending", "data", "declared", "draw"),
+    *("drawable", "drawn", "figure_files", "inline", "save", "vector_of", "vectors"),
+    *("write_figure", "write_files"),
 ]
 
 STYLE = Path(__file__).parent / "figures.mplstyle"

@@ -18,15 +18,13 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-__all__ = ["on_the_ground"]
-
 FRAMES = "chen2023/table-4#100.frames"
 READS = (*satellite.CAMERA, satellite.ACCURACY, FRAMES)
 # Of the drawing: units to a metre of the ground.
 METRE = 3.4
 
 
-def on_the_ground(door: Given) -> tuple[float, float, float]:
+def _on_the_ground(door: Given) -> tuple[float, float, float]:
     """Return metres on the ground: an arc second, a pixel, the larger printed error (3σ)."""
     height = satellite.altitude(door)
     error = float(door.array(satellite.ACCURACY).max())
@@ -40,7 +38,7 @@ def on_the_ground(door: Given) -> tuple[float, float, float]:
 def ground_facts() -> Mapping[str, Fact]:
     """Return what the drawing shows, in numbers."""
     door = given(READS)
-    second, pixel, error = on_the_ground(door)
+    second, pixel, error = _on_the_ground(door)
     return {
         "height": Fact(satellite.altitude(door) / 1e3, ".0f", "km"),
         "second": Fact(second, ".1f", "m"),
@@ -54,7 +52,7 @@ def ground_facts() -> Mapping[str, Fact]:
 @draws("chen2023-arc-second", given=READS, named=ground_facts)
 def draw_ground(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """An arc second on the ground, from the height of the paper's satellite, to scale."""
-    second, pixel, error = on_the_ground(door)
+    second, pixel, error = _on_the_ground(door)
     axes = canvas(figure, 10.4, 8.2)
     left, right, ground = 0.9, 0.9 + METRE * second, 3.4
     top = np.array([(left + right) / 2, 7.2])
