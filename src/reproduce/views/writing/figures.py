@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 __all__ = [
-    *("Paint", "Picture", "Vectors", "XML", "check_ending", "data", "declared", "draw"),
+    *("Picture", "Vectors", "XML", "check_ending", "data", "declared", "draw"),
     *("drawable", "drawn", "figure_files", "inline", "save", "vector_of", "vectors"),
     *("write_figure", "write_files"),
 ]
@@ -36,14 +36,14 @@ SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
 FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
 NAMED = re.compile(r' id="([^"]+)"')
-Paint = Callable[["Figure"], None]
+_Paint = Callable[["Figure"], None]
 
 
 class Picture(NamedTuple):
     """A picture that belongs to no paper: its key, what paints it, and the numbers behind it."""
 
     key: str
-    paint: Paint
+    paint: _Paint
     numbers: pd.DataFrame
 
 
@@ -70,7 +70,7 @@ def declared(key: str) -> Drawing:
     return found
 
 
-def drawn(paint: Paint, *, narrow: bool = False) -> Figure:
+def drawn(paint: _Paint, *, narrow: bool = False) -> Figure:
     """Draw in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure

@@ -28,7 +28,7 @@ from reproduce.printed.given import Given, given
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["chosen", "convergence", "distance_to_end", "distances", "draw_distributions"]
+__all__ = ["chosen", "convergence", "distance_to_end", "draw_distributions"]
 
 TITLES = ("k", "θ", "Δx", "Δy", "RMSE before", "RMSE after")
 
@@ -57,7 +57,7 @@ def chosen() -> dict[str, tuple[int, str]]:
     }
 
 
-def distances(printed: Mapping[str, float]) -> FloatArray:
+def _distances(printed: Mapping[str, float]) -> FloatArray:
     """Return how far each print lies from what each of the chosen readings predicts.
 
     Shape (readings, channels, numbers). From the middle of the central 99 %, in its half-widths: up
@@ -74,7 +74,7 @@ def distances(printed: Mapping[str, float]) -> FloatArray:
 @draws("niu2024-distributions", marks=readings.ADDRESSES)
 def draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
     """Which readings predict which printed number, and how far the print lies from the others."""
-    found, names = distances(printed), list(chosen())
+    found, names = _distances(printed), list(chosen())
     narrow = sized(figure, 6.4, 4.4, 8.2)
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True)
     for axes, channel, table in zip(
