@@ -25,7 +25,7 @@ def printed_number(label: str, prefixes: dict[str, str]) -> str | None:
     >>> printed_number("niu2024-17", {"niu2024": ""})
     '17'
     >>> printed_number("niu2024-19-printed", {"niu2024": ""})
-    '19, as printed'
+    '19, as extracted'
     >>> printed_number("book-3", {"book": "B"})
     'B3'
     >>> printed_number("energy", {"book": "B"})
@@ -33,7 +33,7 @@ def printed_number(label: str, prefixes: dict[str, str]) -> str | None:
     parts = LABEL.fullmatch(label)
     if parts is None or parts["prefix"] not in prefixes:
         return None
-    suffix = ", as printed" if parts["printed"] else ""
+    suffix = ", as extracted" if parts["printed"] else ""
     return prefixes[parts["prefix"]] + parts["number"] + suffix
 
 

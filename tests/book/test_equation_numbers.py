@@ -12,7 +12,7 @@ PREFIXES = {"niu2024": "", "chen2023": "", "book": "B"}
     [
         ("niu2024-17", "17"),
         ("chen2023-2", "2"),
-        ("chen2023-11-printed", "11, as printed"),
+        ("chen2023-11-printed", "11, as extracted"),
         ("niu2024-4b", "4b"),
         ("book-3", "B3"),
     ],

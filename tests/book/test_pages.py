@@ -73,7 +73,7 @@ def expected_number(label: str) -> str:
     """Spell out the number a label stands for."""
     prefix, number, *printed = label.split("-")
     own = {"book": "B"}.get(prefix, "")
-    return f"({own}{number}{', as printed' if printed else ''})"
+    return f"({own}{number}{', as extracted' if printed else ''})"
 
 
 def leads_somewhere(reference: str, address: str, visits: dict[str, Visit]) -> bool:
