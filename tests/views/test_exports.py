@@ -42,7 +42,7 @@ def test_json_reads_back_as_a_ledger_with_its_reasons(table):
     frame = pd.read_csv(io.StringIO(export(table, KEY, "csv")), keep_default_na=False)
     assert [one.reason for one in read.records] == list(frame["reason"])
     assert read.cell(f"{KEY}#2.reference-x").reason.startswith("Four significant digits")
-    assert read.software == f"reproduce-pointing {__version__}, {RELEASED}"
+    assert read.software == version.software()
 
 
 def test_markdown_and_latex_keep_the_shape_of_the_table(table):
