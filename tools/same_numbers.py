@@ -27,6 +27,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -102,6 +103,8 @@ def arithmetic() -> dict[str, Any]:
     }
 
 
+# A copy of the project elsewhere is no checkout, and so has no commit to name.
+@patch("reproduce.version.commit", lambda root: "")
 def computed(pages: list[str]) -> dict[str, Any]:
     """Return the ledger and what the given pages show, computed in this process."""
     shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}

@@ -25,7 +25,10 @@ def commit(root: Path) -> str:
     try:
         changed, found = (
             subprocess.run(
-                ["git", "-C", root, *words], check=True, capture_output=True, text=True
+                ["git", "--no-optional-locks", "-C", root, *words],
+                check=True,
+                capture_output=True,
+                text=True,
             ).stdout.strip()
             for words in asked
         )
