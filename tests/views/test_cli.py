@@ -238,7 +238,7 @@ def test_show_reruns_under_a_change():
         (["show", "niu2024/table-3", "--option", "noise"], "expected NAME=ALTERNATIVE"),
         (
             ["show", "niu2024/table-3", "--option", "noise=0.2"],
-            "--set niu2024/text-simulation#noise",
+            "is a cell to change: niu2024/text-simulation#noise",
         ),
         (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
         (["show", "niu2024/fig-4", "--seed", "1"], "is a figure"),

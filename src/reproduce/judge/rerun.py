@@ -257,14 +257,12 @@ def rerun(
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
     """Return a reader's values in SI units, or refuse what the item does not read."""
-    refuse_strays(key, changes, changeable(key), _listing(key))
+    refuse_strays(key, changes, changeable(key))
     return {address: in_si(_cell(address), text) for address, text in changes.items()}
 
 
-def refuse_strays(
-    subject: str, changes: Iterable[str], allowed: Sequence[str], listing: str
-) -> None:
-    """Refuse changes of what is not read; name the nearest cells, and the call that lists all."""
+def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) -> None:
+    """Refuse changes of what is not read; name the nearest cells, and how many there are."""
     if not (strays := [address for address in changes if address not in allowed]):
         return
     near = list(dict.fromkeys(chain.from_iterable(_near(stray, allowed) for stray in strays)))
@@ -272,14 +270,8 @@ def refuse_strays(
     listed = ", ".join(named) or "nothing"
     told = f"did you mean {listed}?" if near else f"it reads {listed}"
     if len(named) < len(allowed):
-        told += f" ({listing} lists all {len(allowed)})"
+        told += f" (.reads lists all {len(allowed)})"
     raise CannotChangeError(f"{subject} does not read {', '.join(strays)}; {told}")
-
-
-def _listing(key: str) -> str:
-    """Return the call that lists what an item, a cell or a study reads."""
-    held = key.partition("#")[0] in library() or key in studies()
-    return f'rp.{"table" if held else "figure"}("{key}").reads'
 
 
 def _near(stray: str, allowed: Sequence[str]) -> list[str]:
@@ -334,7 +326,7 @@ def _as_change(key: str, name: str) -> str:
     """Say how to change a printed cell that is called like an option, if one is."""
     cells = [find(address)[0] for address in changeable(key) if address.endswith(f"#{name}")]
     return "".join(
-        f"; to change what is printed, {one.shown}: --set {one.address}=VALUE" for one in cells
+        f"; what is printed, {one.shown}, is a cell to change: {one.address}" for one in cells
     )
 
 

@@ -112,7 +112,12 @@ def _frames(count: int) -> str:
 
 _STATED_NOISE = "niu2024/text-simulation#noise"
 PRINTED = (
-    Said("Centroid noise that Table 3 asks for", "centroid-noise", "noise", _STATED_NOISE),
+    Said(
+        "Centroid noise, if one made all errors of Table 3",
+        "centroid-noise",
+        "noise",
+        _STATED_NOISE,
+    ),
     *(
         Said(f"Misalignment about {axis.upper()}, {_frames(count)}, 3σ",
              "frame-averaging", f"misalignment-{axis}, error of {_frames(count)}",
@@ -215,15 +220,15 @@ def intervals() -> Html:
 
 
 def noise_of_table_3() -> Html:
-    """Draw the noise that the errors of Table 3 ask for, beside the stated one."""
+    """Draw the noise that would make all errors of Table 3, beside the stated one."""
     found = book_posterior("centroid-noise")
     alternative = (
         "Histogram of the centroid noise with one peak and a long tail to the right. A dashed line "
         "marks the noise that the text states, far left of the whole histogram."
     )
     caption = (
-        "Centroid noise that the errors of Table 3 ask for. Data as printed in niu2024. Orange: "
-        "the noise that the text states."
+        "Centroid noise, if one noise made all errors of Table 3, which none fits well. Data as "
+        "printed in niu2024. Orange: the noise that the text states."
     )
     mark = float(found.model.estimate["noise"])
     picture = figures.density(found, "noise", mark)

@@ -167,7 +167,7 @@ class Panels(Shown):
     def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Panels:
         """Return the panels drawn again; each takes the changes of cells that it reads."""
         told = dict(changes or {})
-        refuse_strays(self.key, told, self.reads, f'rp.figure("{self.key}").reads')
+        refuse_strays(self.key, told, self.reads)
         again = (
             one.rerun({a: value for a, value in told.items() if a in one.reads}, **settings)
             for one in self.panels

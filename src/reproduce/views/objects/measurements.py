@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rich.console import RenderableType
 
 from reproduce.inference.models.registration import fits_exactly
-from reproduce.judge.rerun import CannotChangeError, in_si
+from reproduce.judge.rerun import in_si, refuse_strays
 from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
 from reproduce.papers.chen2023.posteriors.users_spots import COLUMNS, from_table
 from reproduce.papers.niu2024.posteriors import users_stars
@@ -226,11 +226,7 @@ class Monitored(_Measured):
         self.reads = tuple(door.cells)
         self._spots, self._zero = spots, zero
         self.changes = dict(changes or {})
-        if strays := [address for address in self.changes if address not in self.reads]:
-            raise CannotChangeError(
-                f"the instrument does not read {', '.join(strays)}; it reads: "
-                f"{', '.join(self.reads)}"
-            )
+        refuse_strays("the instrument", self.changes, self.reads)
         values = {a: in_si(door.cells[a], text) for a, text in self.changes.items()}
         design = platform(door.changed(values))
         if isinstance(spots, str | Path):

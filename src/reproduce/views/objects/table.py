@@ -38,9 +38,9 @@ DETAILS = (
     *("Share of tolerance", "Verdict", "Why"),
 )
 # From this many columns on, a terminal also shows interval and probability.
+WIDE = 110
 # Cells that share a note are counted from here on.
 FEW = 4
-WIDE = 110
 COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
 COLOURS |= {"input": "dim"}
 

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -39,6 +39,11 @@ BELOW = -0.6
 EDGES = 1.1
 SMALL = 8.0  # points
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#777777"
+# How both kinds of corner plot draw contours.
+CONTOURS: dict[str, Any] = {
+    "bins": 20, "smooth": 1.0, "levels": LEVELS, "color": BLUE, "plot_datapoints": False,
+    "plot_density": False, "no_fill_contours": True,
+}  # fmt: skip
 DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = (
     "-", "--", "-.", ":", (0, (6, 2)), (0, (1, 4)), (0, (4, 1, 1, 1, 1, 1)), (0, (8, 3, 2, 3)),
 )  # fmt: skip
@@ -126,10 +131,14 @@ def _corner(
         values,
         range=[_span(*pair) for pair in zip(values.T, marked, strict=True)],
         labels=list(labels),
-        truths=list(marked), truth_color=ORANGE, color=BLUE, fig=figure, bins=20,
-        smooth=1.0, levels=LEVELS, plot_datapoints=False, plot_density=False,
-        no_fill_contours=True, max_n_ticks=3, label_kwargs={"fontsize": SMALL}, quiet=True,
-    )  # fmt: skip
+        truths=list(marked),
+        truth_color=ORANGE,
+        fig=figure,
+        max_n_ticks=3,
+        label_kwargs={"fontsize": SMALL},
+        quiet=True,
+        **CONTOURS,
+    )
     for axes in figure.axes:
         _ticked(axes)
     figure.subplots_adjust(left=EDGES / side, bottom=EDGES / side, right=0.99, top=0.99)
@@ -152,10 +161,12 @@ def _pairs(
         left, right = panels
         left.hist(values[:, row], bins=20, range=spans[row], histtype="step", color=BLUE)
         package.hist2d(
-            values[:, row], values[:, other], ax=right, range=[spans[row], spans[other]], bins=20,
-            smooth=1.0, levels=LEVELS, plot_datapoints=False, plot_density=False,
-            no_fill_contours=True, color=BLUE,
-        )  # fmt: skip
+            values[:, row],
+            values[:, other],
+            ax=right,
+            range=[spans[row], spans[other]],
+            **CONTOURS,
+        )
         for axes in panels:
             axes.set_xlabel(labels[row], fontsize=SMALL)
             axes.grid(visible=False)

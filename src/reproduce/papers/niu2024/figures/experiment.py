@@ -24,10 +24,12 @@ def draw_acquisition(axes: Axes) -> None:
     """Data acquisition: simulated starlight of a chosen band and magnitude, three images."""
     narrow = slim(axes)
 
-    def placed(wide: Place, slender: Place, text: str = "", **look: object) -> Place:
+    def placed(
+        wide: Place, slender: Place, text: str = "", width: float = 1.3, style: str = "-"
+    ) -> Place:
         """Draw a box where it stands on this page, and return its place."""
         place = slender if narrow else wide
-        box(axes, *place, text, **look)  # type: ignore[arg-type]
+        box(axes, *place, text, width=width, style=style)
         return place
 
     placed(((8.6, 6.45), (16.8, 6.5)), ((5.0, 7.6), (9.8, 9.4)), width=0.8)
