@@ -221,6 +221,11 @@ class UnconvergedError(ArithmeticError):
             advice = f"take about {steps} steps"
         super().__init__(f"the chains are refused: {missed[0]}{more}; {advice}")
 
+    @property
+    def taken(self) -> int:
+        """Kept steps of the chains."""
+        return round(self.diagnoses[0].time * self.diagnoses[0].times)
+
     def __reduce__(self) -> tuple[object, ...]:
         """Survive the way back from a worker process."""
         return (type(self), (self.missed, self.diagnoses, self.acceptance, self.steps))

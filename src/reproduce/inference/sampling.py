@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,16 @@ from emcee.state import State
 from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
 
 from reproduce.inference import moves
-from reproduce.inference.diagnostics import Gates, diagnose, require
+from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require
 from reproduce.inference.model import Model
 from reproduce.inference.parts import Progress, Store, run_parts
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray, whole_number
 
 __all__ = ["Job", "Plan", "fingerprint", "run_ensemble", "sample"]
+
+# Steps beyond which a chain that asks for more is refused.
+MOST = 20_000
 
 
 @dataclass(frozen=True)
@@ -76,14 +79,16 @@ def sample(
     model: Model,
     plan: Plan,
     *,
+    longer: bool = False,
     executor: Executor | None = None,
     folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Sampled:
     """Sample the posterior of a model, and refuse chains that miss the gates.
 
-    Without an executor the ensembles run here, one after the other. In a folder each finished
-    ensemble is kept; what lies there already is not run again.
+    Chains that are too short may be run again, `longer`: with as many steps as they are found to
+    need, up to `MOST`. Without an executor the ensembles run here, one after the other. In a
+    folder each finished ensemble of the first run is kept; what lies there is not run again.
     """
     store = None if folder is None else Store(folder, _note(model, plan))
     jobs = [Job(model, plan, ensemble) for ensemble in range(plan.ensembles)]
@@ -91,8 +96,17 @@ def sample(
     chain, log_posterior, accepted = (np.stack(column) for column in zip(*results, strict=True))
     acceptance = tuple(accepted.tolist())
     diagnoses = diagnose(model.names, chain)
-    require(diagnoses, acceptance, plan.gates)
-    return Sampled(model, plan.seed, chain, log_posterior, acceptance, diagnoses, plan.gates)
+    found = Sampled(model, plan.seed, chain, log_posterior, acceptance, diagnoses, plan.gates)
+    try:
+        require(diagnoses, acceptance, plan.gates)
+        if longer:
+            found.consequences()
+    except UnconvergedError as error:
+        if not longer or error.steps is None or error.steps > MOST:
+            raise
+        enough = replace(plan, steps=error.steps, warmup=max(plan.warmup, error.steps // 4))
+        return sample(model, enough, longer=True, executor=executor, progress=progress)
+    return found
 
 
 def run_ensemble(job: Job) -> tuple[FloatArray, FloatArray, float]:

@@ -5,18 +5,34 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from reproduce.inference.calibration import Ranks, calibrate, intervals
+from reproduce.inference.calibration import Ranks, calibrate, intervals, simulated
 from reproduce.inference.parts import Progress
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.validate import FloatArray
 from reproduce.store import studies
 
-__all__ = ["REPLICATES", "SEED", "load", "of_all", "renew", "run", "store", "stored", "study_name"]
+__all__ = [
+    "REPLICATES",
+    "SEED",
+    "load",
+    "log_posteriors",
+    "of_all",
+    "renew",
+    "run",
+    "store",
+    "stored",
+    "study_name",
+]
 
 SEED = 20_240_105
 REPLICATES = 1000
+# Points near the posterior of the book at which a model is recognised.
+POINTS = 8
 PACKAGES = ("numpy", "scipy", "emcee")
 
 
@@ -39,6 +55,19 @@ def run(
     return calibrate(model, seed, replicates, executor=executor, folder=folder, progress=progress)
 
 
+def log_posteriors(key: str, points: FloatArray, seed: int) -> FloatArray:
+    """Return the fingerprint of a model, shape (2, POINTS): it knows data, likelihood and priors.
+
+    Log posterior of the book's data at fixed points, and of the truth of as many replicates, which
+    also knows how data are simulated.
+    """
+    model = posteriors()[key].model()
+    pairs = (simulated(model, seed, index) for index in range(len(points)))
+    return np.array(
+        [model.log_posterior(points), [float(fit.log_posterior(t[None])[0]) for t, fit in pairs]]
+    )
+
+
 def store(key: str, found: Ranks, seed: int, where: Path | None = None) -> None:
     """Keep a calibration with what is needed to redo it."""
     command = f"reproduce calibrate {key} --replicates {found.replicates} --seed {seed} --store"
@@ -48,7 +77,10 @@ def store(key: str, found: Ranks, seed: int, where: Path | None = None) -> None:
         "versions": ", ".join(f"{name} {version(name)}" for name in PACKAGES),
         "names": "\t".join(found.names),
     }
-    arrays = {
+    points = posteriors()[key].model().start(np.random.default_rng(0), POINTS)
+    arrays: dict[str, NDArray[Any]] = {
+        "points": points,
+        "log_posterior": log_posteriors(key, points, seed),
         "ranks": found.ranks.astype(np.int16),
         "failed": found.failed.astype(bool),
         "covered": found.covered.astype(np.int8),

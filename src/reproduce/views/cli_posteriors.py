@@ -178,7 +178,7 @@ def _sample(
         # Consequences are held to the gates too, when they are first asked for.
         return wanted.record()
     except UnconvergedError as error:
-        taken = wanted.plan.steps
+        taken = error.taken
         steps = {} if error.steps is None else {"steps_needed": error.steps}
         record = {"model": wanted.name, "data": data, "steps": taken, **steps,
                   "missed": error.missed}  # fmt: skip

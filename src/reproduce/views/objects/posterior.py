@@ -180,12 +180,16 @@ class Posterior(Shown):
         folder: Path | None = None,
         progress: Progress | None = None,
     ) -> Sampled:
-        """Sample now: on an executor, with its chains kept in a folder and continued from there."""
+        """Sample now: on an executor, with its chains kept in a folder and continued from there.
+
+        Where no number of steps was asked for, chains that are too short are run again, longer.
+        """
         from reproduce.inference import sampling
 
         self.sampled = sampling.sample(
-            self.model, self.plan, executor=executor, folder=folder, progress=progress
-        )
+            self.model, self.plan, longer="steps" not in self.settings,
+            executor=executor, folder=folder, progress=progress,
+        )  # fmt: skip
         return self.sampled
 
     @property
