@@ -52,6 +52,25 @@ def test_short_chains_are_refused(registration):
         sample(registration, replace(PLAN, steps=60, warmup=10))
 
 
+def test_short_chains_are_run_again_as_long_as_they_need(registration):
+    """With the steps that the refusal names, and once is enough here."""
+    short = replace(PLAN, steps=60, warmup=10)
+    with pytest.raises(UnconvergedError) as refused:
+        sample(registration, short)
+    needed = refused.value.steps
+    assert refused.value.taken == 60
+    found = sample(registration, short, longer=True)
+    assert found.chain.shape[1] == needed > 60
+    whole = sample(registration, replace(short, steps=needed, warmup=needed // 4))
+    np.testing.assert_array_equal(found.chain, whole.chain)
+
+
+def test_chains_that_need_too_many_steps_are_refused(registration, monkeypatch):
+    monkeypatch.setattr(sampling, "MOST", 61)
+    with pytest.raises(UnconvergedError):
+        sample(registration, replace(PLAN, steps=60, warmup=10), longer=True)
+
+
 def test_stored_chains_are_the_same_and_read_again(registration, alone, tmp_path, monkeypatch):
     stored = sample(registration, PLAN, folder=tmp_path)
     np.testing.assert_array_equal(stored.chain, alone.chain)

@@ -28,7 +28,7 @@ from reproduce.physics.validate import FloatArray, whole_number
 
 __all__ = [
     "DRAWS", "LEVELS", "Ranks", "band", "banded", "calibrate", "intervals", "least_of_all",
-    "named", "replicate", "simulated",
+    "replicate", "simulated",
 ]  # fmt: skip
 
 Counts = NDArray[np.int64]
