@@ -135,3 +135,16 @@ def test_a_sweep_refuses_what_a_rerun_refuses():
         rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.green"])
     with pytest.raises(ValueError, match="one value"):
         rp.table(TABLE).sweep(FOCAL, [])
+
+
+def test_cells_that_depend_on_each_other_move_together():
+    """The count of angles follows from their step; the printed pair is found in other units too."""
+    moved = [f"niu2024/text-simulation#{name}" for name in ("angle-count", "step")]
+    steps = [("37", "1.8 deg"), ("137", "3240 arcsec")]
+    swept = rp.table("niu2024/table-3").sweep(moved, steps, ["scale.red"], replicates=20)
+    found = swept.frame().loc[(slice(None), "scale.red"), :]
+    width = (found["high"] - found["low"]).to_list()
+    assert width[0] > width[1]
+    assert "137, 3240 arcsec (printed)" in str(swept)
+    with pytest.raises(ValueError, match="expected 2 values"):
+        rp.table("niu2024/table-3").sweep(moved, ["37"])

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import isclose
 from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 from rich.console import RenderableType
 
-from reproduce.judge.rerun import ChangedCell, Rerun
+from reproduce.judge.rerun import ChangedCell, Rerun, in_si
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
 from reproduce.views.writing.display import Display, Grid, columns, fits
@@ -31,18 +32,18 @@ class Sweep(Display):
 
     Parameters
     ----------
-    address : str
-        The input that is moved.
-    values : tuple of str
-        What it is moved to, as in the print.
+    addresses : tuple of str
+        The input that is moved, or several that move together.
+    steps : tuple of tuples of str
+        What they are moved to, as in the print.
     reruns : tuple of reproduce.judge.rerun.Rerun
         What was computed for each.
     names : tuple of str
         The cells to show; all of them by default.
     """
 
-    address: str
-    values: tuple[str, ...]
+    addresses: tuple[str, ...]
+    steps: tuple[tuple[str, ...], ...]
     reruns: tuple[Rerun, ...]
     names: tuple[str, ...] = ()
 
@@ -58,10 +59,19 @@ class Sweep(Display):
     def _wanted(self, cell: Cell) -> bool:
         return not self.names or cell.name in self.names
 
+    @cached_property
+    def _inputs(self) -> list[Cell]:
+        keys = (address.partition("#") for address in self.addresses)
+        return [library()[key][name] for key, _, name in keys]
+
     @property
-    def _input(self) -> Cell:
-        key, _, name = self.address.partition("#")
-        return library()[key][name]
+    def _label(self) -> str:
+        return ", ".join(cell.label for cell in self._inputs)
+
+    @property
+    def values(self) -> list[str]:
+        """The settings of all inputs, in one string for each step."""
+        return [", ".join(step) for step in self.steps]
 
     def frame(self) -> pd.DataFrame:
         """Return one row per value and cell: the value, the ends of its central 99 %, the unit."""
@@ -86,12 +96,13 @@ class Sweep(Display):
     @cached_property
     def _shown(self) -> tuple[str, list[str], list[list[str]]]:
         """The caption, the head, and for each value what becomes of each cell."""
-        head = [self._input.label, *(_name(column[0]) for column in self._columns)]
+        head = [self._label, *(_name(column[0]) for column in self._columns)]
         rows = [
-            [self._setting(value), *(_written(column[number]) for column in self._columns)]
-            for number, value in enumerate(self.values)
+            [self._setting(step), *(_written(column[number]) for column in self._columns)]
+            for number, step in enumerate(self.steps)
         ]
-        caption = f"{self.reruns[0].key} for {len(rows)} values of {self.address}, all computed"
+        moved = " and ".join(self.addresses)
+        caption = f"{self.reruns[0].key} for {len(rows)} values of {moved}, all computed"
         predicted = any(one.interval for column in self._columns for one in column)
         caption += "; in brackets the central 99 % of the prediction." if predicted else "."
         return caption, head, rows
@@ -101,8 +112,13 @@ class Sweep(Display):
         """The table of values and what becomes of each cell."""
         return Grid(*self._shown)
 
-    def _setting(self, value: str) -> str:
-        return f"{value} (printed)" if value == self._input.shown.replace("\u202f", " ") else value
+    def _printed(self, step: tuple[str, ...]) -> bool:
+        return all(
+            isclose(in_si(c, text), c.si) for c, text in zip(self._inputs, step, strict=True)
+        )
+
+    def _setting(self, step: tuple[str, ...]) -> str:
+        return ", ".join(step) + (" (printed)" if self._printed(step) else "")
 
     def parts(self, width: int) -> Iterator[RenderableType]:
         """Yield the table; a block for each cell where it is wider than the terminal."""
@@ -119,8 +135,8 @@ class Sweep(Display):
         yield caption
 
     def _repr_html_(self) -> str:
-        start = [self._setting(value) != value for value in self.values]
-        at = start.index(True) if any(start) else 0
+        printed = list(map(self._printed, self.steps))
+        at = printed.index(True) if any(printed) else 0
         pictures = Markup("\n").join(_picture(column, self.values) for column in self._columns)
         return str(
             Markup(
@@ -128,7 +144,7 @@ class Sweep(Display):
                 '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
                 "<output></output></p>\n{}\n"
                 '<div class="rp-sweep-pictures">{}</div></div>'
-            ).format(self._input.label, len(self.values) - 1, at, self.grid.html, pictures)
+            ).format(self._label, len(self.steps) - 1, at, self.grid.html, pictures)
         )
 
 
@@ -147,7 +163,7 @@ def _written(one: ChangedCell) -> str:
     return minus(f"{text} {unit}".strip())
 
 
-def _picture(column: list[ChangedCell], values: tuple[str, ...]) -> Markup:
+def _picture(column: list[ChangedCell], values: list[str]) -> Markup:
     """Draw a cell over the values: median, central 99 %, and the print as a dashed line."""
     printed = column[0].cell.number
     middle = np.array([np.nan if one.value is None else one.value for one in column])

@@ -139,8 +139,8 @@ class Table(Item):
 
     def sweep(
         self,
-        address: str,
-        values: Sequence[str],
+        address: str | Sequence[str],
+        values: Sequence[str | Sequence[str]],
         cells: Sequence[str] = (),
         *,
         replicates: int | None = None,
@@ -149,10 +149,11 @@ class Table(Item):
 
         Parameters
         ----------
-        address : str
-            One of the cells in `reads`.
-        values : sequence of str
-            Values as in the print: ``["0.02 px", "0.05 px", "0.2 px"]``.
+        address : str or sequence of str
+            One of the cells in `reads`, or several that move together.
+        values : sequence of str, or of sequences of str
+            Values as in the print: ``["0.02 px", "0.05 px", "0.2 px"]``; one for each cell where
+            several move together.
         cells : sequence of str, optional
             Names of the cells to show; all of them by default.
         replicates : int, optional
@@ -167,10 +168,17 @@ class Table(Item):
             raise ValueError("expected at least one value to move the cell to, got none")
         for name in cells:
             self[name]
+        moved = (address,) if isinstance(address, str) else tuple(address)
+        steps = [(one,) if isinstance(one, str) else tuple(one) for one in values]
+        if wrong := [one for one in steps if len(one) != len(moved)]:
+            raise ValueError(
+                f"expected {len(moved)} values for {', '.join(moved)}, got {', '.join(wrong[0])}"
+            )
         reruns = tuple(
-            rerunning.rerun(self.key, {address: value}, replicates=replicates) for value in values
+            rerunning.rerun(self.key, dict(zip(moved, one, strict=True)), replicates=replicates)
+            for one in steps
         )
-        return Sweep(address, tuple(values), reruns, tuple(cells))
+        return Sweep(moved, tuple(steps), reruns, tuple(cells))
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""
