@@ -127,6 +127,24 @@ def test_seed_and_replicates_are_changes():
     assert cells(first)["scale.red"].value != cells(other)["scale.red"].value
 
 
+@pytest.mark.parametrize("numbers", [{"seed": 7}, {"replicates": 9}])
+def test_what_draws_no_random_numbers_takes_no_seed_and_no_replicates(numbers):
+    (name,) = numbers
+    with pytest.raises(CannotChangeError, match=f"table-2 draws no random .* takes no {name}$"):
+        rerun.rerun("niu2024/table-2", **numbers)
+
+
+def test_a_seed_counts_where_random_numbers_are_drawn_between_a_change_and_an_item():
+    """The text quotes Table IV, which is drawn again where its frames are changed."""
+    key, frames = "chen2023/text-accuracy", "chen2023/text-accuracy#frames"
+    single = "chen2023/table-4#1.transform-x"
+    few = {"replicates": 50}
+    found = [cells(rerun.rerun(key, {frames: "400"}, seed=s, **few)) for s in (7, 8)]
+    assert found[0]["transform-single-x"].value != found[1]["transform-single-x"].value
+    with pytest.raises(CannotChangeError, match=f"{key} draws no random numbers"):
+        rerun.rerun(key, {single: "0.9″"}, seed=7)
+
+
 OPEN = [key for key in catalogue() if rerun.options(key)]
 
 

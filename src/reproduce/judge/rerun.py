@@ -34,8 +34,8 @@ from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor, symbol
 
 __all__ = [
-    *("CannotChangeError", "ChangedCell", "Rerun", "changeable", "checked_values", "in_si"),
-    *("maker", "options", "refuse_strays", "rerun", "under"),
+    *("CannotChangeError", "ChangedCell", "Rerun", "by_name", "changeable", "check_numbers"),
+    *("checked_values", "in_si", "maker", "options", "refuse_strays", "rerun", "under"),
 ]
 
 Replaced = dict[str, float]
@@ -229,15 +229,9 @@ def rerun(
     changes, chosen = dict(changes or {}), dict(chosen or {})
     values = checked_values(key, changes)
     _check_options(key, chosen)
-    if replicates is not None and not 2 <= replicates <= MOST_REPLICATES:
-        raise CannotChangeError(
-            f"replicates: expected from 2 to {MOST_REPLICATES:,}, got {replicates}"
-        )
-    if seed is not None and seed < 0:
-        raise CannotChangeError(f"seed: expected zero or more, got {seed}")
-    told = {address: str(value) for address, value in changes.items()}
-    told |= {} if seed is None else {"seed": str(seed)}
-    told |= {} if replicates is None else {"replicates": str(replicates)}
+    random = any(one.replicates for one in catalogue()[key].computations)
+    check_numbers(key, random, changes, seed, replicates)
+    told = by_name(changes, seed, replicates)
     with _told_why(key, told | chosen):
         if chosen and not told:
             return _reading(key, chosen)
@@ -253,6 +247,37 @@ def rerun(
     order = list(library()[key].by_name)
     cells.sort(key=lambda one: order.index(one.cell.name))
     return Rerun(key, told, tuple(cells), run.replaced, chosen)
+
+
+def by_name(
+    changes: Mapping[str, str | float], seed: int | None, replicates: int | None = None
+) -> dict[str, str]:
+    """Return all that is changed, by name, as given."""
+    every = {**changes, "seed": seed, "replicates": replicates}
+    return {name: str(value) for name, value in every.items() if value is not None}
+
+
+def check_numbers(
+    key: str, random: bool, changes: Iterable[str], seed: int | None, replicates: int | None = None
+) -> None:
+    """Refuse a seed and replicates out of range, or where nothing draws random numbers."""
+    if replicates is not None and not 2 <= replicates <= MOST_REPLICATES:
+        raise CannotChangeError(
+            f"replicates: expected from 2 to {MOST_REPLICATES:,}, got {replicates}"
+        )
+    if seed is not None and seed < 0:
+        raise CannotChangeError(f"seed: expected zero or more, got {seed}")
+    asked = " and no ".join(by_name({}, seed, replicates))
+    if asked and not random and not _drawn_above(key, set(changes)):
+        raise CannotChangeError(
+            f"{key} draws no random numbers when it is rerun: it takes no {asked}"
+        )
+
+
+def _drawn_above(key: str, changes: set[str]) -> bool:
+    """Tell whether random numbers are drawn between a change and what an item reads."""
+    above = filter(None, map(maker, changeable(key)))
+    return any(one.replicates and changes & set(_upstream(one.given)) for one in above)
 
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
@@ -287,11 +312,12 @@ def under(
     key: str,
     patterns: tuple[str, ...],
     changes: Mapping[str, str | float],
+    seed: int | None,
     compute: Callable[[Given], Made],
 ) -> tuple[Made, Replaced]:
     """Return what a function computes through its door under a change, and what was replaced."""
-    run = _Run(checked_values(key, changes))
-    with _told_why(key, {address: str(value) for address, value in changes.items()}):
+    run = _Run(checked_values(key, changes), seed)
+    with _told_why(key, by_name(changes, seed)):
         return compute(run.door(patterns)), run.replaced
 
 
@@ -404,12 +430,12 @@ class _Run:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
             door, under = self.door(computation.given), computation.under(self.chosen)
-            self._results[computation.name] = under(door, self.replicates, self.seed)
+            self._results[computation.name] = under(door, self.replicates)
         return self._results[computation.name]
 
     def door(self, patterns: tuple[str, ...]) -> Given:
         """Return the door for some cells, with what takes the place of printed ones."""
-        door = given(patterns)
+        door = given(patterns, self.seed)
         return door.changed({a: v for a in door.cells if (v := self._input(a)) is not None})
 
     def _input(self, address: str) -> float | None:

@@ -136,27 +136,25 @@ class Computation:
         """The seed: the project's root and this computation's own number; () if deterministic."""
         if not self.replicates:
             return ()
-        return _entropy(f"{self.key}:{self.function.__name__}")
+        return ROOT_SEED, *seed_of(self._stream, None).spawn_key
+
+    @property
+    def _stream(self) -> str:
+        return f"{self.key}:{self.function.__name__}"
 
     def makes(self, name: str) -> bool:
         """Tell whether the cell called `name` is one that this computation makes."""
         return any(fnmatch.fnmatchcase(name, pattern) for pattern in self.cells)
 
-    def __call__(
-        self, given: Given, replicates: int | None = None, root: int | None = None
-    ) -> Results:
-        """Run the function through the door, with its own seed if it draws random numbers.
-
-        A root seed other than the project's gives other random numbers.
-        """
+    def __call__(self, given: Given, replicates: int | None = None) -> Results:
+        """Run the function through the door, with its own seed if it draws random numbers."""
         taken = inspect.signature(self.function).parameters
         every = any(one.kind is one.VAR_KEYWORD for one in taken.values())
         handed = {name: way for name, way in self.chosen.items() if every or name in taken}
         if not self.replicates:
             results = self.function(given, **handed)
         else:
-            project, own = self.entropy
-            seed = np.random.SeedSequence(project if root is None else root, spawn_key=(own,))
+            seed = seed_of(self._stream, given.root)
             results = self.function(given, seed, replicates or self.replicates, **handed)
         return {name: self._left(name, one) for name, one in results.items()}
 
@@ -183,13 +181,15 @@ class Computation:
         return left[0].result if len(left) == 1 else replace(result, readings=left)
 
 
-def seed_of(name: str) -> np.random.SeedSequence:
-    """Return the random seed of something that is drawn or studied but judges no cell.
+def seed_of(name: str, root: int | None) -> np.random.SeedSequence:
+    """Return the random seed of something that draws random numbers.
 
     Parameters
     ----------
     name : str
         Its key, such as ``chen2023/fig-8``.
+    root : int, optional
+        That of the door; none for the project's.
 
     Returns
     -------
@@ -198,11 +198,11 @@ def seed_of(name: str) -> np.random.SeedSequence:
 
     Examples
     --------
-    >>> seed_of("chen2023/fig-8").spawn_key == seed_of("chen2023/fig-9").spawn_key
+    >>> seed_of("chen2023/fig-7", None).spawn_key == seed_of("chen2023/fig-8", None).spawn_key
     False
     """
-    root, key = _entropy(name)
-    return np.random.SeedSequence(root, spawn_key=(key,))
+    own = zlib.crc32(name.encode())
+    return np.random.SeedSequence(ROOT_SEED if root is None else root, spawn_key=(own,))
 
 
 def split_seed(seed: np.random.SeedSequence, count: int) -> list[np.random.SeedSequence]:
@@ -210,10 +210,6 @@ def split_seed(seed: np.random.SeedSequence, count: int) -> list[np.random.SeedS
     # spawn() would count up inside `seed`, and a second call would draw other numbers.
     keys = ((*seed.spawn_key, part) for part in range(count))
     return [np.random.SeedSequence(seed.entropy, spawn_key=key) for key in keys]
-
-
-def _entropy(name: str) -> tuple[int, int]:
-    return ROOT_SEED, zlib.crc32(name.encode())
 
 
 def reproduces(
@@ -288,6 +284,8 @@ class Drawing:
         is quoted in the text; an item's own cells need no mention.
     named : callable, optional
         Returns the facts that the drawing's alternative text quotes, by name.
+    random : bool
+        Whether it draws random numbers, with seeds from the door's root.
     """
 
     key: str
@@ -295,6 +293,7 @@ class Drawing:
     given: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
     named: Callable[[], Mapping[str, Fact]] | None = None
+    random: bool = False
 
     @property
     def title(self) -> str:
@@ -316,9 +315,10 @@ def draws(
     given: Sequence[str] = (),
     marks: Sequence[str] = (),
     named: Callable[[], Mapping[str, Fact]] | None = None,
+    random: bool = False,
 ) -> Callable[[Callable[..., None]], Drawing]:
     """Declare that a function draws `key`; the arguments are those of `Drawing`."""
-    return lambda function: Drawing(key, function, tuple(given), tuple(marks), named)
+    return lambda function: Drawing(key, function, tuple(given), tuple(marks), named, random)
 
 
 @dataclass(frozen=True)

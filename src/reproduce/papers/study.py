@@ -90,6 +90,8 @@ class Study:
         The name of a column by whose values a long table is shown in parts.
     named : callable, optional
         Takes what `function` takes and returns the facts that sentences quote, by name.
+    random : bool
+        Whether it draws random numbers, with seeds from the door's root.
     """
 
     key: str
@@ -99,6 +101,7 @@ class Study:
     given: tuple[str, ...] = ()
     folded: str = ""
     named: Callable[..., Mapping[str, Fact]] | None = None
+    random: bool = False
 
     @property
     def title(self) -> str:
@@ -150,7 +153,8 @@ def studied(
     given: Sequence[str] = (),
     folded: str = "",
     named: Callable[..., Mapping[str, Fact]] | None = None,
+    random: bool = False,
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the study `key`; the arguments are those of `Study`."""
-    declared = (tuple(columns), caption, tuple(given), folded, named)
+    declared = (tuple(columns), caption, tuple(given), folded, named, random)
     return lambda function: Study(key, function, *declared)

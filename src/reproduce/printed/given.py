@@ -1,13 +1,13 @@
 """The door through which printed numbers reach a computation.
 
 A computation declares the cells that it reads; it gets these and nothing else, so that no
-answer can leak into it.
+answer can leak into it. Where it draws random numbers, a reader's own seed comes through it too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,16 +35,19 @@ class Given:
         print leaves open (`PrintedNumber.reach`, half the last digit of a plain number).
     values : mapping of str to float
         For what-if questions: values in SI units that take the place of printed ones, exact.
+    root : int, optional
+        What all random seeds come from: a reader's own, or none for the project's.
     """
 
     cells: Mapping[str, Cell]
     shifts: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
+    root: int | None = None
 
     def __hash__(self) -> int:
         """Return one number for doors that hold the same, so that results can be kept by door."""
         held = (self.cells, self.shifts, self.values)
-        return hash(tuple(frozenset(one.items()) for one in held))
+        return hash((self.root, *(frozenset(one.items()) for one in held)))
 
     def __getitem__(self, address: str) -> float:
         """Return the number at `address` in SI units (pixels stay pixels)."""
@@ -91,12 +94,12 @@ class Given:
 
     def shifted(self, shifts: Mapping[str, float]) -> Given:
         """Return the same inputs with some moved within their rounding intervals."""
-        return Given(self.cells, dict(shifts), self.values)
+        return replace(self, shifts=dict(shifts))
 
     def changed(self, values: Mapping[str, float]) -> Given:
         """Return the same inputs with other values in place of some printed ones."""
         declared = {address: value for address, value in values.items() if address in self.cells}
-        return Given(self.cells, self.shifts, {**self.values, **declared})
+        return replace(self, values={**self.values, **declared})
 
     def narrowed(self, patterns: Iterable[str]) -> Given:
         """Return the door for those of its cells that match `patterns`, all of them declared."""
@@ -105,6 +108,7 @@ class Given:
             {address: self._cell(address) for address in addresses},
             {address: self.shifts[address] for address in addresses if address in self.shifts},
             {address: self.values[address] for address in addresses if address in self.values},
+            self.root,
         )
 
     def _cell(self, address: str) -> Cell:
@@ -116,8 +120,8 @@ class Given:
         return self.cells[address]
 
 
-def given(patterns: Iterable[str]) -> Given:
-    """Open the door for the cells that match `patterns`.
+def given(patterns: Iterable[str], root: int | None = None) -> Given:
+    """Open the door for the cells that match `patterns`, and for a seed of a reader's own.
 
     Examples
     --------
@@ -125,4 +129,5 @@ def given(patterns: Iterable[str]) -> Given:
     >>> round(door["niu2024/table-1#focal-length.green"], 6)
     0.025
     """
-    return Given({cell.address: cell for pattern in patterns for cell in find(pattern)})
+    cells = {cell.address: cell for pattern in patterns for cell in find(pattern)}
+    return Given(cells, root=root)

@@ -16,7 +16,16 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.physics.registration.transforms import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.cli_posteriors import _JSON, _PIVOT, Spoken, bar, calibrate, pairs, posterior
+from reproduce.views.cli_posteriors import (
+    _JSON,
+    _PIVOT,
+    _SEED,
+    Spoken,
+    bar,
+    calibrate,
+    pairs,
+    posterior,
+)
 from reproduce.views.keys import check_address, check_key
 from reproduce.views.objects.contents import score_table
 
@@ -99,7 +108,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     metavar=_CHANGE,
     help='Another value for a printed cell, such as niu2024/text-simulation#noise="0.2 px".',
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
+@_SEED
 @click.option("--replicates", type=click.IntRange(min=2), help="Of a table that draws some.")
 @click.option(
     "--option",
@@ -153,10 +162,11 @@ def export_item(address: str, form: str) -> None:
     metavar=_CHANGE,
     help="Another value for a printed cell that the figure reads.",
 )
-def figure(key: str, out: Path, changes: tuple[str, ...]) -> None:
+@_SEED
+def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> None:
     """Draw an item that draws."""
     try:
-        front.figure(key).rerun(pairs("--set", _CHANGE, changes)).save(out)
+        front.figure(key).rerun(pairs("--set", _CHANGE, changes), seed=seed).save(out)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:

@@ -64,6 +64,7 @@ class RefusedError(click.ClickException):
 
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+_SEED = click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
 _PIVOT = click.option(
     "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
 )
@@ -91,7 +92,7 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
     metavar="NAME=LOW,HIGH",
     help="An even prior of your own for a parameter, in the unit of the summary.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
+@_SEED
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)

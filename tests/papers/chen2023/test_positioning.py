@@ -19,7 +19,7 @@ def test_the_budget_by_formula_and_by_draws_agree(line, name, tilt, off):
     view = positioning.look(DOOR, tilt, off)
     jacobian = ground_jacobian(*view)
     exact = sum(positioning.analytic(jacobian, term) for term in BUDGET[line])
-    drawn = positioning.simulated(view, BUDGET[line], name)
+    drawn = positioning.simulated(view, BUDGET[line], name, None)
     spread = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()) + exact**2)
     error = 4.5 * spread / np.sqrt(positioning.DRAWS) + 1e-6
     assert (np.abs(np.cov(drawn.T) - exact) < error).all()
@@ -82,7 +82,7 @@ def test_monitoring_leaves_its_own_noise_when_nothing_bends():
 
 def test_monitoring_lags_by_half_an_average():
     """At large amplitude what is left is the rate of change times five seconds."""
-    times, unit, _ = positioning.year(satellite.altitude(DOOR))
+    times, unit, _ = positioning.year(satellite.altitude(DOOR), None)
     amplitude = 500 * ARCSEC
     errors = positioning.residuals(DOOR, amplitude)[positioning.CORRECTIONS[-1]]
     true = amplitude * unit[-len(errors) :]
@@ -92,7 +92,7 @@ def test_monitoring_lags_by_half_an_average():
 
 def test_without_correction_the_errors_are_the_misalignment():
     errors = positioning.residuals(DOOR, ARCSEC)[positioning.UNCORRECTED]
-    true = ARCSEC * positioning.year(satellite.altitude(DOOR))[1]
+    true = ARCSEC * positioning.year(satellite.altitude(DOOR), None)[1]
     np.testing.assert_array_equal(errors, true[-len(errors) :])
 
 

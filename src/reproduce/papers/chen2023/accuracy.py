@@ -170,7 +170,7 @@ def _counts(given: Given) -> list[int]:
     return [int(n) for n in given.array(f"{TABLE}#*.frames")]
 
 
-@draws("chen2023/table-4", given=READS)
+@draws("chen2023/table-4", given=READS, random=True)
 def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Accuracy of the matrices against the number of averaged frames."""
     counts = _counts(door)
@@ -321,6 +321,7 @@ def _at(away: FloatArray, places: NDArray[np.intp]) -> FloatArray:
 
 @studied(
     "chen2023/floors",
+    random=True,
     given=(*READS, *(f"{TABLE}#*.{matrix}-?" for matrix in MATRICES)),
     columns=(
         Column("Column"),

@@ -230,6 +230,7 @@ REFUSED, NUDGE = 0.01, 0.1
 
 @studied(
     "chen2023/believable",
+    random=True,
     given=READS,
     columns=(
         Column("Laser directions"),
@@ -245,7 +246,7 @@ REFUSED, NUDGE = 0.01, 0.1
 def believable(given: Given) -> pd.DataFrame:
     """Whether the frames of the second group pass the TASTE test, for several laser directions."""
     twin, frames = bench(given), given.count(accuracy.FRAMES)
-    series = two_groups(twin, frames, default_rng(seed_of("chen2023/believable")))
+    series = two_groups(twin, frames, default_rng(seed_of("chen2023/believable", given.root)))
     zero = series.spots[0].mean(axis=0)
     nudged = zero + NUDGE * np.eye(len(zero), 2)
     designed, scale = twin.camera_directions, twin.misfit()[1]
@@ -280,6 +281,7 @@ FULL = 0.5
 
 @studied(
     "chen2023/sensors",
+    random=True,
     given=(*READS, accuracy.SMOOTHED),
     columns=(
         Column("Sensor"),
@@ -302,7 +304,7 @@ def sensors(given: Given) -> pd.DataFrame:
     benches = {name: bench(given, sensor) for name, sensor in SENSORS.items()}
     rows = []
     for name, twin in (benches | {"pixels full at half the brightest": filled}).items():
-        series = two_groups(twin, frames, default_rng(seed_of(f"sensor {name}")))
+        series = two_groups(twin, frames, default_rng(seed_of(f"sensor {name}", given.root)))
         spread = platform.SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
         angles = [_spread(series.misalignment, count)[0] for count in (1, many)]
         rows.append((name, twin.light.mean(), spread, *angles))
@@ -323,6 +325,7 @@ OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
 
 @studied(
     "chen2023/roll",
+    random=True,
     given=(*BENCH, accuracy.SMOOTHED, *satellite.CAMERA),
     columns=(
         Column("Frames", ".0f"),
@@ -336,7 +339,7 @@ OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
 def roll(given: Given) -> pd.DataFrame:
     """Roll error of the ground platform, and what it does on the ground away from the centre."""
     many, height = given.count(accuracy.SMOOTHED), satellite.altitude(given)
-    generator = default_rng(seed_of("chen2023/roll"))
+    generator = default_rng(seed_of("chen2023/roll", given.root))
     series = two_groups(bench(given), 40 * many, generator).misalignment
     rows = []
     for count in (1, many):

@@ -13,7 +13,7 @@ calibrations than any ground segment has.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -183,7 +183,10 @@ def analytic(jacobian: GroundJacobian, term: Term) -> FloatArray:
 
 
 def simulated(
-    view: tuple[FloatArray, FloatArray, FloatArray], errors: tuple[Term, ...], name: str
+    view: tuple[FloatArray, FloatArray, FloatArray],
+    errors: tuple[Term, ...],
+    name: str,
+    root: int | None,
 ) -> FloatArray:
     """Return errors on the ground from draws of several errors through the whole imaging model.
 
@@ -191,7 +194,7 @@ def simulated(
     """
     noise = dict.fromkeys(UNITS, np.zeros((DRAWS, 3)))
     for term in errors:
-        generator = default_rng(seed_of(f"budget {name} {term.name}"))
+        generator = default_rng(seed_of(f"budget {name} {term.name}", root))
         noise[term.kind] = noise[term.kind] + term.sigma * generator.normal(size=(DRAWS, 3))
     vectors, place, chain = view
     found = imaged_position(
@@ -205,6 +208,7 @@ def simulated(
 
 @studied(
     "chen2023/budget",
+    random=True,
     given=READS,
     columns=(
         Column("Term"),
@@ -228,7 +232,7 @@ def budget(given: Given) -> pd.DataFrame:
         sigma = errors[0].sigma.max() / scale
         for name, tilt, off in LOOKS:
             view = look(given, tilt, off)
-            jacobian, drawn = ground_jacobian(*view), simulated(view, errors, name)
+            jacobian, drawn = ground_jacobian(*view), simulated(view, errors, name, given.root)
             exact = sum((analytic(jacobian, term) for term in errors), np.zeros((2, 2)))
             radii = float(circular_error(exact)), _quantile(drawn)
             true, found = ellipse(exact), ellipse(np.cov(drawn.T))
@@ -237,8 +241,8 @@ def budget(given: Given) -> pd.DataFrame:
     return budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
 
-@cache
-def year(height: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+@lru_cache(maxsize=1)  # a year is large
+def year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Simulate the campaign and the year after it at an altitude, for a thermal amplitude of one.
 
     Shape (samples,). In days, zero at the end of the campaign. Shape (samples, 2). Misalignment
@@ -247,7 +251,7 @@ def year(height: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
     period = float(orbital_period(height))
     orbits = int(np.ceil((YEAR_DAYS + CAMPAIGN_DAYS) * DAY / period))
-    generator = default_rng(seed_of("chen2023/year"))
+    generator = default_rng(seed_of("chen2023/year", root))
     times, angles = thermal_series(Thermal(1.0), period, PER_ORBIT, orbits, generator)
     return times - CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
@@ -257,7 +261,7 @@ def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
 
     Name to errors of shape (samples, 2), in radians.
     """
-    times, unit, noise = year(satellite.altitude(given))
+    times, unit, noise = year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
     measured = true + CALIBRATION * noise
     # The lasers give the misalignment half an average late, with its noise.
@@ -282,6 +286,7 @@ def _quantile(errors: FloatArray) -> float:
 
 @studied(
     "chen2023/strategies",
+    random=True,
     given=YEAR_READS,
     columns=(
         Column("Correction"),
@@ -302,7 +307,7 @@ def strategies(given: Given) -> list[tuple[str | float, ...]]:
 
 def spans(given: Given) -> dict[str, slice]:
     """Return the samples of each age, from the end of the campaign on; last, the whole year."""
-    times = year(satellite.altitude(given))[0]
+    times = year(satellite.altitude(given), given.root)[0]
     times = times[np.searchsorted(times, 0.0) :]
     ages = {name: slice(*np.searchsorted(times, days)) for name, days in AGES.items()}
     return {**ages, WHOLE: slice(0, None, STRIDE)}
@@ -310,6 +315,7 @@ def spans(given: Given) -> dict[str, slice]:
 
 @studied(
     "chen2023/ages",
+    random=True,
     given=YEAR_READS,
     columns=(
         Column("Correction"),
@@ -331,6 +337,7 @@ def ages(given: Given) -> list[tuple[str | float, ...]]:
 
 @studied(
     "chen2023/suffices",
+    random=True,
     given=(*READS, accuracy.RATE),
     columns=(
         Column("Correction"),

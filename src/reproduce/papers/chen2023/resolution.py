@@ -337,7 +337,7 @@ def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) 
 def monte_carlo(given: Given) -> FloatArray:
     """Simulate the study as described: the error of all phases and trials at every resolution."""
     (phases, light, radius, size), trials = setting(given), given.count(f"{STUDY}#trials")
-    streams = spawned_streams(seed_of("chen2023/fig-11a"), len(radius))
+    streams = spawned_streams(seed_of("chen2023/fig-11a", given.root), len(radius))
     pairs = zip(radius, streams, strict=True)
     errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
     return np.array([observed_scatter(drawn).total for drawn in errors])
@@ -362,7 +362,7 @@ def curves(door: Given) -> dict[str, FloatArray]:
     }
 
 
-@draws("chen2023/fig-11a", given=READS, marks=OPTIMUM)
+@draws("chen2023/fig-11a", given=READS, marks=OPTIMUM, random=True)
 def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Centroiding accuracy against the angular resolution of the tracker."""
     axes = _curves(figure, curves(door), 1.0)
@@ -373,7 +373,7 @@ def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) ->
     figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
 
 
-@draws("chen2023/fig-11b", given=READS, marks=[SATURATION])
+@draws("chen2023/fig-11b", given=READS, marks=[SATURATION], random=True)
 def draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitoring accuracy against the angular resolution of the tracker."""
     content, lasers = curves(door), door.count(f"{STUDY}#lasers")
@@ -474,6 +474,7 @@ def errors(given: Given) -> list[tuple[str | float, ...]]:
 
 @studied(
     "chen2023/estimators",
+    random=True,
     given=(*SPOT_READS, PHASES),
     columns=(Column("Estimator"), *(Column(f"{angle} arcsec", ".4f") for angle in COMPARED)),
     caption="Root-mean-square error over all phases, in px, for pixels of the given angle. Light "
@@ -488,7 +489,7 @@ def estimators(given: Given) -> pd.DataFrame:
     points = np.stack([phases, np.zeros_like(phases)], axis=-1)
     corner, noise = np.full(2, -(size // 2)), light.read_noise
     found: dict[str, list[float]] = {}
-    streams = spawned_streams(seed_of("chen2023/estimators"), len(radius))
+    streams = spawned_streams(seed_of("chen2023/estimators", given.root), len(radius))
     for wide, stream in zip(radius, streams, strict=True):
         mean = spot_windows(points, light.signal, wide, corner, size)
         frames = np.broadcast_to(mean, (TRIALS, *mean.shape))

@@ -19,6 +19,8 @@ from reproduce.views.writing.export import export_frame
 if TYPE_CHECKING:
     import pandas as pd
 
+    from reproduce.papers.declare import Drawing
+    from reproduce.papers.study import Study
     from reproduce.printed.given import Given
 
 __all__ = ["Changeable", "Item", "Shown", "by_row", "line_of", "setting", "text_of"]
@@ -82,7 +84,7 @@ class Item(Shown):
 
 
 class Changeable(Shown):
-    """What can be computed again with other values for printed cells that it reads, and no more.
+    """What can be computed again with other values for printed cells that it reads, or a seed.
 
     Parameters
     ----------
@@ -90,48 +92,66 @@ class Changeable(Shown):
         Its only name.
     changes : mapping, optional
         Address of any cell in `reads` to a value as in the print.
+    seed : int, optional
+        Of its random numbers, in place of the project's own.
     """
 
     kind = ""
 
-    def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
-        self.key = key
+    def __init__(
+        self, key: str, changes: Mapping[str, str | float] | None = None, seed: int | None = None
+    ) -> None:
+        self.key, self.seed = key, seed
         self._changes = dict(changes or {})
         rerun.checked_values(key, self._changes)
+        rerun.check_numbers(key, self.random, self._changes, seed)
+
+    @property
+    @abstractmethod
+    def _declared(self) -> Drawing | Study:
+        """What is declared under its key."""
 
     @abstractmethod
     def _compute(self, door: Given | None) -> Any:
         """Compute from the print, or from what another door holds."""
 
-    @property
-    @abstractmethod
-    def _given(self) -> tuple[str, ...]:
-        """Addresses of the printed cells that `_compute` reads itself."""
-
     @cached_property
     def _made(self) -> tuple[Any, dict[str, float]]:
-        if not self._changes:
+        if not self.changes:
             return self._compute(None), {}
-        return rerun.under(self.key, self._given, self._changes, self._compute)
+        return rerun.under(self.key, self._declared.given, self._changes, self.seed, self._compute)
+
+    @property
+    def random(self) -> bool:
+        """Whether it draws random numbers, so that it can be rerun with another seed."""
+        return self._declared.random
 
     @property
     def changes(self) -> dict[str, str]:
-        """What was changed: address to the value as given."""
-        return {address: str(value) for address, value in self._changes.items()}
+        """What was changed: addresses, or ``seed``, to the value as given."""
+        return rerun.by_name(self._changes, self.seed)
 
     @property
     def replaced(self) -> dict[str, float]:
         """Printed inputs whose place a recomputed value took, in the unit of print."""
         return self._made[1]
 
-    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Self:
-        """Return the same computed again with other values for cells that it reads.
+    def rerun(
+        self,
+        changes: Mapping[str, str | float] | None = None,
+        *,
+        seed: int | None = None,
+        **settings: object,
+    ) -> Self:
+        """Return the same computed again with other values for cells that it reads, or a seed.
 
         Parameters
         ----------
         changes : mapping
             Address of any cell in `reads` to a value as in the print. What a figure marks as
             printed stays the print.
+        seed : int, optional
+            Of the random numbers, where it draws some.
 
         Returns
         -------
@@ -141,15 +161,16 @@ class Changeable(Shown):
         Raises
         ------
         ValueError
-            If it does not read the cell, the value does not fit it, or anything but a cell is to
-            be changed.
+            If it does not read the cell, the value does not fit it, it draws no random numbers, or
+            anything else is to be changed.
         """
         if settings:
             raise rerun.CannotChangeError(
-                f"{self.key} is {self.kind}: expected cells that it reads, got "
-                f"{', '.join(settings)}"
+                f"{self.key} is {self.kind}: expected cells that it reads"
+                f"{' or a seed' * self.random}, got {', '.join(settings)}"
             )
-        return type(self)(self.key, {**self._changes, **(changes or {})})
+        seed = self.seed if seed is None else seed
+        return type(self)(self.key, {**self._changes, **(changes or {})}, seed)
 
 
 def setting(

@@ -13,6 +13,7 @@ from rich.console import RenderableType
 
 from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Drawing
 from reproduce.printed.cells import anchor
 from reproduce.views import computed, keys
 from reproduce.views.objects.bar import bar
@@ -70,19 +71,23 @@ class Figure(Changeable, Item):
         Such as ``chen2023/fig-11a``.
     changes : mapping, optional
         Address of any cell in `reads` to a value as in the print.
+    seed : int, optional
+        Of its random numbers, in place of the project's own.
     """
 
     kind = "a figure"
 
-    def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
+    def __init__(
+        self, key: str, changes: Mapping[str, str | float] | None = None, seed: int | None = None
+    ) -> None:
         if catalogue()[keys.check_key(key)].draw is None:
             known = ", ".join(figures.drawable())
             raise ValueError(f"{key} has no figure; these have one: {known}")
-        super().__init__(key, changes)
+        super().__init__(key, changes, seed)
 
     @property
-    def _given(self) -> tuple[str, ...]:
-        return figures.declared(self.key).given
+    def _declared(self) -> Drawing:
+        return figures.declared(self.key)
 
     def _compute(self, door: Given | None) -> MatplotlibFigure:
         return figures.draw(self.key, door)
@@ -125,7 +130,8 @@ class Figure(Changeable, Item):
         yield f"{self.place}; {curves} curves, {len(self.data)} points in .data"
         if told := self._told():
             yield told
-        setting = "".join(f' --set {name}="{text}"' for name, text in self.changes.items())
+        setting = "".join(f' --set {name}="{text}"' for name, text in self._changes.items())
+        setting += "" if self.seed is None else f" --seed {self.seed}"
         yield f"Draw it with `reproduce figure {self.key} --out FILE.svg{setting}`."
 
 
@@ -164,12 +170,23 @@ class Panels(Shown):
         """Return `data`."""
         return self.data
 
-    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: object) -> Panels:
-        """Return the panels drawn again; each takes the changes of cells that it reads."""
+    def rerun(
+        self,
+        changes: Mapping[str, str | float] | None = None,
+        *,
+        seed: int | None = None,
+        **settings: object,
+    ) -> Panels:
+        """Return the panels drawn again; each takes what it reads, and a seed where it draws."""
         told = dict(changes or {})
         refuse_strays(self.key, told, self.reads)
+        random = [one for one in self.panels if one.random] or self.panels
         again = (
-            one.rerun({a: value for a, value in told.items() if a in one.reads}, **settings)
+            one.rerun(
+                {a: value for a, value in told.items() if a in one.reads},
+                seed=seed if one in random else None,
+                **settings,
+            )
             for one in self.panels
         )
         return Panels(self.key, tuple(again))

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from rich.console import RenderableType
 
 from reproduce.judge.studies import studies
-from reproduce.papers.study import Column
+from reproduce.papers.study import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views.computed import once
 from reproduce.views.objects.bar import bar
@@ -37,30 +37,29 @@ class StudyTable(Changeable):
         Such as ``chen2023/heat``.
     changes : mapping, optional
         Address of any cell in `reads` to a value as in the print.
+    seed : int, optional
+        Of its random numbers, in place of the project's own.
     """
 
     kind = "a table of our own"
 
-    def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
-        self._study = studies()[key]
-        super().__init__(key, changes)
+    @property
+    def _declared(self) -> Study:
+        return studies()[self.key]
 
     @property
     def title(self) -> str:
         """What it shows, in one sentence."""
-        return self._study.title
+        return self._declared.title
 
     @property
     def source(self) -> str:
         """The text of the function that computes it."""
-        return text_of(self._study.function)
-
-    @property
-    def _given(self) -> tuple[str, ...]:
-        return self._study.given
+        return text_of(self._declared.function)
 
     def _compute(self, door: Given | None) -> pd.DataFrame:
-        return once(f"study-{self.key}", self._study) if door is None else self._study(door)
+        study = self._declared
+        return once(f"study-{self.key}", study) if door is None else study(door)
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""
@@ -77,10 +76,10 @@ class StudyTable(Changeable):
     @property
     def grids(self) -> dict[str, Grid]:
         """The table as a reader sees it: whole, or in the parts that it is folded into, by name."""
-        frame, folded = self.frame(), self._study.folded
-        forms = {column.name: column.form for column in self._study.columns}
-        behind = {column.error for column in self._study.columns} | {folded}
-        shown = [column for column in self._study.columns if column.name not in behind]
+        frame, folded = self.frame(), self._declared.folded
+        forms = {column.name: column.form for column in self._declared.columns}
+        behind = {column.error for column in self._declared.columns} | {folded}
+        shown = [column for column in self._declared.columns if column.name not in behind]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
         parts = [("", frame)] if not folded else frame.groupby(folded, sort=False)
         return {
@@ -103,7 +102,7 @@ class StudyTable(Changeable):
             for place, (name, grid) in enumerate(shown)
         ]
         if rest := sum(len(grid.rows) for _, grid in grids[len(shown) :]):
-            told = f"{rest:,} more rows, by {self._study.folded}, are in the files below."
+            told = f"{rest:,} more rows, by {self._declared.folded}, are in the files below."
             parts.append(Markup("<p>{}</p>").format(told))
         if not self.changes:
             where = f"study-{anchor(self.key)}"

@@ -161,7 +161,7 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
 def groups(door: Given) -> platform_twin.Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
     twin, frames = platform_twin.bench(door), door.count(accuracy.FRAMES)
-    return platform_twin.two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8")))
+    return platform_twin.two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8", door.root)))
 
 
 @cache
@@ -176,7 +176,7 @@ def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
     angles[:, :2] = stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
-    generator, spots = default_rng(seed_of("chen2023/fig-10b")), twin.turned(angles)
+    generator, spots = default_rng(seed_of("chen2023/fig-10b", door.root)), twin.turned(angles)
     found = platform_twin.centroids(twin, spots, twin.light[1], frames, generator)
     zero = mean_rotation(twin.transform(found[0]))
     single = twin.misalignment(found, zero).reshape(-1, 3)[:, :2]
@@ -187,7 +187,7 @@ def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     return times, np.repeat(angles[:, :2], frames, axis=0), monitored
 
 
-@draws("chen2023/fig-7", given=READS, marks=["chen2023/text-platform#spot-*"])
+@draws("chen2023/fig-7", given=READS, marks=["chen2023/text-platform#spot-*"], random=True)
 def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
     twin = platform_twin.bench(door)
@@ -195,7 +195,7 @@ def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + MARGIN - corner).tolist()
     spots = twin.spots - corner
     mean = render_frame(spots, twin.light[0], twin.radius, (width, height))
-    seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7")))
+    seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7", door.root)))
     left, top = corner - 0.5
     sized(figure, 6.4, 5.2, 3.2)
     figure.set_layout_engine("compressed")
@@ -212,13 +212,20 @@ def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     figure.colorbar(picture, ax=axes, label="electrons per frame")
 
 
-@draws("chen2023/fig-8", given=READS, marks=["chen2023/text-accuracy#transform-single-?"])
+@draws(
+    "chen2023/fig-8", given=READS, marks=["chen2023/text-accuracy#transform-single-?"], random=True
+)
 def draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the laser transform over the first group, single frames and smoothed."""
     _series(figure, door, groups(door).transform, printed, "error (arcsec)")
 
 
-@draws("chen2023/fig-9", given=READS, marks=["chen2023/text-accuracy#misalignment-single-?"])
+@draws(
+    "chen2023/fig-9",
+    given=READS,
+    marks=["chen2023/text-accuracy#misalignment-single-?"],
+    random=True,
+)
 def draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored misalignment over the second group, single frames and smoothed.
 
@@ -262,19 +269,29 @@ def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)", xlim=(0, 112), ylim=(0, 95))
 
 
-@draws("chen2023/fig-10b", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-y"])
+@draws(
+    "chen2023/fig-10b",
+    given=STAGE_READS,
+    marks=["chen2023/table-5#[2-5].monitoring-y"],
+    random=True,
+)
 def draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about Y while the stage moves along X."""
     _ridden(figure, door, "Y", printed)
 
 
-@draws("chen2023/fig-10c", given=STAGE_READS, marks=["chen2023/table-5#[2-5].monitoring-x"])
+@draws(
+    "chen2023/fig-10c",
+    given=STAGE_READS,
+    marks=["chen2023/table-5#[2-5].monitoring-x"],
+    random=True,
+)
 def draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about X while the stage moves along Y."""
     _ridden(figure, door, "X", printed)
 
 
-@draws("chen2023/fig-1d", given=STAGE_READS)
+@draws("chen2023/fig-1d", given=STAGE_READS, random=True)
 def draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """One move of the stage, close up: the average follows the reference after its own length."""
     sized(figure, 6.4, 3.2, 2.8)

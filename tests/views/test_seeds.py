@@ -1,0 +1,76 @@
+"""A reader's own seed: figures and tables of our own that draw random numbers take it."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import reproduce as rp
+from reproduce.judge.rerun import CannotChangeError
+from reproduce.judge.studies import studies
+from reproduce.locate import papers
+from reproduce.papers import declare
+from reproduce.papers.chen2023.platform import PIXEL
+from reproduce.views import front
+from reproduce.views.objects.figure import Figure
+from reproduce.views.writing.figures import drawable
+
+SHOWN = [(Figure, key) for key in drawable()] + [(rp.table, key) for key in studies()]
+
+
+def forget():
+    """Empty everything that the papers' modules keep."""
+    packages = tuple(f"reproduce.papers.{paper}." for paper in papers())
+    for name, module in list(sys.modules.items()):
+        if name.startswith(packages):
+            for kept in vars(module).values():
+                if hasattr(kept, "cache_clear"):
+                    kept.cache_clear()
+
+
+def content(shown):
+    """Return every number of a figure or a table, to the last bit."""
+    axes = shown.drawn.axes if isinstance(shown, Figure) else []
+    images = [np.asarray(one.get_array()).tobytes() for each in axes for one in each.images]
+    return shown.frame().to_csv(), images
+
+
+@pytest.mark.parametrize(("find", "key"), SHOWN)
+def test_a_seed_reaches_every_random_number_or_is_refused(find, key, monkeypatch):
+    """Without the project's own seed nothing else can be drawn."""
+    shown = find(key)
+    forget()
+    with monkeypatch.context() as project:
+        project.setattr(declare, "ROOT_SEED", "no seed")
+        first = content(shown.rerun(seed=7) if shown.random else shown)
+    if not shown.random:
+        with pytest.raises(CannotChangeError, match=f"^{key} draws no random .* takes no seed$"):
+            shown.rerun(seed=7)
+        return
+    forget()
+    again = shown.rerun(seed=7)
+    assert content(shown) != first == content(again)
+    assert again.changes == {"seed": "7"}
+    assert "With seed = 7: a reader's own setting" in " ".join(str(again).split())
+
+
+def test_a_seed_stays_through_other_changes():
+    roll = rp.table("chen2023/roll").rerun(seed=7)
+    wider = roll.rerun({PIXEL: "30 um"})
+    assert wider.changes == {PIXEL: "30 um", "seed": "7"}
+    assert wider.frame().equals(rp.table("chen2023/roll").rerun({PIXEL: "30 um"}, seed=7).frame())
+    assert not wider.frame().equals(rp.table("chen2023/roll").rerun({PIXEL: "30 um"}).frame())
+    assert rp.table("chen2023/roll").changes == {}
+
+
+def test_panels_that_draw_take_a_seed_and_the_others_stay():
+    panels = rp.figure("chen2023/fig-10").rerun(seed=7).panels
+    assert [one.changes for one in panels] == [{}, {"seed": "7"}, {"seed": "7"}]
+    with pytest.raises(CannotChangeError, match="fig-2a draws no random numbers"):
+        rp.figure("chen2023/fig-2").rerun(seed=7)
+
+
+@pytest.mark.parametrize("key", ["chen2023/fig-8", "chen2023/roll"])
+def test_a_seed_is_zero_or_more(key):
+    with pytest.raises(CannotChangeError, match="seed: expected zero or more, got -1"):
+        front.item(key).rerun(seed=-1)
