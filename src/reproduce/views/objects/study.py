@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
 from rich.console import RenderableType
 
+from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Column
 from reproduce.printed.cells import anchor
@@ -37,13 +38,30 @@ class StudyTable(Changeable):
         Such as ``chen2023/heat``.
     changes : mapping, optional
         Address of any cell in `reads` to a value as in the print.
+    **settings : float
+        What the table leaves to a reader, such as ``wanted`` of ``niu2024/stars``.
     """
 
     kind = "a table of our own"
 
-    def __init__(self, key: str, changes: Mapping[str, str | float] | None = None) -> None:
+    def __init__(
+        self, key: str, changes: Mapping[str, str | float] | None = None, **settings: str | float
+    ) -> None:
         self._study = studies()[key]
         super().__init__(key, changes)
+        left = self._study.settings
+        if unknown := set(settings) - set(left):
+            listed = "; ".join(f"{name}, {what}" for name, what in left.items())
+            raise CannotChangeError(
+                f"{key} is {self.kind}: expected cells that it reads, or {listed or 'no setting'}; "
+                f"got {', '.join(sorted(unknown))}"
+            )
+        for name, value in settings.items():
+            if not isinstance(value, int | float) or not 0 < value < float("inf"):
+                raise ValueError(
+                    f"{name}: expected a number above zero, {left[name]}, got {value!r}"
+                )
+        self._settings = {name: float(value) for name, value in settings.items()}
 
     @property
     def title(self) -> str:
@@ -60,7 +78,19 @@ class StudyTable(Changeable):
         return self._study.given
 
     def _compute(self, door: Given | None) -> pd.DataFrame:
-        return once(f"study-{self.key}", self._study) if door is None else self._study(door)
+        if door is None and not self._settings:
+            return once(f"study-{self.key}", self._study)
+        return self._study(door, **self._settings)
+
+    @property
+    def changes(self) -> dict[str, str]:
+        """What was changed: address or setting to the value as given."""
+        return super().changes | {name: f"{value:g}" for name, value in self._settings.items()}
+
+    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: Any) -> Self:
+        """Return the same computed again with other values for cells that it reads, or settings."""
+        cells = {**self._changes, **(changes or {})}
+        return type(self)(self.key, cells, **{**self._settings, **settings})
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""
