@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 import reproduce as rp
+from reproduce.inference.models.small_angle import small_angle_posterior
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.chen2023.posteriors import decisions as camera
@@ -153,6 +154,34 @@ def test_how_many_stars_are_enough():
     assert "43 stars are enough" in own.frame().attrs["caption"]
     assert 52 in own.frame()["Stars"].to_numpy()
     assert 4 * 42 < sensor.enough(STARS, 0.025)["similarity"] <= 4 * 43
+
+
+def test_free_distortions_pay_from_their_number_of_stars_on():
+    """Fewer stars fit a similarity better, more the distortions, with what it leaves out."""
+    equal = fact("niu2024/stars", "free-from")
+    for stars, better in ((0.8 * equal, "similarity"), (1.25 * equal, "distortions free")):
+        squares = {name: np.trace(one.at_edge(np.array([stars]))[0])
+                   for name, one in sensor.designs(STARS).items()}  # fmt: skip
+        squares["similarity"] += sensor.left_out(STARS) ** 2
+        assert min(squares, key=squares.get) == better
+
+
+def test_errors_of_the_camera_by_hand():
+    """The nominal focal length at the last state, and the simulated ones on the ground."""
+    frame = studies()["chen2023/instrument-errors"]().set_index("Error")
+    turn = 80e-6 / 2.0 - 80e-6 / 2.05594
+    nominal = frame.loc["Focal length taken as nominal"]
+    assert nominal["median (arcsec)"] == pytest.approx(turn * ARCSEC_PER_RADIAN, rel=2e-3)
+    assert nominal["on the ground (m)"] == pytest.approx(500e3 * turn, rel=2e-3)
+    model = posteriors()["misalignment"].model()
+    draws = small_angle_posterior(model).draw(np.random.default_rng(6), 40_000)
+    ground = fact("chen2023/instrument-errors", "calibrated-ground")
+    # The page of the misalignment shows the mean distance, both axes together.
+    both = model.derived(draws)["position error"].values.mean()
+    assert both == pytest.approx(ground * np.sqrt(np.pi / 2), rel=0.01)
+    roll = draws[:, model.names.index("angle-z")].std() * 5e3
+    shown = frame.loc["Roll, 800 images, 5 km off centre", "on the ground (m)"]
+    assert shown == pytest.approx(roll, rel=0.02)
 
 
 def test_emcee_finds_the_same_at_the_edge():

@@ -40,7 +40,7 @@ from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Mapping
 
     import pandas as pd
     from matplotlib.figure import Figure
@@ -50,7 +50,7 @@ __all__ = ["age", "averages", "errors", "frames"]
 ENDS = (0.025, 0.5, 0.975)
 AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
 TABLE = "chen2023/table-4"
-FRAME_READS = (*AVERAGE_READS, *STAGE_READS, effectiveness.FRAMES)
+FRAME_READS = tuple(dict.fromkeys((*AVERAGE_READS, *STAGE_READS, effectiveness.FRAMES)))
 ERROR_READS = tuple(dict.fromkeys((*FRAME_READS, *READS)))
 AGE_READS = (*READS, accuracy.DURATION)
 MARKS = tuple(f"{TABLE}#*.{column}" for column in AXES.values())
@@ -112,17 +112,18 @@ def _excess(door: Given) -> FloatArray:
     )
 
 
+def _stops(door: Given) -> FloatArray:
+    """Frames whose white noise is as large as the noise of Table V, (3,)."""
+    return _with_stage(door, lambda a, b, noise: (a / noise) ** 2 + 0 * b)
+
+
 def frame_facts(door: Given) -> dict[str, Fact]:
     """Return the knees of averaging, where Table V stops, and errors that pages compare."""
     height, count, table = satellite.altitude(door), door.count(effectiveness.FRAMES), stage(door)
     excess = _excess(door)
     triples = {
         "stage-noise": (np.quantile(table.noises, ENDS) * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
-        "stage-frames": (
-            _with_stage(door, lambda a, b, noise: (a / noise) ** 2 + 0 * b),
-            ".0f",
-            "",
-        ),
+        "stage-frames": (_stops(door), ".0f", ""),
         "excess": (excess * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "stage-error": (excess * table.means[0] * 1e6, ".1f", "µm"),
     }
@@ -159,18 +160,22 @@ def frame_facts(door: Given) -> dict[str, Fact]:
           for what in (" (arcsec)", ", low", ", high")),
         Column("X on the ground (m)", ".2f"),
     ),
-    caption="Error of the misalignment about X and about Y that an average of frames leaves, one "
-    "sigma: median and central 95 % of the posterior of Table IV. Beyond the frames of Table IV it "
-    "is extrapolation.",
+    caption="Error of the misalignment that an average of frames leaves, one sigma: median and "
+    "central 95 % of the posterior of Table IV; beyond its frames it is extrapolation. One state "
+    "of Table V scatters as the white noise of {stops:.0f} frames, {excess:.2g} arcsec beyond a "
+    "mean of {state} frames.",
     named=frame_facts,
 )  # fmt: skip
-def frames(door: Given) -> Iterator[tuple[float, ...]]:
+def frames(door: Given) -> pd.DataFrame:
     """How many frames to average."""
-    found = [averages(door, axis, np.array(COUNTS)) for axis in AXES]
-    height = satellite.altitude(door)
-    for place, count in enumerate(COUNTS):
-        ends = [part[[1, 0, 2], place] * ARCSEC_PER_RADIAN for part in found]
-        yield (count, *np.concatenate(ends).tolist(), float(found[0][1, place] * height))
+    found = [averages(door, axis, np.array(COUNTS))[[1, 0, 2]] for axis in AXES]
+    ground = found[0][:1] * satellite.altitude(door) / ARCSEC_PER_RADIAN
+    rows = np.concatenate([*found, ground]).T * ARCSEC_PER_RADIAN
+    return frames.frame(
+        ((count, *row) for count, row in zip(COUNTS, rows.tolist(), strict=True)),
+        stops=_stops(door)[1], excess=_excess(door)[1] * ARCSEC_PER_RADIAN,
+        state=door.count(effectiveness.FRAMES),
+    )  # fmt: skip
 
 
 @draws("chen2023-frames", given=FRAME_READS, marks=MARKS)
