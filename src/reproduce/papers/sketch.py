@@ -240,13 +240,13 @@ def ranges(figure: Figure, frame: pd.DataFrame, unit: str, other: str, factor: f
     axes.set_xscale("log")
     # An end that reaches to nothing leaves the picture.
     least = middle.min() / 2
+    ours = (frame.iloc[:, 1] == "simulated").to_numpy()
     looks = (Look("data as printed", INK, "-"), Look("simulated by us", "#D55E00", "-", "D"))
-    for row, ours in enumerate(frame.iloc[:, 1] == "simulated"):
-        colour, marker = looks[ours].colour, looks[ours].marker
-        axes.plot((max(low[row], least / 2), high[row]), (row, row), color=colour, linewidth=2)
-        axes.plot(middle[row], row, marker, color=colour)
-    for look in looks:
-        axes.plot([], [], look.marker + look.line, color=look.colour, label=look.name)
+    for look, chosen in zip(looks, (~ours, ours), strict=True):
+        rows = np.flatnonzero(chosen)
+        ends = np.maximum(low[rows], least / 2), high[rows]
+        axes.hlines(rows, *ends, color=look.colour, linewidth=2)
+        axes.plot(middle[rows], rows, look.marker, color=look.colour, label=look.name)
     texts = [textwrap.fill(text, 22 if narrow else 40) for text in frame.iloc[:, 0]]
     axes.set_yticks(range(len(frame)), texts, fontsize=LEAST if narrow else SIZE)
     axes.set(xlim=(least, 2 * high.max()), ylim=(len(frame) - 0.5, -0.5), xlabel=unit)
