@@ -94,7 +94,7 @@ def test_the_average_of_frames(white_and_floor):
 def test_the_age_of_a_calibration_is_that_of_least_squares():
     """A line through the angles frame by frame: its middle, its slope and their errors."""
     door = given(camera.AGE_READS)
-    _, error, moved, spread = camera._drifting(door)
+    error, moved, spread = camera._drifting(door)
     frames = door.count("chen2023/text-accuracy#frames")
     # Over a group a slope errs by the root of twelve times its middle, and the angle about X holds
     # the error of the calibration group as well.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.inference.models.averaging import by_column
-from reproduce.inference.models.small_angle import SmallAnglePosterior, small_angle_posterior
+from reproduce.inference.models.small_angle import small_angle_posterior
 from reproduce.inference.models.table_readings import CROSSED, TableReading, TableResult, read
 from reproduce.inference.quadrature import Summed
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, positioning, satellite
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["age", "averages", "errors", "frames"]
+__all__ = ["AGE_READS", "FRAME_READS", "age", "averages", "stage"]
 
 ENDS = (0.025, 0.5, 0.975)
 AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
@@ -214,13 +214,13 @@ def draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> No
 
 
 @cache
-def _drifting(door: Given) -> tuple[SmallAnglePosterior, float, float, float]:
-    """The posterior of the drifting group: it, and error, drift and its error about X, radians."""
+def _drifting(door: Given) -> tuple[float, float, float]:
+    """Of the drifting group: the error about X, the drift about X and its error, in radians."""
     model = drift(door)
     found = small_angle_posterior(model)
     angle, moved = (model.names.index(f"{name}-x") for name in ("angle", "drift"))
     errors = np.sqrt(np.diagonal(found.covariance))
-    return found, float(errors[angle]), float(found.mean[moved]), float(errors[moved])
+    return float(errors[angle]), float(found.mean[moved]), float(errors[moved])
 
 
 def age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -230,7 +230,7 @@ def age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, F
     followed, (n,). `rate` takes the place of the drift found, in radians from image to image.
     """
     count = door.count(accuracy.FRAMES)
-    _, error, moved, spread = _drifting(door)
+    error, moved, spread = _drifting(door)
     drifts = moved / count + spread / count * np.array([[-1.96], [0.0], [1.96]])
     drifts = np.full((3, 1), rate) if rate else drifts
     return np.hypot(error, drifts * ages), np.hypot(error, spread / count * ages)
@@ -238,7 +238,7 @@ def age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, F
 
 def age_facts(door: Given) -> dict[str, Fact]:
     """Return when the bias of a drift is as large as the error of one calibration."""
-    _, error, moved, spread = _drifting(door)
+    error, moved, spread = _drifting(door)
     count, time = door.count(accuracy.FRAMES), door[accuracy.DURATION]
     ends = count * error / (moved + np.array([1.96, 0.0, -1.96]) * spread)
     low, middle, high = ends.tolist()
@@ -278,7 +278,7 @@ def age_facts(door: Given) -> dict[str, Fact]:
 )
 def last(door: Given, drift: float = 0.0) -> pd.DataFrame:
     """When to calibrate again."""
-    _, error, moved, _ = _drifting(door)
+    error, moved, _ = _drifting(door)
     pace = door[accuracy.DURATION] / door.count(accuracy.FRAMES)
     rate = drift / ARCSEC_PER_RADIAN / HOUR * pace
     constant, followed = age(door, np.array(AGES), rate)
@@ -302,7 +302,7 @@ def draw_drift(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     axes.fill_between(ages, low, high, facecolor=(ORANGE, 0.25), edgecolor="none")
     axes.plot(ages, median, color=ORANGE, label="taken as constant, with 95 %")
     axes.plot(ages, followed * ARCSEC_PER_RADIAN, "-.", color=BLUE, label="drift followed")
-    error = _drifting(door)[1] * ARCSEC_PER_RADIAN
+    error = _drifting(door)[0] * ARCSEC_PER_RADIAN
     axes.axhline(error, color="#777777", linestyle="--", label="error of one calibration")
     axes.set(xscale="log", yscale="log", ylim=(0.01, 1.5),
              xlabel="images since the middle of the calibration (count)",

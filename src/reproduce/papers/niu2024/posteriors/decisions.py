@@ -44,7 +44,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["COUNT", "MODELS", "READS", "edge_errors", "sampled_edge", "stars"]
+__all__ = [
+    "COUNT", "ENDS", "MODELS", "READS", "designs", "edge_errors", "enough", "left_out",
+    "sampled_edge",
+]  # fmt: skip
 
 ENDS = (0.025, 0.5, 0.975)
 READS = simulation.READS
