@@ -5,6 +5,7 @@ The nodes are Gauss-Legendre's, between ends that a coarse look at the posterior
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["small_log_evidence", "summed"]
+__all__ = ["Summed", "small_log_evidence", "summed"]
 
 # Nodes per parameter, and those of the coarse look.
 NODES = {1: 300, 2: 120}
@@ -84,6 +85,12 @@ class Summed:
         whole = CubicSpline(places, shares / widths).antiderivative()
         fine = np.linspace(places[0], places[-1], FINE)
         return float(np.interp(probability, whole(fine) / whole(places[-1]), fine))
+
+    def quantiles(self, values: FloatArray, probabilities: Sequence[float]) -> FloatArray:
+        """Quantiles of what the parameters make, from its values at the nodes, shape (n,)."""
+        order = np.argsort(values)
+        shares = self.probabilities[order]
+        return np.asarray(np.interp(probabilities, np.cumsum(shares) - shares / 2, values[order]))
 
 
 def summed(model: Model, finer: float = 1) -> Summed:

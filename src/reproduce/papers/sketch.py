@@ -6,10 +6,11 @@ Everything that carries no look of its own is drawn in `INK`, which follows the 
 from __future__ import annotations
 
 import functools
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,15 +18,17 @@ from numpy.typing import ArrayLike
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from reproduce.printed.given import Given
 
 __all__ = [
-    "INK", "INKED", "NARROW", "SIZE", "Look", "Point", "arc", "arrow", "beside", "box", "canvas",
-    "diagram", "joined", "key", "label", "line", "path", "sized", "slim", "thin", "turned",
-    "turning",
+    "INK", "INKED", "NARROW", "SIZE", "Look", "Point", "again", "arc", "arrow", "beside", "box",
+    "canvas", "diagram", "joined", "key", "label", "line", "path", "ranges", "sized", "slim",
+    "thin", "turned", "turning",
 ]  # fmt: skip
 
 Point = tuple[float, float]
@@ -223,3 +226,50 @@ def key(axes: Axes, looks: Sequence[Look], place: Point) -> None:
         axes.plot([], [], color=look.colour, linestyle=look.line, label=look.name)
     size = LEAST if slim(axes) else SIZE
     axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=size)
+
+
+def ranges(figure: Figure, frame: pd.DataFrame, unit: str, other: str, factor: float) -> None:
+    """Draw medians and intervals on a logarithmic scale, line by line, in two units.
+
+    Columns of the frame: what it is, its data, median, low end, high end. Data of our own
+    simulation have marks of their own.
+    """
+    narrow = sized(figure, 6.4, 0.32 * len(frame) + 1.4, 0.42 * len(frame) + 1.6)
+    axes = figure.subplots()
+    _, _, middle, low, high = (frame.iloc[:, i].to_numpy() for i in range(5))
+    axes.set_xscale("log")
+    # An end that reaches to nothing leaves the picture.
+    least = middle.min() / 2
+    ours = (frame.iloc[:, 1] == "simulated").to_numpy()
+    looks = (Look("data as printed", INK, "-"), Look("simulated by us", "#D55E00", "-", "D"))
+    for look, chosen in zip(looks, (~ours, ours), strict=True):
+        rows = np.flatnonzero(chosen)
+        ends = np.maximum(low[rows], least / 2), high[rows]
+        axes.hlines(rows, *ends, color=look.colour, linewidth=2)
+        axes.plot(middle[rows], rows, look.marker, color=look.colour, label=look.name)
+    texts = [textwrap.fill(text, 22 if narrow else 40) for text in frame.iloc[:, 0]]
+    axes.set_yticks(range(len(frame)), texts, fontsize=LEAST if narrow else SIZE)
+    axes.set(xlim=(least, 2 * high.max()), ylim=(len(frame) - 0.5, -0.5), xlabel=unit)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.grid(axis="y", visible=False)
+    again(axes, "x", other, factor)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=LEAST if narrow else SIZE)
+
+
+def again(axes: Axes, which: Literal["x", "y"], label: str, factor: float) -> None:
+    """Give axes with a logarithmic scale the same scale in another unit, across from it."""
+
+    def there(value: ArrayLike) -> ArrayLike:
+        return np.multiply(value, factor)
+
+    def back(value: ArrayLike) -> ArrayLike:
+        return np.divide(value, factor)
+
+    axis: Axis
+    if which == "x":
+        axis = axes.secondary_xaxis("top", functions=(there, back)).xaxis
+    else:
+        axis = axes.secondary_yaxis("right", functions=(there, back)).yaxis
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
+    axis.set_label_text(label)

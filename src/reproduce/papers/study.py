@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from reproduce.printed.given import Given, given
@@ -92,6 +92,8 @@ class Study:
         Takes what `function` takes and returns the facts that sentences quote, by name.
     random : bool
         Whether it draws random numbers, with seeds from the door's root.
+    settings : mapping, optional
+        Arguments of `function` that a reader may give, each with what it is; all are numbers.
     """
 
     key: str
@@ -102,17 +104,18 @@ class Study:
     folded: str = ""
     named: Callable[..., Mapping[str, Fact]] | None = None
     random: bool = False
+    settings: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
         """What it shows: the first line of the function's docstring."""
         return first_line(self.function)
 
-    def __call__(self, door: Given | None = None) -> pd.DataFrame:
+    def __call__(self, door: Given | None = None, **settings: float) -> pd.DataFrame:
         """Compute the table, from the print or from what another door holds."""
         import pandas as pd
 
-        found = self.function(*self._doors(door))
+        found = self.function(*self._doors(door), **settings)
         frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
         if list(frame.columns) != [column.name for column in self.columns]:
             raise ValueError(
@@ -154,7 +157,8 @@ def studied(
     folded: str = "",
     named: Callable[..., Mapping[str, Fact]] | None = None,
     random: bool = False,
+    settings: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the study `key`; the arguments are those of `Study`."""
-    declared = (tuple(columns), caption, tuple(given), folded, named, random)
+    declared = (tuple(columns), caption, tuple(given), folded, named, random, settings or {})
     return lambda function: Study(key, function, *declared)

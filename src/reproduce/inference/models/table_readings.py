@@ -30,6 +30,8 @@ REACH, POINTS, EVERY, SPLINE = 7.0, 240, 4, 5
 # Nodes in log scatter, log noise and bias, and the reach of the bias in its own errors.
 ORDERS = (80, 64, 24)
 BIAS_REACH = 6.5
+# Even shares of the noise, and the places between which they are sought.
+SHARES, FINE = 100, 4001
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +57,14 @@ class TableResult:
     - `log_evidence`: natural logarithm.
     - `means`, `deviations`: of focal length (m), noise, bias of the angles about X and about Y as
       printed (rad).
+    - `noises`: values of the noise that share its probability evenly, in rising order (rad).
     """
 
     name: str
     log_evidence: float
     means: tuple[float, ...]
     deviations: tuple[float, ...]
+    noises: tuple[float, ...]
 
 
 def hypotheses(
@@ -254,4 +258,16 @@ def _summed(
     means = [float((density * first).sum()) for first, _ in moments]
     squares = [float((density * second).sum()) for _, second in moments]
     deviations = [float(np.sqrt(max(s - m**2, 0))) for s, m in zip(squares, means, strict=True)]
-    return TableResult(reading.name, evidence, tuple(means), tuple(deviations))
+    noises = _shared(values[1], density.sum(axis=(0, 1)))
+    return TableResult(reading.name, evidence, tuple(means), tuple(deviations), noises)
+
+
+def _shared(noises: FloatArray, shares: FloatArray) -> tuple[float, ...]:
+    """The middles of even shares, by a spline through the density at the nodes."""
+    nodes, weights = np.polynomial.legendre.leggauss(len(noises))
+    whole = make_interp_spline(nodes, shares / weights, SPLINE).antiderivative()
+    fine = np.linspace(nodes[0], nodes[-1], FINE)
+    below = (whole(fine) - whole(nodes[0])) / (whole(nodes[-1]) - whole(nodes[0]))
+    places = np.interp((np.arange(SHARES) + 0.5) / SHARES, below, fine)
+    # The nodes lie evenly in the logarithm.
+    return tuple(np.exp(np.interp(places, nodes, np.log(noises))).tolist())

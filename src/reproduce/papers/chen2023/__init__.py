@@ -40,9 +40,13 @@ STUDIES = _made(
     ("platform_twin", "misfit believable sensors roll"),
     ("effectiveness", "focal-lengths"),
     ("resolution", "readings errors estimators"),
+    ("posteriors.decisions", "instrument-errors frames drift"),
 )
 
 # The modules of our own drawings.
 DRAWINGS = {f"chen2023-{what}": "attitude" for what in ("instruments", "misalignment", "stage")}
 DRAWINGS |= {"chen2023-focal-lengths": "figures.effectiveness"}
 DRAWINGS |= {"chen2023-arc-second": "figures.positioning"}
+DRAWINGS |= {
+    f"chen2023-{what}": "posteriors.decisions" for what in ("instrument-errors", "frames", "drift")
+}

@@ -27,6 +27,8 @@ STUDIES = {
     "niu2024/image-stand-ins": "images",
     "niu2024/fusion": "images_fusion",
     "niu2024/star-colours": "images_fusion",
+    "niu2024/instrument-errors": "posteriors.decisions",
+    "niu2024/stars": "posteriors.decisions",
 }
 
 # The modules of our own drawings.
@@ -42,4 +44,5 @@ DRAWINGS = {
     "niu2024-fusion-errors": "figures.images",
     "niu2024-fusion-stars": "figures.images",
     "niu2024-colours": "figures.images",
+    "niu2024-instrument-errors": "posteriors.decisions",
 }

@@ -8,7 +8,6 @@ guidelines (Kruschke, 2021). A test holds that none is missing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,10 +26,11 @@ from reproduce.papers.chen2023.posteriors import (
     table_reads,
     table_shares,
 )
-from reproduce.papers.chen2023.posteriors.consequences import Averaged
-from reproduce.papers.niu2024.posteriors import transforms
+from reproduce.papers.niu2024.posteriors import decisions, transforms
+from reproduce.papers.niu2024.posteriors.new_stars import pixel_angle
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
+from reproduce.printed.given import given
 from reproduce.printed.units import UNITS, symbol
 from reproduce.views.computed import item_ledger
 from reproduce.views.objects.base import text_of
@@ -55,7 +55,6 @@ __all__ = [
         "PRINTED",
         "SIMULATED",
         "STEPS",
-        "averaging",
         "calibrations_of_all",
         "columns_of_table_4",
         "columns_of_table_5",
@@ -66,6 +65,7 @@ __all__ = [
         "intervals",
         "noise_of_table_3",
         "said",
+        "stars",
         "summarised",
         "transform_choice",
     ),
@@ -235,36 +235,28 @@ def noise_of_table_3() -> Html:
     return pictured(picture, alternative, caption, text_of(figures.density))
 
 
-def averaging() -> Html:
-    """Draw the error that averaging leaves, as Table IV prints it and as its posterior has it."""
-    found = book_posterior("frame-averaging")
-    derived = found.model.derived
-    if not isinstance(derived, Averaged):
-        raise TypeError(f"frame-averaging: expected averages, got {type(derived).__name__}")
-    counts = tuple(np.unique(np.geomspace(1, 1000, 40).astype(int)).tolist())
-    errors = replace(derived, counts=counts)(found.draws)
-    bands, printed = {}, {}
-    for name in ("misalignment-x", "misalignment-y"):
-        label = f"about {name[-1].upper()}"
-        draws = [errors[f"{name}, error of {_frames(n)}"].values for n in counts]
-        bands[label] = np.quantile(draws, (0.025, 0.5, 0.975), axis=1)
-        cells = [cell.number for cell in find(f"chen2023/table-4#*.{name}")]
-        frames = [cell.number.value for cell in find("chen2023/table-4#*.frames")]
-        rows = (frames, [one.value for one in cells], [one.half_unit for one in cells])
-        printed[label] = np.array(rows, dtype=float)
+def stars() -> Html:
+    """Draw what a calibration leaves at the edge against its stars, with what emcee finds."""
+    door = given(decisions.READS)
+    counts = np.geomspace(10, 1000, 30)
+    curves = decisions.edge_errors(door, counts)
+    marks = {
+        name: decisions.sampled_edge(book_posterior(key)) for name, key in decisions.MODELS.items()
+    }
     alternative = (
-        "Two panels, about X and about Y, with logarithmic axes. The printed errors of Table IV "
-        "fall along the line of white noise and, at many frames, lie on or a little above it. "
-        "Beyond the table the band of the posterior widens upwards."
+        "Two falling lines with bands, both axes logarithmic: the error at the edge of the field "
+        "against the number of stars. The line with the distortions free runs a little above that "
+        "of the similarity. At the printed number of stars a mark with a bar lies on each line."
     )
     caption = (
-        "Error of the misalignment against the number of frames averaged. Data as printed in "
-        "chen2023, Table IV. The band holds the central 95 % of the posterior; beyond the last "
-        "printed point it is extrapolation: the data set only an upper bound on the floor. The "
-        "points scatter together, since all come from one series of frames."
+        "How far a calibration misplaces the outermost star. Lines: the median of calibrations; "
+        "bands: the central 95 %. Both follow from the printed design and noise without sampling. "
+        "Marks with bars: the same from the posteriors that emcee sampled, with the printed number "
+        "of stars, simulated by us."
     )
-    picture = figures.averaged(np.array(counts), bands, printed)
-    return pictured(picture, alternative, caption, text_of(figures.averaged))
+    count = door[decisions.COUNT]
+    picture = figures.edge_errors(counts, curves, count, marks, pixel_angle(door))
+    return pictured(picture, alternative, caption, text_of(figures.edge_errors))
 
 
 def diagnostics(paper: str) -> Html:

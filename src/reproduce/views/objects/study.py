@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
 from rich.console import RenderableType
 
+from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Column, Study
 from reproduce.printed.cells import anchor
@@ -39,9 +40,34 @@ class StudyTable(Changeable):
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional
         Of its random numbers, in place of the project's own.
+    **settings : float
+        What the table leaves to a reader, such as ``wanted`` of ``niu2024/stars``.
     """
 
     kind = "a table of our own"
+
+    def __init__(
+        self,
+        key: str,
+        changes: Mapping[str, str | float] | None = None,
+        seed: int | None = None,
+        **settings: float,
+    ) -> None:
+        super().__init__(key, changes, seed)
+        left = self._declared.settings
+        if unknown := set(settings) - set(left):
+            others = ["cells that it reads"] + ["a seed"] * self.random
+            others += [f"{name} ({what})" for name, what in left.items()]
+            raise CannotChangeError(
+                f"{key} is {self.kind}: expected {', '.join(others)}; got "
+                f"{', '.join(sorted(unknown))}"
+            )
+        for name, value in settings.items():
+            if not isinstance(value, int | float) or not 0 < value < float("inf"):
+                raise ValueError(
+                    f"{name}: expected a number above zero, {left[name]}, got {value!r}"
+                )
+        self._settings = {name: float(value) for name, value in settings.items()}
 
     @property
     def _declared(self) -> Study:
@@ -59,7 +85,26 @@ class StudyTable(Changeable):
 
     def _compute(self, door: Given | None) -> pd.DataFrame:
         study = self._declared
-        return once(f"study-{self.key}", study) if door is None else study(door)
+        if door is None:
+            return once(f"study-{self.key}", study)
+        return study(door, **self._settings)
+
+    @property
+    def changes(self) -> dict[str, str]:
+        """What was changed: address, seed or setting to the value as given."""
+        return super().changes | {name: f"{value:g}" for name, value in self._settings.items()}
+
+    def rerun(
+        self,
+        changes: Mapping[str, str | float] | None = None,
+        *,
+        seed: int | None = None,
+        **settings: Any,
+    ) -> Self:
+        """Return the same computed again with other values for cells that it reads, or settings."""
+        cells = {**self._changes, **(changes or {})}
+        seed = self.seed if seed is None else seed
+        return type(self)(self.key, cells, seed, **{**self._settings, **settings})
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""

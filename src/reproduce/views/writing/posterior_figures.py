@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from reproduce.inference.calibration import Ranks, band
 from reproduce.inference.model import Parameter
 from reproduce.inference.posterior import Sampled
-from reproduce.papers.sketch import sized, thin
+from reproduce.papers.sketch import again, sized, thin
 from reproduce.views.writing.figures import Picture
 from reproduce.views.writing.numbers import minus
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MOST", "Bar", "averaged", "bars", "corner", "density", "ranks", "traces"]
+__all__ = ["MOST", "Bar", "bars", "corner", "density", "edge_errors", "ranks", "traces"]
 
 # More draws than this do not change the contours, nor more points a trace.
 POINTS, TRACE_POINTS = 10_000, 45
@@ -295,43 +295,43 @@ def _against(axes: Axes, place: float, half: float, row: int) -> None:
               ha="left" if side > 0 else "right")  # fmt: skip
 
 
-def averaged(
+def edge_errors(
     counts: NDArray[np.float64],
-    bands: Mapping[str, NDArray[np.float64]],
-    printed: Mapping[str, NDArray[np.float64]],
+    curves: Mapping[str, NDArray[np.float64]],
+    count: float,
+    marks: Mapping[str, NDArray[np.float64]],
+    arcsec_per_px: float,
 ) -> Picture:
-    """Draw errors against the number of frames averaged, as printed and as the posterior has them.
+    """Draw errors at the edge of the field against stars, and those that were sampled, in px.
 
-    `bands` hold rows of low, median and high, (3, n), at the counts; `printed` holds rows of
-    numbers of frames, errors and half the last digits; both by column, in arcsec.
+    `curves` hold rows of low, median and high, (3, n), at the counts; `marks` the same at `count`.
     """
+    looks = dict(zip(curves, ((BLUE, "-", "o", 0.97), (ORANGE, "--", "s", 1.03)), strict=True))
 
     def paint(figure: Figure) -> None:
-        narrow = sized(figure, 6.4, 3.6, 5.6)
-        shape = (len(bands), 1) if narrow else (1, len(bands))
-        panels = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
-        for axes, (name, (low, median, high)) in zip(panels, bands.items(), strict=True):
-            axes.fill_between(counts, low, high, color=BLUE, alpha=0.25, label="95 %")
-            axes.plot(counts, median, color=BLUE, label="median")
-            axes.plot(counts, median[0] / np.sqrt(counts), "--", color=GREY, label="white noise")
-            frames, errors, half = printed[name]
-            axes.errorbar(frames, errors, yerr=half, fmt="o", color=ORANGE, markersize=4,
-                          label="Table IV")  # fmt: skip
-            axes.set(xscale="log", yscale="log", title=name)
-            axes.set_xticks((1, 10, 100, 1000), ("1", "10", "100", "1000"))
-        for axes in panels if narrow else panels[:1]:
-            axes.set_ylabel("error, three sigma (arcsec)")
-        for axes in panels[-1:] if narrow else panels:
-            axes.set_xlabel("frames averaged (count)")
-        panels[0].set_yticks((0.05, 0.1, 0.2, 0.5, 1.0), ("0.05", "0.1", "0.2", "0.5", "1"))
-        panels[0].minorticks_off()
-        panels[-1].legend(fontsize=9)
+        narrow = sized(figure, 6.0, 3.6, 4.2)
+        axes = figure.subplots()
+        for name, (colour, line, marker, aside) in looks.items():
+            low, median, high = curves[name]
+            axes.fill_between(counts, low, high, facecolor=(colour, 0.12), edgecolor=colour,
+                              linestyle=line, linewidth=0.7)  # fmt: skip
+            axes.plot(counts, median, line, color=colour, label=f"{name}, with 95 %")
+            start, middle, end = marks[name]
+            axes.errorbar(count * aside, middle, [[middle - start], [end - middle]], fmt=marker,
+                          color=colour, capsize=3, label=f"{name}, emcee")  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="stars of the calibration (count)",
+                 ylabel="error at the edge (px)")  # fmt: skip
+        axes.set_xticks((10, 30, 100, 300, 1000), ("10", "30", "100", "300", "1000"))
+        axes.set_yticks((0.001, 0.01, 0.1), ("0.001", "0.01", "0.1"))
+        axes.minorticks_off()
+        again(axes, "y", "as an angle (arcsec)", arcsec_per_px)
+        figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
 
     rows = [
-        pd.DataFrame({"column": name, "frames": counts, "low": low, "median": middle, "high": high})
-        for name, (low, middle, high) in bands.items()
+        pd.DataFrame({"model": name, "stars": counts, "low": low, "median": middle, "high": high})
+        for name, (low, middle, high) in curves.items()
     ]
-    return Picture("posterior-averaging", paint, pd.concat(rows))
+    return Picture("posterior-stars", paint, pd.concat(rows))
 
 
 def ranks(stored: Ranks, name: str) -> Picture:

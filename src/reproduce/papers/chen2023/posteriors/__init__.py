@@ -28,7 +28,7 @@ from reproduce.inference.models.small_angle import (
 from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
 from reproduce.inference.models.table_readings import TableReading, TableResult, hypotheses, read
 from reproduce.inference.priors import HalfNormal
-from reproduce.inference.quadrature import small_log_evidence, summed
+from reproduce.inference.quadrature import Summed, small_log_evidence, summed
 from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
 from reproduce.papers.chen2023.posteriors import (
     published,
@@ -52,6 +52,7 @@ __all__ = [
     "summed_columns",
     "table_reads",
     "table_shares",
+    "under_floors",
     "without_floor",
 ]
 
@@ -173,10 +174,30 @@ def summed_columns() -> tuple[SummedColumn, ...]:
 
 
 def _summed_column(column: str, model: Model) -> SummedColumn:
-    white, floor = model.parameters
-    prior = floor.prior
+    under = under_floors(model)
+    ours = under[FLOORS.index(1.0)]
+    plain = small_log_evidence(without_floor(model))
+    return SummedColumn(
+        column,
+        float(ours.means[0]) * ARCSEC_PER_RADIAN,
+        float(ours.deviations[0]) * ARCSEC_PER_RADIAN,
+        ours.quantile(1, 0.975) * ARCSEC_PER_RADIAN,
+        _floor_prior(model).sigma * ARCSEC_PER_RADIAN,
+        tuple(one.log_evidence - plain for one in under),
+    )
+
+
+def _floor_prior(model: Model) -> HalfNormal:
+    prior = model.parameters[1].prior
     if not isinstance(prior, HalfNormal):
         raise TypeError(f"floor: expected a half-normal prior, got {prior}")
+    return prior
+
+
+def under_floors(model: Model) -> list[Summed]:
+    """Sum one column of Table IV under every prior of the floor, in the order of `FLOORS`."""
+    white, floor = model.parameters
+    prior = _floor_prior(model)
     under = [
         replace(
             model, parameters=(white, replace(floor, prior=replace(prior, sigma=f * prior.sigma)))
@@ -185,16 +206,7 @@ def _summed_column(column: str, model: Model) -> SummedColumn:
     ]
     # The widest prior reaches furthest; the others only weigh its nodes otherwise.
     wide = summed(under[-1])
-    ours = replace(wide, model=model)
-    plain = small_log_evidence(without_floor(model))
-    return SummedColumn(
-        column,
-        float(ours.means[0]) * ARCSEC_PER_RADIAN,
-        float(ours.deviations[0]) * ARCSEC_PER_RADIAN,
-        ours.quantile(1, 0.975) * ARCSEC_PER_RADIAN,
-        prior.sigma * ARCSEC_PER_RADIAN,
-        tuple(wide.log_evidence_under(one) - plain for one in under),
-    )
+    return [replace(wide, model=one) for one in under]
 
 
 def reference_angles(given: Given) -> ReferenceAngles:

@@ -1,0 +1,267 @@
+"""What the posteriors of niu2024 decide: its errors, and with how many stars to calibrate.
+
+No sampler is needed: the registration has a closed form, and the distortions are small enough for
+a linear one. The stars are those of the printed design; other numbers of stars lie as they do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from reproduce.inference.model import Model
+from reproduce.inference.models.closed_form import registration_posterior
+from reproduce.inference.models.new_stars import true_places
+from reproduce.inference.models.registration import GaussianRegistration, registration_model
+from reproduce.inference.models.variants import PointwiseRegistration, distortion_model
+from reproduce.inference.posterior import Sampled
+from reproduce.inference.priors import Normal
+from reproduce.inference.quadrature import summed
+from reproduce.papers.declare import draws
+from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.niu2024.posteriors import (
+    centroid_noise,
+    centroids,
+    pivot,
+    true_centroids,
+    truth,
+)
+from reproduce.papers.niu2024.posteriors.new_stars import ESTIMATES, RESULTS, pixel_angle
+from reproduce.papers.sketch import ranges
+from reproduce.papers.study import Column, Fact, studied
+from reproduce.physics.ground.errors import circular_error
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "COUNT", "ENDS", "MODELS", "READS", "designs", "edge_errors", "enough", "left_out",
+    "sampled_edge",
+]  # fmt: skip
+
+ENDS = (0.025, 0.5, 0.975)
+READS = simulation.READS
+WHOLE = (simulation.TRUTH, RESULTS)
+ERROR_READS = (*(one for one in READS if not one.startswith(WHOLE)), *WHOLE)
+STATED = f"{simulation.SETTINGS}#noise"
+COUNT = f"{simulation_angles.SETTINGS}#angle-count"
+MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
+COUNTS = (10, 20, 50, 100, 200, 500, 1000)
+# Steps of the derivatives: scale, rotation, two shifts, two distortions.
+STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
+TRIED = np.geomspace(4, 1e5, 60)
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A registration about its truth, as far as it is linear.
+
+    - `information`, (p, p): of the transform's parameters, from all stars of the design.
+    - `held`, (p, p): information of the priors.
+    - `edge`, (2, p): response of the outermost star's registered place.
+    - `count`: stars of the design.
+    """
+
+    information: FloatArray
+    held: FloatArray
+    edge: FloatArray
+    count: int
+
+    def covariance(self, count: FloatArray) -> FloatArray:
+        """Of the parameters, for so many stars that lie as those of the design, (n, p, p)."""
+        more = np.asarray(count, dtype=float)[:, None, None] / self.count
+        return np.asarray(np.linalg.inv(self.information * more + self.held))
+
+    def at_edge(self, count: FloatArray) -> FloatArray:
+        """Of the outermost star's registered place, (n, 2, 2), in px^2."""
+        return np.asarray(self.edge @ self.covariance(count) @ self.edge.T)
+
+
+def _outermost(likelihood: GaussianRegistration | PointwiseRegistration) -> int:
+    return int(np.hypot(*(likelihood.source - likelihood.pivot).T).argmax())
+
+
+@cache
+def designs(door: Given) -> dict[str, Design]:
+    """Return the printed design under both models of the transform."""
+    green, red, _ = true_centroids(door)
+    plain, true = registration_model(red, green, pivot(door, "red")), truth(door, ("red",))
+    found = {}
+    for name, model in zip(MODELS, (plain, distortion_model(plain)), strict=True):
+        likelihood = _registration(model)
+        extra = model.parameters[5:]
+        centre = np.array([*(true[one] for one in (*ESTIMATES, "noise")), *[0.0] * len(extra)])
+        free = np.delete(np.arange(len(centre)), 4)
+        steps = np.diag(np.insert(STEPS, 4, 0.0)[: len(centre)])[free]
+        ahead, behind = (true_places(likelihood, centre + sign * steps) for sign in (1, -1))
+        response = (ahead - behind) / (2 * STEPS[: len(free), None, None])
+        sigmas = [p.prior.sigma for p in extra if isinstance(p.prior, Normal)]
+        flat = np.moveaxis(response, 0, -1).reshape(-1, len(free))
+        found[name] = Design(
+            flat.T @ flat / true["noise"] ** 2,
+            np.diag(np.append(np.zeros(4), np.power(sigmas, -2.0))),
+            response[:, _outermost(likelihood)].T,
+            len(red),
+        )
+    return found
+
+
+def _registration(model: Model) -> GaussianRegistration | PointwiseRegistration:
+    likelihood = model.likelihood
+    if not isinstance(likelihood, GaussianRegistration | PointwiseRegistration):
+        raise TypeError(f"model: expected a registration, got {type(likelihood).__name__}")
+    return likelihood
+
+
+def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
+    """How far the outermost star is misplaced: low end, median, high end by model, (3, n), px."""
+    return {
+        name: np.stack([circular_error(one.at_edge(counts), share) for share in ENDS])
+        for name, one in designs(door).items()
+    }
+
+
+def sampled_edge(found: Sampled) -> FloatArray:
+    """The same from the draws of a registration, about their mean, shape (3,), in px."""
+    likelihood = _registration(found.model)
+    outermost = _outermost(likelihood)
+    places = true_places(likelihood.elsewhere(likelihood.source[[outermost]]), found.draws)[:, 0]
+    return np.asarray(np.quantile(np.hypot(*(places - places.mean(axis=0)).T), ENDS))
+
+
+def left_out(door: Given) -> float:
+    """How far a similarity misplaces the outermost star for the distortion that it leaves out."""
+    green, red, _ = true_centroids(door)
+    middle = pivot(door, "red")
+    left = fit_registration(red, green, middle).residuals
+    return float(np.hypot(*left[np.hypot(*(red - middle).T).argmax()]))
+
+
+def enough(door: Given, wanted: float) -> dict[str, float]:
+    """Stars with which 97.5 % of calibrations misplace the outermost one less, by model."""
+    places, target = np.log(TRIED), -np.log(wanted)
+    return {
+        name: float(np.ceil(np.exp(np.interp(target, -np.log(ends[2]), places))))
+        for name, ends in edge_errors(door, TRIED).items()
+    }
+
+
+def star_facts(door: Given) -> dict[str, Fact]:
+    """Return errors at the edge for the printed number of stars, and how many suffice."""
+    count, angle = door.count(COUNT), pixel_angle(door)
+    numbers = {"all": count, "quarter": round(count / 4)}
+    found = {name: Fact(n, "d") for name, n in numbers.items()}
+    errors = edge_errors(door, np.array(list(numbers.values())))
+    needed = enough(door, door[STATED])
+    for name, ends in errors.items():
+        kind = name.split()[0]
+        found[f"{kind}-enough"] = Fact(needed[name], ".0f")
+        for which, (_, middle, high) in zip(numbers, ends.T.tolist(), strict=True):
+            found |= {
+                f"{kind}-{which}": Fact(middle, ".3f", "px"),
+                f"{kind}-{which}-high": Fact(high, ".3f", "px"),
+                f"{kind}-{which}-angle": Fact(high * angle, ".2g", "arcsec"),
+            }
+    found["left-out"] = Fact(left_out(door), ".2g", "px")
+    # Where the mean squares are equal: that of the similarity has what it leaves out as well.
+    plain, free = (np.trace(one.at_edge(np.array([count]))[0]) for one in designs(door).values())
+    found["free-from"] = Fact(float(count * (free - plain) / left_out(door) ** 2), ".0f")
+    return found
+
+
+@studied(
+    "niu2024/stars",
+    given=READS,
+    columns=(
+        Column("Stars", "d"),
+        *(Column(f"{name}{what}", ".3f") for name in MODELS
+          for what in (" (px)", ", 97.5 % (px)")),
+        *(Column(f"{name}, 97.5 % (arcsec)", ".2f") for name in MODELS),
+    ),
+    caption="How far a calibration misplaces the outermost star: the median of calibrations "
+    "with so many stars, and what 97.5 % of them stay below. For this to be {wanted:.3g} px, "
+    "{plain:.0f} stars are enough for a similarity, {free:.0f} with the distortions free.",
+    named=star_facts,
+    settings={"wanted": "the error wanted at the edge, in px", "stars": "a number of stars"},
+)  # fmt: skip
+def stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame:
+    """With how many stars to calibrate."""
+    wanted = wanted or door[STATED]
+    counts = sorted({*COUNTS, door.count(COUNT), *([round(stars)] if stars else [])})
+    found, angle = edge_errors(door, np.array(counts)), pixel_angle(door)
+    rows = np.concatenate([*(ends[1:] for ends in found.values()),
+                           [ends[2] * angle for ends in found.values()]])  # fmt: skip
+    plain, free = enough(door, wanted).values()
+    return _stars.frame(
+        ((n, *row) for n, row in zip(counts, rows.T.tolist(), strict=True)),
+        wanted=wanted, plain=plain, free=free,
+    )  # fmt: skip
+
+
+_stars = stars
+
+
+@studied(
+    "niu2024/instrument-errors",
+    given=ERROR_READS,
+    columns=(
+        Column("Error"),
+        Column("Data"),
+        Column("median (px)", ".2g"),
+        Column("low", ".2g"),
+        Column("high", ".2g"),
+        Column("as an angle (arcsec)", ".2g"),
+    ),
+    caption="Errors of a registered star, one sigma along one axis: median and central 95 % of the "
+    "posterior. After one calibration with {count:.0f} stars; at the edge of the field.",
+)
+def errors(door: Given) -> pd.DataFrame:
+    """Every error of a registered star, and how well it is known."""
+    green, red, _ = centroids(door)
+    middle = pivot(door, "red")
+    exact = registration_posterior(red, green, middle)
+    chi = stats.chi2.ppf(ENDS[::-1], exact.freedom)
+    noise = np.sqrt(exact.squares / chi)
+    design, free = designs(door).values()
+    scale = float(np.hypot(*exact.mean[:2]))
+    # Errors of a calibration are in proportion to the noise.
+    relative, all_stars = noise / truth(door, ("red",))["noise"], np.array([design.count])
+    radius = float(np.hypot(*(red - middle).T).max())
+    spread, wide = (np.sqrt(np.diagonal(one.covariance(all_stars)[0])) for one in (design, free))
+    together, apart = (
+        float(np.sqrt(np.trace(one.at_edge(all_stars)[0]) / 2)) for one in (design, free)
+    )
+    of_table = summed(centroid_noise(door))
+    rows = {
+        ("Centroid noise, if it made Table 3", "Table 3"):
+            of_table.quantiles(of_table.points[:, 0], ENDS),
+        ("Centroid noise, one image", "simulated"): noise / np.hypot(1, scale),
+        ("Scale, at the edge", "simulated"): spread[0] * radius * relative,
+        ("Rotation, at the edge", "simulated"): scale * spread[1] * radius * relative,
+        ("Translation", "simulated"): spread[2] * relative,
+        ("All together, at the edge", "simulated"): together * relative,
+        ("Scale, distortions free, at the edge", "simulated"): wide[0] * radius * relative,
+        ("All, distortions free, at the edge", "simulated"): apart * relative,
+    }  # fmt: skip
+    angle = pixel_angle(door)
+    return errors.frame(
+        ((*names, *ends[[1, 0, 2]].tolist(), float(ends[1] * angle))
+         for names, ends in rows.items()), count=design.count,
+    )  # fmt: skip
+
+
+@draws("niu2024-instrument-errors", given=ERROR_READS)
+def draw_errors(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Every error of a registered star with its interval, in px and as an angle."""
+    ranges(figure, errors(door), "one sigma, one axis (px)", "as an angle (arcsec)",
+           pixel_angle(door))  # fmt: skip

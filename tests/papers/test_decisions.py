@@ -1,0 +1,197 @@
+"""The rules that the posteriors end in, against other ways to the same numbers."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import reproduce as rp
+from reproduce.inference.models.small_angle import small_angle_posterior
+from reproduce.judge.rerun import CannotChangeError
+from reproduce.judge.studies import studies
+from reproduce.papers.chen2023.posteriors import decisions as camera
+from reproduce.papers.chen2023.posteriors import frame_averaging
+from reproduce.papers.niu2024.posteriors import decisions as sensor
+from reproduce.papers.niu2024.posteriors import true_centroids
+from reproduce.papers.posteriors import posteriors
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.printed.given import given
+from reproduce.units import ARCSEC_PER_RADIAN
+
+FRAMES = given(camera.FRAME_READS)
+STARS = given(sensor.READS)
+
+
+def fact(key, name):
+    return studies()[key].facts()[name].value
+
+
+@pytest.fixture(scope="module")
+def white_and_floor():
+    """Draws of both about X, by weighting draws of the prior with the likelihood of Table IV."""
+    generator = np.random.default_rng(1)
+    model = frame_averaging(FRAMES)
+    at = model.names.index("misalignment-x-white")
+    draws = np.tile(model.likelihood.start()[0], (60_000, 1))
+    white = 0.38 * np.exp(0.12 * (2 * generator.random(len(draws)) - 1)) / ARCSEC_PER_RADIAN
+    floor = np.abs(generator.normal(0, 0.1 / 3, len(draws))) / ARCSEC_PER_RADIAN
+    draws[:, at], draws[:, at + 1] = white, floor
+    logs = model.log_likelihood(draws)  # the other columns stay, and add a constant
+    shares = np.exp(logs - logs.max())
+    chosen = generator.choice(len(draws), 40_000, p=shares / shares.sum())
+    return white[chosen], floor[chosen]
+
+
+@pytest.fixture(scope="module")
+def noises():
+    """Draws of the noise of Table V: bias integrated out in closed form, digits left out."""
+    motions = np.stack([FRAMES.array(f"chen2023/table-5#*.position-{a}") for a in "xy"], axis=-1)
+    motions = motions[1:] - motions[0]
+    angles = np.stack([FRAMES.array(f"chen2023/table-5#*.monitoring-{a}") for a in "xy"], axis=-1)
+    off = (angles + motions / camera.stage(FRAMES).means[0]) * ARCSEC_PER_RADIAN
+    tried = np.geomspace(1e-2, 1, 4000)
+    logs = np.zeros_like(tried)
+    for column in off.T:
+        # A common bias of known width: the covariance is the noise's and one constant.
+        for i, noise in enumerate(tried):
+            covariance = noise**2 * np.eye(4) + 0.2**2
+            logs[i] += stats.multivariate_normal(cov=covariance).logpdf(column)
+    shares = np.exp(logs - logs.max())
+    return (
+        np.random.default_rng(2).choice(tried, 40_000, p=shares / shares.sum()) / ARCSEC_PER_RADIAN
+    )
+
+
+def test_the_knee_is_that_of_weighted_draws(white_and_floor):
+    white, floor = white_and_floor
+    expected = np.quantile((white / floor) ** 2, 0.025)
+    assert fact("chen2023/frames", "knee-x") == pytest.approx(expected, rel=0.04)
+
+
+def test_where_table_5_says_that_averaging_stops(white_and_floor, noises):
+    white, floor = white_and_floor
+    for name, share in (("-low", 0.025), ("", 0.5), ("-high", 0.975)):
+        told = fact("chen2023/frames", f"stage-frames{name}")
+        assert told == pytest.approx(np.quantile((white / noises) ** 2, share), rel=0.06)
+    left = np.hypot(white / 20, floor)
+    excess = np.sqrt(np.maximum(noises**2 - left**2, 0)) * ARCSEC_PER_RADIAN
+    assert fact("chen2023/frames", "excess") == pytest.approx(np.median(excess), rel=0.05)
+    assert fact("chen2023/frames", "excess-high") == pytest.approx(
+        np.quantile(excess, 0.975), rel=0.05
+    )
+    assert fact("chen2023/frames", "excess-low") == np.quantile(excess, 0.025) == 0
+    # A small angle times the focal length, in micrometres.
+    length = fact("chen2023/frames", "excess") / ARCSEC_PER_RADIAN * 2.0559e6
+    assert fact("chen2023/frames", "stage-error") == pytest.approx(length, rel=1e-3)
+
+
+def test_the_average_of_frames(white_and_floor):
+    white, floor = white_and_floor
+    expected = np.quantile(np.hypot(white / 10, floor), (0.025, 0.5, 0.975))
+    found = camera.averages(FRAMES, "X", np.array([100]))[:, 0]
+    np.testing.assert_allclose(found, expected, rtol=0.02)
+
+
+def test_the_age_of_a_calibration_is_that_of_least_squares():
+    """A line through the angles frame by frame: its middle, its slope and their errors."""
+    door = given(camera.AGE_READS)
+    error, moved, spread = camera._drifting(door)
+    frames = door.count("chen2023/text-accuracy#frames")
+    # Over a group a slope errs by the root of twelve times its middle, and the angle about X holds
+    # the error of the calibration group as well.
+    assert spread == pytest.approx(np.sqrt(12 / 2) * error, rel=0.01)
+    truth = posteriors()["misalignment-drift"].true_values()["drift-x"]
+    assert abs(moved - truth) < 3 * spread
+    images = fact("chen2023/drift", "images")
+    assert images == pytest.approx(frames * error / moved)
+    constant, followed = camera.age(door, np.array([images]))
+    assert constant[1, 0] == pytest.approx(np.sqrt(2) * error)
+    assert followed[0] == pytest.approx(np.hypot(error, spread * images / frames))
+
+
+def test_a_drift_of_a_readers_own():
+    table = rp.table("chen2023/drift")
+    slow, slower = (table.rerun(drift=rate).frame() for rate in (2, 1))
+    error = slow["Taken as constant (arcsec)"][0]
+    bias = [np.sqrt(one["Taken as constant (arcsec)"] ** 2 - error**2) for one in (slow, slower)]
+    np.testing.assert_allclose(bias[0], 2 * bias[1], atol=1e-9)
+    np.testing.assert_allclose(bias[1], slower["Time (s)"] / 3600, atol=1e-9)
+    with pytest.raises(CannotChangeError, match="drift, in arcsec an hour"):
+        table.rerun(speed=1)
+    with pytest.raises(ValueError, match="above zero"):
+        table.rerun(drift="much")
+
+
+@pytest.mark.parametrize("stars", [34, 137])
+def test_the_edge_by_hand_and_by_monte_carlo(stars):
+    """On an even disc an axis errs by the noise times the root of three over n at the edge."""
+    one = sensor.designs(STARS)["similarity"]
+    green, red, _ = true_centroids(STARS)
+    noise = 0.05 * np.hypot(1, 0.9976)
+    by_hand = noise * np.sqrt(3 / stars)
+    covariance = one.at_edge(np.array([stars]))[0]
+    assert np.sqrt(np.trace(covariance) / 2) == pytest.approx(by_hand, rel=0.02)
+    # The mean distance that the review of the posteriors measured.
+    assert by_hand * np.sqrt(np.pi / 2) == pytest.approx({34: 0.026, 137: 0.013}[stars], abs=5e-4)
+    if stars == len(red):
+        generator = np.random.default_rng(4)
+        pivot = sensor.pivot(STARS, "red")
+        noisy = green + noise * generator.normal(size=(4000, *green.shape))
+        transform = fit_registration(red, noisy, pivot).transform
+        edge = np.hypot(*(red - pivot).T).argmax()
+        places = transform.apply(red)[:, edge]
+        length = np.hypot(*(places - places.mean(axis=0)).T)
+        found = sensor.edge_errors(STARS, np.array([stars]))["similarity"][:, 0]
+        np.testing.assert_allclose(np.quantile(length, sensor.ENDS), found, rtol=0.06)
+
+
+def test_how_many_stars_are_enough():
+    """Whatever the noise: it is measured by itself. The wanted error counts by its square."""
+    table = rp.table("niu2024/stars")
+    by_hand = 3 * -2 * np.log(0.025) * (1 + 0.9976**2)
+    assert fact("niu2024/stars", "similarity-enough") == pytest.approx(by_hand, rel=0.04)
+    own = table.rerun({"niu2024/text-simulation#noise": "0.02 px"}, wanted=0.02, stars=52)
+    assert "43 stars are enough" in table.frame().attrs["caption"]
+    assert "43 stars are enough" in own.frame().attrs["caption"]
+    assert 52 in own.frame()["Stars"].to_numpy()
+    assert 4 * 42 < sensor.enough(STARS, 0.025)["similarity"] <= 4 * 43
+
+
+def test_free_distortions_pay_from_their_number_of_stars_on():
+    """Fewer stars fit a similarity better, more the distortions, with what it leaves out."""
+    equal = fact("niu2024/stars", "free-from")
+    for stars, better in ((0.8 * equal, "similarity"), (1.25 * equal, "distortions free")):
+        squares = {name: np.trace(one.at_edge(np.array([stars]))[0])
+                   for name, one in sensor.designs(STARS).items()}  # fmt: skip
+        squares["similarity"] += sensor.left_out(STARS) ** 2
+        assert min(squares, key=squares.get) == better
+
+
+def test_errors_of_the_camera_by_hand():
+    """The nominal focal length at the last state, and the simulated ones on the ground."""
+    frame = studies()["chen2023/instrument-errors"]().set_index("Error")
+    turn = 80e-6 / 2.0 - 80e-6 / 2.05594
+    nominal = frame.loc["Focal length taken as nominal"]
+    assert nominal["median (arcsec)"] == pytest.approx(turn * ARCSEC_PER_RADIAN, rel=2e-3)
+    assert nominal["on the ground (m)"] == pytest.approx(500e3 * turn, rel=2e-3)
+    model = posteriors()["misalignment"].model()
+    draws = small_angle_posterior(model).draw(np.random.default_rng(6), 40_000)
+    ground = fact("chen2023/instrument-errors", "calibrated-ground")
+    # The page of the misalignment shows the mean distance, both axes together.
+    both = model.derived(draws)["position error"].values.mean()
+    assert both == pytest.approx(ground * np.sqrt(np.pi / 2), rel=0.01)
+    roll = draws[:, model.names.index("angle-z")].std() * 5e3
+    shown = frame.loc["Roll, 800 images, 5 km off centre", "on the ground (m)"]
+    assert shown == pytest.approx(roll, rel=0.02)
+
+
+def test_emcee_finds_the_same_at_the_edge():
+    """At the printed number of stars, for both models: median and upper end."""
+    from reproduce.views.objects.posterior import book_posterior
+
+    found = sensor.edge_errors(STARS, np.array([137.0]))
+    # The noise that our simulation shows stands in place of the stated one.
+    shown = studies()["niu2024/instrument-errors"]().set_index("Error")["median (px)"]
+    ratio = shown["Centroid noise, one image"] / 0.05
+    for name, key in sensor.MODELS.items():
+        sampled = sensor.sampled_edge(book_posterior(key))
+        np.testing.assert_allclose(sampled[1:], ratio * found[name][1:, 0], rtol=0.05)
