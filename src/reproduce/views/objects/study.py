@@ -51,7 +51,7 @@ class StudyTable(Changeable):
         key: str,
         changes: Mapping[str, str | float] | None = None,
         seed: int | None = None,
-        **settings: float,
+        **settings: Any,
     ) -> None:
         super().__init__(key, changes, seed)
         left = self._declared.settings
