@@ -37,6 +37,8 @@ WIDER = 1.01
 # Stars that have to agree, and how many standard deviations off a star no longer does.
 AGREEING, FAR = 1 / 3, 5.0
 ROUNDS = 30
+# Residuals below this share of the coordinates are rounding.
+ROUNDING = 1e-12
 
 
 class NoiseAndShare:
@@ -123,12 +125,13 @@ class MixtureRegistration(PointwiseRegistration):
             factor = (target[second] - target[first]) / (self.offsets[second] - self.offsets[first])
             moved = factor[:, None] * (self.offsets - self.offsets[first, None])
             off = np.nan_to_num(np.abs(target - target[first, None] - moved), nan=np.inf)
+        rounding = ROUNDING * float(np.abs([self.source, self.target]).max())
         third = max(4, int(np.ceil(AGREEING * count))) - 1
         best = off[np.partition(off, third)[:, third].argmin()]
         fits = np.asarray(best <= np.partition(best, third)[third], dtype=np.bool_)
         for _ in range(ROUNDS):
             fit = fit_registration(self.source[fits], self.target[fits], self.pivot)
-            noise = np.sqrt(fit.chi_square / float(fit.degrees_of_freedom))
+            noise = max(float(np.sqrt(fit.chi_square / fit.degrees_of_freedom)), rounding)
             off = np.hypot(*(self.target - fit.transform.apply(self.source)).T)
             before, fits = fits, np.asarray(off <= FAR * noise)
             if (fits == before).all():
@@ -169,7 +172,7 @@ def mixture_model(base: Model) -> Model:
         name="registration-mixture",
         parameters=(*base.parameters, Parameter("false-share", "f", "1", share)),
         likelihood=MixtureRegistration(
-            plain.source, plain.target, plain.pivot, robust=True, corner=(x, y), side=side
+            plain.source, plain.target, plain.pivot, corner=(x, y), side=side
         ),
     )
 

@@ -76,7 +76,10 @@ def mixture(table: Table, pivot: Pivot) -> Model:
             "tell a wrong match from noise: take registration, or add some"
         )
     model = mixture_model(plain(table, pivot))
-    theta = float(model.likelihood.start()[0][1])
+    try:
+        theta = float(model.likelihood.start()[0][1])
+    except ValueError as error:  # stars in one place
+        raise TableFileError(f"{table.path}: {error}") from error
     turn = Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to the fit of "
                    "those stars that agree")  # fmt: skip
     return replace(model, parameters=with_priors(model.parameters, {"rotation": turn}))
