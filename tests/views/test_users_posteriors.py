@@ -6,6 +6,7 @@ import re
 from importlib.metadata import version
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray
 from click.testing import CliRunner
@@ -442,6 +443,17 @@ def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
     assert turned == pytest.approx(own.frame().loc["rotation", "mean"], rel=1e-9)
 
 
+def test_the_worst_star_comes_first():
+    own = Posterior("registration-mixture")
+    columns = ["line", "x", "y", "probability_false"]
+    rows = [(2, 0, 0, 0.61), (3, 0, 0, 0.2), (4, 0, 0, 0.989), (5, 0, 0, 0.991)]
+    own.__dict__["_stars"] = pd.DataFrame(rows, columns=columns)
+    assert own.false_stars == (
+        "3 of 4 stars are probably matched wrongly, with probability: line 5 (> 0.99), "
+        "line 4 (0.99), line 2 (0.61)"
+    )
+
+
 def test_honest_stars_fit_and_none_is_named(tmp_path):
     own = Posterior("registration-mixture", written(tmp_path, *stars(count=40)))
     assert own.false_stars == "None of 40 stars is probably matched wrongly"
@@ -461,6 +473,9 @@ def test_what_the_data_are_is_said():
     for name in ("rotation", "shift-x", "shift-y", "noise"):
         assert abs(rows[name]["mean"] - truth[name]) < 4 * rows[name]["deviation"]
     printed = Posterior("table-5")
+    cells = given(posteriors()["registration"].given).cells
+    lines = "".join(f"{address} {cells[address].text}\n" for address in sorted(cells))
+    assert digest == hashlib.sha256(lines.encode()).hexdigest()
     assert printed.provenance.pop("sha256") != digest
     assert printed.provenance == {"kind": "printed", "paper": "chen2023"}
     assert printed.told == "as printed in chen2023"
