@@ -254,7 +254,7 @@ POSTERIORS = (
     ),
     Declaration(
         "registration-mixture", "Registration with wrong matches: a good/bad mixture", "niu2024",
-        READS, mixture, users_stars.MIXTURE, mixture_truth, steps=400, walkers=96,
+        READS, mixture, users_stars.MIXTURE, mixture_truth, steps=450, walkers=96,
     ),
     _red(
         "registration-distortion", "Registration with both distortions free", build=distortion,
