@@ -9,7 +9,7 @@ from reproduce.inference.coordinates import Declared, Mirrored, Straightened, we
 from reproduce.inference.moves import mixture
 from reproduce.papers.posteriors import posteriors
 
-STRAIGHTENED = ["table-5"]
+STRAIGHTENED = ["registration-mixture", "table-5"]
 
 
 def fitted(name, seed):

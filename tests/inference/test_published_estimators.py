@@ -26,6 +26,7 @@ UNKNOWN = {
     "registration": (),
     "registration-joint": (),
     "registration-student": ("noise", "log-freedom"),
+    "registration-mixture": ("noise", "false-share"),
     "registration-distortion": ("source-distortion", "target-distortion"),
     "misalignment": ("laser-scale",),
     "misalignment-drift": (*DRIFT, "laser-scale"),

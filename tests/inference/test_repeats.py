@@ -19,6 +19,8 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
 
 PIVOT = np.array([1030.0, 770.0])
+# No paper prints what wrong matches, made on purpose, lead to.
+PUBLISHED = [name for name in posteriors() if name != "registration-mixture"]
 
 
 class Draws(Sampled):
@@ -143,7 +145,7 @@ def test_variants_know_their_places_and_noise_elsewhere(registration, variant):
     np.testing.assert_allclose(inner.radius, 0.5 * likelihood.radius)
 
 
-@pytest.mark.parametrize("name", list(posteriors()))
+@pytest.mark.parametrize("name", PUBLISHED)
 def test_every_published_number_can_be_repeated(name):
     """Two repeats each: as many finite numbers as cells, in their units, near the print."""
     declared = posteriors()[name]
@@ -163,7 +165,7 @@ def test_every_published_number_can_be_repeated(name):
         assert (published.whole(point[None]) <= 1e-9).all(), "a probability"
 
 
-@pytest.mark.parametrize("name", list(posteriors()))
+@pytest.mark.parametrize("name", PUBLISHED)
 def test_comparisons_say_what_they_cannot_show(name):
     """Data simulated from the print, or the print itself: no comparison is a proof by itself."""
     declared = posteriors()[name]

@@ -105,13 +105,15 @@ def test_what_arviz_reads_back_is_the_posterior(alone, tmp_path):
     assert tree["posterior"].sizes["chain"] == PLAN.ensembles
     assert tree["sample_stats"]["lp"].shape == tuple(tree["posterior"].sizes.values())
     assert list(tree["posterior"].data_vars) == list(alone.model.names)
-    for parameter in alone.model.parameters:
+    assert tree.attrs["seed"] == PLAN.seed
+    np.testing.assert_allclose(tree["sample_stats"].attrs["acceptance"], alone.acceptance)
+    for parameter, row in zip(alone.model.parameters, alone.rows(), strict=True):
         found = tree["posterior"][parameter.name]
-        assert found.attrs["prior"] == str(parameter.prior)
-        assert found.attrs["shown_in"] == parameter.unit
+        assert found.attrs["prior"] == str(parameter.prior.in_unit(parameter.shown))
+        assert found.attrs["units"] == parameter.unit
         assert array_stats.rhat(found.values) < 1.02
-        spread = alone.chain[..., alone.model.names.index(parameter.name)].std()
-        assert abs(found.values.std() / spread - 1) < 0.1
+        assert abs(found.values.mean() - row.mean) < 0.1 * row.deviation
+        assert abs(found.values.std() / row.deviation - 1) < 0.1
 
 
 def test_note_of_the_run(registration, tmp_path):

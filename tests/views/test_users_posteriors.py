@@ -1,10 +1,14 @@
 """Posteriors of a user's own data: never narrower than they are, and never a traceback."""
 
+import hashlib
 import json
 import re
+from importlib.metadata import version
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray
 from click.testing import CliRunner
 
 from reproduce.inference.checks import Range
@@ -168,8 +172,10 @@ def test_any_rotation_and_scale_is_sampled_and_given_as_it_is(tmp_path, scale, r
         assert abs(rows[name]["mean"] - value) < 4 * rows[name]["deviation"]
     assert (rows["scale"]["unit"], rows["rotation"]["unit"]) == ("1", "deg")
     assert rows["scale"]["deviation"] < 1e-5
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
     assert record["data"] == {
-        "kind": "file", "file": str(path), "rows": 81, "pivot": [(FIELD / 2).tolist()]
+        "kind": "file", "file": str(path), "rows": 81, "sha256": digest,
+        "pivot": [(FIELD / 2).tolist()],
     }  # fmt: skip
 
 
@@ -316,6 +322,13 @@ REFUSED = {
         "misalignment takes no --pivot",
     ),
     "no folder": (with_stars("--out", "/dev/null/nothing"), "--out: cannot use /dev/null/nothing"),
+    "no folder for a file": (with_stars("--out", "nowhere/p.nc"), "cannot write nowhere/p.nc"),
+    "too few to tell": (
+        text(
+            "registration-mixture", [STAR_COLUMNS, *[f"{i},{i * i},{i},{i * i}" for i in range(9)]]
+        ),
+        "expected 10 or more stars, got 9",
+    ),
     "no steps": (with_stars("--steps", "0"), "--steps"),
 }
 
@@ -371,17 +384,99 @@ def test_refused_chains_tell_the_steps_that_would_do(tmp_path):
     assert rows["scale"]["rhat"] < 1.01
 
 
+def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp_path):
+    """In one line, and in JSON; the mixture fits the rest, and draws go to a file."""
+    path = written(tmp_path, *stars(wrong=1, count=12))
+    record, rows = sampled("registration", path, "--steps", 400)
+    assert rows["noise"]["mean"] > 20
+    assert record["misfit"].startswith("the model does not fit: star furthest off, over rms is 3.")
+    (check,) = (one for one in record["checks"] if one["name"] == "star furthest off, over rms")
+    assert check["observed"] > check["posterior"]["high"]
+    assert check["tail"]["value"] < 0.002
+    plain = Posterior("registration", path, steps=400)
+    assert f"Beware: {record['misfit']}." in plain._repr_html_()
+    assert f"Beware: {record['misfit']}." in " ".join(repr(plain).split())
+    with pytest.raises(ValueError, match="take registration-mixture"):
+        plain.stars()
+
+    out = tmp_path / "p.nc"
+    record, rows = sampled("registration-mixture", path, "--out", out)
+    assert record["misfit"] == ""
+    assert record["remarks"] == []
+    assert rows["noise"]["mean"] == pytest.approx(0.05, rel=0.5)
+    assert [one["line"] for one in record["stars"]] == list(range(2, 14))
+    assert [one["probability_false"] > 0.9 for one in record["stars"]] == [True] + [False] * 11
+    tree = xarray.open_datatree(out)
+    assert tree.attrs["kind_of_data"] == "file"
+    assert json.loads(tree.attrs["data"]) == record["data"]
+    assert json.loads(tree.attrs["versions"]) == record["versions"]
+    assert tree.attrs["seed"] == record["seed"]
+    for name, row in rows.items():
+        found = tree["posterior"][name]
+        assert (found.attrs["units"], float(found.mean())) == (
+            row["unit"], pytest.approx(row["mean"], abs=0.05 * row["deviation"])
+        )  # fmt: skip
+    assert record["versions"]["emcee"] == version("emcee")
+    assert [one["prior"] for one in record["priors"]] == [
+        tree["posterior"][name].attrs["prior"] for name in rows
+    ]
+
+
+def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
+    """By their lines in the file, whose first holds the names."""
+    own = Posterior("registration-mixture", written(tmp_path, *stars(wrong=8, count=40)))
+    line = (
+        "8 of 40 stars are probably matched wrongly, with probability: "
+        "line 2 (> 0.99), line 3 (> 0.99), line 4 (> 0.99), line 5 (> 0.99), line 6 (> 0.99) "
+        "and 3 more."
+    )
+    assert line in " ".join(repr(own).split())
+    assert line in own._repr_html_().replace("&gt;", ">")
+    assert line.removesuffix(".") == own.false_stars
+    frame = own.stars()
+    assert frame.columns.tolist() == ["line", "x", "y", "probability_false"]
+    assert frame["line"].tolist() == list(range(2, 42))
+    path = own.save(tmp_path / "p.npz")
+    with np.load(path) as found:
+        assert found["units"].tolist() == ["1", "deg", "px", "px", "px", "1"]
+        turned = found["chain"][..., 1].mean()
+    assert turned == pytest.approx(own.frame().loc["rotation", "mean"], rel=1e-9)
+
+
+def test_the_worst_star_comes_first():
+    own = Posterior("registration-mixture")
+    columns = ["line", "x", "y", "probability_false"]
+    rows = [(2, 0, 0, 0.61), (3, 0, 0, 0.2), (4, 0, 0, 0.989), (5, 0, 0, 0.991)]
+    own.__dict__["_stars"] = pd.DataFrame(rows, columns=columns)
+    assert own.false_stars == (
+        "3 of 4 stars are probably matched wrongly, with probability: line 5 (> 0.99), "
+        "line 4 (0.99), line 2 (0.61)"
+    )
+
+
+def test_honest_stars_fit_and_none_is_named(tmp_path):
+    own = Posterior("registration-mixture", written(tmp_path, *stars(count=40)))
+    assert own.false_stars == "None of 40 stars is probably matched wrongly"
+    assert own.record()["misfit"] == ""
+    assert [one["parameter"] for one in own.record()["at_prior_end"]] == ["false-share"]
+
+
 def test_what_the_data_are_is_said():
     assert Posterior("registration").told.startswith(
         "simulated by us with printed settings of niu2024; truth: scale 0.9976"
     )
     record = json.loads(run("registration", "--steps", 280, "--json").stdout)
-    truth = record["data"].pop("truth")
-    assert record["data"] == {"kind": "simulated", "paper": "niu2024"}
+    truth, digest = (record["data"].pop(key) for key in ("truth", "sha256"))
+    pivot = posteriors()["registration"].model().likelihood.pivot.tolist()
+    assert record["data"] == {"kind": "simulated", "paper": "niu2024", "pivot": [pivot]}
     rows = {row["name"]: row for row in record["parameters"]}
     for name in ("rotation", "shift-x", "shift-y", "noise"):
         assert abs(rows[name]["mean"] - truth[name]) < 4 * rows[name]["deviation"]
     printed = Posterior("table-5")
+    cells = given(posteriors()["registration"].given).cells
+    lines = "".join(f"{address} {cells[address].text}\n" for address in sorted(cells))
+    assert digest == hashlib.sha256(lines.encode()).hexdigest()
+    assert printed.provenance.pop("sha256") != digest
     assert printed.provenance == {"kind": "printed", "paper": "chen2023"}
     assert printed.told == "as printed in chen2023"
 

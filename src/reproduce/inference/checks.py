@@ -7,8 +7,8 @@ simulated with them, and what the paper prints is computed in its way and rounde
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
@@ -18,12 +18,14 @@ from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray
 
 __all__ = [
-    "Bounded", "Published", "Range", "Repeat", "Share", "bounded", "placed",
-    "predictive_checks", "repeats", "tail_share", "two_sided",
+    "Bounded", "PredictiveCheck", "Published", "Range", "Repeat", "Share", "bounded", "misfit",
+    "placed", "posterior_checks", "predictive_checks", "repeats", "tail_share", "two_sided",
 ]  # fmt: skip
 
 # Simulated data sets of a predictive check, and repeats of an experiment.
 REPLICATES, REPEATS = 400, 4000
+# The same where a misfit is told: so improbable, shared among all numbers, by chance.
+REPORTED, MISSED = 1000, 0.01
 ENDS = (0.025, 0.975)
 
 
@@ -115,38 +117,67 @@ class PredictiveCheck:
 
     - `name`: what is compared.
     - `observed`: in the data.
-    - `prior`, `posterior`: the central 95 % of the predictions, from prior and from posterior.
-    - `tail`: two-sided tail probability of the observed number under the posterior prediction.
+    - `posterior`: the central 95 % of the predictions from the posterior.
+    - `tail`: two-sided tail probability of the observed number among them.
+    - `prior`, optional: the central 95 % of the predictions from the prior.
     """
 
     name: str
     observed: float
-    prior: Range
     posterior: Range
     tail: Share
+    prior: Range | None = None
 
 
 def predictive_checks(posterior: Sampled, replicates: int = REPLICATES) -> list[PredictiveCheck]:
     """Compare every number of `Likelihood.checks` with simulations from prior and posterior."""
-    model = posterior.model
-    generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
+    model, generator = posterior.model, _generator(posterior)
+    prior = [model.simulate(one, generator) for one in model.draw_prior(generator, replicates)]
+    found = [model.likelihood.checks(data) for data in prior]
+    return [
+        replace(row, prior=Range.of(np.array([one[row.name] for one in found])))
+        for row in posterior_checks(posterior, replicates, generator)
+    ]
+
+
+def posterior_checks(
+    posterior: Sampled, replicates: int = REPORTED, generator: Generator | None = None
+) -> list[PredictiveCheck]:
+    """Compare every number of `Likelihood.checks` with simulations from the posterior alone.
+
+    A user's prior may be so wide that its predictions are no data that one could fit.
+    """
+    model, generator = posterior.model, generator or _generator(posterior)
     chosen = posterior.draws[np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)]
-    prior = model.draw_prior(generator, replicates)
-    drawn = {
-        "prior": [model.simulate(one, generator) for one in prior],
-        "posterior": [model.repeat(one, generator) for one in chosen],
-    }
-    found = {
-        which: [model.likelihood.checks(data) for data in simulations]
-        for which, simulations in drawn.items()
-    }
+    found = [model.likelihood.checks(model.repeat(one, generator)) for one in chosen]
     rows = []
     for name, observed in model.likelihood.checks().items():
-        values = {which: np.array([c[name] for c in checks]) for which, checks in found.items()}
-        tail = tail_share(values["posterior"], observed)
-        ranges = {which: Range.of(v) for which, v in values.items()}
-        rows.append(PredictiveCheck(name, observed, ranges["prior"], ranges["posterior"], tail))
+        values = np.array([one[name] for one in found])
+        tail = tail_share(values, observed)
+        rows.append(PredictiveCheck(name, observed, Range.of(values), tail))
     return rows
+
+
+def misfit(checks: Sequence[PredictiveCheck]) -> str:
+    """Say in one line which numbers of the data the model would not give; empty if there is none.
+
+    Examples
+    --------
+    >>> rows = [PredictiveCheck("rms (px)", 4.0, Range(0.9, 1.1, (0, 0)), Share(0.0, 0.0, 1000))]
+    >>> misfit(rows)
+    'the model does not fit: rms (px) is 4, in 95 % of its repeats 0.9 to 1.1'
+    """
+    told = [
+        f"{one.name} is {one.observed:.3g}, in 95 % of its repeats {one.posterior.low:.3g} to "
+        f"{one.posterior.high:.3g}"
+        for one in checks
+        if one.tail.value < MISSED / len(checks)
+    ]
+    return f"the model does not fit: {'; '.join(told)}" if told else ""
+
+
+def _generator(posterior: Sampled) -> Generator:
+    return Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
 
 
 def two_sided(values: FloatArray, observed: float) -> float:

@@ -136,8 +136,8 @@ class Sampled:
     def to_datatree(self) -> Any:
         """Convert to a DataTree as ArviZ reads it: a chain per ensemble, thinned by its time.
 
-        Its groups are ``posterior`` (a variable per parameter, in SI units or px, with what it is
-        shown in and its prior as attributes) and ``sample_stats`` (log posterior).
+        Its groups are ``posterior`` (a variable per parameter, in the unit shown, with that unit
+        and its prior as attributes) and ``sample_stats`` (log posterior; acceptance of each chain).
         """
         try:
             import arviz_base
@@ -146,16 +146,17 @@ class Sampled:
                 "expected arviz-base, got none; install reproduce-pointing[netcdf]"
             ) from error
         draws = thinned(self.chain, self.time)
-        posterior = {name: draws[..., i] for i, name in enumerate(self.model.names)}
+        parameters = self.model.parameters
+        posterior = {one.name: draws[..., i] * one.shown for i, one in enumerate(parameters)}
         stats = {"lp": thinned(self.log_posterior, self.time)}
         tree = arviz_base.from_dict({"posterior": posterior, "sample_stats": stats})
-        for one in self.model.parameters:
+        for one in parameters:
+            prior = str(one.prior.in_unit(one.shown))
             tree["posterior"][one.name].attrs = {
-                "shown_in": one.unit,
-                "shown_factor": one.shown,
-                "prior": str(one.prior),
-                "reason": one.prior.reason,
-            }
+                "units": one.unit, "prior": prior, "reason": one.prior.reason
+            }  # fmt: skip
+        tree["sample_stats"].attrs["acceptance"] = list(self.acceptance)
+        tree.attrs |= {"model": self.model.name, "seed": self.seed}
         return tree
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -55,14 +56,14 @@ class Supplied:
     """A user's file as a model, and what to say of it.
 
     - `model`: with priors on the scale of the data.
-    - `rows`: lines of data.
-    - `pivots`: of each channel, in px; none where the model takes none.
+    - `lines`: the line of each row of data in the file.
+    - `sha256`: of the file.
     - `remarks`: what a user should hear of the data.
     """
 
     model: Model
-    rows: int
-    pivots: list[list[float]]
+    lines: tuple[int, ...]
+    sha256: str
     remarks: tuple[str, ...]
 
 
@@ -134,6 +135,12 @@ class Declaration:
         """Return the parameters with which the data were simulated; none where they were not."""
         return {} if self.truth is None else self.truth(given(self.given))
 
+    def sha256(self) -> str:
+        """Return the hash of the printed cells that reach the model; data follow from them."""
+        cells = given(self.given).cells
+        texts = (f"{address} {cells[address].text}\n" for address in sorted(cells))
+        return sha256("".join(texts).encode()).hexdigest()
+
     def plan(
         self,
         steps: int | None = None,
@@ -166,8 +173,8 @@ class Declaration:
             table = read_table(path, file.columns)
             model = file.read(table, pivot)
             remarks = file.remarks(table, pivot) if file.remarks else []
-        pivots = file.pivots(table, pivot) if file.pivots else []
-        return Supplied(model, len(table.values), [p.tolist() for p in pivots], tuple(remarks))
+        digest = sha256(path.read_bytes()).hexdigest()
+        return Supplied(model, table.lines, digest, tuple(remarks))
 
     def printed(self, model: Model) -> Published | None:
         """Return what the paper prints of the experiment, with how to repeat it."""

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from reproduce.inference.parts import Progress
 
 __all__ = ["Spoken", "bar", "calibrate", "pairs", "posterior"]
+
+# Endings of files that hold draws.
+WRITTEN = {".nc", ".npz"}
 
 
 class Spoken(click.Command):
@@ -97,7 +101,11 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
 @_RESUME
-@_OUT
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write the draws to this .nc (for ArviZ) or .npz, or keep what is finished in a folder.",
+)
 @_JSON
 def posterior(
     model: str | None,
@@ -121,7 +129,9 @@ def posterior(
     name = _known(model)
     if asked["pivot"] is not None and asked["data"] is None:
         raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
-    _check_folder(out, resume)
+    file, folder = (out, None) if out and out.suffix in WRITTEN else (None, out)
+    _check_folder(folder, resume)
+    _check_file(file)
     ends = {
         key: _ends(key, text) for key, text in pairs("--prior", "NAME=LOW,HIGH", priors).items()
     }
@@ -132,7 +142,12 @@ def posterior(
         raise click.UsageError(str(error)) from error
     except OSError as error:
         raise click.UsageError(f"--data: cannot read {asked['data']}: {error.strerror}") from error
-    record = _sample(wanted, data, workers, out)
+    record = _sample(wanted, data, workers, folder)
+    if file:
+        try:
+            wanted.save(file)
+        except OSError as error:
+            raise click.UsageError(f"--out: cannot write {file}: {error.strerror}") from error
     if as_json:
         click.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
@@ -164,6 +179,14 @@ def _check_folder(out: Path | None, resume: bool) -> None:
         raise click.UsageError("--resume needs --out: the folder of the run to continue")
     if out is not None and (out / "plan.json").exists() and not resume:
         raise click.UsageError(f"{out} holds a run already; add --resume, or choose another folder")
+
+
+def _check_file(out: Path | None) -> None:
+    """Refuse before the sampling what could not be written after it."""
+    if out and not out.parent.is_dir():
+        raise click.UsageError(f"--out: cannot write {out}: no folder {out.parent}")
+    if out and out.suffix == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
+        raise click.UsageError("--out: an .nc file needs the extra reproduce-pointing[netcdf]")
 
 
 def _sample(
@@ -220,8 +243,8 @@ def _show(wanted: Posterior) -> None:
         f"seed {found.seed}",
         highlight=False,
     )
-    for line in wanted.warnings:
-        console.print(f"Beware: {line}.", style="bold", highlight=False, markup=False)
+    for line in wanted.lines:
+        console.print(f"{line}.", style="bold", highlight=False, markup=False)
 
 
 def _list_models(as_json: bool) -> None:

@@ -2,9 +2,10 @@
 
 - registration: `registration`; beside it `closed_form` (its posterior without a sampler) and its
   rivals, in `variants` and `radial`.
-- registration-student, registration-distortion: `variants`, point by point.
+- registration-student, registration-distortion: `variants`, point by point; registration-mixture:
+  `mixture`, which is one more of them.
 - registration-joint: `joint`, of two `registration`.
-- All four share `least_squares` (the published estimator) and `new_stars` (its consequences).
+- All of these share `least_squares` (the published estimator) and `new_stars` (its consequences).
 - centroid-noise: `centroid_noise`, with the printed digits of `rounded`.
 - misalignment, misalignment-drift: `misalignment`, of the data in `lasers`; beside them
   `small_angle`, without a sampler.

@@ -55,9 +55,12 @@ def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dic
     outer = radius >= np.median(radius)
     unit = offsets[outer] / radius[outer, None]
     left = fit.residuals[outer]
+    lengths = np.hypot(*fit.residuals.T)
     return {
         "residual, rms (px)": float(np.sqrt(np.square(fit.residuals).mean())),
         "residual, largest (px)": float(np.abs(fit.residuals).max()),
+        # Free of the noise, which follows the size of the residuals, that of a wrong match too.
+        "star furthest off, over rms": float(lengths.max() / np.sqrt(np.square(lengths).mean())),
         "outer residual, outwards (px)": float((left * unit).sum(axis=1).mean()),
         "outer residual, around (px)": float(
             (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()

@@ -335,7 +335,7 @@ def results(name: str) -> Html:
         (
             c.name,
             minus(f"{c.observed:.4g}"),
-            ranged(c.prior),
+            ranged(c.prior) if c.prior else "",
             ranged(c.posterior),
             shared(c.tail),
         )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ast
 import inspect
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from functools import cache, cached_property
+from importlib.metadata import version
 from pathlib import Path
 from textwrap import dedent
 from typing import TYPE_CHECKING, Any
@@ -17,6 +19,7 @@ from markupsafe import Markup
 from rich.console import RenderableType
 from rich.table import Table
 
+from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.objects.base import Shown, by_row, text_of
 from reproduce.views.writing.cite import beside
@@ -28,7 +31,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.inference.calibration import Ranks
-    from reproduce.inference.checks import Repeat, Share
+    from reproduce.inference.checks import PredictiveCheck, Repeat, Share
     from reproduce.inference.model import Model, Parameter
     from reproduce.inference.parts import Progress
     from reproduce.inference.posterior import Sampled, Summary
@@ -55,6 +58,8 @@ SHORT = 20
 WEAK = 0.15
 # In standard deviations: a mark further out would leave no room for the posterior.
 FAR = 8.0
+# Likely false stars that a line names, and from where on their probability is not told apart.
+SHOWN, CERTAIN = 5, 0.99
 PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 
@@ -192,16 +197,22 @@ class Posterior(Shown):
         )  # fmt: skip
         return self.sampled
 
-    @property
+    @cached_property
     def provenance(self) -> dict[str, Any]:
-        """What the data are, for programs: their kind, and the paper, the truth or the file."""
-        if self._supplied:
-            data = {"kind": "file", "file": str(self.data), "rows": self._supplied.rows}
-            return data | ({"pivot": self._supplied.pivots} if self._supplied.pivots else {})
-        paper = self.declared.paper
-        if not self.declared.simulated:
-            return {"kind": "printed", "paper": paper}
-        return {"kind": "simulated", "paper": paper, "truth": self.truth}
+        """What the data are, for programs: their kind, the paper, truth or file, hash and pivot.
+
+        The hash is that of the file, or of the printed cells that reach the model.
+        """
+        declared, given = self.declared, self._supplied
+        data: dict[str, Any] = {"kind": "simulated" if declared.simulated else "printed"}
+        data |= {"paper": declared.paper} | ({"truth": self.truth} if declared.simulated else {})
+        if given:
+            data = {"kind": "file", "file": str(self.data), "rows": len(given.lines)}
+        data["sha256"] = given.sha256 if given else declared.sha256()
+        likelihood = self.model.likelihood
+        pivots = getattr(likelihood, "pivots", None) or [getattr(likelihood, "pivot", None)]
+        found = [one.tolist() for one in pivots if one is not None]
+        return data | ({"pivot": found} if found else {})
 
     @property
     def told(self) -> str:
@@ -230,10 +241,66 @@ class Posterior(Shown):
 
     @property
     def warnings(self) -> list[str]:
-        """The remarks, after the ends of priors that hold the posterior."""
+        """The remarks, after the ends of priors that hold the posterior, and a misfit."""
+        from reproduce.inference.checks import misfit
         from reproduce.inference.sensitivity import leanings
 
-        return [*map(str, leanings(self.sampled)), *self.remarks]
+        told = misfit(self.checks)
+        return [*map(str, leanings(self.sampled)), *([told] if told else []), *self.remarks]
+
+    @cached_property
+    def checks(self) -> list[PredictiveCheck]:
+        """Numbers of the data beside those of data simulated from the posterior."""
+        from reproduce.inference.checks import posterior_checks
+
+        return posterior_checks(self.sampled)
+
+    def stars(self) -> pd.DataFrame:
+        """Return each star's posterior probability of being false, the mean over the draws.
+
+        One row per star, with its line in the file or its number, and its place in the channel.
+
+        Raises
+        ------
+        ValueError
+            If the posterior tells of no star whether it is false.
+        """
+        if self._stars is None:
+            raise ValueError(f"{self.name} holds all stars for true; take registration-mixture")
+        return self._stars.copy()
+
+    @cached_property
+    def _stars(self) -> pd.DataFrame | None:
+        import pandas as pd
+
+        from reproduce.inference.models.mixture import MixtureRegistration, probability_false
+
+        likelihood = self.model.likelihood
+        if not isinstance(likelihood, MixtureRegistration):
+            return None
+        x, y = likelihood.source.T
+        lines = self._supplied.lines if self._supplied else range(1, len(x) + 1)
+        false = {"x": x, "y": y, "probability_false": probability_false(self.sampled)}
+        return pd.DataFrame({"line" if self._supplied else "star": lines, **false})
+
+    @property
+    def false_stars(self) -> str:
+        """Which stars are probably false, in one line; empty where the model tells of none."""
+        if self._stars is None:
+            return ""
+        found = self._stars.sort_values("probability_false", ascending=False, kind="stable")
+        likely = found[found["probability_false"] > 0.5]
+        if likely.empty:
+            return f"None of {len(found)} stars is probably matched wrongly"
+        shown = ", ".join(
+            f"{found.columns[0]} {line:.0f} ({_probability(value)})"
+            for line, _, _, value in likely.head(SHOWN).itertuples(index=False)
+        )
+        rest = f" and {len(likely) - SHOWN} more" if len(likely) > SHOWN else ""
+        return (
+            f"{len(likely)} of {len(found)} stars are probably matched wrongly, with probability: "
+            f"{shown}{rest}"
+        )
 
     @property
     def source(self) -> str:
@@ -347,6 +414,9 @@ class Posterior(Shown):
     def save(self, path: str | Path) -> Path:
         """Write the chains: ``.nc`` for ArviZ (the extra ``netcdf``), ``.npz`` for NumPy alone.
 
+        In the units shown. An ``.nc`` holds draws that are nearly independent, with units, priors
+        and what the data are; an ``.npz`` every step.
+
         Raises
         ------
         ValueError
@@ -354,12 +424,17 @@ class Posterior(Shown):
         """
         path = Path(path)
         if path.suffix == ".nc":
-            self.sampled.to_datatree().to_netcdf(path)
+            tree = self.sampled.to_datatree()
+            facts = {"data": json.dumps(self.provenance), "versions": json.dumps(versions())}
+            tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts}
+            tree.to_netcdf(path)
         elif path.suffix == ".npz":
             found = self.sampled
-            names = np.array(found.model.names)
+            parameters = found.model.parameters
+            names, units = (np.array([getattr(p, a) for p in parameters]) for a in ("name", "unit"))
+            chain = found.chain * [one.shown for one in parameters]
             np.savez_compressed(
-                path, names=names, chain=found.chain, log_posterior=found.log_posterior
+                path, names=names, units=units, chain=chain, log_posterior=found.log_posterior
             )
         else:
             raise ValueError(f"unknown ending {path.suffix!r}: expected .nc or .npz")
@@ -398,9 +473,11 @@ class Posterior(Shown):
 
     def record(self) -> dict[str, Any]:
         """Return everything of the summary for other programs."""
+        from reproduce.inference.checks import misfit
         from reproduce.inference.sensitivity import leanings
 
         found = self.sampled
+        stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
         return {
             "model": found.model.name,
             "seed": found.seed,
@@ -412,8 +489,12 @@ class Posterior(Shown):
             "parameters": [asdict(row) for row in found.rows()],
             "consequences": [asdict(row) for row, _ in found.consequences()],
             "data": self.provenance,
+            "priors": self.priors.rename_axis("name").reset_index().to_dict("records"),
+            "checks": [asdict(one) for one in self.checks],
+            "misfit": misfit(self.checks),
+            "versions": versions(),
             "remarks": list(self.remarks),
-        }
+        } | stars
 
     def _repr_html_(self) -> str:
         true, own = self.truth, self.changes
@@ -431,9 +512,15 @@ class Posterior(Shown):
         if rows[first:]:
             rest = Grid("What follows from the parameters.", head, rows[first:]).html
             html += folded(f"{len(rows) - first} consequences", rest)
-        warnings = self.warnings if self.data or own else []
-        line = Markup('<p class="rp-joint">Beware: {}.</p>')
-        return str(html + Markup("").join(line.format(text) for text in warnings))
+        line = Markup('<p class="rp-joint">{}.</p>')
+        return str(html + Markup("").join(line.format(text) for text in self.lines))
+
+    @property
+    def lines(self) -> list[str]:
+        """What is said below the summary: the likely false stars, and what to beware of."""
+        warnings = self.warnings if self.data or self.changes else []
+        false = [self.false_stars] if self.false_stars else []
+        return [*false, *(f"Beware: {text}" for text in warnings)]
 
     @property
     def changes(self) -> str:
@@ -445,8 +532,7 @@ class Posterior(Shown):
         """Yield the summary."""
         yield f"posterior {self.name}, {self.where}"
         yield self.table()
-        if self.data or self.changes:
-            yield from (f"Beware: {line}." for line in self.warnings)
+        yield from (f"{line}." for line in self.lines)
 
     def table(self) -> Table:
         """Return the summary for a terminal, every number with the digits its error allows."""
@@ -455,6 +541,12 @@ class Posterior(Shown):
         table = columns(heads, rows, whole=range(1, len(heads)))
         table.columns[0].min_width = 12
         return table
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the software that made a posterior."""
+    found = {name: version(name) for name in ("numpy", "scipy", "emcee")}
+    return {"reproduce-pointing": __version__, **found}
 
 
 def named(row: Any) -> str:
@@ -516,6 +608,11 @@ def file_formats() -> list[tuple[str, str, str]]:
         known = ("", file) if isinstance(file, str) else (", ".join(file.columns), file.meaning)
         found.setdefault(known, []).append(key)
     return [(", ".join(keys), *known) for known, keys in found.items()]
+
+
+def _probability(value: float) -> str:
+    """Write a probability that is never quite one."""
+    return f"{value:.2f}" if value < CERTAIN else f"> {CERTAIN}"
 
 
 def _declaration(declared: Declaration) -> str:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.random import Generator, SeedSequence
+from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
@@ -18,6 +18,7 @@ from reproduce.inference.models.centroid_noise import CentroidNoiseLikelihood, c
 from reproduce.inference.models.closed_form import cramer_rao_bound, registration_log_evidence
 from reproduce.inference.models.joint import JointRegistration, joint_model
 from reproduce.inference.models.least_squares import noise_growth
+from reproduce.inference.models.mixture import mixture_model
 from reproduce.inference.models.new_stars import Together
 from reproduce.inference.models.radial import (
     WIDTHS,
@@ -66,7 +67,9 @@ from reproduce.printed.given import given as door
 
 __all__ = ["beside_the_registration", "transforms"]
 
-DATA_SEED = SeedSequence(ROOT_SEED, spawn_key=(1,))
+DATA_SEED, FALSE_SEED = (SeedSequence(ROOT_SEED, spawn_key=(i,)) for i in (1, 4))
+# Share of stars that are matched wrongly on purpose.
+FALSE = 0.3
 # How well a laboratory may know a principal point, in px.
 PRINCIPAL_POINT = 2.0
 READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", TEST_POINTS)
@@ -141,6 +144,20 @@ def student(given: Given) -> Model:
 def distortion(given: Given) -> Model:
     """The red channel with both distortions free."""
     return _with_new_stars(given, distortion_model(registration(given)))
+
+
+def mixture(given: Given) -> Model:
+    """The red channel, three stars of ten matched with the wrong green one."""
+    green, red, _ = centroids(given)
+    false = Generator(PCG64(FALSE_SEED)).permutation(len(red))[: round(FALSE * len(red))]
+    green[false] = green[np.roll(false, 1)]
+    matched = registration_model(red, green, pivot(given, "red"))
+    return _with_new_stars(given, mixture_model(matched))
+
+
+def mixture_truth(given: Given) -> dict[str, float]:
+    """The truth of the red channel, and how many stars are matched wrongly."""
+    return {**truth(given, ("red",)), "false-share": FALSE}
 
 
 def centroid_noise(given: Given) -> Model:
@@ -234,6 +251,10 @@ POSTERIORS = (
     _red(
         "registration-student", "Registration with Student-t noise", build=student,
         file=users_stars.STUDENT, steps=800,
+    ),
+    Declaration(
+        "registration-mixture", "Registration with wrong matches: a good/bad mixture", "niu2024",
+        READS, mixture, users_stars.MIXTURE, mixture_truth, steps=450, walkers=96,
     ),
     _red(
         "registration-distortion", "Registration with both distortions free", build=distortion,

@@ -13,6 +13,7 @@ from numpy.random import Generator, SeedSequence
 from reproduce.inference.checks import Published
 from reproduce.inference.model import Consequence, Model
 from reproduce.inference.models.joint import JointRegistration
+from reproduce.inference.models.mixture import MixtureRegistration
 from reproduce.inference.models.new_stars import NewStars, StarModel, rmse_at
 from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.models.variants import PointwiseRegistration
@@ -73,8 +74,12 @@ def new_stars(
     columns: tuple[int, ...] = (),
     prefix: str = "",
 ) -> NewStars:
-    """Return the consequences of one channel's registration at the test points."""
-    fit = fit_registration(likelihood.source, likelihood.target, likelihood.pivot)
+    """Return the consequences of one channel's registration at the test points.
+
+    The transform in use is the least-squares one; where stars may be false, of those that agree.
+    """
+    true = likelihood.agreeing if isinstance(likelihood, MixtureRegistration) else slice(None)
+    fit = fit_registration(likelihood.source[true], likelihood.target[true], likelihood.pivot)
     source = _source(given, channel)
     registered = fit.transform.apply(source)
     stars = likelihood.elsewhere(source)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from reproduce.inference.model import Model
 from reproduce.inference.models.joint import CHANNELS, joint_model
 from reproduce.inference.models.least_squares import robust_similarity
+from reproduce.inference.models.mixture import mixture_model
 from reproduce.inference.models.registration import (
     free_priors,
     registration_model,
@@ -65,6 +66,23 @@ def student(table: Table, pivot: Pivot) -> Model:
     tails = Uniform(*FREEDOM, "from a tenth, the tails of gross mismatches, to two hundred, which "
                     "no sample tells from Gaussian")  # fmt: skip
     return replace(model, parameters=with_priors(model.parameters, {"log-freedom": tails}))
+
+
+def mixture(table: Table, pivot: Pivot) -> Model:
+    """The same with stars that may be matched wrongly."""
+    if len(table.values) < FEW:
+        raise TableFileError(
+            f"{table.path}: expected {FEW} or more stars, got {len(table.values)}; fewer do not "
+            "tell a wrong match from noise: take registration, or add some"
+        )
+    model = mixture_model(plain(table, pivot))
+    try:
+        theta = float(model.likelihood.start()[0][1])
+    except ValueError as error:  # stars in one place
+        raise TableFileError(f"{table.path}: {error}") from error
+    turn = Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to the fit of "
+                   "those stars that agree")  # fmt: skip
+    return replace(model, parameters=with_priors(model.parameters, {"rotation": turn}))
 
 
 def distortion(table: Table, pivot: Pivot) -> Model:
@@ -127,11 +145,15 @@ def _free(
 
 def remarks(table: Table, pivot: Pivot) -> list[str]:
     """What a user should hear of the stars: another unit, repeated lines, likely mismatches."""
-    centres = pivots(table, pivot)
-    found = unlike_pixels(table.values[:, :2], centres[0]) + repeated(table)
-    for i, centre in enumerate(centres):
-        found += mismatched(table, centre, "registration-student tolerates them", i)
+    found = unnamed(table, pivot)
+    for i, centre in enumerate(pivots(table, pivot)):
+        found += mismatched(table, centre, "registration-mixture names them", i)
     return found
+
+
+def unnamed(table: Table, pivot: Pivot) -> list[str]:
+    """The same but for mismatches, which the mixture names itself."""
+    return unlike_pixels(table.values[:, :2], pivots(table, pivot)[0]) + repeated(table)
 
 
 def from_table(table: Table, pivot: ArrayLike | None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -199,6 +221,7 @@ PLACES = "one star per line, in px: its place in the channel and in the referenc
 PLAIN, STUDENT, DISTORTION = (
     File(COLUMNS, PLACES, read, pivots, remarks) for read in (plain, student, distortion)
 )
+MIXTURE = File(COLUMNS, PLACES, mixture, pivots, unnamed)
 JOINT = File(
     JOINT_COLUMNS, "one star per line, in px: its places in the three channels", joint, pivots,
     remarks,
