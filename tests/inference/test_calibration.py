@@ -28,7 +28,7 @@ from reproduce.views.objects.posterior import coverage_rows
 
 SMALL = 40
 # Where a replicate takes some seconds.
-FEWER = {"frame-averaging": 335}
+FEWER = {"frame-averaging": 335, "registration-mixture": 300}
 REDONE = 7
 STUDIES = list(posteriors())
 
