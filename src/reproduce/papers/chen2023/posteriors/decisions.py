@@ -186,16 +186,16 @@ def draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharex=True, sharey=True)
     for axes, (axis, column) in zip(panels, AXES.items(), strict=True):
         low, median, high = averages(door, axis, counts) * ARCSEC_PER_RADIAN
-        axes.fill_between(counts, low, high, facecolor=(BLUE, 0.25), edgecolor="none",
-                          label="95 % of the posterior")  # fmt: skip
+        axes.fill_between(counts, low, high, facecolor=(BLUE, 0.25), edgecolor=BLUE,
+                          linewidth=0.6, label="95 % of the posterior")  # fmt: skip
         axes.plot(counts, median, color=BLUE, label="median")
         axes.plot(counts, median[0] / np.sqrt(counts), "--", color="#777777", label="white noise")
         cells = {a: a.split("#")[1].split(".")[0] for a in printed if a.endswith(column)}
         values = np.array([printed[a] for a in cells]) / platform.SIGMAS * ARCSEC_PER_RADIAN
         axes.plot([int(n) for n in cells.values()], values, "o", color=INK, markersize=4,
                   label="Table IV")  # fmt: skip
-        axes.axhspan(*(noise[[0, 2]] * ARCSEC_PER_RADIAN), facecolor=(ORANGE, 0.15), hatch="//",
-                     edgecolor=(ORANGE, 0.4), linewidth=0)  # fmt: skip
+        axes.axhspan(*(noise[[0, 2]] * ARCSEC_PER_RADIAN), facecolor=(ORANGE, 0.15),
+                     edgecolor=ORANGE, linewidth=0.6)  # fmt: skip
         axes.axhline(noise[1] * ARCSEC_PER_RADIAN, color=ORANGE, linestyle="-.",
                      label="one state of Table V")  # fmt: skip
         axes.set(xscale="log", yscale="log", title=f"about {axis}", ylim=(0.008, 0.6))
@@ -299,7 +299,8 @@ def draw_drift(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     low, median, high = constant * ARCSEC_PER_RADIAN
     narrow = sized(figure, 6.0, 3.6, 4.0)
     axes = figure.subplots()
-    axes.fill_between(ages, low, high, facecolor=(ORANGE, 0.25), edgecolor="none")
+    axes.fill_between(ages, low, high, facecolor=(ORANGE, 0.25), edgecolor=ORANGE,
+                      linewidth=0.6)  # fmt: skip
     axes.plot(ages, median, color=ORANGE, label="taken as constant, with 95 %")
     axes.plot(ages, followed * ARCSEC_PER_RADIAN, "-.", color=BLUE, label="drift followed")
     error = _drifting(door)[0] * ARCSEC_PER_RADIAN
