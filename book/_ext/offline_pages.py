@@ -24,6 +24,10 @@ NAMED = re.compile(r"\bfa-([a-z0-9-]+)")
 # The coordinates of a drawing, and a number with more than one decimal.
 COORDINATES = re.compile(r'(?<= )(d|x|y)="[^"]*"')
 FINE = re.compile(r"-?\d+\.\d{2,}")
+# Blanks about the letters of a path, and after the signs of a style.
+LETTER = re.compile(r"\s*([A-Za-z])\s*")
+SPACED = re.compile(r"(?<=[:;,]) ")
+PATH = re.compile(r'(?<= d=")[^"]*')
 # Points that share a group, and what a drawing can do without.
 POINTS = re.compile(r"<g([^>]*)>((?:\s*<use [^>]*/>){2,})\s*</g>")
 STYLE = re.compile(r' style="([^"]*)"')
@@ -81,11 +85,13 @@ def coarser(drawing: str) -> str:
     """Return a drawing with its coordinates to a tenth of a point, and shared styles told once.
 
     >>> coarser('<svg id="a1.2345"><path d="M 1.23456 -0.00123 L 3.14 2"/></svg>')
-    '<svg id="a1.2345"><path d="M 1.2 0 L 3.1 2"/></svg>'
+    '<svg id="a1.2345"><path d="M1.2 0L3.1 2"/></svg>'
     >>> coarser('<g> <use x="1" style="fill: red"/> <use x="2" style="fill: red"/> </g>')
-    '<g style="fill: red"> <use x="1"/> <use x="2"/></g>'
+    '<g style="fill:red"> <use x="1"/> <use x="2"/></g>'
     """
     drawing = COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
+    drawing = PATH.sub(lambda path: LETTER.sub(r"\1", path[0]), drawing)
+    drawing = STYLE.sub(lambda found: f' style="{SPACED.sub("", found[1])}"', drawing)
     return POINTS.sub(_shared, IDLE.sub("", drawing))
 
 
