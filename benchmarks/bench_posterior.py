@@ -3,15 +3,17 @@
 The promises are ratios in one run on one machine, in effective draws per second of the slowest
 parameter:
 
-* registration of 137 points, at least 15 times a plain emcee loop: 32 walkers, emcee's own moves,
+* registration of 137 points, at least 100 times a plain emcee loop: 32 walkers, emcee's own moves,
   a Python function per walker over the raw points;
-* registration of 100,000 points, at least 1,000 times it, and within a fifth of our own speed at
-  137 points.
+* registration of 100,000 points, at least 2,000 times it, and within a twentieth of our own speed
+  at 137 points;
+* both misalignments, at least 50 times emcee's own moves over the same likelihood, all walkers at
+  once.
 
-And limits on two cores, from the processor time that was used, so that other work on the machine
-does not count: all posteriors of the book, with their rivals, and the calibration of a
-registration. No process may take a gibibyte, nor all of them together: the resident memory at its
-peak, as Linux counts it for each process. It does not depend on the number of cores or threads.
+And limits from the processor time that was used: all posteriors of the book, with their rivals,
+and the calibration of a registration. No process may take a gibibyte, nor all of them together:
+the resident memory at its peak, as Linux counts it for each process. It does not depend on the
+number of cores or threads.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from reproduce.inference.calibration import replicate
 from reproduce.inference.diagnostics import diagnose
 from reproduce.inference.evidence import exact_evidence
+from reproduce.inference.model import Model
 from reproduce.inference.models.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble, sample
 from reproduce.papers.calibrations import REPLICATES, SEED
@@ -44,9 +47,10 @@ Points = NDArray[np.float64]
 
 PIVOT = np.array([1030.0, 770.0])
 TRUTH = Registration.similarity(1.002, -0.001, (-1.0, -2.0), PIVOT)
-MANY, PROMISED, PROMISED_MANY, SPREAD = 100_000, 15, 1000, 0.2
+MANY, PROMISED, PROMISED_MANY, SPREAD = 100_000, 100, 2000, 0.05
+PROMISED_SPOTS = 50
 WALKERS = posteriors()["registration"].plan().walkers
-CORES, BOOK_SECONDS, CALIBRATION_SECONDS, REPLICATES_TIMED = 2, 120, 600, 60
+CORES, BOOK_SECONDS, CALIBRATION_SECONDS, REPLICATES_TIMED = 2, 90, 600, 60
 GIBIBYTE = 1024**2  # in kibibytes
 
 
@@ -114,17 +118,22 @@ def plain_rate(count: int, steps: int) -> float:
     return plain_size() / seconds
 
 
-def our_rate(count: int, steps: int = 3000) -> float:
-    """Least effective draws per second of ours, the warm-up counted."""
+def our_rate(count: int, steps: int = 3000) -> tuple[float, float]:
+    """Least effective draws per second of ours, the warm-up counted, and runs per second.
+
+    Runs per second tell two numbers of points apart better: effective draws are the same for any
+    number, and are themselves known to a tenth.
+    """
     model = registration_model(*data(count), PIVOT)
     model.likelihood(model.likelihood.start()[0][None])  # reduces the data once
     begin = time.perf_counter()
     chain, _, _ = run_ensemble(Job(model, Plan(1, walkers=WALKERS, steps=steps, warmup=200), 0))
-    return _least(chain) / (time.perf_counter() - begin)
+    seconds = time.perf_counter() - begin
+    return _least(chain) / seconds, 1 / seconds
 
 
 def _least(chain: Points) -> float:
-    names = ("scale", "rotation", "shift-x", "shift-y", "noise")
+    names = tuple(str(i) for i in range(chain.shape[-1]))
     return min(min(one.bulk, one.tail) for one in diagnose(names, chain[None]))
 
 
@@ -137,7 +146,7 @@ def bench_registration_posterior(benchmark: BenchmarkFixture) -> None:
         rounds=3,
     )
     # Turn about and the best of each, so that other work on the machine disturbs both alike.
-    pairs = [(our_rate(137), plain_rate(137, 2000)) for _ in range(3)]
+    pairs = [(our_rate(137)[0], plain_rate(137, 2000)) for _ in range(3)]
     ours, plain = (max(rates) for rates in zip(*pairs, strict=True))
     ratio = ours / plain
     print(f"\nregistration posterior, 137 points: {ratio:.0f} times a plain loop")
@@ -153,13 +162,36 @@ def bench_registration_posterior_of_many_points(benchmark: BenchmarkFixture) -> 
         lambda: run_ensemble(Job(model, Plan(1, walkers=WALKERS, steps=500, warmup=200), 0)),
         rounds=3,
     )
-    rounds = [(our_rate(MANY), our_rate(137), plain_rate(MANY, 30)) for _ in range(4)]
-    many, few, plain = (max(rates) for rates in zip(*rounds, strict=True))
-    ratio = many / plain
+    rounds = [(*our_rate(MANY), our_rate(137)[1], plain_rate(MANY, 30)) for _ in range(4)]
+    rate, many, few, plain = (max(rates) for rates in zip(*rounds, strict=True))
+    ratio = rate / plain
     print(f"\n100,000 points: {ratio:.0f} times a plain loop, {many / few:.2f} of our own at 137")
     assert ratio > PROMISED_MANY
     assert many > (1 - SPREAD) * few
     assert peak() < GIBIBYTE
+
+
+def stretched_rate(model: Model, steps: int = 8000) -> float:
+    """Least effective draws per second of emcee's own moves over the likelihood of the book."""
+    sampler = emcee.EnsembleSampler(32, model.dimension, model.log_posterior, vectorize=True)
+    start = model.start(np.random.default_rng(1), 32)
+    state = sampler.run_mcmc(start, steps // 4, skip_initial_state_check=True)
+    sampler.reset()
+    begin = time.perf_counter()
+    sampler.run_mcmc(state, steps)
+    return _least(sampler.get_chain()) / (time.perf_counter() - begin)
+
+
+@pytest.mark.benchmark(group="posterior")
+@pytest.mark.parametrize("name", ["misalignment", "misalignment-drift"])
+def bench_misalignment_posterior(benchmark: BenchmarkFixture, name: str) -> None:
+    """Time one ensemble, and hold the ratio to emcee's own moves to the promise."""
+    model = posteriors()[name].model()
+    plan = Plan(1, steps=1000, warmup=200)
+    chain = benchmark.pedantic(lambda: run_ensemble(Job(model, plan, 0))[0], rounds=3)
+    ours, plain = _least(chain) / benchmark.stats.stats.min, stretched_rate(model)
+    print(f"\n{name}: {ours:,.0f} effective draws a second, {ours / plain:.0f} times emcee's moves")
+    assert ours > PROMISED_SPOTS * plain
 
 
 def sampled(name: str, rival: int | None) -> tuple[int, float, int]:
@@ -191,16 +223,15 @@ def all_posteriors() -> tuple[dict[int, float], dict[int, int]]:
 
 @pytest.mark.benchmark(group="posterior")
 def bench_all_posteriors_of_the_book(benchmark: BenchmarkFixture) -> None:
-    """From fresh processes, every posterior and rival; the time is that of the busier core."""
+    """From fresh processes, every posterior and rival; the time is that of all processes."""
     seconds, memory = benchmark.pedantic(all_posteriors, rounds=1)
     print(
-        f"\nall posteriors: {max(seconds.values()):.0f} s on the busier of {CORES} cores, "
-        f"{sum(seconds.values()):.0f} s of processor in all; "
+        f"\nall posteriors: {sum(seconds.values()):.0f} s of processor; "
         f"{sum(memory.values()) / 1024:.0f} MiB in all, "
         f"{max(memory.values()) / 1024:.0f} MiB in the larger one"
     )
     assert len(seconds) == CORES
-    assert max(seconds.values()) < BOOK_SECONDS
+    assert sum(seconds.values()) < BOOK_SECONDS
     assert sum(memory.values()) < GIBIBYTE
 
 

@@ -16,7 +16,10 @@ from reproduce.inference.calibration import (
     calibrate,
     intervals,
     least_of_all,
+    named,
+    power,
     replicate,
+    simulated,
 )
 from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.papers import calibrations as stored
@@ -28,7 +31,13 @@ from reproduce.views.objects.posterior import coverage_rows
 
 SMALL = 40
 # Where a replicate takes some seconds.
-FEWER = {"frame-averaging": 335, "registration-mixture": 300}
+FEWER = {
+    "frame-averaging": 335,
+    "misalignment-drift": 300,
+    "registration-distortion": 300,
+    "registration-mixture": 300,
+    "table-5": 300,
+}
 REDONE = 7
 STUDIES = list(posteriors())
 
@@ -45,7 +54,8 @@ def even(count, seed=1, names=3):
 
 
 def test_small_calibration_is_even(small):
-    assert small.ranks.shape == (SMALL, 6)
+    assert small.ranks.shape == (SMALL, 9)
+    assert small.names[:5] == posteriors()["registration"].model().names
     assert small.probabilities().min() > 0.001
     assert not small.failed.any()
 
@@ -95,6 +105,24 @@ def test_probabilities_of_even_ranks_are_even():
     assert abs((found < 0.2).mean() - 0.2) < 4 * np.sqrt(0.16 / len(found))
 
 
+def test_power_is_the_share_of_calibrations_that_find_a_wrong_width():
+    """Against ranks drawn one by one, among so many draws of a posterior that is too narrow."""
+    generator = np.random.default_rng(3)
+    found = 0
+    for _ in range(60):
+        truths, draws = generator.normal(size=(200, 3)), generator.normal(size=(200, 3, DRAWS))
+        ranks = (0.8 * draws < truths[..., None]).sum(axis=-1)
+        found += (replace(even(200), ranks=ranks).probabilities() < 0.05).mean() / 60
+    told = power(200, 0.8)
+    assert abs(told.value - found) < 4 * np.hypot(told.error, np.sqrt(found * (1 - found) / 180))
+    assert 0.3 < told.value < 0.9  # else the comparison would be of no weight
+
+
+def test_right_width_is_refused_as_often_as_the_band_says():
+    told = power(1000, 1.0)
+    assert abs(told.value - 0.05) < 4 * told.error
+
+
 def test_narrow_and_shifted_ranks_are_seen():
     generator = np.random.default_rng(1)
     narrow = np.clip(generator.normal(50, 20, (400, 3)).round(), 0, DRAWS).astype(int)
@@ -119,7 +147,8 @@ def test_stored_calibrations(name):
     found = stored.load(name)
     model = posteriors()[name].model()
     assert found.replicates >= FEWER.get(name, 1000)
-    assert found.names[:-1] == model.names
+    assert found.names == named(model)
+    assert found.names[: model.dimension] == model.names
     assert found.ranks.min() >= 0
     assert found.ranks.max() <= DRAWS
     # One band per quantity: the smallest of so many probabilities, one false alarm in a thousand.
@@ -145,6 +174,16 @@ def test_stored_calibrations_know_their_models(name):
     kept = studies.read(stored.study_name(name)).arrays
     found = stored.log_posteriors(name, kept["points"], stored.SEED)
     np.testing.assert_allclose(found, kept["log_posterior"], rtol=1e-9)
+
+
+def test_every_model_has_random_numbers_of_its_own():
+    """The same prior, first in line, and the same seed: another truth."""
+    models = [posteriors()[name].model() for name in ("registration", "registration-student")]
+    assert models[0].parameters[0].prior == models[1].parameters[0].prior
+    one, other = (
+        [simulated(model, stored.SEED, index)[0][0] for index in range(20)] for model in models
+    )
+    assert not set(one) & set(other)
 
 
 @pytest.mark.parametrize("name", STUDIES)

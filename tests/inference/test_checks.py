@@ -22,7 +22,7 @@ def posterior(registration):
 
 
 def test_data_of_the_model_pass(posterior):
-    assert min(check.tail.value for check in predictive_checks(posterior, 100)) > 0.01
+    assert min(check.tail.value for check in predictive_checks(posterior, 1000)) > 0.01
 
 
 def test_distortion_is_seen(registration):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
 from reproduce.inference.evidence import log_evidence
@@ -16,6 +17,7 @@ from reproduce.inference.models.small_angle import (
     small_angle_posterior,
     spot_bound,
 )
+from reproduce.inference.priors import LogUniform
 from reproduce.inference.sampling import Plan, sample
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
 from reproduce.physics.attitude.misalignment import (
@@ -143,6 +145,61 @@ def test_small_angle_posterior_is_the_normal_law_of_all_images(platform):
     step = exact.noise[1] - exact.noise[0]
     known = logs[5] + np.log(step) - np.log(exact.weight[200])
     np.testing.assert_allclose(exact.log_evidence, known, atol=1e-4)
+
+
+def all_images(platform, parameters, groups):
+    """Log likelihood from every spot of every image, by SciPy's rotations; (n,)."""
+    off = -platform.lasers
+    rays = np.column_stack([off, np.full(len(off), platform.camera_focal_length)])
+    rough = -(platform.spots - platform.principal_point) * platform.pixel_pitch
+    arrived = np.column_stack([rough, np.full(len(off), platform.tracker_focal_length)])
+    units = [one / np.linalg.norm(one, axis=1, keepdims=True) for one in (arrived, rays)]
+    designed, _ = Rotation.align_vectors(*units)
+    mount, angle, drift = (parameters[:, i : i + 3] for i in (0, 3, 6))
+    scale, noise = parameters[:, 9], parameters[:, 10]
+    rays = np.tile(rays, (len(parameters), 1, 1))
+    rays[..., :2] *= scale[:, None, None]
+    total = np.zeros(len(parameters))
+    for group, spots in enumerate(groups):
+        for share, seen in zip(np.linspace(-0.5, 0.5, len(spots)), spots, strict=True):
+            turn = group * (angle + share * drift)
+            rotation = designed * Rotation.from_rotvec(mount) * Rotation.from_rotvec(turn)
+            x, y, z = np.moveaxis(np.einsum("nij,nlj->nli", rotation.as_matrix(), rays), -1, 0)
+            slopes = np.stack([x / z, y / z], axis=-1)
+            focal = platform.tracker_focal_length / platform.pixel_pitch
+            landed = platform.principal_point - focal * slopes
+            total += stats.norm.logpdf(seen, landed, noise[:, None, None]).sum(axis=(1, 2))
+    return total
+
+
+def test_drift_posterior_is_that_of_the_raw_images(platform):
+    """Independent of statistics, rotations and sampler: importance weights of all the spots."""
+    turns = [(np.zeros(3),) * 2, (TURN - DRIFT / 2, TURN + DRIFT / 2)]
+    groups = images(platform, turns, frames=12)
+    model = misalignment_model(platform, SpotStatistics.of(groups, (False, True)), drifts=True)
+    sampled = sample(model, Plan(5, steps=500, warmup=200))
+    centre, width = sampled.draws.mean(axis=0), sampled.draws.std(axis=0)
+    proposal = stats.multivariate_t(shape=1.1 * np.corrcoef(sampled.draws.T), df=8, seed=4)
+    standard = proposal.rvs(20_000)
+    points = centre + width * standard
+    logs = all_images(platform, points, groups) - proposal.logpdf(standard)
+    for column, one in zip(points.T, model.parameters, strict=True):
+        flat = isinstance(one.prior, LogUniform)
+        logs += -np.log(column) if flat else stats.norm.logpdf(
+            column, one.prior.mean, one.prior.sigma
+        )  # fmt: skip
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    assert 1 / np.square(weights).sum() > 5000
+    for i, name in enumerate(model.names):
+        column, chain = points[:, i], sampled.chain[..., i]
+        mean = weights @ column
+        left = column - mean
+        error = np.sqrt(np.square(weights) @ np.square(left))
+        assert abs(chain.mean() - mean) < 4 * np.hypot(error, mcse_mean(chain)), name
+        spread = np.sqrt(weights @ left**2)
+        error = np.sqrt(np.square(weights) @ np.square(left**2 - spread**2)) / (2 * spread)
+        assert abs(chain.std() - spread) < 4 * np.hypot(error, mcse_deviation(chain)), name
 
 
 def test_posterior_is_as_wide_as_the_bound(posterior):

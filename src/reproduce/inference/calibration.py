@@ -13,10 +13,12 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import NDArray
+from scipy.special import ndtr
 from scipy.stats import binom, norm
 
 from reproduce.inference.checks import Share
@@ -28,7 +30,7 @@ from reproduce.physics.validate import FloatArray, whole_number
 
 __all__ = [
     "DRAWS", "LEVELS", "Ranks", "band", "banded", "calibrate", "intervals", "least_of_all",
-    "replicate", "simulated",
+    "named", "power", "replicate", "simulated",
 ]  # fmt: skip
 
 Counts = NDArray[np.int64]
@@ -37,20 +39,25 @@ Covered = NDArray[np.int8]
 
 # Ranks run from zero to this.
 DRAWS = 99
-# Kept steps of a replicate: the next number is tried where the gate on time is missed.
-STEPS = (600, 2000, 6000)
-TIMES = 50.0
+# Kept steps of a replicate at first, and at most: it goes on until they are so many times the
+# autocorrelation time, with a margin, since short chains find it too short.
+STEPS, MOST = 250, 2000
+TIMES, MARGIN = 50.0, 1.1
+# Steps before them: the next number is tried where the gate on time is missed.
+WARMUPS = (200, 1000)
 LEVELS = (0.5, 0.9, 0.95)
 QUANTITY = "log likelihood"
 # Samples of even ranks that set the simultaneous band.
 SIMULATIONS = 4000
+# Calibrations that tell how often a fault is found.
+TRIALS = 400
 
 
 @dataclass(frozen=True, eq=False)
 class Ranks:
     """Ranks of many replicates.
 
-    - `names`: the parameters, then the data-dependent test quantity.
+    - `names`: the parameters, their consequences, and the log likelihood.
     - `ranks`, (replicates, names): from 0 to `DRAWS`.
     - `failed`, (replicates,): replicates whose chain missed the gate on time even with the most
       steps. They keep their ranks: leaving them out would leave out the hard cases.
@@ -94,8 +101,9 @@ class Ranks:
     def coverages(self) -> list[Coverage]:
         """Evenness and coverage of every quantity."""
         chances, half, wide = self.probabilities(), self.coverage(0.5), self.coverage(0.95)
-        # The test quantity, which comes last, is no parameter.
-        published = np.append(self.estimator_coverage(0.95), np.nan)
+        # Consequences and the log likelihood are no parameters.
+        theirs = self.estimator_coverage(0.95)
+        published = np.append(theirs, np.full(len(self.names) - len(theirs), np.nan))
         rows = zip(self.names, chances, half, wide, published, strict=True)
         return [
             Coverage(
@@ -151,31 +159,62 @@ def least_of_all(found: Sequence[Ranks]) -> tuple[float, int, float]:
 
 def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
     """Draw the truth of one replicate, (d,), and the model with data simulated from it."""
-    generator = Generator(PCG64(SeedSequence(seed, spawn_key=(index, 0))))
+    generator = Generator(PCG64(_stream(model, seed, index, 0)))
     truth = model.draw_prior(generator, 1)[0]
     return truth, model.given(model.simulate(truth, generator))
+
+
+def _stream(model: Model, seed: int, index: int, part: int) -> SeedSequence:
+    """Return the random numbers of a part of a replicate: each model has its own."""
+    return SeedSequence(seed, spawn_key=(crc32(model.name.encode()), index, part))
 
 
 def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covered]:
     """Run one replicate, which is the same for any number of them and on any machine.
 
-    Ranks, (d + 1,); whether the chain missed the gate; covered, (levels, d).
+    Ranks, (names,); whether the chain missed the gate; covered, (levels, d).
     """
-    root = SeedSequence(seed, spawn_key=(index,))
     truth, fitted = simulated(model, seed, index)
-    entropy = int(SeedSequence(root.entropy, spawn_key=(index, 1)).generate_state(2, np.uint64)[0])
-    for steps in STEPS:
-        plan = Plan(entropy, ensembles=1, steps=steps, warmup=steps // 4)
-        chain, _, _ = run_ensemble(Job(fitted, plan, 0))
-        times = [autocorrelation_time(chain[None, ..., i]) for i in range(model.dimension)]
-        failed = steps / max(times) < TIMES
-        if not failed:
+    entropy = int(_stream(model, seed, index, 1).generate_state(1, np.uint64)[0])
+    for warmup in WARMUPS:
+        plan = Plan(entropy, ensembles=1, steps=STEPS, warmup=warmup)
+        chain, _, _ = run_ensemble(Job(fitted, plan, 0), _lacking)
+        time = _time(chain)
+        if not (failed := len(chain) / time < TIMES):
             break
-    draws = thinned(chain[None], max(times))[0]
+    draws = thinned(chain[None], time)[0]
     draws = draws[np.linspace(0, len(draws) - 1, DRAWS).astype(int)]
-    ranks = (draws < truth).sum(axis=0)
-    quantity = fitted.log_likelihood(np.concatenate([truth[None], draws]))
-    return np.append(ranks, (quantity[1:] < quantity[0]).sum()), failed, _covered(fitted, truth)
+    # In random order: a consequence with random numbers of its own must not know the truth's place.
+    order = Generator(PCG64(_stream(model, seed, index, 2))).permutation(len(draws) + 1)
+    values = quantities(fitted, np.concatenate([truth[None], draws])[order])
+    ranks = (values < values[order == 0]).sum(axis=0)
+    return ranks, failed, _covered(fitted, truth)
+
+
+def quantities(model: Model, parameters: FloatArray) -> FloatArray:
+    """What is ranked: parameters, their consequences, the log likelihood; shape (n, names).
+
+    A consequence may take its zero point from all vectors together, that of the truth among them:
+    ranks of the truth are even all the same, since it is one of a kind with the draws.
+    """
+    derived = model.derived(parameters) if model.derived else {}
+    columns = [*parameters.T, *(one.values for one in derived.values())]
+    return np.stack([*columns, model.log_likelihood(parameters)], axis=-1)
+
+
+def named(model: Model) -> tuple[str, ...]:
+    """Names of what is ranked, in the order of `quantities`."""
+    derived = model.derived(model.draw_prior(Generator(PCG64(0)), 2)) if model.derived else {}
+    return (*model.names, *derived, QUANTITY)
+
+
+def _time(chain: FloatArray) -> float:
+    return max(autocorrelation_time(chain[None, ..., i]) for i in range(chain.shape[-1]))
+
+
+def _lacking(chain: FloatArray) -> int:
+    """Steps that a chain needs more to pass the gate on time."""
+    return min(int(np.ceil(MARGIN * TIMES * _time(chain))), MOST) - len(chain)
 
 
 def intervals(model: Model, seed: int, replicates: int) -> Covered:
@@ -213,13 +252,13 @@ def calibrate(
     """
     count = whole_number("replicates", replicates)
     # A longer calibration begins with the replicates of a shorter one, so their number may change.
-    note = {"model": model.name, "quantities": [*model.names, QUANTITY], "seed": seed,
+    note = {"model": model.name, "quantities": list(named(model)), "seed": seed,
             "data": fingerprint(model)}  # fmt: skip
     store = None if folder is None else Store(folder, note)
     run = partial(replicate, model, seed)
     results = run_parts(run, range(count), executor, store, progress)
     ranks, failed, covered = (np.array(column) for column in zip(*results, strict=True))
-    return Ranks((*model.names, QUANTITY), ranks, failed, covered)
+    return Ranks(named(model), ranks, failed, covered)
 
 
 @lru_cache(maxsize=32)
@@ -258,3 +297,18 @@ def band(replicates: int, level: float = 0.95, seed: int = 1) -> tuple[FloatArra
         np.asarray(binom.ppf(pointwise / 2, replicates, share)),
         np.asarray(binom.ppf(1 - pointwise / 2, replicates, share)),
     )
+
+
+@lru_cache(maxsize=32)
+def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -> Share:
+    """How often a calibration finds a posterior too wide by the factor `stretch`, or too narrow.
+
+    The share of simulated calibrations of a Gaussian posterior whose curve of ranks leaves the
+    band of this level.
+    """
+    generator = Generator(PCG64(seed))
+    truths = generator.standard_normal((TRIALS, replicates))
+    ranks = generator.binomial(DRAWS, ndtr(truths / stretch))
+    counts = np.array([np.bincount(one, minlength=DRAWS + 1) for one in ranks]).cumsum(axis=1)
+    limit = np.quantile(band_statistics(replicates, seed), 1 - level)
+    return Share.counted(float((_least(counts) < limit).mean()), TRIALS)

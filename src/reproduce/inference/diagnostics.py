@@ -158,7 +158,7 @@ def mcse_quantile(chains: FloatArray, probability: float) -> float:
 
 # Steps advised: so many times those that the gates need, since short chains tell of too short a
 # time; and how many times more where ensembles differ, which no size tells.
-MARGIN, MIXING = 2.0, 2.0
+MARGIN, MIXING = 1.5, 2.0
 
 
 @dataclass(frozen=True)

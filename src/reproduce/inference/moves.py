@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 from emcee import moves
 from emcee.state import State
+from scipy.special import gammaln
 
 from reproduce.inference.coordinates import Coordinates, Declared, Mirrored
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["mixture"]
+__all__ = ["inward", "mixture"]
 
-# Student-t with few degrees of freedom: heavier than any posterior tail that is met here.
-DEGREES = 5.0
-# Slightly wider than the ensemble, since half an ensemble underestimates the spread.
-WIDER = 1.2
+# Two widths of the proposal: degrees of freedom of a Student-t, and its width over the ensemble's.
+# The near one fits a nearly Gaussian posterior; the far one, with its share, is heavier and wider
+# than any posterior that is met here, so that no walker is left behind in a tail.
+NEAR, FAR = (30.0, 1.05), (4.0, 1.5)
+FAR_SHARE = 0.2
 
 
 # emcee has no types: what stands on its classes is of an unknown kind to mypy.
@@ -80,7 +82,7 @@ class DifferentialEvolution(_AtOnce, moves.DEMove):  # type: ignore[misc]
 
 
 class Complement(_AtOnce):
-    """An independent draw from a Student-t with mean and covariance of the other half.
+    """An independent draw from two Student-t with mean and covariance of the other half.
 
     The proposal depends on the other half alone, so the step leaves the posterior unchanged for
     any shape of it; the nearer to Gaussian, the more often it is accepted. It is affine
@@ -92,22 +94,32 @@ class Complement(_AtOnce):
     ) -> tuple[FloatArray, FloatArray]:
         """Propose for every walker; the factor is the ratio of proposal densities."""
         others = complement[0]
-        dimension = sample.shape[1]
+        count, dimension = sample.shape
         mean = others.mean(axis=0)
         # Scales differ by many orders of magnitude; factorise the correlation, not the covariance.
         scale = others.std(axis=0) + np.finfo(float).tiny
         scaled = (others - mean) / scale
         correlation = scaled.T @ scaled / len(others) + 1e-10 * np.eye(dimension)
-        root = np.linalg.cholesky(correlation) * WIDER
-        normal = random.standard_normal(sample.shape)
-        chi = random.chisquare(DEGREES, len(sample)) / DEGREES
-        proposed = mean + scale * ((normal / np.sqrt(chi)[:, None]) @ root.T)
-        inverse = np.linalg.inv(root)
-        old = np.square(((sample - mean) / scale) @ inverse.T).sum(axis=1)
-        new = np.square(normal).sum(axis=1) / chi
-        return proposed, 0.5 * (DEGREES + dimension) * (
-            np.log1p(new / DEGREES) - np.log1p(old / DEGREES)
-        )
+        root = np.linalg.cholesky(correlation)
+        far = (random.rand(count) < FAR_SHARE).astype(int)
+        degrees, width = np.array([NEAR, FAR])[far].T
+        reach = width / np.sqrt(random.chisquare(degrees) / degrees)
+        steps = reach[:, None] * random.standard_normal(sample.shape)
+        before = ((sample - mean) / scale) @ np.linalg.inv(root).T
+        squares = [np.square(points).sum(axis=1) for points in (before, steps)]
+        old, new = (_log_proposal(distance, dimension) for distance in squares)
+        return mean + scale * (steps @ root.T), old - new
+
+
+def _log_proposal(squared: FloatArray, dimension: int) -> FloatArray:
+    """Log density of the proposal at a squared distance, but for a constant of the dimension."""
+    near, far = (
+        gammaln((degrees + dimension) / 2) - gammaln(degrees / 2)
+        - dimension * np.log(np.sqrt(degrees) * width)
+        - 0.5 * (degrees + dimension) * np.log1p(squared / (degrees * width**2))
+        for degrees, width in (NEAR, FAR)
+    )  # fmt: skip
+    return np.asarray(np.logaddexp(np.log1p(-FAR_SHARE) + near, np.log(FAR_SHARE) + far))
 
 
 class Mirror(_AtOnce):
@@ -124,23 +136,33 @@ class Mirror(_AtOnce):
         return self.coordinates.mirrored(sample), np.zeros(len(sample))
 
 
+def inward(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
+    """Return the moves of the warm-up for emcee, with their shares.
+
+    The stretch and the differential evolution carry a far-off ensemble in.
+    """
+    return _shared(coordinates, (0.3, 0.4, 0.0))
+
+
 def mixture(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
     """Return the moves of an ensemble for emcee, with their shares.
 
-    The stretch and the differential evolution carry a far-off ensemble in and keep curved or
-    heavy-tailed posteriors moving; the complement makes draws nearly independent once it is in.
-    In coordinates that straighten a posterior the first two have less to do; where these know of
-    a second mode, a mirror joins them.
+    The complement makes draws nearly independent; the stretch and the differential evolution keep
+    curved or heavy-tailed posteriors moving. Where the coordinates know of a second mode, a mirror
+    joins them.
 
     Examples
     --------
     >>> sum(weight for _, weight in mixture())
     1.0
     """
-    if coordinates is None or isinstance(coordinates, Declared):
-        shares = (0.1, 0.2, 0.0)
-    else:
-        shares = (0.05, 0.05, 0.15 if isinstance(coordinates, Mirrored) else 0.0)
+    mirrored = isinstance(coordinates, Mirrored)
+    return _shared(coordinates, (0.05, 0.1, 0.15 if mirrored else 0.0))
+
+
+def _shared(
+    coordinates: Coordinates | None, shares: tuple[float, float, float]
+) -> list[tuple[moves.Move, float]]:
     kinds = (Stretch, DifferentialEvolution, Mirror)
     chosen = [
         (kind(coordinates), share) for kind, share in zip(kinds, shares, strict=True) if share

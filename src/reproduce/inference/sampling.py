@@ -7,6 +7,7 @@ on the order of the ensembles, on how many processes carry them, or on interrupt
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -57,7 +58,7 @@ class Plan:
 
     def walkers_for(self, dimension: int) -> int:
         """Walkers of an ensemble: enough that half of them know the covariance."""
-        walkers = self.walkers or max(32, 12 * dimension)
+        walkers = self.walkers or max(32, 24 * dimension)
         if walkers < 2 * dimension + 2 or walkers % 2:
             raise ValueError(
                 f"walkers: expected an even number of at least {2 * dimension + 2} for {dimension} "
@@ -109,26 +110,32 @@ def sample(
     return found
 
 
-def run_ensemble(job: Job) -> tuple[FloatArray, FloatArray, float]:
+def run_ensemble(
+    job: Job, lacking: Callable[[FloatArray], int] | None = None
+) -> tuple[FloatArray, FloatArray, float]:
     """Run one ensemble.
 
-    Returns its chain (steps, walkers, d) and log posterior (steps, walkers) after warm-up, and the
-    share of moves that were accepted, warm-up included.
+    Returns its chain (steps, walkers, d), log posterior (steps, walkers) and the share of moves
+    that were accepted, all after the warm-up. `lacking`, if given, says of the chain how many
+    steps more it needs; it goes on until that is none.
     """
     plan, dimension = job.plan, job.model.dimension
     walkers = plan.walkers_for(dimension)
-    sampler = emcee.EnsembleSampler(
-        walkers, dimension, job.model.log_posterior, vectorize=True,
-        moves=moves.mixture(job.model.coordinates()),
+    warming, sampler = (
+        emcee.EnsembleSampler(
+            walkers, dimension, job.model.log_posterior, vectorize=True,
+            moves=kinds(job.model.coordinates()),
+        )
+        for kinds in (moves.inward, moves.mixture)
     )  # fmt: skip
     generator, random_state = _streams(plan.seed, job.ensemble)
-    start = State(job.model.start(generator, walkers), random_state=random_state)
-    sampler.run_mcmc(start, plan.warmup + plan.steps, skip_initial_state_check=True)
-    return (
-        sampler.get_chain(discard=plan.warmup),
-        sampler.get_log_prob(discard=plan.warmup),
-        float(sampler.acceptance_fraction.mean()),
-    )
+    state = State(job.model.start(generator, walkers), random_state=random_state)
+    if plan.warmup:
+        state = warming.run_mcmc(state, plan.warmup, skip_initial_state_check=True, store=False)
+    sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
+    while lacking and (more := lacking(sampler.get_chain())) > 0:
+        sampler.run_mcmc(None, more)
+    return sampler.get_chain(), sampler.get_log_prob(), float(sampler.acceptance_fraction.mean())
 
 
 def _streams(seed: int, ensemble: int) -> tuple[Generator, Any]:

@@ -34,7 +34,7 @@ from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor, symbol
 
 __all__ = [
-    *("CannotChangeError", "ChangedCell", "Rerun", "by_name", "changeable", "check_numbers"),
+    *("CannotChangeError", "ChangedCell", "Rerun", "by_name", "changeable", "check_randomness"),
     *("checked_values", "in_si", "maker", "options", "refuse_strays", "rerun", "under"),
 ]
 
@@ -230,7 +230,7 @@ def rerun(
     values = checked_values(key, changes)
     _check_options(key, chosen)
     random = any(one.replicates for one in catalogue()[key].computations)
-    check_numbers(key, random, changes, seed, replicates)
+    check_randomness(key, random, changes, seed, replicates)
     told = by_name(changes, seed, replicates)
     with _told_why(key, told | chosen):
         if chosen and not told:
@@ -257,7 +257,7 @@ def by_name(
     return {name: str(value) for name, value in every.items() if value is not None}
 
 
-def check_numbers(
+def check_randomness(
     key: str, random: bool, changes: Iterable[str], seed: int | None, replicates: int | None = None
 ) -> None:
     """Refuse a seed and replicates out of range, or where nothing draws random numbers."""

@@ -17,17 +17,9 @@ from reproduce.physics.validate import FloatArray
 from reproduce.store import studies
 
 __all__ = [
-    "REPLICATES",
-    "SEED",
-    "load",
-    "log_posteriors",
-    "of_all",
-    "renew",
-    "run",
-    "store",
-    "stored",
+    "REPLICATES", "SEED", "load", "log_posteriors", "of_all", "renew", "run", "store", "stored",
     "study_name",
-]
+]  # fmt: skip
 
 SEED = 20_240_105
 REPLICATES = 1000

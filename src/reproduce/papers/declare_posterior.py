@@ -30,7 +30,7 @@ __all__ = [
 
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
-STEPS = 700
+STEPS = 270
 
 
 @dataclass(frozen=True)
@@ -40,15 +40,15 @@ class File:
     - `columns`: of the CSV file, in any order.
     - `meaning`: what a line is, and what the columns hold.
     - `read`: makes the model of a table and of the pivot that the user gives.
-    - `pivots`, optional: for stars: the pivot of each channel. Without it the model takes none.
     - `remarks`, optional: what a user should hear of the data.
+    - `pivot`: whether the model turns about a point that the user may give.
     """
 
     columns: tuple[str, ...]
     meaning: str
     read: Callable[[Table, Pivot], Model]
-    pivots: Callable[[Table, Pivot], list[FloatArray]] | None = None
     remarks: Callable[[Table, Pivot], list[str]] | None = None
+    pivot: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ class Declaration:
             ensembles=ensembles,
             walkers=walkers or self.walkers,
             steps=steps,
-            warmup=max(150, steps // 4),
+            warmup=max(100, steps // 4),
         )
 
     def from_file(self, path: Path, pivot: Pivot = None) -> Supplied:
@@ -167,7 +167,7 @@ class Declaration:
         file = self.file
         if isinstance(file, str):
             raise TableFileError(f"{self.key} takes no file: {file}")
-        if pivot is not None and file.pivots is None:
+        if pivot is not None and not file.pivot:
             raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
         with computing(path):
             table = read_table(path, file.columns)

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from reproduce.views.objects.posterior import Posterior, coverage_rows, file_formats
+from reproduce.views.objects.posterior import ENDINGS, Posterior, coverage_rows, file_formats
 from reproduce.views.writing.display import columns
 
 if TYPE_CHECKING:
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from reproduce.inference.parts import Progress
 
 __all__ = ["Spoken", "bar", "calibrate", "pairs", "posterior"]
-
-# Endings of files that hold draws.
-WRITTEN = {".nc", ".npz"}
 
 
 class Spoken(click.Command):
@@ -129,7 +126,7 @@ def posterior(
     name = _known(model)
     if asked["pivot"] is not None and asked["data"] is None:
         raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
-    file, folder = (out, None) if out and out.suffix in WRITTEN else (None, out)
+    file, folder = (out, None) if out and out.suffix in ENDINGS else (None, out)
     _check_folder(folder, resume)
     _check_file(file)
     ends = {

@@ -172,14 +172,13 @@ class SpotStatistics:
     def simulate(
         self, start: FloatArray, end: FloatArray, noise: float, generator: Generator
     ) -> SpotStatistics:
-        """Draw the statistics of as many images about other paths, (groups, lasers, 2)."""
-        normal = generator.normal(size=(2, *start.shape)) * noise
-        means = 0.5 * (start + end) + normal[0] / np.sqrt(self.counts)[:, None, None]
-        moving = self.levers > 0
-        root = np.where(moving, np.sqrt(np.where(moving, self.levers, 1)), np.inf)
-        slopes = 0.5 * (end - start) * moving[:, None, None] + normal[1] / root[:, None, None]
-        squares = noise**2 * generator.chisquare(self.freedom)
-        return SpotStatistics(means, slopes, self.counts, self.levers, float(squares))
+        """Draw as many images about other paths, (groups, lasers, 2), and reduce them."""
+        images = []
+        for first, last, count in zip(start, end, self.counts.astype(int), strict=True):
+            share = np.linspace(0, 1, count)[:, None, None]
+            path = first + share * (last - first)
+            images.append(path + noise * generator.standard_normal(path.shape))
+        return SpotStatistics.of(images, tuple(self.levers > 0))
 
 
 def none(count: int) -> FloatArray:

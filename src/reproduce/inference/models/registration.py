@@ -63,6 +63,11 @@ class GaussianRegistration:
     pivot: FloatArray
     source_noise: bool = False
 
+    @property
+    def pivots(self) -> tuple[FloatArray, ...]:
+        """The pivot of every channel: of one."""
+        return (self.pivot,)
+
     @cached_property
     def root(self) -> NDArray[np.complex128]:
         """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""

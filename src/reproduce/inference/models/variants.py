@@ -49,6 +49,11 @@ class PointwiseRegistration:
     # Whether `noise` is the standard deviation of every coordinate, which plain residuals tell.
     noise_is_even: ClassVar[bool] = True
 
+    @property
+    def pivots(self) -> tuple[FloatArray, ...]:
+        """The pivot of every channel: of one."""
+        return (self.pivot,)
+
     @cached_property
     def offsets(self) -> NDArray[np.complex128]:
         """Source points about the pivot."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from reproduce.inference.calibration import banded, least_of_all
+from reproduce.inference.calibration import banded, least_of_all, power
 from reproduce.inference.checks import placed, predictive_checks
 from reproduce.inference.evidence import Compared
 from reproduce.inference.models.radial import WIDTHS
@@ -48,7 +48,15 @@ from reproduce.views.objects.posterior import (
 from reproduce.views.objects.posterior import file_formats as formats
 from reproduce.views.writing import posterior_figures as figures
 from reproduce.views.writing.display import Entry, Grid, Html, folded
-from reproduce.views.writing.numbers import digits, minus, plain, ranged, shared, signed
+from reproduce.views.writing.numbers import (
+    digits,
+    minus,
+    percent,
+    plain,
+    ranged,
+    shared,
+    signed,
+)
 
 __all__ = [
     *(
@@ -81,6 +89,8 @@ STEPS = {
 }
 # Three decimals at most, however small the Monte Carlo error.
 LEAST_ERROR = 5e-4
+# Shares by which a standard deviation may be too small, of which the power is told.
+NARROW = (0.1, 0.05)
 
 
 class Said(NamedTuple):
@@ -555,12 +565,13 @@ def reproducing(name: str) -> Html:
     )
     table = _table(head, coverage_rows(stored), caption)
     alternative = (
-        f"One curve for each quantity of {name}: its ranks, cumulated, less what even ranks give, "
-        "against a shaded band about zero that holds a whole curve with the stated probability."
+        f"A curve for each quantity of {name} with ranks of its own: they are cumulated, less what "
+        "even ranks give, against a shaded band about zero that holds a whole curve with the "
+        "stated probability."
     )
     below = (
         f"Ranks of {name} in its calibration. The band holds one whole curve; of many curves one "
-        "or another may leave it."
+        "or another may leave it. Of quantities with the same ranks one is drawn."
     )
     drawn = pictured(figures.ranks(stored, name), alternative, below, text_of(figures.ranks))
     return _step("reproducing", name, table, drawn.text, commands)
@@ -574,9 +585,12 @@ def calibrations_of_all() -> Html:
         least, wide = banded(float(one.probabilities().min())), 100 * one.coverage(0.95)
         rows.append((name, f"{one.replicates:,}", str(int(one.failed.sum())), str(len(one.names)),
                      digits(least.value, least.error),
-                     f"{wide.min():.1f} to {wide.max():.1f} %"))  # fmt: skip
+                     f"{wide.min():.1f} to {wide.max():.1f} %",
+                     *(percent(power(one.replicates, 1 - share)) for share in NARROW)))  # fmt: skip
     least_one, count, expected = least_of_all(list(found.values()))
-    head = ("Model", "replicates", "failed", "quantities", "least even, p", "95 % covers")
+    found_out = (f"sd {100 * share:g} % too small is found" for share in NARROW)
+    head = ("Model", "replicates", "failed", "quantities", "least even, p", "95 % covers",
+            *found_out)  # fmt: skip
     caption = (
         f"Calibrations of all models. Of {count} quantities the least even has p = "
         f"{least_one:.2g}; {expected:.2g} are expected to be as small by chance alone."

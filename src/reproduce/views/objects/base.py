@@ -104,7 +104,7 @@ class Changeable(Shown):
         self.key, self.seed = key, seed
         self._changes = dict(changes or {})
         rerun.checked_values(key, self._changes)
-        rerun.check_numbers(key, self.random, self._changes, seed)
+        rerun.check_randomness(key, self.random, self._changes, seed)
 
     @property
     @abstractmethod

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from reproduce.papers.declare_posterior import Declaration, Supplied
 
 __all__ = [
+    "ENDINGS",
     "Posterior",
     "book_posterior",
     "book_repeats",
@@ -60,6 +61,8 @@ WEAK = 0.15
 FAR = 8.0
 # Likely false stars that a line names, and from where on their probability is not told apart.
 SHOWN, CERTAIN = 5, 0.99
+# Files that `save` writes.
+ENDINGS = (".nc", ".npz")
 PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 
@@ -209,10 +212,8 @@ class Posterior(Shown):
         if given:
             data = {"kind": "file", "file": str(self.data), "rows": len(given.lines)}
         data["sha256"] = given.sha256 if given else declared.sha256()
-        likelihood = self.model.likelihood
-        pivots = getattr(likelihood, "pivots", None) or [getattr(likelihood, "pivot", None)]
-        found = [one.tolist() for one in pivots if one is not None]
-        return data | ({"pivot": found} if found else {})
+        pivots = [one.tolist() for one in getattr(self.model.likelihood, "pivots", ())]
+        return data | ({"pivot": pivots} if pivots else {})
 
     @property
     def told(self) -> str:
@@ -437,7 +438,7 @@ class Posterior(Shown):
                 path, names=names, units=units, chain=chain, log_posterior=found.log_posterior
             )
         else:
-            raise ValueError(f"unknown ending {path.suffix!r}: expected .nc or .npz")
+            raise ValueError(f"unknown ending {path.suffix!r}: expected {' or '.join(ENDINGS)}")
         return path
 
     def cite(self, form: str = "bibtex") -> str:

@@ -339,18 +339,24 @@ def ranks(stored: Ranks, name: str) -> Picture:
     counts, total = stored.counts(), stored.replicates
     low, high = band(total)
     even = np.arange(1, counts.shape[1] + 1) / counts.shape[1]
+    # Cumulated, a curve hardly moves from a rank to the next: every other one is drawn.
+    drawn = slice(1, None, 2)
+    # A consequence in other units has the same ranks.
+    first = sorted(np.unique(counts, axis=0, return_index=True)[1])
 
     def paint(figure: Figure) -> None:
-        narrow = sized(figure, 6.4, 4.4, 3.4 + 0.16 * len(stored.names))
+        lines = len(first)
+        narrow = sized(figure, 6.4, 3.4 + 0.08 * lines, 3.4 + 0.16 * lines)
         axes = figure.subplots()
-        ends = low / total - even, high / total - even
-        axes.fill_between(even, *ends, facecolor=(GREY, 0.15), edgecolor=GREY,
+        below, above = ((end / total - even)[drawn] for end in (low, high))
+        axes.fill_between(even[drawn], below, above, facecolor=(GREY, 0.15), edgecolor=GREY,
                           label="95 %: one whole curve", step="mid")  # fmt: skip
         # Colours come round after seven lines, dashes after eight.
-        for row, label, dashes in zip(counts, stored.names, cycle(DASHES), strict=False):
-            axes.plot(even, row / total - even, linestyle=dashes, linewidth=1.1, label=label)
+        for row, dashes in zip(first, cycle(DASHES), strict=False):
+            curve = (counts[row] / total - even)[drawn]
+            axes.plot(even[drawn], curve, linestyle=dashes, linewidth=1.1, label=stored.names[row])
         axes.set(xlabel="rank / number of draws", ylabel="share of ranks, less even")
-        columns = 1 if narrow else 3
+        columns = 1 if narrow else 2
         figure.legend(loc="outside lower center", fontsize=SMALL, ncols=columns)
 
     numbers = pd.DataFrame((counts / total).T, columns=list(stored.names))

@@ -294,18 +294,18 @@ POSTERIORS = (
     Declaration(
         "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
         users_spots.DRIFT, partial(truth, drift=True), published.scatter,
-        evidence=small_angle_log_evidence, bound=spot_bound, steps=850,
+        evidence=small_angle_log_evidence, bound=spot_bound, steps=330,
     ),
     Declaration(
         "frame-averaging", "White noise of one frame and the floor that averaging leaves",
         "chen2023", AVERAGE_READS, frame_averaging, users_tables.AVERAGES,
         published=published.averaged, rivals=(without_floor,), evidence=averaging_log_evidence,
-        steps=700,
+        steps=650, walkers=120,
     ),
     Declaration(
         "table-5", "Effective focal length, angle bias and noise from the stage test", "chen2023",
         STAGE_READS, table_5, users_tables.STAGE, published=published.stage_table,
         rivals=(partial(of_hypothesis, hypothesis=0), partial(of_hypothesis, hypothesis=1)),
-        evidence=table_log_evidence, steps=450,
+        evidence=table_log_evidence, steps=450, walkers=80,
     ),
 )  # fmt: skip

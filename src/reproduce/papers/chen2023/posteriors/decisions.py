@@ -10,6 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import norm
 
 from reproduce.inference.models.averaging import by_column
 from reproduce.inference.models.small_angle import small_angle_posterior
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 __all__ = ["AGE_READS", "FRAME_READS", "age", "averages", "stage"]
 
 ENDS = (0.025, 0.5, 0.975)
+REACH = np.asarray(norm.ppf(ENDS))  # the same in standard deviations
 AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
 TABLE = "chen2023/table-4"
 FRAME_READS = tuple(dict.fromkeys((*AVERAGE_READS, *STAGE_READS, effectiveness.FRAMES)))
@@ -141,8 +143,15 @@ def frame_facts(door: Given) -> dict[str, Fact]:
     squares = np.square(table.means[1:]) + np.square(table.deviations[1:])
     state = float(np.sqrt(squares[0] + squares[1:].mean()))
     white = float(_column(door, "X").means[0] / np.sqrt(count))
+    # As printed, with a bias about each axis: this does not ask which columns belong where.
+    monitored, known = (
+        np.stack([door.array(f"{effectiveness.TABLE}#*.{what}-{a}") for a in "xy"])
+        for what in ("monitoring", "reference")
+    )
+    differences = float(np.sqrt((monitored - known).var(axis=1, ddof=1).mean()))
     return found | {
         "state": Fact(count, "d"),
+        "differences": Fact(differences * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "white-alone": Fact(white * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "error-100": Fact(many * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "ground-1": Fact(single * height, ".2f", "m"),
@@ -231,7 +240,7 @@ def age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, F
     """
     count = door.count(accuracy.FRAMES)
     error, moved, spread = _drifting(door)
-    drifts = moved / count + spread / count * np.array([[-1.96], [0.0], [1.96]])
+    drifts = moved / count + spread / count * REACH[:, None]
     drifts = np.full((3, 1), rate) if rate else drifts
     return np.hypot(error, drifts * ages), np.hypot(error, spread / count * ages)
 
@@ -240,7 +249,7 @@ def age_facts(door: Given) -> dict[str, Fact]:
     """Return when the bias of a drift is as large as the error of one calibration."""
     error, moved, spread = _drifting(door)
     count, time = door.count(accuracy.FRAMES), door[accuracy.DURATION]
-    ends = count * error / (moved + np.array([1.96, 0.0, -1.96]) * spread)
+    ends = count * error / (moved + REACH[::-1] * spread)
     low, middle, high = ends.tolist()
     followed = count * error / spread
     height = satellite.altitude(door)
@@ -322,7 +331,7 @@ def _calibrated(door: Given) -> tuple[FloatArray, FloatArray]:
     exact = small_angle_posterior(model)
     spread = np.sqrt(np.diagonal(exact.covariance))
     # The errors are in proportion to the noise, which the posterior knows too.
-    relative = 1 + np.array([-1.96, 0.0, 1.96]) * spread[-1] / exact.mean[-1]
+    relative = 1 + REACH * spread[-1] / exact.mean[-1]
     x, z = (spread[model.names.index(f"angle-{axis}")] * relative for axis in "xz")
     return x, z
 
@@ -365,7 +374,7 @@ def errors(door: Given) -> pd.DataFrame:
     largest = abs(float(stage_angle(travel, focal)))
     known = largest * focal_error / focal
     nominal = abs(float(stage_angle(travel, door[platform.TELESCOPE]))) - largest
-    found["Focal length taken as nominal", "Table V"] = np.array([-1.96, 0, 1.96]) * known + nominal
+    found["Focal length taken as nominal", "Table V"] = REACH * known + nominal
     found["Focal length as fitted", "Table V"] = np.full(3, known)
     angle, roll = _calibrated(door)
     group = f"{door.count(accuracy.FRAMES)} images"

@@ -241,24 +241,24 @@ POSTERIORS = (
         "registration", "Registration of one channel: similarity and Gaussian noise",
         build=registration, file=users_stars.PLAIN, rivals=(student_model,),
         evidence=registration_log_evidence, bound=cramer_rao_bound,
-        asides=beside_the_registration, steps=400, walkers=160,
+        asides=beside_the_registration, walkers=240,
     ),
     Declaration(
         "registration-joint", "Registration of both channels: they share the green noise",
         "niu2024", READS, joint, users_stars.JOINT, partial(truth, channels=simulation.REGISTERED),
-        both_channels, COMPARED, steps=600, walkers=160,
+        both_channels, COMPARED,
     ),
     _red(
         "registration-student", "Registration with Student-t noise", build=student,
-        file=users_stars.STUDENT, steps=800,
+        file=users_stars.STUDENT, steps=400,
     ),
     Declaration(
         "registration-mixture", "Registration with wrong matches: a good/bad mixture", "niu2024",
-        READS, mixture, users_stars.MIXTURE, mixture_truth, steps=450, walkers=96,
+        READS, mixture, users_stars.MIXTURE, mixture_truth, steps=350, walkers=96,
     ),
     _red(
         "registration-distortion", "Registration with both distortions free", build=distortion,
-        file=users_stars.DISTORTION, steps=550,
+        file=users_stars.DISTORTION,
     ),
     Declaration(
         "centroid-noise", "Effective centroid noise, from the errors of the calibrated parameters",
@@ -266,6 +266,6 @@ POSTERIORS = (
         "its likelihood is the response of one calibration, that of Table 3, to the noise of its "
         "own simulated angles; for centroids of your own take registration, which estimates their "
         "noise",
-        published=published_table, evidence=small_log_evidence, steps=300,
+        published=published_table, evidence=small_log_evidence, steps=200,
     ),
 )  # fmt: skip

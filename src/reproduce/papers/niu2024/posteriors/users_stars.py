@@ -219,10 +219,10 @@ def _share(table: Table) -> float:
 
 PLACES = "one star per line, in px: its place in the channel and in the reference channel"
 PLAIN, STUDENT, DISTORTION = (
-    File(COLUMNS, PLACES, read, pivots, remarks) for read in (plain, student, distortion)
+    File(COLUMNS, PLACES, read, remarks, pivot=True) for read in (plain, student, distortion)
 )
-MIXTURE = File(COLUMNS, PLACES, mixture, pivots, unnamed)
+MIXTURE = File(COLUMNS, PLACES, mixture, unnamed, pivot=True)
 JOINT = File(
-    JOINT_COLUMNS, "one star per line, in px: its places in the three channels", joint, pivots,
-    remarks,
+    JOINT_COLUMNS, "one star per line, in px: its places in the three channels", joint, remarks,
+    pivot=True,
 )  # fmt: skip
