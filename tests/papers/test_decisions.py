@@ -84,6 +84,17 @@ def test_where_table_5_says_that_averaging_stops(white_and_floor, noises):
     assert fact("chen2023/frames", "stage-error") == pytest.approx(length, rel=1e-3)
 
 
+def test_the_printed_angles_scatter_as_much_wherever_the_columns_belong():
+    """The rule for frames does not rest on our reading of the columns."""
+    cells = rp.table("chen2023/table-5").cells().set_index("cell")["printed"]
+    columns = [[float(cells[f"chen2023/table-5#{n}.difference-{axis}"]) for n in range(2, 6)]
+               for axis in "xy"]  # fmt: skip
+    told = fact("chen2023/frames", "differences")
+    assert told == pytest.approx(np.sqrt(np.mean([stats.tvar(one) for one in columns])), rel=1e-9)
+    low, high = (fact("chen2023/frames", f"stage-noise{end}") for end in ("-low", "-high"))
+    assert low < told < high
+
+
 def test_the_average_of_frames(white_and_floor):
     white, floor = white_and_floor
     expected = np.quantile(np.hypot(white / 10, floor), (0.025, 0.5, 0.975))
