@@ -148,3 +148,67 @@ def test_cells_that_depend_on_each_other_move_together():
     assert "137, 3240 arcsec (printed)" in str(swept)
     with pytest.raises(ValueError, match="expected 2 values"):
         rp.table("niu2024/table-3").sweep(moved, ["37"])
+
+
+BORESIGHTS = "chen2023/text-satellite#boresight-angle"
+STARS, NOISE = "niu2024/stars", "niu2024/text-simulation#noise"
+
+
+def test_a_sweep_over_a_table_of_our_own_holds_what_each_rerun_gives():
+    values = ["0.02 px", "0.05 px", "0.1 px"]
+    swept = rp.table(STARS).sweep(NOISE, values, ["similarity (px)"], {"Stars": [50, 137]})
+    found = swept.frame()["computed"]
+    assert len(found) == 2 * len(values)
+    for value in values:
+        alone = rp.table(STARS).rerun({NOISE: value}).frame().set_index("Stars")
+        for count in (50, 137):
+            expected = alone.loc[count, "similarity (px)"]
+            assert found[(value, f"Stars {count}: similarity (px)")] == expected
+    assert "0.05 px (printed)" in repr(swept)
+    html = swept._repr_html_()
+    tags = Tags(html)
+    assert next(one["value"] for one in tags.all("input")) == "1"
+    # The dashed line is what the printed noise gives: the mark of the middle lies on it.
+    dashed = [float(y) for y in re.findall(r'class="rp-dashed" d="M\d+ ([\d.]+)H', html)]
+    heights = [float(y) for y in re.findall(r'cy="([\d.]+)"', html)]
+    assert dashed == [heights[1], heights[4]]
+
+
+def test_a_setting_of_a_table_of_our_own_can_be_moved():
+    at = {"rows": {"Images": 400}, "columns": ["Taken as constant (arcsec)"]}
+    swept = rp.table("chen2023/drift").sweep("drift", [1, 8], **at)
+    alone = rp.table("chen2023/drift").rerun(drift=8).frame().set_index("Images")
+    assert swept.frame()["computed"].iloc[1] == alone.loc[400, "Taken as constant (arcsec)"]
+    assert "(printed)" not in repr(swept)
+
+
+def test_rows_of_a_sweep_are_told_apart_by_as_few_words_as_it_takes():
+    """And a number without limit has no mark."""
+    swept = rp.table("chen2023/dichroic").sweep(BORESIGHTS, ["90°", "120°"])
+    html = swept._repr_html_()
+    assert "its normal: turn as large as the accuracy (arcsec)" in html
+    assert not re.search(r"[ ,\"]-?(nan|inf)", html)
+    drawn = [part.count("<circle") for part in html.split("<figure>")[1:]]
+    assert drawn == [2] * 7 + [0] * 2
+    assert [part.count("rp-dashed") for part in html.split("<figure>")[1:]] == [1] * 7 + [0] * 2
+
+
+@pytest.mark.parametrize(
+    ("moved", "values", "asked", "told"),
+    [
+        (NOISE, ["0.1 px"], {"columns": ["similarity"]}, "no column 'similarity'; it has Stars"),
+        (NOISE, ["0.1 px"], {"rows": {"Star": 50}}, "no column 'Star'"),
+        (NOISE, ["0.1 px"], {"rows": {"Stars": 51}}, "same rows"),
+        ("wanted", ["wide"], {}, "wanted: expected a number above zero"),
+        ("wants", [1], {}, "does not read wants"),
+        (NOISE, [], {}, "at least one value"),
+    ],
+)
+def test_a_sweep_over_a_table_of_our_own_refuses_in_one_sentence(moved, values, asked, told):
+    with pytest.raises(ValueError, match=re.escape(told)):
+        rp.table(STARS).sweep(moved, values, **asked)
+
+
+def test_a_sweep_over_words_is_refused():
+    with pytest.raises(ValueError, match="holds words"):
+        rp.table("chen2023/dichroic").sweep(BORESIGHTS, ["90°"], ["Turn of the mirror about"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
@@ -15,6 +15,7 @@ from reproduce.printed.cells import anchor
 from reproduce.views.computed import once
 from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, setting, text_of
+from reproduce.views.objects.sweep import Moved, Sweep, of_study
 from reproduce.views.writing import numbers
 from reproduce.views.writing.display import Entry, Grid, folded
 from reproduce.views.writing.export import table_files
@@ -105,6 +106,40 @@ class StudyTable(Changeable):
         cells = {**self._changes, **(changes or {})}
         seed = self.seed if seed is None else seed
         return type(self)(self.key, cells, seed, **{**self._settings, **settings})
+
+    def sweep(
+        self,
+        moved: str | Sequence[str],
+        values: Sequence[str | float | Sequence[str | float]],
+        columns: Sequence[str] = (),
+        rows: Mapping[str, Any] | None = None,
+    ) -> Sweep:
+        """Compute the table again for several values of one printed input, or of a setting.
+
+        Parameters
+        ----------
+        moved : str or sequence of str
+            One of the cells in `reads`, several that move together, or a setting.
+        values : sequence
+            Values as in the print: ``["0.02 px", "0.05 px"]``; numbers for a setting; one for each
+            cell where several move together.
+        columns : sequence of str, optional
+            Columns to show; all that hold numbers by default.
+        rows : mapping, optional
+            Name of a column to the entry, or entries, of the rows to show; all rows by default.
+
+        Returns
+        -------
+        Sweep
+            One row per value; on a page a slider.
+        """
+        left = self._declared.settings
+        swept = Moved.checked(moved, values, left)
+        frames = [self.frame()]
+        for changes in swept.changes:
+            settings: dict[str, Any] = {one: changes.pop(one) for one in left if one in changes}
+            frames.append(self.rerun(changes, **settings).frame())
+        return of_study(swept, self._declared, frames, columns, rows or {})
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""

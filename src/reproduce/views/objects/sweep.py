@@ -1,77 +1,154 @@
-"""One printed input moved over several values: a small table, and on a page a slider over it."""
+"""One input moved over several values: a small table, and on a page a slider over it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import isclose
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
 from rich.console import RenderableType
 
 from reproduce.judge.rerun import ChangedCell, Rerun, in_si
-from reproduce.printed.cells import Cell, library
+from reproduce.papers.study import Column, Study
+from reproduce.printed.cells import library
+from reproduce.printed.number import Interval
 from reproduce.printed.units import symbol
 from reproduce.views.writing.display import Display, Grid, columns, fits
-from reproduce.views.writing.numbers import minus
+from reproduce.views.writing.numbers import entry, minus
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Sweep"]
+__all__ = ["Moved", "Quantity", "Sweep", "of_cells", "of_study"]
 
 WIDE, HIGH, MARGIN = 220, 96, 8  # of one picture, in CSS pixels
+# A difference smaller than this share of a number of our own is not drawn as one.
+NOTICED = 0.01
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The input that is moved, or several that move together.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Addresses of printed cells, or one setting of a study.
+    label : str
+        What they are, in words.
+    steps : tuple of tuples
+        What they are moved to: as in the print, or numbers.
+    """
+
+    names: tuple[str, ...]
+    label: str
+    steps: tuple[tuple[str | float, ...], ...]
+
+    @classmethod
+    def checked(
+        cls,
+        names: str | Sequence[str],
+        values: Sequence[str | float | Sequence[str | float]],
+        settings: Mapping[str, str],
+    ) -> Moved:
+        """Return what a reader asked for; `settings` are those that stand beside printed cells.
+
+        Raises
+        ------
+        ValueError
+            If there is no value, or not one for each input.
+        """
+        if not values:
+            raise ValueError("expected at least one value to move the cell to, got none")
+        moved = (names,) if isinstance(names, str) else tuple(names)
+        steps = [(v,) if isinstance(v, str | int | float) else tuple(v) for v in values]
+        if wrong := [one for one in steps if len(one) != len(moved)]:
+            got = ", ".join(map(str, wrong[0]))
+            raise ValueError(f"expected {len(moved)} values for {', '.join(moved)}, got {got}")
+        cells = (name.partition("#") for name in moved if name not in settings)
+        labels = [library()[key][name].label for key, _, name in cells if key in library()]
+        labels += [f"{name} ({settings[name]})" for name in moved if name in settings]
+        return cls(moved, ", ".join(labels), tuple(steps))
+
+    @property
+    def changes(self) -> list[dict[str, str | float]]:
+        """Name to value, for each step."""
+        return [dict(zip(self.names, step, strict=True)) for step in self.steps]
+
+    @property
+    def printed(self) -> list[bool]:
+        """Whether a step is what the paper prints."""
+        return [all(_as_printed(*one) for one in change.items()) for change in self.changes]
+
+
+def _as_printed(address: str, value: str | float) -> bool:
+    key, _, name = address.partition("#")
+    if key not in library():
+        return False
+    cell = library()[key][name]
+    return isclose(in_si(cell, value), cell.si)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number over the steps.
+
+    Parameters
+    ----------
+    name, cell, reading : str
+        What it is called in a head; the name of its cell; for a cell that depends on how the text
+        is read, which reading this is.
+    unit : str
+        Of its values.
+    values, intervals : tuples
+        Its value at each step, none where nothing is computed, and the ends of its central 99 %.
+    texts : tuple of str
+        The same as a reader sees it.
+    mark : float
+        Where the dashed line lies.
+    span : tuple of float
+        What a picture shows at least: rounding noise is not to look like a difference.
+    """
+
+    name: str
+    cell: str
+    reading: str
+    unit: str
+    values: tuple[float | None, ...]
+    intervals: tuple[Interval | None, ...]
+    texts: tuple[str, ...]
+    mark: float
+    span: tuple[float, float]
 
 
 @dataclass(frozen=True, repr=False)
 class Sweep(Display):
-    """An item computed again for several values of one printed input.
+    """A table computed again for several values of an input.
 
     Parameters
     ----------
-    addresses : tuple of str
-        The input that is moved, or several that move together.
-    steps : tuple of tuples of str
-        What they are moved to, as in the print.
-    reruns : tuple of reproduce.judge.rerun.Rerun
-        What was computed for each.
-    names : tuple of str
-        The cells to show; all of them by default.
+    key : str
+        The table.
+    moved : Moved
+        The input, and its values.
+    quantities : tuple of Quantity
+        What becomes of each number.
+    dashed : str
+        What the dashed lines of the pictures are.
     """
 
-    addresses: tuple[str, ...]
-    steps: tuple[tuple[str, ...], ...]
-    reruns: tuple[Rerun, ...]
-    names: tuple[str, ...] = ()
-
-    @cached_property
-    def _columns(self) -> list[list[ChangedCell]]:
-        """What each shown cell becomes, value by value; one list for each reading of it."""
-        chosen = [
-            [one for one in rerun.cells if one.cell.is_number and self._wanted(one.cell)]
-            for rerun in self.reruns
-        ]
-        return [list(column) for column in zip(*chosen, strict=True)]
-
-    def _wanted(self, cell: Cell) -> bool:
-        return not self.names or cell.name in self.names
-
-    @cached_property
-    def _inputs(self) -> list[Cell]:
-        keys = (address.partition("#") for address in self.addresses)
-        return [library()[key][name] for key, _, name in keys]
-
-    @property
-    def _label(self) -> str:
-        return ", ".join(cell.label for cell in self._inputs)
+    key: str
+    moved: Moved
+    quantities: tuple[Quantity, ...]
+    dashed: str
 
     @property
     def values(self) -> list[str]:
         """The settings of all inputs, in one string for each step."""
-        return [", ".join(step) for step in self.steps]
+        return [", ".join(map(str, step)) for step in self.moved.steps]
 
     def frame(self) -> pd.DataFrame:
         """Return one row per value and cell: the value, the ends of its central 99 %, the unit."""
@@ -80,48 +157,41 @@ class Sweep(Display):
         rows = [
             {
                 "setting": value,
-                "cell": one.cell.name,
+                "cell": one.cell,
                 "reading": one.reading,
-                "computed": one.value,
-                "low": one.interval[0] if one.interval else None,
-                "high": one.interval[1] if one.interval else None,
-                "unit": symbol(one.cell.unit),
+                "computed": one.values[number],
+                "low": (one.intervals[number] or (None, None))[0],
+                "high": (one.intervals[number] or (None, None))[1],
+                "unit": one.unit,
             }
-            for column in self._columns
-            for value, one in zip(self.values, column, strict=True)
+            for one in self.quantities
+            for number, value in enumerate(self.values)
         ]
         frame = pd.DataFrame(rows).set_index(["setting", "cell"])
         return frame if frame["reading"].any() else frame.drop(columns="reading")
 
-    @cached_property
+    @property
     def _shown(self) -> tuple[str, list[str], list[list[str]]]:
-        """The caption, the head, and for each value what becomes of each cell."""
-        head = [self._label, *(_name(column[0]) for column in self._columns)]
+        """The caption, the head, and for each value what becomes of each number."""
+        head = [self.moved.label, *(one.name for one in self.quantities)]
+        settings = zip(self.values, self.moved.printed, strict=True)
         rows = [
-            [self._setting(step), *(_written(column[number]) for column in self._columns)]
-            for number, step in enumerate(self.steps)
+            [value + " (printed)" * printed, *(one.texts[number] for one in self.quantities)]
+            for number, (value, printed) in enumerate(settings)
         ]
-        moved = " and ".join(self.addresses)
-        caption = f"{self.reruns[0].key} for {len(rows)} values of {moved}, all computed"
-        predicted = any(one.interval for column in self._columns for one in column)
+        moved = " and ".join(self.moved.names)
+        caption = f"{self.key} for {len(rows)} values of {moved}, all computed"
+        predicted = any(any(one.intervals) for one in self.quantities)
         caption += "; in brackets the central 99 % of the prediction." if predicted else "."
         return caption, head, rows
 
     @property
     def grid(self) -> Grid:
-        """The table of values and what becomes of each cell."""
+        """The table of values and what becomes of each number."""
         return Grid(*self._shown)
 
-    def _printed(self, step: tuple[str, ...]) -> bool:
-        return all(
-            isclose(in_si(c, text), c.si) for c, text in zip(self._inputs, step, strict=True)
-        )
-
-    def _setting(self, step: tuple[str, ...]) -> str:
-        return ", ".join(step) + (" (printed)" if self._printed(step) else "")
-
     def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the table; a block for each cell where it is wider than the terminal."""
+        """Yield the table; a block for each number where it is wider than the terminal."""
         caption, head, rows = self._shown
         table = columns(head, rows, whole=range(len(head)))
         if fits(table, width):
@@ -135,21 +205,44 @@ class Sweep(Display):
         yield caption
 
     def _repr_html_(self) -> str:
-        printed = list(map(self._printed, self.steps))
+        printed = self.moved.printed
         at = printed.index(True) if any(printed) else 0
-        pictures = Markup("\n").join(_picture(column, self.values) for column in self._columns)
+        pictures = Markup("\n").join(
+            _picture(one, self.values, self.dashed) for one in self.quantities
+        )
         return str(
             Markup(
                 '<div class="rp-sweep">\n<p class="rp-dial" hidden><label>{}: '
                 '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
                 "<output></output></p>\n{}\n"
                 '<div class="rp-sweep-pictures">{}</div></div>'
-            ).format(self._label, len(self.steps) - 1, at, self.grid.html, pictures)
+            ).format(self.moved.label, len(self.values) - 1, at, self.grid.html, pictures)
         )
 
 
-def _name(one: ChangedCell) -> str:
-    return f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
+def of_cells(moved: Moved, reruns: Sequence[Rerun], names: Sequence[str]) -> Sweep:
+    """Return a sweep over an item: `names` are the cells to show, all of them where none is."""
+    chosen = [
+        [one for one in rerun.cells if one.cell.is_number and (not names or one.cell.name in names)]
+        for rerun in reruns
+    ]
+    quantities = tuple(_of_cell(column) for column in zip(*chosen, strict=True))
+    return Sweep(reruns[0].key, moved, quantities, "printed")
+
+
+def _of_cell(column: Sequence[ChangedCell]) -> Quantity:
+    one, printed = column[0], column[0].cell.number
+    return Quantity(
+        name=f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name,
+        cell=one.cell.name,
+        reading=one.reading,
+        unit=symbol(one.cell.unit),
+        values=tuple(each.value for each in column),
+        intervals=tuple(each.interval for each in column),
+        texts=tuple(map(_written, column)),
+        mark=float(printed.value),
+        span=printed.interval(),
+    )
 
 
 def _written(one: ChangedCell) -> str:
@@ -163,15 +256,90 @@ def _written(one: ChangedCell) -> str:
     return minus(f"{text} {unit}".strip())
 
 
-def _picture(column: list[ChangedCell], values: list[str]) -> Markup:
-    """Draw a cell over the values: median, central 99 %, and the print as a dashed line."""
-    printed = column[0].cell.number
-    middle = np.array([np.nan if one.value is None else one.value for one in column])
-    ends = np.array([one.interval or (v, v) for one, v in zip(column, middle, strict=True)])
-    # No closer than the last printed digit: rounding noise is not to look like a difference.
-    seen = np.concatenate([ends.ravel(), printed.interval()])
-    low, high = np.nanmin(seen), np.nanmax(seen)
-    x = np.linspace(2 * MARGIN, WIDE - 2 * MARGIN, len(column)).round(1)
+def of_study(
+    moved: Moved,
+    study: Study,
+    frames: Sequence[pd.DataFrame],
+    names: Sequence[str],
+    rows: Mapping[str, Any],
+) -> Sweep:
+    """Return a sweep over a table of our own.
+
+    `frames` are the unchanged table and one for each step, `names` the columns to show, and `rows`
+    says of columns which entry, or entries, the rows to show have.
+
+    Raises
+    ------
+    ValueError
+        If there is no such column, it holds no numbers, or no row has such an entry.
+    """
+    known = {column.name: column for column in study.columns}
+    if strays := [name for name in (*rows, *names) if name not in known]:
+        raise ValueError(f"{study.key}: no column {strays[0]!r}; it has {', '.join(known)}")
+    if words := [name for name in names if not known[name].form]:
+        raise ValueError(f"{study.key}: {words[0]!r} holds words, which no slider can move over")
+    wanted = {name: [v] if isinstance(v, str | int | float) else v for name, v in rows.items()}
+    chosen = [
+        [
+            row
+            for row in frame.to_dict(orient="records")
+            if all(row[name] in entries for name, entries in wanted.items())
+        ]
+        for frame in frames
+    ]
+    if not chosen[0] or len({len(one) for one in chosen}) > 1:
+        raise ValueError(f"{study.key}: expected the same rows at every value, got none or others")
+    behind = {column.error for column in study.columns}
+    shown = names or [c.name for c in study.columns[1:] if c.form and c.name not in behind]
+    quantities = tuple(
+        _of_column(known[name], each, _called(study, name, each[0], chosen[0]))
+        for each in zip(*chosen, strict=True)
+        for name in shown
+    )
+    return Sweep(study.key, moved, quantities, "with what is printed")
+
+
+def _called(
+    study: Study, name: str, row: Mapping[Any, Any], rows: Sequence[Mapping[Any, Any]]
+) -> str:
+    """Return a column's name after as many words of its row as tell it from the others."""
+    words = [column.name for column in study.columns if not column.form]
+    if not words and len(rows) > 1:
+        at = study.columns[0].name
+        return f"{at} {row[at]}: {name}"
+    told = []
+    while words and len(rows) > 1:
+        at = words.pop(0)
+        told.append(str(row[at]))
+        rows = [other for other in rows if other[at] == row[at]]
+    return f"{', '.join(told)}: {name}" if told else name
+
+
+def _of_column(column: Column, rows: Sequence[Mapping[Any, Any]], name: str) -> Quantity:
+    mark, *values = (row[column.name] for row in rows)
+    return Quantity(
+        name=name,
+        cell=name,
+        reading="",
+        unit="",
+        values=tuple(map(float, values)),
+        intervals=(None,) * len(values),
+        texts=tuple(entry(value, column) for value in values),
+        mark=float(mark),
+        span=(mark - NOTICED * abs(mark), mark + NOTICED * abs(mark)),
+    )
+
+
+def _picture(quantity: Quantity, values: list[str], dashed: str) -> Markup:
+    """Draw a number over the values: median, central 99 %, and a dashed line."""
+    middle = np.array([np.nan if value is None else value for value in quantity.values])
+    pairs = zip(quantity.intervals, middle, strict=True)
+    ends = np.array([interval or (value, value) for interval, value in pairs])
+    seen = np.concatenate([ends.ravel(), quantity.span])
+    seen = seen[np.isfinite(seen)]
+    low, high = (seen.min(), seen.max()) if len(seen) else (0.0, 0.0)
+    high = high if high > low else low + 1
+    x = np.linspace(2 * MARGIN, WIDE - 2 * MARGIN, len(middle)).round(1)
 
     def y(value: float) -> float:
         return round(HIGH - MARGIN - (HIGH - 2 * MARGIN) * float((value - low) / (high - low)), 1)
@@ -182,9 +350,13 @@ def _picture(column: list[ChangedCell], values: list[str]) -> Markup:
         for at, value, end in zip(x, middle, ends, strict=True)
         if np.isfinite(value)
     )
-    name = _name(column[0])
-    told = f"{name} from {values[0]} to {values[-1]}; dashed: printed"
+    told, line = f"{quantity.name} from {values[0]} to {values[-1]}", Markup("")
+    if np.isfinite(quantity.mark):
+        told += f"; dashed: {dashed}"
+        line = Markup('<path class="rp-dashed" d="M{} {}H{}"/>').format(
+            MARGIN, y(quantity.mark), WIDE - MARGIN
+        )
     return Markup(
-        '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">'
-        '<path class="rp-dashed" d="M{} {}H{}"/>{}</svg><figcaption>{}</figcaption></figure>'
-    ).format(WIDE, HIGH, told, MARGIN, y(printed.value), WIDE - MARGIN, marks, name)
+        '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}{}</svg>'
+        "<figcaption>{}</figcaption></figure>"
+    ).format(WIDE, HIGH, told, line, marks, quantity.name)

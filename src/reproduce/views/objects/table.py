@@ -22,7 +22,7 @@ from reproduce.views.computed import item_ledger
 from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Item, Shown, by_row, line_of, text_of
 from reproduce.views.objects.changed import Changed
-from reproduce.views.objects.sweep import Sweep
+from reproduce.views.objects.sweep import Moved, Sweep, of_cells
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.display import Box, Entry, Grid, columns, folded
 from reproduce.views.writing.export import export, full_frame, table_files
@@ -164,21 +164,13 @@ class Table(Item):
         Sweep
             One row per value; on a page a slider.
         """
-        if not values:
-            raise ValueError("expected at least one value to move the cell to, got none")
+        moved = Moved.checked(address, values, {})
         for name in cells:
             self[name]
-        moved = (address,) if isinstance(address, str) else tuple(address)
-        steps = [(one,) if isinstance(one, str) else tuple(one) for one in values]
-        if wrong := [one for one in steps if len(one) != len(moved)]:
-            raise ValueError(
-                f"expected {len(moved)} values for {', '.join(moved)}, got {', '.join(wrong[0])}"
-            )
-        reruns = tuple(
-            rerunning.rerun(self.key, dict(zip(moved, one, strict=True)), replicates=replicates)
-            for one in steps
-        )
-        return Sweep(moved, tuple(steps), reruns, tuple(cells))
+        reruns = [
+            rerunning.rerun(self.key, changes, replicates=replicates) for changes in moved.changes
+        ]
+        return of_cells(moved, reruns, cells)
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""
