@@ -549,11 +549,11 @@ def sensitivity(name: str) -> Html:
 
 def reproducing(name: str) -> Html:
     """Show the calibration of the model and the commands that redo everything."""
+    stored = calibrations.load(name)
     commands = (
         f"<pre>reproduce posterior {name}\nreproduce calibrate {name} "
-        f"--replicates {calibrations.REPLICATES}</pre>"
+        f"--replicates {stored.replicates}</pre>"
     )
-    stored = calibrations.load(name)
     head = ("Quantity", "evenness of ranks, p", "50 % covers", "95 % covers",
             "published estimator, 95 % covers")  # fmt: skip
     caption = (
