@@ -204,6 +204,21 @@ def test_the_robust_model_tolerates_a_tenth_of_mismatches(tmp_path):
     assert "8 of 81 stars do not fit" in stated.remarks[0]
 
 
+@pytest.mark.parametrize("name", ["registration-student", "registration-mixture"])
+def test_the_turn_is_cut_opposite_to_the_stars_that_agree(tmp_path, name):
+    """Wrong matches that all turn another way carry least squares along."""
+    source, target = stars()
+    target[:24] = Registration.similarity(1.0, -1.5, (0, 0), FIELD / 2).apply(source[:24])
+    path = written(tmp_path, source, target)
+    middle = {}
+    for one in ("registration", name):
+        prior = from_file(one, path).parameters[1].prior
+        assert prior.high - prior.low == pytest.approx(2 * np.pi)
+        middle[one] = (prior.low + prior.high) / 2
+    assert middle[name] == pytest.approx(0.002, abs=1e-4)
+    assert abs(middle["registration"]) > 0.1
+
+
 def test_a_wild_star_of_the_channel_leaves_room_for_the_scale(tmp_path):
     """It makes the channel's pattern a thousand times as large as that of the reference."""
     source, target = stars()

@@ -65,7 +65,7 @@ def student(table: Table, pivot: Pivot) -> Model:
         model = replace(model, likelihood=replace(likelihood, robust=True))
     tails = Uniform(*FREEDOM, "from a tenth, the tails of gross mismatches, to two hundred, which "
                     "no sample tells from Gaussian")  # fmt: skip
-    return replace(model, parameters=with_priors(model.parameters, {"log-freedom": tails}))
+    return _turning(model, table, {"log-freedom": tails})
 
 
 def mixture(table: Table, pivot: Pivot) -> Model:
@@ -75,14 +75,18 @@ def mixture(table: Table, pivot: Pivot) -> Model:
             f"{table.path}: expected {FEW} or more stars, got {len(table.values)}; fewer do not "
             "tell a wrong match from noise: take registration, or add some"
         )
-    model = mixture_model(plain(table, pivot))
+    return _turning(mixture_model(plain(table, pivot)), table, {})
+
+
+def _turning(model: Model, table: Table, priors: dict[str, Prior]) -> Model:
+    """Any rotation, about that of the stars that agree: wrong matches may turn least squares."""
     try:
         theta = float(model.likelihood.start()[0][1])
     except ValueError as error:  # stars in one place
         raise TableFileError(f"{table.path}: {error}") from error
     turn = Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to the fit of "
                    "those stars that agree")  # fmt: skip
-    return replace(model, parameters=with_priors(model.parameters, {"rotation": turn}))
+    return replace(model, parameters=with_priors(model.parameters, priors | {"rotation": turn}))
 
 
 def distortion(table: Table, pivot: Pivot) -> Model:
