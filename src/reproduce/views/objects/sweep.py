@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["Moved", "Quantity", "Sweep", "of_cells", "of_study"]
 
 WIDE, HIGH, MARGIN = 220, 96, 8  # of one picture, in CSS pixels
-# A difference smaller than this share of a number of our own is not drawn as one.
-NOTICED = 0.01
+# A number of our own that moves by a smaller share than this does not fill the height of a picture.
+NOTICED = 0.05
 
 
 @dataclass(frozen=True)
