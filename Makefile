@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book lab test check browser-test bench same mutants lock checksums clean
+.PHONY: help book lab test coverage check browser-test bench same mutants lock checksums clean
 
 export PYTHON
 # Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
@@ -29,9 +29,13 @@ book: $(STAMP)  ## build the book and say where it is
 lab: book  ## open JupyterLab on the notebooks of the book
 	@$(PY) -m jupyter lab book/_build/notebooks
 
-test: $(TESTS)  ## run the tests, with line coverage
-	@$(PY) -m pytest -m "not browser" --numprocesses auto --maxprocesses 4 --dist worksteal \
-		--cov --cov-report=term --benchmark-disable
+PARALLEL = --numprocesses auto --maxprocesses 4 --dist worksteal --benchmark-disable
+
+test: $(TESTS)  ## run the tests
+	@$(PY) -m pytest -m "not browser" $(PARALLEL)
+
+coverage: $(TESTS)  ## run them and tell which lines they reach; takes twice as long
+	@$(PY) -m pytest -m "not browser" $(PARALLEL) --cov --cov-report=term
 
 check: $(TESTS)  ## lint, format, types
 	@$(PY) -m ruff check .

@@ -37,6 +37,14 @@ OVERFLOWING = """() => {
 }"""
 
 
+# Double precision holds sixteen digits: what a reader would take for a result is rounding noise.
+NOISE = """() => {
+    const copy = document.querySelector('article')?.cloneNode(true);
+    copy?.querySelectorAll('pre, code, svg, .math').forEach(e => e.remove());
+    return copy?.textContent.match(/.{0,40}(\\d[eE][-−]1[3-9]|10⁻¹[⁵-⁹]).{0,20}/g) ?? [];
+}"""
+
+
 @dataclass
 class Visit:
     """What one page did and holds."""
@@ -44,6 +52,7 @@ class Visit:
     console: list[str] = field(default_factory=list)
     requests: list[str] = field(default_factory=list)
     raw_mathematics: list[str] = field(default_factory=list)
+    noise: list[str] = field(default_factory=list)
     shown_numbers: list[list[str]] = field(default_factory=list)
     referred_numbers: list[list[str]] = field(default_factory=list)
     overflowing: dict[int, list[str]] = field(default_factory=dict)
@@ -67,6 +76,7 @@ def read(page: Page, url: str, visit: Visit) -> None:
     page.goto(url, wait_until="load")
     page.evaluate(SETTLED)
     visit.raw_mathematics = page.evaluate(RAW_MATHEMATICS)
+    visit.noise = page.evaluate(NOISE)
     visit.shown_numbers = page.evaluate(SHOWN_NUMBERS)
     visit.referred_numbers = page.evaluate(REFERRED_NUMBERS)
     visit.ids = set(page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)"))
