@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from reproduce.inference.model import Model
 from reproduce.inference.models.closed_form import registration_posterior
@@ -59,7 +59,8 @@ MODELS = {"similarity": "registration", "distortions free": "registration-distor
 COUNTS = (10, 20, 50, 100, 200, 500, 1000)
 # Steps of the derivatives: scale, rotation, two shifts, two distortions.
 STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
-TRIED = np.geomspace(4, 1e5, 60)
+MOST = 1e5
+TRIED = np.geomspace(4, MOST, 60)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,34 +125,45 @@ def _registration(model: Model) -> GaussianRegistration | PointwiseRegistration:
 
 
 def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
-    """How far the outermost star is misplaced: low end, median, high end by model, (3, n), px."""
-    return {
-        name: np.stack([circular_error(one.at_edge(counts), share) for share in ENDS])
-        for name, one in designs(door).items()
-    }
+    """How far the outermost star is misplaced: low end, median, high end by model, (3, n), px.
+
+    A similarity scatters alike in all directions, about a place that is off by what it leaves out.
+    """
+    plain, free = (one.at_edge(counts) for one in designs(door).values())
+    variance = np.trace(plain, axis1=1, axis2=2) / 2
+    off = np.sum(left_out(door) ** 2) / variance
+    law = scipy.stats.ncx2(2, off)  # that of Rice, squared
+    found = [
+        [np.sqrt(variance * law.ppf(share)) for share in ENDS],
+        [circular_error(free, share) for share in ENDS],
+    ]
+    return dict(zip(MODELS, map(np.stack, found), strict=True))
 
 
-def sampled_edge(found: Sampled) -> FloatArray:
-    """The same from the draws of a registration, about their mean, shape (3,), in px."""
+def sampled_edge(found: Sampled, off: FloatArray) -> FloatArray:
+    """The same from the draws of a registration, off by (2,) in the mean, shape (3,), in px."""
     likelihood = _registration(found.model)
     outermost = _outermost(likelihood)
     places = true_places(likelihood.elsewhere(likelihood.source[[outermost]]), found.draws)[:, 0]
-    return np.asarray(np.quantile(np.hypot(*(places - places.mean(axis=0)).T), ENDS))
+    return np.asarray(np.quantile(np.hypot(*(places - places.mean(axis=0) + off).T), ENDS))
 
 
-def left_out(door: Given) -> float:
-    """How far a similarity misplaces the outermost star for the distortion that it leaves out."""
+def left_out(door: Given) -> FloatArray:
+    """How a similarity misplaces the outermost star for the distortion that it leaves out, (2,)."""
     green, red, _ = true_centroids(door)
     middle = pivot(door, "red")
     left = fit_registration(red, green, middle).residuals
-    return float(np.hypot(*left[np.hypot(*(red - middle).T).argmax()]))
+    return np.asarray(left[np.hypot(*(red - middle).T).argmax()])
 
 
 def enough(door: Given, wanted: float) -> dict[str, float]:
-    """Stars with which 97.5 % of calibrations misplace the outermost one less, by model."""
+    """Stars with which 97.5 % of calibrations misplace the outermost one less, by model.
+
+    Infinite where as many as `MOST` are not enough.
+    """
     places, target = np.log(TRIED), -np.log(wanted)
     return {
-        name: float(np.ceil(np.exp(np.interp(target, -np.log(ends[2]), places))))
+        name: float(np.ceil(np.exp(np.interp(target, -np.log(ends[2]), places, right=np.inf))))
         for name, ends in edge_errors(door, TRIED).items()
     }
 
@@ -172,10 +184,11 @@ def star_facts(door: Given) -> dict[str, Fact]:
                 f"{kind}-{which}-high": Fact(high, ".3f", "px"),
                 f"{kind}-{which}-angle": Fact(high * angle, ".2g", "arcsec"),
             }
-    found["left-out"] = Fact(left_out(door), ".2g", "px")
+    left = float(np.hypot(*left_out(door)))
+    found["left-out"] = Fact(left, ".2g", "px")
     # Where the mean squares are equal: that of the similarity has what it leaves out as well.
     plain, free = (np.trace(one.at_edge(np.array([count]))[0]) for one in designs(door).values())
-    found["free-from"] = Fact(float(count * (free - plain) / left_out(door) ** 2), ".0f")
+    found["free-from"] = Fact(float(count * (free - plain) / left**2), ".0f")
     return found
 
 
@@ -190,7 +203,8 @@ def star_facts(door: Given) -> dict[str, Fact]:
     ),
     caption="How far a calibration misplaces the outermost star: the median of calibrations "
     "with so many stars, and what 97.5 % of them stay below. For this to be {wanted:.3g} px, "
-    "{plain:.0f} stars are enough for a similarity, {free:.0f} with the distortions free.",
+    "{plain} enough for a similarity, {free} with the distortions free. Of the errors of a "
+    "similarity {left:.2g} px are what it leaves out of Table 1, at any number of stars.",
     named=star_facts,
     settings={"wanted": "the error wanted at the edge, in px", "stars": "a number of stars"},
 )  # fmt: skip
@@ -201,11 +215,16 @@ def stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame:
     found, angle = edge_errors(door, np.array(counts)), pixel_angle(door)
     rows = np.concatenate([*(ends[1:] for ends in found.values()),
                            [ends[2] * angle for ends in found.values()]])  # fmt: skip
-    plain, free = enough(door, wanted).values()
+    plain, free = map(_as_words, enough(door, wanted).values())
+    left = float(np.hypot(*left_out(door)))
     return _stars.frame(
         ((n, *row) for n, row in zip(counts, rows.T.tolist(), strict=True)),
-        wanted=wanted, plain=plain, free=free,
+        wanted=wanted, plain=plain, free=free, left=left,
     )  # fmt: skip
+
+
+def _as_words(count: float) -> str:
+    return f"not even {MOST:,.0f} stars are" if np.isinf(count) else f"{count:.0f} stars are"
 
 
 _stars = stars
@@ -230,7 +249,7 @@ def errors(door: Given) -> pd.DataFrame:
     green, red, _ = centroids(door)
     middle = pivot(door, "red")
     exact = registration_posterior(red, green, middle)
-    chi = stats.chi2.ppf(ENDS[::-1], exact.freedom)
+    chi = scipy.stats.chi2.ppf(ENDS[::-1], exact.freedom)
     noise = np.sqrt(exact.squares / chi)
     design, free = designs(door).values()
     scale = float(np.hypot(*exact.mean[:2]))
@@ -242,6 +261,7 @@ def errors(door: Given) -> pd.DataFrame:
         float(np.sqrt(np.trace(one.at_edge(all_stars)[0]) / 2)) for one in (design, free)
     )
     of_table = summed(centroid_noise(door))
+    left = float(np.sqrt(np.mean(left_out(door) ** 2)))
     rows = {
         ("Centroid noise, if it made Table 3", "Table 3"):
             of_table.quantiles(of_table.points[:, 0], ENDS),
@@ -250,6 +270,7 @@ def errors(door: Given) -> pd.DataFrame:
         ("Rotation, at the edge", "simulated"): scale * spread[1] * radius * relative,
         ("Translation", "simulated"): spread[2] * relative,
         ("All together, at the edge", "simulated"): together * relative,
+        ("Distortions that a similarity leaves out, at the edge", "simulated"): np.full(3, left),
         ("Scale, distortions free, at the edge", "simulated"): wide[0] * radius * relative,
         ("All, distortions free, at the edge", "simulated"): apart * relative,
     }  # fmt: skip
