@@ -11,6 +11,7 @@ import pytest
 import xarray
 from click.testing import CliRunner
 
+import reproduce as rp
 from reproduce.inference.checks import Range
 from reproduce.inference.models import registration
 from reproduce.inference.models.registration import registration_model
@@ -19,6 +20,7 @@ from reproduce.inference.priors import LogUniform
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.inference.sensitivity import leanings
 from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
+from reproduce.papers.chen2023.posteriors.users_spots import moving
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
@@ -48,14 +50,19 @@ def written(tmp_path, *columns, head=STAR_COLUMNS, fmt="%.6f"):
     return path
 
 
-def spots(tmp_path, noise, flip=1):
-    """Fifty images in each of two groups; between them the camera turns by (20, -20, 0) arcsec."""
+def spots(tmp_path, noise, flip=1, drift=(0, 0)):
+    """Fifty images in each of two groups; between them the camera turns by (20, -20, 0) arcsec.
+
+    Within a group it turns further about X, by so many arcsec.
+    """
     instrument = platform(given(READS))
     generator = np.random.default_rng(3)
     rows = []
-    for group, turn in enumerate(np.array([[0, 0, 0], [20, -20, 0]]) / ARCSEC_PER_RADIAN):
-        at = instrument.predicted(np.zeros((1, 3)), turn[None, None], np.ones(1), 2.0)[0, 0]
-        for image in at + noise * generator.normal(size=(50, *at.shape)):
+    for group, turn in enumerate(np.array([[0, 0, 0], [20, -20, 0]])):
+        for time in np.linspace(-0.5, 0.5, 50):
+            now = (turn + np.array([drift[group] * time, 0, 0])) / ARCSEC_PER_RADIAN
+            at = instrument.predicted(np.zeros((1, 3)), now[None, None], np.ones(1), 2.0)[0, 0]
+            image = at + noise * generator.normal(size=at.shape)
             rows += [(group, i + 1, flip * x, y) for i, (x, y) in enumerate(image)]
     return written(tmp_path, rows, head="group,laser,x,y", fmt=["%d", "%d", "%.6f", "%.6f"])
 
@@ -128,6 +135,35 @@ def test_the_noise_of_spots_is_that_of_the_spots(tmp_path):
     assert deviation == pytest.approx(3 * pixel / np.sqrt(100), rel=0.15)
     assert abs(angle + 20) < 3 * deviation
     assert leanings(found) == []
+
+
+@pytest.mark.parametrize(
+    ("drift", "constant", "drifting"),
+    [((0, 0), [], []), ((0, 6), [1], []), ((6, 0), [0], [0]), ((6, 6), [0, 1], [0])],
+)
+def test_spots_that_move_within_a_group_are_named(tmp_path, drift, constant, drifting):
+    """Six arc seconds, a tenth of a pixel: no angle is right throughout."""
+    path = spots(tmp_path, 0.02, drift=drift)
+    told = {
+        "misalignment": (supplied("misalignment", path).remarks, constant),
+        "misalignment-drift": (supplied("misalignment-drift", path).remarks, drifting),
+        "front": (tuple(rp.misalignment(path).remarks), constant),
+    }
+    length = 6 * 0.06 / (13e-6 * ARCSEC_PER_RADIAN)
+    for remarks, groups in told.values():
+        assert [int(re.search(r"within group (\d)", one)[1]) for one in remarks] == groups
+        for one in remarks:
+            assert float(re.search(r"by ([\d.]+) px", one)[1]) == pytest.approx(length, rel=0.3)
+    shown = repr(rp.misalignment(path))
+    assert shown.count("Beware: the spots move") == len(constant)
+    assert rp.misalignment(path)._repr_html_().count("Beware: the spots move") == len(constant)
+
+
+def test_still_spots_are_hardly_ever_said_to_move():
+    generator = np.random.default_rng(2)
+    told = [moving({1: generator.normal(size=(20, 4, 2))}) for _ in range(2000)]
+    assert sum(map(len, told)) <= 3
+    assert moving({1: np.arange(4.0)[:, None, None] + np.zeros((4, 4, 2))}) == []
 
 
 def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):

@@ -17,7 +17,7 @@ from rich.console import RenderableType
 from reproduce.inference.models.registration import fits_exactly
 from reproduce.judge.rerun import in_si, refuse_strays
 from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
-from reproduce.papers.chen2023.posteriors.users_spots import COLUMNS, from_table
+from reproduce.papers.chen2023.posteriors.users_spots import COLUMNS, from_table, moving
 from reproduce.papers.niu2024.posteriors import users_stars
 from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
 from reproduce.physics.registration.closed_form import paired_points
@@ -49,6 +49,7 @@ class _Measured(Display):
 
     title: str
     reads: tuple[str, ...] = ()
+    remarks: list[str]
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:
@@ -69,11 +70,13 @@ class _Measured(Display):
         return Grid(self.title, [str(frame.index.name), *map(str, frame.columns)], rows)
 
     def _repr_html_(self) -> str:
-        return self.grid._repr_html_()
+        line = Markup('<p class="rp-joint">Beware: {}.</p>')
+        return str(self.grid.html + Markup("").join(map(line.format, self.remarks)))
 
     def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the numbers and the title."""
+        """Yield the numbers, the title and the remarks."""
         yield from self.grid.parts(width)
+        yield from (f"Beware: {line}." for line in self.remarks)
 
 
 class Registered(_Measured):
@@ -179,15 +182,6 @@ class Registered(_Measured):
         ]
         return Grid(self.title, ("parameter", "unit", "value ± standard deviation"), rows)
 
-    def _repr_html_(self) -> str:
-        line = Markup('<p class="rp-joint">Beware: {}.</p>')
-        return str(self.grid.html + Markup("").join(map(line.format, self.remarks)))
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the parameters, the title and the remarks."""
-        yield from super().parts(width)
-        yield from (f"Beware: {line}." for line in self.remarks)
-
     def record(self) -> dict[str, Any]:
         """Return everything for other programs; what the stars do not tell is None."""
         parameters = [
@@ -241,6 +235,7 @@ class Monitored(_Measured):
         tracker = (design.principal_point, design.pixel_pitch, design.tracker_focal_length)
         instrument = (design.lasers, design.camera_focal_length, tracker)
         self.angles: FloatArray = monitored_angles(before, now, *instrument)
+        self.remarks = moving({0: before, 1: now})
         self._mean = mean_misalignment(self.angles, monitored_angles(before, before, *instrument))
         self.title = f"misalignment in {len(self.angles)} images since the zero point"
 

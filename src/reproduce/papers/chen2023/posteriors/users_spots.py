@@ -6,10 +6,12 @@ the order of the platform), ``x``, ``y``; the images of a group in the order of 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from scipy.special import fdtrc
 
 from reproduce.inference.model import Model
 from reproduce.inference.models.lasers import Platform, SpotStatistics
@@ -27,7 +29,7 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError
 
-__all__ = ["COLUMNS", "from_table"]
+__all__ = ["COLUMNS", "from_table", "moving"]
 
 COLUMNS = ("group", "laser", "x", "y")
 GROUPS = 2
@@ -37,6 +39,10 @@ GENEROUS = 20.0
 NOISE = (1e-6, 1e3)
 # Spots are mirrored if the mirrored lasers explain so many times more of them.
 MIRRORED = 3.0
+# Fewer images do not tell motion from noise.
+FEW = 5
+# Still spots seem to move so much one time in so many.
+ALARM = 1e-4
 
 
 def model(table: Table, pivot: object, drifts: bool) -> Model:
@@ -65,6 +71,33 @@ def _measured(table: Table) -> tuple[Platform, list[FloatArray]]:
 def from_table(table: Table) -> list[FloatArray]:
     """Return the images at the zero point and at the present, each of shape (frames, lasers, 2)."""
     return _measured(table)[1]
+
+
+def remarks(table: Table, pivot: object, drifts: bool) -> list[str]:
+    """What a user should hear of the spots: groups that move though the model holds them still."""
+    images = _measured(table)[1]
+    return moving({0: images[0]} if drifts else dict(enumerate(images)))
+
+
+def moving(groups: Mapping[int, FloatArray]) -> list[str]:
+    """Name groups of images, (frames, lasers, 2), within which the spots move evenly."""
+    found = []
+    for group, images in groups.items():
+        if len(images) < FEW:
+            continue
+        line = SpotStatistics.of([images], (True,))
+        count, slopes = line.slopes.size, line.slopes[0]
+        spread = line.squares / line.freedom
+        if not spread:
+            continue
+        if fdtrc(count, line.freedom, line.levers[0] * np.square(slopes).mean() / spread) < ALARM:
+            way = 2 * np.hypot(*slopes.T).max()  # the slope is that over half of the group
+            follow = "; misalignment-drift follows it" if group else ""
+            found.append(
+                f"the spots move within group {group}, by {way:.2g} px from its first image to its "
+                f"last: its mean is that of its middle, and no error counts the motion{follow}"
+            )
+    return found
 
 
 def _refuse_mirrored(table: Table, instrument: Platform, spots: FloatArray) -> None:
@@ -133,4 +166,7 @@ SPOTS = (
     "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in the "
     "order of the platform; the images of a group in the order of time"
 )
-CONSTANT, DRIFT = (File(COLUMNS, SPOTS, partial(model, drifts=drifts)) for drifts in (False, True))
+CONSTANT, DRIFT = (
+    File(COLUMNS, SPOTS, partial(model, drifts=drifts), partial(remarks, drifts=drifts))
+    for drifts in (False, True)
+)
