@@ -39,12 +39,13 @@ JOINT_COLUMNS = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
 # Of the field: how far a distortion may move a star beforehand, or so many times the residuals, but
 # never so far that it cannot be undone.
 SHARE, RESIDUALS, MOST = 1e-3, 10.0, 0.03
-# Log10 of the degrees of freedom: from tails of gross mismatches to hardly any.
-FREEDOM = (-1.0, 2.3)
 # A pivot further away, in fields, takes the digits of the shift.
 FURTHEST = 100.0
 # Fewer stars do not tell a wrong match from noise.
 FEW = 10
+# Most decimals that coordinates are looked at for. Rounded stars that the transform moves apart by
+# less than `APART` of the last one, more than a `TIED` share of them alike, hide their noise in it.
+DECIMALS, APART, TIED = 9, 0.5, 0.1
 # Stars that span less, in px, are perhaps in another unit.
 SMALL = 50.0
 
@@ -63,9 +64,7 @@ def student(table: Table, pivot: Pivot) -> Model:
     likelihood = model.likelihood
     if isinstance(likelihood, PointwiseRegistration):
         model = replace(model, likelihood=replace(likelihood, robust=True))
-    tails = Uniform(*FREEDOM, "from a tenth, the tails of gross mismatches, to two hundred, which "
-                    "no sample tells from Gaussian")  # fmt: skip
-    return _turning(model, table, {"log-freedom": tails})
+    return _turning(model, table)
 
 
 def mixture(table: Table, pivot: Pivot) -> Model:
@@ -75,18 +74,23 @@ def mixture(table: Table, pivot: Pivot) -> Model:
             f"{table.path}: expected {FEW} or more stars, got {len(table.values)}; fewer do not "
             "tell a wrong match from noise: take registration, or add some"
         )
-    return _turning(mixture_model(plain(table, pivot)), table, {})
+    return _turning(mixture_model(plain(table, pivot)), table)
 
 
-def _turning(model: Model, table: Table, priors: dict[str, Prior]) -> Model:
+def _turning(model: Model, table: Table) -> Model:
     """Any rotation, about that of the stars that agree: wrong matches may turn least squares."""
+    if told := rounded(table.values):
+        raise TableFileError(
+            f"{table.path}: expected coordinates with more digits, got {told}: this model would "
+            "take these for free of noise; take registration, or add digits"
+        )
     try:
         theta = float(model.likelihood.start()[0][1])
     except ValueError as error:  # stars in one place
         raise TableFileError(f"{table.path}: {error}") from error
     turn = Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to the fit of "
                    "those stars that agree")  # fmt: skip
-    return replace(model, parameters=with_priors(model.parameters, priors | {"rotation": turn}))
+    return replace(model, parameters=with_priors(model.parameters, {"rotation": turn}))
 
 
 def distortion(table: Table, pivot: Pivot) -> Model:
@@ -183,6 +187,8 @@ def mismatched(table: Table, pivot: FloatArray, remedy: str, channel: int = 0) -
     source, target = table.values[:, 2 * channel : 2 * channel + 2], table.values[:, -2:]
     if len(target) < FEW:
         return []
+    if told := rounded(np.hstack([source, target])):
+        return [f"{told}: their noise is lost in the rounding"]
     fit = robust_similarity(source, target, pivot)
     if not len(fit.suspects):
         return []
@@ -191,6 +197,24 @@ def mismatched(table: Table, pivot: FloatArray, remedy: str, channel: int = 0) -
         f"({_lines(table, fit.suspects.tolist())}; up to {fit.off[fit.suspects[0]]:.3g} standard "
         f"deviations off): wrong matches? {remedy}"
     ]
+
+
+def rounded(stars: FloatArray) -> str:
+    """Say how many stars, (n, 4), rounding has moved alike; nothing where it does not matter."""
+    source, target = stars[:, :2], stars[:, -2:]
+    scaled = (stars * 10.0**decimals for decimals in range(DECIMALS))
+    whole = (np.allclose(one, one.round(), rtol=0, atol=1e-6) for one in scaled)
+    decimals = next((at for at, found in enumerate(whole) if found), None)
+    if decimals is None:
+        return ""
+    digit = 10.0**-decimals
+    scale, theta = robust_similarity(source, target, source.mean(axis=0)).fit.parameters[:2]
+    apart = max(abs(scale - 1), abs(theta)) * float(np.ptp(source, axis=0).max())
+    moved = ((target - source) / digit).round()
+    alike = int(np.unique(moved, axis=0, return_counts=True)[1].max())
+    if apart > APART * digit or alike <= max(2, TIED * len(stars)):
+        return ""
+    return f"{alike} of {len(stars)} stars moved alike to the last digit, {digit:g} px"
 
 
 def dropped(table: Table, weights: FloatArray) -> list[str]:
