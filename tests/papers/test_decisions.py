@@ -80,6 +80,9 @@ def test_where_table_5_says_that_averaging_stops(white_and_floor, noises):
         np.quantile(excess, 0.975), rel=0.05
     )
     assert fact("chen2023/frames", "excess-low") == np.quantile(excess, 0.025) == 0
+    none = 100 * (excess == 0).mean()
+    assert fact("chen2023/frames", "excess-none") == pytest.approx(none, rel=0.15)
+    assert none < fact("chen2023/frames", "excess-none-wide") < 4 * none
     # A small angle times the focal length, in micrometres.
     length = fact("chen2023/frames", "excess") / ARCSEC_PER_RADIAN * 2.0559e6
     assert fact("chen2023/frames", "stage-error") == pytest.approx(length, rel=1e-3)
@@ -118,6 +121,12 @@ def test_the_age_of_a_calibration_is_that_of_least_squares():
     constant, followed = camera.age(door, np.array([images]))
     assert constant[1, 0] == pytest.approx(np.sqrt(2) * error)
     assert followed[0] == pytest.approx(np.hypot(error, spread * images / frames))
+    # Whatever noise and drift are: at the end of its group, half of it after the middle.
+    half = fact("chen2023/drift", "half")
+    end = camera.age(door, np.array([half]))[1][0] / error
+    assert half == frames / 2
+    assert fact("chen2023/drift", "end-times") == pytest.approx(end)
+    assert end == pytest.approx(np.sqrt(1 + 6 / 4), rel=0.01)
 
 
 def test_a_drift_of_a_readers_own():

@@ -92,37 +92,51 @@ def stage(door: Given) -> TableResult:
 
 
 def _with_stage(
-    door: Given, value: Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
-) -> FloatArray:
-    """Ends and median of what white noise and floor about X and the noise of Table V make."""
-    one, noises = _column(door, "X"), np.array(stage(door).noises)
+    door: Given, value: Callable[[FloatArray, FloatArray, FloatArray], FloatArray], floors: float
+) -> tuple[FloatArray, FloatArray]:
+    """What white noise and floor about X and the noise of Table V make, sorted, and its shares.
+
+    `floors` is the prior of the floor, in widths of ours.
+    """
+    one, noises = _columns(door)["X"][FLOORS.index(floors)], np.array(stage(door).noises)
     kept = one.probabilities > RARE
     white, floor = one.points[kept].T
     values = value(white[:, None], floor[:, None], noises)
     weights = np.broadcast_to(one.probabilities[kept, None], values.shape).ravel()
     order = np.argsort(values.ravel())
     shares = np.cumsum(weights[order])
-    return np.asarray(np.interp(ENDS, shares / shares[-1], values.ravel()[order]))
+    return values.ravel()[order], shares / shares[-1]
 
 
-def _excess(door: Given) -> FloatArray:
-    """What Table V has beyond an average of its images, (3,), in radians; zero where nothing."""
+def _excess(door: Given, floors: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """What Table V has beyond an average of its images, in radians, zero where nothing; shares."""
     count = door.count(effectiveness.FRAMES)
     return _with_stage(
         door,
         lambda a, b, noise: np.sqrt(np.maximum(noise**2 - averaged_error(count, a, b) ** 2, 0)),
+        floors,
     )
+
+
+def _ends(values: FloatArray, shares: FloatArray) -> FloatArray:
+    return np.asarray(np.interp(ENDS, shares, values))
+
+
+def _none(values: FloatArray, shares: FloatArray) -> Fact:
+    """The probability that nothing is in excess."""
+    zero = np.searchsorted(values, 0.0, side="right")
+    return Fact(100 * float(shares[zero - 1]) if zero else 0.0, ".1g", "%")
 
 
 def _stops(door: Given) -> FloatArray:
     """Frames whose white noise is as large as the noise of Table V, (3,)."""
-    return _with_stage(door, lambda a, b, noise: (a / noise) ** 2 + 0 * b)
+    return _ends(*_with_stage(door, lambda a, b, noise: (a / noise) ** 2 + 0 * b, 1.0))
 
 
 def frame_facts(door: Given) -> dict[str, Fact]:
     """Return the knees of averaging, where Table V stops, and errors that pages compare."""
     height, count, table = satellite.altitude(door), door.count(effectiveness.FRAMES), stage(door)
-    excess = _excess(door)
+    excess = _ends(*_excess(door))
     triples = {
         "stage-noise": (np.quantile(table.noises, ENDS) * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "stage-frames": (_stops(door), ".0f", ""),
@@ -151,6 +165,8 @@ def frame_facts(door: Given) -> dict[str, Fact]:
     differences = float(np.sqrt((monitored - known).var(axis=1, ddof=1).mean()))
     return found | {
         "state": Fact(count, "d"),
+        "excess-none": _none(*_excess(door)),
+        "excess-none-wide": _none(*_excess(door, FLOORS[-1])),
         "differences": Fact(differences * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "white-alone": Fact(white * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "error-100": Fact(many * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
@@ -264,6 +280,9 @@ def age_facts(door: Given) -> dict[str, Fact]:
         "followed-seconds": Fact(followed * time / count, ".0f", "s"),
         "rate": Fact(moved / time * HOUR * ARCSEC_PER_RADIAN, ".0f", "arcsec/h"),
         "group": Fact(count, "d"),
+        "half": Fact(count // 2, "d"),
+        # At the end of its group, which is half of it after its middle.
+        "end-times": Fact(float(np.hypot(1.0, spread / error / 2)), ".1f"),
     }
 
 
@@ -367,9 +386,11 @@ def errors(door: Given) -> pd.DataFrame:
             found[f"{what}, {axis}", "Table IV"] = one.quantiles(one.points[:, n], ENDS)
     focal, focal_error = stage(door).means[0], stage(door).deviations[0]
     count = door.count(effectiveness.FRAMES)
-    found[f"Mean of {count} frames, X", "Table IV"] = averages(door, "X", np.array([count]))[:, 0]
+    found[f"Mean of {count} frames, X (extrapolated)", "Table IV"] = averages(
+        door, "X", np.array([count])
+    )[:, 0]
     found["Scatter of one state of Table V", "Table V"] = np.quantile(stage(door).noises, ENDS)
-    found["Excess of Table V over that mean", "Tables IV, V"] = _excess(door)
+    found["Excess of Table V over that mean", "Tables IV, V"] = _ends(*_excess(door))
     travel = float(np.abs(stage_positions(door)[-1] - stage_positions(door)[0]).max())
     largest = abs(float(stage_angle(travel, focal)))
     known = largest * focal_error / focal
