@@ -338,7 +338,8 @@ def audit_facts() -> dict[str, str]:
     ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
     (relations that rest on a supposition of ours, in none of the other counts); the same of both
     papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
-    conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart.
+    conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart, of which
+    ``errata-supposed-standing``.
     """
     counts: dict[str, int] = {}
     audits = [paper_audit(paper) for paper in PAPERS]
@@ -361,7 +362,9 @@ def audit_facts() -> dict[str, str]:
     counts["errata"] = len(read)
     counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)
     counts["errata-extraction"] = sum(entry.extraction for entry in read)
-    counts["errata-supposed"] = len(errata_register()) - len(read)
+    supposed = [entry for entry in errata_register() if entry.supposition]
+    counts["errata-supposed"] = len(supposed)
+    counts["errata-supposed-standing"] = sum(one.conclusion == "stands" for one in supposed)
     return {label: str(count) for label, count in counts.items()}
 
 
