@@ -30,15 +30,14 @@ from reproduce.views.cli import main
 from reproduce.views.objects.posterior import coverage_rows
 
 SMALL = 40
-# The four main models have more replicates than the others; those that take seconds have fewer.
+# The main models have more replicates than the others; those that take seconds have fewer.
 REPLICATES = {
     "frame-averaging": 335,
     "misalignment": 2000,
     "registration": 2000,
     "registration-joint": 2000,
-    "registration-mixture": 300,
     "registration-student": 2000,
-    "table-5": 300,
+    "table-5": 2000,
 }
 REDONE = 7
 STUDIES = list(posteriors())

@@ -96,13 +96,13 @@ class Contents(Display):
         for key in self.keys:
             held = key in library()
             tally = verdicts.tally(self._ledger.of(key)) if held else {}
-            counts = [_counted(tally[name]) if held else "" for name in VERDICTS]
+            counts = [_named(tally[name], name) if held else "" for name in VERDICTS]
             target = anchor(key) if held else f"figure-{anchor(key)}"
             link = Markup('<a href="#{}">{}</a>').format(target, _short(keys.place(key)))
             what = Markup("{}<br><code>{}</code>").format(keys.title(key), key)
             rows.append([link, what, *counts])
         caption = "Tables, figures and quoted numbers, in order of print."
-        return Grid(caption, ["", "", *map(badge, VERDICTS)], rows, kind="rp-score")
+        return Grid(caption, ["", "", *map(badge, VERDICTS)], rows, kind="rp-score rp-index")
 
     def _repr_html_(self) -> str:
         parts, records = [], self._ledger.records
@@ -139,6 +139,13 @@ def _counts(records: tuple[Record, ...]) -> list[str]:
 
 def _counted(count: int) -> str:
     return str(count) if count else "·"
+
+
+def _named(count: int, verdict: str) -> Markup:
+    """Return a count with the word that stands beside it where the page is narrow."""
+    if not count:
+        return Markup('<span class="rp-zero">·</span>')
+    return Markup('{}<span class="rp-named"> {}</span>').format(count, verdict)
 
 
 def _short(place: str) -> str:
