@@ -198,7 +198,7 @@ def frames(door: Given) -> pd.DataFrame:
     rows = np.concatenate([*found, ground]).T * ARCSEC_PER_RADIAN
     return frames.frame(
         ((count, *row) for count, row in zip(COUNTS, rows.tolist(), strict=True)),
-        stops=_stops(door)[1], excess=_excess(door)[1] * ARCSEC_PER_RADIAN,
+        stops=_stops(door)[1], excess=_ends(*_excess(door))[1] * ARCSEC_PER_RADIAN,
         state=door.count(effectiveness.FRAMES),
     )  # fmt: skip
 
