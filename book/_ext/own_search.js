@@ -33,7 +33,7 @@
     const section = document.createElement("section");
     section.id = "rp-found";
     const heading = document.createElement("h2");
-    heading.textContent = "Tables, figures, equations and printed numbers";
+    heading.textContent = "Tables, equations, numbers and sections";
     const list = document.createElement("ul");
     for (const [address, shown] of entries.slice(0, SHOWN)) {
       const link = document.createElement("a");

@@ -1,4 +1,4 @@
-"""Sphinx extension: a search that knows keys, tables, equations and printed numbers.
+"""Sphinx extension: a search that knows keys, tables, equations, numbers and sections.
 
 Sphinx's own search drops numbers and does not look into tables. Before its results the search page
 shows those of an index of our own: what a reader would type (``Table V``, ``0.9973``,
@@ -93,17 +93,47 @@ def of_equations(app: Sphinx) -> Iterator[Entry]:
         yield f"{page}.html#equation-{label}", f"Equation ({number}) of {paper}", names, []
 
 
+def of_studies(anchors: Mapping[str, Mapping[str, str]]) -> Iterator[Entry]:
+    """Yield the tables of our own."""
+    from reproduce.judge.studies import studies
+    from reproduce.printed.cells import anchor
+
+    for key, study in studies().items():
+        if address := next(iter(anchors.get(f"study-{anchor(key)}", {}).values()), None):
+            yield address, f"{study.title}: a table of our own", [key, study.title], []
+
+
 def of_pages(titles: Mapping[str, str]) -> Iterator[Entry]:
     """Yield the pages, by title."""
     for page, title in titles.items():
         yield f"{page}.html", title, [title], []
 
 
+def of_sections(app: Sphinx, titles: Mapping[str, str]) -> Iterator[Entry]:
+    """Yield the sections that stand once in the book, by heading."""
+    found = [
+        (f"{page}.html{link['anchorname']}", link.astext(), title)
+        for page, title in titles.items()
+        for link in app.env.tocs[page].findall(nodes.reference)
+        if link["anchorname"]
+    ]
+    headings = [heading for _, heading, _ in found]
+    for address, heading, title in found:
+        if headings.count(heading) == 1:
+            yield address, f"{heading}, in {title}", [heading], []
+
+
 def entries(app: Sphinx) -> list[Entry]:
     """Return the whole index, in the order in which equals are shown."""
     titles = {page: title.astext() for page, title in sorted(app.env.titles.items())}
     anchors = places(Path(app.outdir), titles)
-    return [*of_items(anchors), *of_equations(app), *of_pages(titles)]
+    return [
+        *of_items(anchors),
+        *of_equations(app),
+        *of_pages(titles),
+        *of_sections(app, titles),
+        *of_studies(anchors),
+    ]
 
 
 def write(app: Sphinx, error: Exception | None) -> None:

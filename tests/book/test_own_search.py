@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Page
 from reading import HTML
 
-from own_search import of_items, of_pages, places, renumbered
+from own_search import of_items, of_pages, of_studies, places, renumbered
 from reproduce.printed.cells import library
 
 FOUND = "#rp-found li a"
@@ -43,6 +43,13 @@ def test_pages_are_found_by_title() -> None:
     assert list(of_pages({"data": "Data"})) == [("data.html", "Data", ["Data"], [])]
 
 
+def test_tables_of_our_own_are_found_by_key_and_title() -> None:
+    anchors = {"study-chen2023-frames": {"posteriors": "there"}}
+    ((address, shown, names, _),) = of_studies(anchors)
+    assert (address, names) == ("there", ["chen2023/frames", "How many frames to average"])
+    assert shown.startswith(names[1])
+
+
 @pytest.mark.browser
 @pytest.mark.parametrize(
     ("query", "anchor"),
@@ -54,6 +61,10 @@ def test_pages_are_found_by_title() -> None:
         ("niu2024/table-3", "niu2024-table-3"),
         ("niu2024/table-3#scale.red", "niu2024-table-3-scale-red"),
         ("niu2024 equation 17", "equation-niu2024-17"),
+        ("how many frames", "how-many-frames-to-average"),
+        ("how many stars", "with-how-many-stars-to-calibrate"),
+        ("cite", "cite"),
+        ("chen2023/frames", "study-chen2023-frames"),
     ],
 )
 def test_first_rank_from_the_disk(page: Page, query: str, anchor: str) -> None:
