@@ -272,7 +272,8 @@ def bars(rows: Sequence[Bar]) -> Picture:
         # What a quantity is, in lines that leave room for its bar.
         labels = [textwrap.fill(row.label, 20) if narrow else row.label for row in rows]
         axes.set_yticks(range(len(rows)), labels, fontsize=8 if narrow else 9)
-        axes.set(xlim=(-EDGE - 1.2, EDGE + 1.2), ylim=(len(rows) - 0.4, -0.6))
+        beside = 2.2 if narrow else 1.2  # room for the distances
+        axes.set(xlim=(-EDGE - beside, EDGE + beside), ylim=(len(rows) - 0.4, -0.6))
         axes.set_xlabel("from the middle of the interval" + "\n" * narrow + " (half-widths)")
         axes.grid(axis="y", visible=False)
         columns = 1 if narrow else 3
