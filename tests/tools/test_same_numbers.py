@@ -3,7 +3,7 @@
 import pytest
 
 import same_numbers
-from same_numbers import ELSEWHERE, PLAIN, ROOT, USUAL, apart, differences, settings
+from same_numbers import ELSEWHERE, PLAIN, ROOT, USUAL, apart, as_it_is, differences, settings
 
 DRAWING = '<b>one</b><svg><path id="p0123456789" d="M 1.5 {} L 3e-05 4"/></svg>'
 
@@ -68,6 +68,33 @@ def test_a_setting_reaches_the_arithmetic():
 def test_an_error_or_a_warning_of_a_page_stops_the_comparison():
     with pytest.raises(RuntimeError, match=r"nothing\.md: exit code 1"):
         apart({}, ROOT, ["nothing.md"])
+
+
+def test_what_is_put_in_from_outside_is_no_setting(monkeypatch):
+    """A kernel that a user chose for all programs is not taken for that of the machine."""
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Prescott")
+    as_it_is.cache_clear()
+    bare = as_it_is()
+    as_it_is.cache_clear()
+    monkeypatch.delenv("OPENBLAS_CORETYPE")
+    assert bare == as_it_is()
+    assert bare["core"] not in settings()
+
+
+@pytest.mark.parametrize(
+    ("page", "moved", "wrong"),
+    [("posteriors/own.md", 0.01, 0), ("posteriors/own.md", 0.1, 1), ("data.md", 0.01, 1)],
+)
+def test_drawings_of_draws_alone_may_move_by_what_nobody_sees(monkeypatch, page, moved, wrong):
+    def made_up(environment, root, pages):
+        away = moved * ("Prescott" in environment.values())
+        drawn = f'<svg><path d="M {1 + away:.3f} 2"/></svg>'
+        shown = {one: {"words": {}, "texts": [drawn if one == page else ""]} for one in pages}
+        return {"arithmetic": dict(environment), "pages": shown, "ledger": {}}
+
+    monkeypatch.setattr(same_numbers, "apart", made_up)
+    monkeypatch.setattr(same_numbers, "NEEDED", ())
+    assert same_numbers.compared() == wrong
 
 
 def test_a_difference_is_counted_and_printed(monkeypatch, capsys):

@@ -177,6 +177,7 @@ def write_files(
             (root / path).write_text(f"{XML}{svg}", encoding="utf-8")
         else:
             save(figure, root / path)
+            figure.set_layout_engine("none")  # what is laid out keeps its places
 
 
 def inline(shown: Vectors, name: str, alternative: str, below: str = "") -> str:
