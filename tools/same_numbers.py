@@ -89,13 +89,13 @@ def settings() -> dict[str, dict[str, str]]:
 def as_it_is() -> dict[str, Any]:
     """Return the arithmetic of a process into which nothing is put from outside."""
     code = "import json, same_numbers; print(json.dumps(same_numbers.arithmetic()))"
-    environment = {**kept(), "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT / 'tools'}"}
+    environment = {**bare(), "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT / 'tools'}"}
     told = subprocess.check_output([sys.executable, "-c", code], env=environment, text=True)
     found: dict[str, Any] = json.loads(told)
     return found
 
 
-def kept() -> dict[str, str]:
+def bare() -> dict[str, str]:
     """Return the environment without what a setting may change."""
     return {k: v for k, v in os.environ.items() if not k.startswith(CHANGED)}
 
@@ -140,7 +140,7 @@ def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[
     """Return what `computed` does in a process of its own, in a checkout at `root`."""
     process = subprocess.run(
         [sys.executable, str(root / "tools/same_numbers.py"), "--here", *pages],
-        env={**kept(), **environment, "PYTHONPATH": str(root / "src")},
+        env={**bare(), **environment, "PYTHONPATH": str(root / "src")},
         capture_output=True,
         encoding="utf-8",
         check=False,

@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
+from scipy import stats
 
 from reproduce.inference.model import Model
 from reproduce.inference.models.closed_form import registration_posterior
@@ -132,7 +132,7 @@ def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
     plain, free = (one.at_edge(counts) for one in designs(door).values())
     variance = np.trace(plain, axis1=1, axis2=2) / 2
     off = np.sum(left_out(door) ** 2) / variance
-    law = scipy.stats.ncx2(2, off)  # that of Rice, squared
+    law = stats.ncx2(2, off)  # that of Rice, squared
     found = [
         [np.sqrt(variance * law.ppf(share)) for share in ENDS],
         [circular_error(free, share) for share in ENDS],
@@ -249,7 +249,7 @@ def errors(door: Given) -> pd.DataFrame:
     green, red, _ = centroids(door)
     middle = pivot(door, "red")
     exact = registration_posterior(red, green, middle)
-    chi = scipy.stats.chi2.ppf(ENDS[::-1], exact.freedom)
+    chi = stats.chi2.ppf(ENDS[::-1], exact.freedom)
     noise = np.sqrt(exact.squares / chi)
     design, free = designs(door).values()
     scale = float(np.hypot(*exact.mean[:2]))

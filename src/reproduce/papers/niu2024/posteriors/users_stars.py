@@ -60,6 +60,7 @@ def plain(table: Table, pivot: Pivot) -> Model:
 
 def student(table: Table, pivot: Pivot) -> Model:
     """The same with Student-t noise, from a start that wrong matches do not move."""
+    _refuse_rounded(table)
     model = student_model(plain(table, pivot))
     likelihood = model.likelihood
     if isinstance(likelihood, PointwiseRegistration):
@@ -74,16 +75,21 @@ def mixture(table: Table, pivot: Pivot) -> Model:
             f"{table.path}: expected {FEW} or more stars, got {len(table.values)}; fewer do not "
             "tell a wrong match from noise: take registration, or add some"
         )
+    _refuse_rounded(table)
     return _turning(mixture_model(plain(table, pivot)), table)
 
 
-def _turning(model: Model, table: Table) -> Model:
-    """Any rotation, about that of the stars that agree: wrong matches may turn least squares."""
+def _refuse_rounded(table: Table) -> None:
+    """Refuse stars whose noise rounding hides: a density that may be as narrow has no bound."""
     if told := rounded(table.values):
         raise TableFileError(
             f"{table.path}: expected coordinates with more digits, got {told}: this model would "
             "take these for free of noise; take registration, or add digits"
         )
+
+
+def _turning(model: Model, table: Table) -> Model:
+    """Any rotation, about that of the stars that agree: wrong matches may turn least squares."""
     try:
         theta = float(model.likelihood.start()[0][1])
     except ValueError as error:  # stars in one place
