@@ -39,7 +39,7 @@ REPLICATES = {
     "registration-student": 2000,
     "table-5": 2000,
 }
-REDONE = 7
+REDONE = (1, 2, 7)
 STUDIES = list(posteriors())
 
 
@@ -161,12 +161,19 @@ def test_stored_calibrations(name):
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_stored_calibrations_are_those_of_the_present_models(name):
-    """One replicate redone: another prior, likelihood or sampler ranks otherwise."""
-    redone, failed, covered = replicate(posteriors()[name].model(), stored.SEED, REDONE)
-    found = stored.load(name)
-    assert np.abs(redone - found.ranks[REDONE]).max() <= 2
-    assert failed == found.failed[REDONE]
-    np.testing.assert_array_equal(covered, found.covered[REDONE])
+    """Replicates redone: another prior, likelihood or sampler ranks all of them otherwise.
+
+    In an ensemble rounding grows from step to step: on other processors one chain in dozens goes
+    another way at a narrow decision. So one of the three may rank otherwise.
+    """
+    found, model = stored.load(name), posteriors()[name].model()
+    same = []
+    for index in REDONE:
+        ranks, failed, covered = replicate(model, stored.SEED, index)
+        same.append(np.abs(ranks - found.ranks[index]).max() <= 2)
+        assert failed == found.failed[index]
+        np.testing.assert_array_equal(covered, found.covered[index])
+    assert sum(same) >= 2, same
 
 
 @pytest.mark.parametrize("name", STUDIES)

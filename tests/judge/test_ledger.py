@@ -12,6 +12,7 @@ from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Prediction, Reading, reproduces
 from reproduce.printed.cells import library
+from reproduce.views.writing.verdicts import joint_chance
 
 FIELDS = (
     "key cell printed unit role computed verdict flags tolerance share probability mcse why "
@@ -87,6 +88,17 @@ def test_stochastic_tables_get_a_joint_probability(whole):
         assert 0 < table.joint_probability <= 1
         assert table.expected_outside == pytest.approx(0.01 * table.cells)
         assert table.replicates >= 2000
+        beyond = [r for r in whole.of(table.key) if r.probability == 0]
+        assert table.beyond == len(beyond) <= table.outside
+    assert any(table.beyond for table in whole.tables)
+
+
+def test_a_joint_probability_is_a_bound_where_a_cell_lies_beyond_all_replicates(whole):
+    table = whole.table("niu2024/table-3")
+    assert joint_chance(table) == "below 1 in 2,000"
+    likelier = table.model_copy(update={"joint_probability": 0.03, "mcse": 0.004})
+    assert joint_chance(likelier) == "at most 0.030"
+    assert joint_chance(likelier.model_copy(update={"beyond": 0})) == "0.030"
 
 
 def test_what_repeats_another_cell_is_flagged(whole):

@@ -109,6 +109,9 @@ class TableRecord(_Frozen):
     key: str
     cells: int = Field(description="cells with a predicted distribution")
     outside: int = Field(description="of these, cells that differ")
+    beyond: int = Field(
+        description="of these, cells beyond every replicate: they make the joint one a bound"
+    )
     expected_outside: float = Field(description="cells expected to differ by chance alone")
     joint_probability: float = Field(
         description="how often a table simulated whole is at least as surprising"
@@ -330,6 +333,7 @@ def _joint(
         key=table.key,
         cells=len(cells),
         outside=sum(records[cell.name].verdict == "differs" for cell in cells),
+        beyond=sum(records[cell.name].probability == 0 for cell in cells),
         expected_outside=len(cells) * (1 - CENTRAL),
         joint_probability=probability,
         mcse=mcse,

@@ -475,6 +475,8 @@ def _middle(result: Result) -> float | None:
 
 
 def _shown(cell: Cell, result: Result) -> float | None:
+    if isinstance(result, Prediction):  # in the ledger's order, for the ledger's last bit
+        return float(np.median(result.draws / si_factor(cell.unit)))
     middle = _middle(result)
     return None if middle is None else middle / si_factor(cell.unit)
 

@@ -57,13 +57,15 @@ class Item(Shown):
         """What the text leaves open: one row for each alternative, the literal one first."""
         import pandas as pd
 
+        from reproduce.views.objects.words import Words
+
         rows = [
             (name, way, words_of)
             for name, ways in rerun.options(self.key).items()
             for way, words_of in ways.items()
         ]
         frame = pd.DataFrame(rows, columns=["option", "alternative", "what it stands for"])
-        return frame.set_index(["option", "alternative"])
+        return Words(frame.set_index(["option", "alternative"]))
 
     @property
     def title(self) -> str:

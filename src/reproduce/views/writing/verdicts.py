@@ -87,10 +87,11 @@ def probability(record: Record) -> str:
 
 
 def joint_chance(joint: TableRecord) -> str:
-    """Write the joint probability of a table."""
+    """Write the joint probability of a table: a bound where cells lie beyond every replicate."""
     if joint.joint_probability * (joint.replicates + 1) < 1.5:
         return f"below 1 in {joint.replicates:,}"
-    return chance(joint.joint_probability, joint.mcse)
+    bound = "at most " if joint.beyond else ""
+    return bound + chance(joint.joint_probability, joint.mcse)
 
 
 def read(record: Record, reading: ReadingRecord) -> str:
