@@ -44,6 +44,10 @@ NOISE = """() => {
     return copy?.textContent.match(/.{0,40}(\\d[eE][-−]1[3-9]|10⁻¹[⁵-⁹]).{0,20}/g) ?? [];
 }"""
 
+# pandas cuts long words in a notebook's table.
+CUT = """() => [...document.querySelectorAll('article td')]
+    .map(e => e.textContent.trim()).filter(text => text.endsWith('...'))"""
+
 
 @dataclass
 class Visit:
@@ -53,6 +57,7 @@ class Visit:
     requests: list[str] = field(default_factory=list)
     raw_mathematics: list[str] = field(default_factory=list)
     noise: list[str] = field(default_factory=list)
+    cut: list[str] = field(default_factory=list)
     shown_numbers: list[list[str]] = field(default_factory=list)
     referred_numbers: list[list[str]] = field(default_factory=list)
     overflowing: dict[int, list[str]] = field(default_factory=dict)
@@ -77,6 +82,7 @@ def read(page: Page, url: str, visit: Visit) -> None:
     page.evaluate(SETTLED)
     visit.raw_mathematics = page.evaluate(RAW_MATHEMATICS)
     visit.noise = page.evaluate(NOISE)
+    visit.cut = page.evaluate(CUT)
     visit.shown_numbers = page.evaluate(SHOWN_NUMBERS)
     visit.referred_numbers = page.evaluate(REFERRED_NUMBERS)
     visit.ids = set(page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)"))

@@ -38,6 +38,11 @@ def test_no_rounding_noise_is_shown_as_a_result(visits: dict[str, Visit], addres
 
 
 @each_page
+def test_no_cell_of_a_table_is_cut(visits: dict[str, Visit], address: str) -> None:
+    assert visits[address].cut == []
+
+
+@each_page
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_sticks_out_of_the_window(
     visits: dict[str, Visit], address: str, width: int
