@@ -30,9 +30,8 @@ from reproduce.views.cli import main
 from reproduce.views.objects.posterior import coverage_rows
 
 SMALL = 40
-# The main models have more replicates than the others; those that take seconds have fewer.
+# The main models have more replicates than the others.
 REPLICATES = {
-    "frame-averaging": 335,
     "misalignment": 2000,
     "registration": 2000,
     "registration-joint": 2000,
