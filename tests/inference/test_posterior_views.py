@@ -291,7 +291,7 @@ def test_facts_are_the_numbers_of_the_object():
             assert float(number) == pytest.approx(frame.loc[label, column], rel=0.06)
             assert unit == frame.loc[label, "unit"]
     replicates = calibrations.load("frame-averaging").replicates
-    assert found["posterior/frame-averaging#sbc-replicates"] == str(replicates)
+    assert found["posterior/frame-averaging#sbc-replicates"] == f"{replicates:,}"
     printed = posteriors()["frame-averaging"].repeats(book_posterior("frame-averaging"))[0]
     assert found["posterior/frame-averaging#printed-count"] == str(len(printed))
 

@@ -148,7 +148,7 @@ def _of_paper(name: str) -> dict[str, str]:
 
 
 def _of_evidence() -> dict[str, str]:
-    """Return the counts of planted slips, of two readings and of rounding residuals, by name."""
+    """Return what the studies of ourselves count, and how long pages take, by name."""
     planted = stored.table("planted-slips")
     seen = planted["relation"] | planted["verdict"]
     strict = planted["compared"] | planted["verdict"]
@@ -167,7 +167,13 @@ def _of_evidence() -> dict[str, str]:
         found[f"{name}-telling"] = str(row.telling)
         found[f"{name}-probability"] = f"{row.probability:.2f}"
         found[f"{name}-exact"] = str(row.exact)
-    return found
+    seconds = stored.table("page-times")["seconds"]
+    return found | {
+        "pages": str(len(seconds)),
+        "pages-quick": str((seconds < 10).sum()),
+        "pages-longest": f"{seconds.max():.0f}\u202fs",
+        "pages-all": f"{seconds.sum() / 60:.0f}\u202fmin",
+    }
 
 
 def _of_posterior(name: str) -> dict[str, str]:
