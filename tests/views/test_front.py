@@ -451,3 +451,11 @@ def test_cells_are_cited_by_their_own_address():
     assert "reproduce-niu2024-table-3-scale-red" in text
     assert r"Cell niu2024/table-3\#scale.red" in text
     assert "Item niu2024/table-3" in rp.cite("niu2024/table-3")
+
+
+def test_a_rerun_shows_no_empty_column():
+    counts = rp.table("niu2024/text-approximations").rerun({"niu2024/text-context#detectors": "4"})
+    assert counts.grid.head == ["cell", "printed", "from the print", "changed"]
+    assert list(counts.grid.rows[1]) == ["parameters", "8", "8", "12"]
+    drawn = rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.1 px"})
+    assert {"from", "to", "unit"} < set(drawn.grid.head)

@@ -150,12 +150,16 @@ class PrintedNumber:
     def format(self, value: float, extra: int = 0) -> str:
         """Return `value` written with as many decimals as the print, plus `extra`.
 
+        A count stays whole as long as its value is.
+
         Examples
         --------
         >>> PrintedNumber("5.7e-5").format(5.68e-5)
         '5.7e-5'
+        >>> PrintedNumber("8", exact=True).format(12, extra=1)
+        '12'
         """
-        places = self.exponent - extra
+        places = self.exponent - (0 if self.exact and float(value).is_integer() else extra)
         if abs(value) >= 10.0 ** (_MOST_DIGITS + min(places, 0)):
             return f"{value:.6g}"
         if "e" in self.text.lower():
