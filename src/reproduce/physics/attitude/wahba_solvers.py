@@ -252,7 +252,7 @@ def _take(rows: FloatArray, index: NDArray[np.intp]) -> FloatArray:
 def by_turning(
     target: FloatArray, source: FloatArray, share: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the best rotation by turning until the misses pull no more.
+    """Return the best rotation by turning until no torque of the misses is left.
 
     About an axis, the gain ``sum w t . A s`` is a constant plus h cos(phi) + tau sin(phi), with
     the torque tau = ``sum w A s x (t - A s)`` and the stiffness h along that axis, so its best

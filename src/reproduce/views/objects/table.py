@@ -388,14 +388,11 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
 
 
 def _joint_sentence(joint: TableRecord) -> str:
-    subject = "The one predicted cell"
-    if joint.cells > 1:
-        subject = f"All {joint.cells} predicted cells together"
     return (
-        f"{subject}: a table simulated whole is at least as "
-        f"surprising with probability {verdicts.joint_chance(joint)} "
-        f"({joint.replicates:,} replicates). {joint.outside} of them lie outside the central "
-        f"99 % of their prediction; {joint.expected_outside:.2g} would by chance."
+        f"Outside the central 99 % of the prediction lie {joint.outside} of {joint.cells} "
+        f"predicted cells; chance alone would put {joint.expected_outside:.2g} there. The "
+        "probability of a table as surprising as the printed one, or more, is "
+        f"{verdicts.joint_chance(joint)} ({joint.replicates:,} tables simulated)."
     )
 
 

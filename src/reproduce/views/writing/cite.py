@@ -16,7 +16,7 @@ from reproduce.views import keys
 __all__ = ["beside", "citation"]
 
 FORMATS = ("bibtex", "csl", "text")
-_DEVELOPERS = "The reproduce-pointing developers"
+DEVELOPERS = "The reproduce-pointing developers"
 # The fields of BibTeX that CSL calls otherwise.
 _CSL = {"journal": "container-title", "volume": "volume", "pages": "page", "number": "issue"}
 _CSL |= {"doi": "DOI", "note": "note"}
@@ -63,7 +63,7 @@ def _written(name: str, title: str, note: str, paper: str, form: str) -> str:
         "howpublished": software(),
         "note": note,
     }
-    ours = Entry("misc", fields=fields, persons={"author": [Person("{" + _DEVELOPERS + "}")]})
+    ours = Entry("misc", fields=fields, persons={"author": [Person("{" + DEVELOPERS + "}")]})
     entries = {name: ours, paper: _paper(paper)}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
