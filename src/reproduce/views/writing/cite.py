@@ -13,7 +13,7 @@ from reproduce.printed.cells import anchor
 from reproduce.version import RELEASED, __version__, software
 from reproduce.views import keys
 
-__all__ = ["beside", "citation"]
+__all__ = ["DEVELOPERS", "beside", "citation"]
 
 FORMATS = ("bibtex", "csl", "text")
 DEVELOPERS = "The reproduce-pointing developers"
