@@ -3,6 +3,7 @@
 The wheel is built from the sdist. In the empty environment, in a folder far from the checkout,
 `reproduce check` judges everything and one notebook of the book runs in its own kernel. Where the
 book is built, its archive is unpacked in another folder and installed by the very lines it gives.
+Last, the wheel is installed with the oldest packages that it allows.
 """
 
 from __future__ import annotations
@@ -60,6 +61,21 @@ def main() -> None:
         print(f"{PAGE.name}: {outputs} outputs")
         if (archive := ROOT / "book/_build/html" / ARCHIVE).is_file():
             check_archive(archive, folder)
+        # The oldest releases have wheels for the oldest Python alone.
+        if sys.version_info[:2] == (3, 11):
+            check_oldest(uv, wheel, folder)
+
+
+def check_oldest(uv: tuple[str, ...], wheel: Path, folder: Path) -> None:
+    """Install the wheel with the oldest packages that it allows, judge everything and sample."""
+    venv.create(folder / "oldest")
+    python = folder / "oldest" / "bin" / "python"
+    run(*uv, "pip", "install", "--quiet", "--python", python, "--resolution", "lowest-direct",
+        wheel, folder=folder)  # fmt: skip
+    reproduce = python.with_name("reproduce")
+    run(reproduce, "check", folder=folder)
+    run(reproduce, "show", "niu2024/instrument-errors", folder=folder)
+    run(reproduce, "posterior", "centroid-noise", folder=folder)
 
 
 def check_archive(archive: Path, folder: Path) -> None:
