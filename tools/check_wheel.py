@@ -70,8 +70,10 @@ def check_oldest(uv: tuple[str, ...], wheel: Path, folder: Path) -> None:
     """Install the wheel with the oldest packages that it allows, judge everything and sample."""
     venv.create(folder / "oldest")
     python = folder / "oldest" / "bin" / "python"
-    run(*uv, "pip", "install", "--quiet", "--python", python, "--resolution", "lowest-direct",
-        wheel, folder=folder)  # fmt: skip
+    install: tuple[str | Path, ...] = (*uv, "pip", "install", "--quiet", "--python", python)
+    # Lowest of what the project itself asks for; of what that asks for, the newest.
+    run(*install, "--resolution", "lowest-direct", "-r", ROOT / "pyproject.toml", folder=folder)
+    run(*install, "--no-deps", wheel, folder=folder)
     reproduce = python.with_name("reproduce")
     run(reproduce, "check", folder=folder)
     run(reproduce, "show", "niu2024/instrument-errors", folder=folder)
