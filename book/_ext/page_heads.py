@@ -57,7 +57,8 @@ def fill(
         "citation_author": DEVELOPERS,
         "citation_publication_date": RELEASED.replace("-", "/"),
     }
-    tags = Markup("").join(META.format(*one) for one in told.items() if one[1])
+    # As plain text: beside markup tags that are there already would be escaped.
+    tags = "".join(str(META.format(*one)) for one in told.items() if one[1])
     context["metatags"] = context.get("metatags", "") + tags
 
 
