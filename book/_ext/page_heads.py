@@ -6,6 +6,7 @@ Search engines show the description, and reference managers read the rest.
 from __future__ import annotations
 
 import textwrap
+from html import escape
 from typing import Any
 
 from docutils import nodes
@@ -13,7 +14,7 @@ from markupsafe import Markup
 from sphinx.application import Sphinx
 
 LONGEST = 300
-META = Markup('<meta name="{}" content="{}" />\n')
+META = '<meta name="{}" content="{}" />\n'
 
 
 def described(doctree: nodes.document) -> str:
@@ -57,8 +58,7 @@ def fill(
         "citation_author": DEVELOPERS,
         "citation_publication_date": RELEASED.replace("-", "/"),
     }
-    # As plain text: beside markup tags that are there already would be escaped.
-    tags = "".join(str(META.format(*one)) for one in told.items() if one[1])
+    tags = "".join(META.format(name, escape(text)) for name, text in told.items() if text)
     context["metatags"] = context.get("metatags", "") + tags
 
 

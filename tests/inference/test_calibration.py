@@ -273,6 +273,13 @@ def test_least_of_all_models_is_weighed_by_their_number():
     assert binomtest(int((np.array(chances) < 0.2).sum()), 60, 0.18).pvalue > 0.001
 
 
+def test_the_least_even_quantity_is_the_one_that_the_page_of_diagnostics_names():
+    found = stored.of_all()
+    least = min(found, key=lambda name: found[name].probabilities().min())
+    assert least == "table-5"
+    assert found[least].names[found[least].probabilities().argmin()] == "log-reference-scatter"
+
+
 def test_every_model_has_its_line_in_the_table_of_all():
     shown = pages.calibrations_of_all().text
     lines = re.findall(

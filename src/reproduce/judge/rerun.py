@@ -398,8 +398,9 @@ def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:
             (one.name, one.result, other.result)
             for one, other in zip(before.readings, after.readings, strict=True)
         ]
+    unit = si_factor(cell.unit)
     return [
-        ChangedCell(cell, _shown(cell, one), _shown(cell, other), _central(cell, other), reading)
+        ChangedCell(cell, _middle(one, unit), _middle(other, unit), _central(cell, other), reading)
         for reading, one, other in pairs
     ]
 
@@ -466,19 +467,13 @@ def _cell(address: str) -> Cell:
     return library()[key][name]
 
 
-def _middle(result: Result) -> float | None:
+def _middle(result: Result, unit: float = 1.0) -> float | None:
+    """Return the middle of a result in a unit, which is applied first, as the ledger does."""
     if isinstance(result, Prediction):
-        return float(np.median(result.draws))
+        return float(np.median(result.draws / unit))
     if isinstance(result, Blocked):
-        return result.stand_in
-    return float(result)
-
-
-def _shown(cell: Cell, result: Result) -> float | None:
-    if isinstance(result, Prediction):  # in the ledger's order, for the ledger's last bit
-        return float(np.median(result.draws / si_factor(cell.unit)))
-    middle = _middle(result)
-    return None if middle is None else middle / si_factor(cell.unit)
+        return None if result.stand_in is None else result.stand_in / unit
+    return float(result) / unit
 
 
 def _central(cell: Cell, result: Result) -> Interval | None:

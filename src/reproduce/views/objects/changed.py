@@ -108,7 +108,8 @@ class Changed(Display):
             name = f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
             rows.append((name, minus(one.cell.text), *digits, symbol(one.cell.unit)))
         # Deterministic cells have no ends, and pure numbers no unit.
-        filled = [i for i in range(len(head)) if not rows or any(row[i] for row in rows)]
+        spare = {"from", "to", "unit"}
+        filled = [i for i, h in enumerate(head) if h not in spare or any(row[i] for row in rows)]
         head, rows = [head[i] for i in filled], [tuple(row[i] for i in filled) for row in rows]
         return Grid(self._caption(), head, rows, whole=range(1, len(head)))
 
