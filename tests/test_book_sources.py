@@ -45,6 +45,15 @@ def test_no_number_is_typed_into_a_sentence(path):
     assert typed == [], "take the number from the ledger, with a role"
 
 
+@pytest.mark.parametrize("path", PAGES, ids=lambda p: p.relative_to(BOOK).as_posix())
+def test_what_agrees_in_substance_stands_beside_what_agrees_weakly(path):
+    text = path.read_text(encoding="utf-8")
+    strong, weak = (
+        set(re.findall(rf"\{{fact}}`(\S+) {kind}`", text)) for kind in ("strong", "weak")
+    )
+    assert strong == weak
+
+
 @pytest.mark.parametrize(
     "sentence", ["It is 0.0726 now.", "about 4 px", "44.6″", "12 arcsec off", "99 % of all", "5mm"]
 )

@@ -8,7 +8,7 @@ import pytest
 import reproduce as rp
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Column, Fact
-from reproduce.printed.cells import library
+from reproduce.printed.cells import PAPERS, library
 from reproduce.views.book import pages
 from reproduce.views.book.build import shipped, write_tables
 from reproduce.views.book.facts import facts_of
@@ -118,8 +118,26 @@ def test_facts_of_a_cell_an_item_and_a_paper():
     assert facts_of("niu2024/table-3")["joint"] == "below 1 in 2,000"
     everything = facts_of("all")
     assert everything["cells"] == "333"
-    judged = sum(int(everything[v]) for v in ("exact", "consistent", "differs"))
+    judged = sum(int(everything[v].split()[0]) for v in ("exact", "consistent", "differs"))
     assert int(everything["judged"]) == judged
+
+
+@pytest.mark.parametrize("name", ["all", *PAPERS, *library()])
+def test_no_count_of_agreement_stands_without_its_weak_part(name):
+    found = [
+        r
+        for r in whole_ledger().records
+        if name == "all" or r.cell.startswith((f"{name}#", f"{name}/"))
+    ]
+    said = facts_of(name)
+    for count, kinds in (("exact", {"exact"}), ("consistent", {"consistent"}),
+                         ("agree", {"exact", "consistent"})):  # fmt: skip
+        agreeing = [r for r in found if r.verdict in kinds]
+        weak = len([r for r in agreeing if set(r.flags) & set(verdicts.WEAK)])
+        share = "all" if weak == len(agreeing) else weak
+        told = f" ({share} of them weakly)" if weak else ""
+        assert said[count] == f"{len(agreeing)}{told}"
+    assert int(said["strong"]) + int(said["weak"]) == int(said["agree"].split()[0])
 
 
 @pytest.mark.parametrize("name", ["nobody1999", "niu2024/table-3#scale.green"])

@@ -17,6 +17,7 @@ import numpy as np
 from reproduce.judge.expected import erratum
 from reproduce.judge.ledger import Record
 from reproduce.judge.studies import studies
+from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
@@ -120,9 +121,7 @@ def _of_cell(record: Record) -> dict[str, str]:
 
 def _of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
-    counts = verdicts.tally(found.of(key))
-    said = {verdict: str(count) for verdict, count in counts.items()}
-    said["agree"] = str(counts["exact"] + counts["consistent"])
+    said = _agreement(found.of(key))
     said["results"] = str(sum(record.role == "result" for record in found.of(key)))
     if joint := found.table(key):
         said |= {"joint": verdicts.joint_chance(joint), "replicates": f"{joint.replicates:,}"}
@@ -131,20 +130,31 @@ def _of_item(key: str) -> dict[str, str]:
 
 def _of_paper(name: str) -> dict[str, str]:
     chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
-    by_verdict, firm = verdicts.tally(chosen), verdicts.strong(chosen)
+    by_verdict = verdicts.tally(chosen)
     counts = {
-        **by_verdict,
-        **{flag.replace("_", "-"): count for flag, count in verdicts.weak(chosen).items()},
-        "strong": firm,
-        "weak": by_verdict["exact"] + by_verdict["consistent"] - firm,
         "cells": len(chosen),
-        "agree": by_verdict["exact"] + by_verdict["consistent"],
         "unsettled": by_verdict["differs"] + by_verdict["blocked"],
         "open": sum(bool(r.readings) for r in chosen if r.verdict == "blocked"),
         "unpublished": sum(not r.readings for r in chosen if r.verdict == "blocked"),
         "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
     }
-    return {what: str(count) for what, count in counts.items()}
+    return _agreement(chosen) | {what: str(count) for what, count in counts.items()}
+
+
+def _agreement(records: tuple[Record, ...]) -> dict[str, str]:
+    """Count verdicts; what agrees never stands without the part of it that is weak."""
+    groups: dict[str, list[Record]] = {
+        verdict: [r for r in records if r.verdict == verdict] for verdict in VERDICTS
+    }
+    groups["agree"] = groups["exact"] + groups["consistent"]
+    said: dict[str, str] = {}
+    for name, found in groups.items():
+        weak = sum(map(verdicts.weak_agreement, found))
+        share = "all" if weak == len(found) else str(weak)
+        said[name] = f"{len(found)} ({share} of them weakly)" if weak else str(len(found))
+    said["strong"] = str(verdicts.strong(records))
+    said["weak"] = str(len(groups["agree"]) - verdicts.strong(records))
+    return said
 
 
 def _of_evidence() -> dict[str, str]:
