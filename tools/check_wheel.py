@@ -31,6 +31,12 @@ def run(*command: str | Path, folder: Path) -> None:
     subprocess.run([str(part) for part in command], cwd=folder, env=clean, check=True)
 
 
+def cite(python: Path, folder: Path) -> str:
+    """Return how a cell is cited where this Python has the package."""
+    command = (python, "-m", "reproduce", "cite", "niu2024/table-3", "--format", "text")
+    return subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout
+
+
 def main() -> None:
     """Build, install, check and run; a failing step stops with its own exit code."""
     uv = (sys.executable, "-m", "uv")
@@ -47,6 +53,9 @@ def main() -> None:
         run(*uv, "pip", "install", "--quiet", "--python", python,
             "--constraint", ROOT / "environment.txt", f"{wheel}[book]", folder=folder)  # fmt: skip
         run(python.with_name("reproduce"), "check", folder=folder)
+        cited = {cite(one, folder) for one in (Path(sys.executable), python)}
+        if len(cited) > 1:
+            sys.exit(f"expected the wheel to cite the commit of the checkout, got {sorted(cited)}")
         notebook = read_myst_markdown_notebook(PAGE.read_text(encoding="utf-8"))
         notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
         # Neither function of nbformat has types.

@@ -18,7 +18,13 @@ def software() -> str:
 
 @cache
 def commit(root: Path) -> str:
-    """Return the commit of a checkout, shortened; nothing elsewhere, or where files differ."""
+    """Return the commit of a checkout, shortened; nothing elsewhere, or where files differ.
+
+    A wheel carries that of the checkout that it was built from.
+    """
+    built = Path(__file__).with_name("_commit")
+    if built.is_file():
+        return built.read_text()
     if not (root / ".git").exists():
         return ""
     asked = ("status", "--porcelain", "--untracked-files=no"), ("rev-parse", "--short=10", "HEAD")
