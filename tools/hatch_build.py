@@ -1,4 +1,4 @@
-"""Build hook: put ``data/`` into wheels as ``reproduce/_data``, and the commit into wheel and sdist.
+"""Build hook: put ``data/`` into wheels as ``reproduce/_data``; wheel and sdist carry the commit.
 
 An editable install must not get the copies: they would stand beside the checkout
 and grow stale, so the inclusion cannot be a line of pyproject.toml.
