@@ -100,7 +100,7 @@ def test_users_spots_take_the_place_of_ours(tmp_path):
         (["posterior"], "name a model"),
         (["posterior", "tabel-5"], "did you mean table-5"),
         (["posterior", "centroid-noise", "--data", __file__], "centroid-noise takes no file"),
-        (["posterior", "registration", "--data", __file__], "line 1, column 1: unknown column"),
+        (["posterior", "registration", "--data", __file__], "line 1: missing column x, y, x_ref"),
         (["posterior", "registration", "--resume"], "--resume needs --out"),
         (["calibrate", "nothing"], "unknown model"),
     ],

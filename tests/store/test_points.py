@@ -25,7 +25,7 @@ def test_columns_in_any_order_with_comments(tmp_path):
     [
         ("", "got an empty file"),
         ("x,y\n", "lines of numbers below"),
-        ("x,z\n1,2\n", r"line 1, column 2: unknown column 'z'"),
+        ("x,z\n1,2\n", r"line 1: missing column y; expected x, y, got 'x', 'z'"),
         ("x,x\n1,2\n", r"line 1, column 2: 'x' is named twice"),
         ("x\n1\n", "line 1: missing column y"),
         ("x,y\n1,2\n3\n", "line 3: expected 2 values, got 1"),

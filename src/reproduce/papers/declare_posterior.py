@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from reproduce.inference.checks import Bounded, Published, Repeat, Share, bounded, repeats
 from reproduce.inference.evidence import Compared, compared
@@ -31,6 +32,8 @@ __all__ = [
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
 STEPS = 270
+# Columns of which a fit makes use, but no posterior.
+UNUSED = ("sigma", "sigma_x", "sigma_y", "weight")
 
 
 @dataclass(frozen=True)
@@ -57,12 +60,14 @@ class Supplied:
 
     - `model`: with priors on the scale of the data.
     - `lines`: the line of each row of data in the file.
+    - `source`: what the data come from.
     - `sha256`: of the file.
     - `remarks`: what a user should hear of the data.
     """
 
     model: Model
-    lines: tuple[int, ...]
+    lines: NDArray[np.int64]
+    source: str
     sha256: str
     remarks: tuple[str, ...]
 
@@ -158,7 +163,7 @@ class Declaration:
             warmup=max(100, steps // 4),
         )
 
-    def from_file(self, path: Path, pivot: Pivot = None) -> Supplied:
+    def from_file(self, path: str | Path, pivot: Pivot = None) -> Supplied:
         """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
 
         The priors of what is measured come from the scale of the data. What the data do not
@@ -170,11 +175,11 @@ class Declaration:
         if pivot is not None and not file.pivot:
             raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
         with computing(path):
-            table = read_table(path, file.columns)
+            table = read_table(path, file.columns, UNUSED)
             model = file.read(table, pivot)
             remarks = file.remarks(table, pivot) if file.remarks else []
-        digest = sha256(path.read_bytes()).hexdigest()
-        return Supplied(model, table.lines, digest, tuple(remarks))
+        remarks += [*table.notes, *(f"this model takes no column {one}" for one in table.optional)]
+        return Supplied(model, table.lines, table.path, table.sha256, tuple(remarks))
 
     def printed(self, model: Model) -> Published | None:
         """Return what the paper prints of the experiment, with how to repeat it."""

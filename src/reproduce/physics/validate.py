@@ -112,6 +112,8 @@ def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
 
 def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
     """Return what `finite_array` does, but let NaN and infinity pass."""
+    if type(value) is not np.ndarray:
+        _refuse_metadata(name, value)
     try:
         raw = np.asarray(value)
     except ValueError:
@@ -146,6 +148,22 @@ def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
             "check what was selected before this call"
         )
     return array
+
+
+def _refuse_metadata(name: str, value: object) -> None:
+    """Refuse what `numpy.asarray` would drop in silence: a mask, and a unit."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        masked = int(np.ma.getmaskarray(value).sum())
+        raise ValueError(
+            f"{name}: expected an array without a mask, got {masked} masked entries; leave "
+            "these rows out first"
+        )
+    unit = getattr(value, "units", getattr(value, "unit", None))
+    if unit is not None and hasattr(value, "to"):
+        raise TypeError(
+            f"{name}: expected plain numbers, got a quantity in {str(unit) or 'no unit'}; convert "
+            "it to the unit of the docstring and pass its magnitude"
+        )
 
 
 def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:

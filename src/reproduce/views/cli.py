@@ -20,6 +20,7 @@ from reproduce.views.cli_posteriors import (
     _JSON,
     _PIVOT,
     _SEED,
+    DATA,
     Spoken,
     bar,
     calibrate,
@@ -206,7 +207,7 @@ def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path 
 
 
 @main.command(cls=Spoken)
-@click.argument("file", type=_FILE)
+@click.argument("file", type=DATA)
 @_PIVOT
 @click.option("--model", type=click.Choice(list(MODELS)), default="similarity", show_default=True)
 @click.option("--robust", is_flag=True, help="Guard against wrong matches.")
@@ -214,9 +215,11 @@ def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path 
 def register(file: Path, as_json: bool, **settings: Any) -> None:
     """Fit the transform that lays your own stars on the same stars of another image.
 
-    FILE is a CSV, one star per line, in px, with the columns x, y (the source) and x_reference,
-    y_reference (the target). The shift is where the pivot was minus where it lands; the pivot is
-    the mean of the source stars unless --pivot says another.
+    FILE is a CSV, or - for standard input: one star per line, in px, with the columns x, y (the
+    source) and x_reference, y_reference (the target), in any order and case. The columns sigma (px,
+    one coordinate of the difference; or sigma_x, sigma_y), weight and mask (1 drops the line) are
+    used where there are some, and others are passed over. The shift is where the pivot was minus
+    where it lands; the pivot is the mean of the source stars unless --pivot says another.
     """
     try:
         found = front.register(file, **settings)

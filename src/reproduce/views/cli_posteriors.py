@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from reproduce.inference.parts import Progress
 
-__all__ = ["Spoken", "bar", "calibrate", "pairs", "posterior"]
+__all__ = ["DATA", "Spoken", "bar", "calibrate", "pairs", "posterior"]
 
 
 class Spoken(click.Command):
@@ -64,6 +64,7 @@ class RefusedError(click.ClickException):
         self.record = record
 
 
+DATA = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
 _SEED = click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
 _PIVOT = click.option(
@@ -82,8 +83,8 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
 )
 @click.option(
     "--data",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Your own CSV in place of ours; --list names its columns.",
+    type=DATA,
+    help="Your own CSV in place of ours, or - for standard input; --list names its columns.",
 )
 @_PIVOT
 @click.option(

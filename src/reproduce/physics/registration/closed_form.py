@@ -216,7 +216,7 @@ def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> _Solutio
 def _complex(
     name: str, points: ArrayLike
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]] | None:
-    array = points if isinstance(points, np.ndarray) else number_array(name, points)
+    array = points if type(points) is np.ndarray else number_array(name, points)
     if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != 2 or len(array) < 2:
         return None
     if not array.flags.c_contiguous:

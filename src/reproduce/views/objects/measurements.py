@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,12 +19,18 @@ from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
 from reproduce.papers.chen2023.posteriors.users_spots import COLUMNS, from_table, moving
 from reproduce.papers.niu2024.posteriors import users_stars
 from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
-from reproduce.physics.registration.closed_form import paired_points
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.registration.transforms import UNITS
 from reproduce.printed.given import given
 from reproduce.store.points import Table as StarTable
-from reproduce.store.points import computing, read_table
+from reproduce.store.points import (
+    TableFileError,
+    computing,
+    is_table,
+    measured,
+    read_table,
+    table_of,
+)
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.objects.base import text_of
 from reproduce.views.objects.posterior import moments
@@ -42,6 +47,8 @@ FloatArray = NDArray[np.float64]
 ROUNDING = 12
 # Models of which a star that fits no similarity is a wrong match.
 ROUND = ("rigid", "similarity")
+# What a table may say of each star beside its places: standard deviations in px, a weight.
+SIDES = ("sigma", "sigma_x", "sigma_y", "weight")
 
 
 class _Measured(Display):
@@ -100,28 +107,19 @@ class Registered(_Measured):
         **settings: Any,
     ) -> None:
         self._given = {"source": source, "target": target, "pivot": pivot, **settings}
-        table = None
-        if isinstance(source, str | Path):
-            if target is not None:
-                raise ValueError("target: expected nothing beside a file, which holds both images")
-            table = read_table(Path(source), users_stars.COLUMNS)
-            source, target, pivot = users_stars.from_table(table, pivot)
-        elif target is None:
-            raise ValueError("target: expected the stars of the other image, or a file of both")
-        source, target = paired_points(source, target)
-        with computing(table.path) if table else nullcontext():
+        table, settings = _stars(source, target, settings)
+        # Arrays are C-contiguous for the quick path of the fit.
+        source, target = (table.values[:, i : i + 2].copy() for i in (0, 2))
+        if pivot is not None:
+            pivot = users_stars.from_table(table, pivot)[2]
+        with computing(table.path):
             middle = source.mean(axis=-2) if pivot is None else pivot
             self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
-            if self.fit.parameters.ndim > 1:
-                raise ValueError(
-                    f"source: expected one set of stars, shape (n, 2), got {source.shape}; "
-                    "fit_registration takes many at once"
-                )
             exact = not self.fit.errors_known and fits_exactly(self.fit, source, target)
             errors = self.fit.standard_errors
             self._errors: FloatArray = np.full_like(errors, np.nan) if exact else errors
             self.remarks = users_stars.unlike_pixels(source, self.fit.transform.pivot)
-            self.remarks += self._of_file(table) if table else []
+            self.remarks += [*table.notes, *self._of_table(table)]
         self.model, self.transform = str(self.fit.model), self.fit.transform
         self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
         if self.fit.degrees_of_freedom <= 0 and not self.fit.errors_known:
@@ -134,8 +132,8 @@ class Registered(_Measured):
             f"({x:.6g}, {y:.6g}) px"
         )
 
-    def _of_file(self, table: StarTable) -> list[str]:
-        """What is to be said of the lines of a file."""
+    def _of_table(self, table: StarTable) -> list[str]:
+        """What is to be said of the rows."""
         found = users_stars.repeated(table)
         if self._given.get("robust"):
             return found + users_stars.dropped(table, np.asarray(self.fit.weights))
@@ -204,6 +202,76 @@ class Registered(_Measured):
         return Registered(**{**self._given, **settings})
 
 
+def _stars(
+    source: Any, target: ArrayLike | None, settings: dict[str, Any]
+) -> tuple[StarTable, dict[str, Any]]:
+    """Read both images, and turn columns of sigma and weight into settings of the fit."""
+    if is_table(source) and target is None:
+        table = read_table(source, users_stars.COLUMNS, SIDES)
+        return table, settings | _known(table, settings)
+    if isinstance(source, str | Path):
+        raise ValueError("target: expected nothing beside a file, which holds both images")
+    if target is None:
+        raise ValueError("target: expected the stars of the other image, or a file of both")
+    points = {"source": source, "target": target}
+    for name, one in points.items():
+        if is_table(one) and len(one.columns) != 2:
+            raise ValueError(f"{name}: expected the columns x and y, got {len(one.columns)}; "
+                             "choose two, x before y")  # fmt: skip
+    table = table_of(users_stars.COLUMNS, *points.items())
+    if table.notes:  # what is given of each star goes with it
+        sizes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
+        for name, axes in sizes.items():
+            value = settings.get(name)
+            if value is not None and np.ndim(value) == axes:
+                settings = settings | {name: np.asarray(value)[table.lines]}
+    return table, settings
+
+
+def _known(table: StarTable, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return weights and the covariance of the target that the columns of a table give."""
+    found: dict[str, Any] = {}
+    given = table.optional
+    if "weight" in given:
+        found["weights"] = given["weight"]
+    axes = [next((one for one in (f"sigma_{axis}", "sigma") if one in given), "") for axis in "xy"]
+    if any(axes):
+        if not all(axes):
+            raise TableFileError(f"{table.path}: expected sigma, or both sigma_x and sigma_y")
+        for name in axes:
+            for row in np.flatnonzero(given[name] <= 0)[:1].tolist():
+                raise table.wrong(row, name, "expected a standard deviation above zero")
+        found["target_covariance"] = np.stack([given[name] for name in axes], axis=-1)[
+            ..., None
+        ] ** 2 * np.eye(2)
+    for name in found:
+        if settings.get(name) is not None:
+            raise ValueError(f"{name}: expected none beside a column of the table; leave one out")
+    return found
+
+
+def _images(spots: Any, zero: ArrayLike | None) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Read the images at the zero point and at the present, and say which are left out."""
+    if is_table(spots) and zero is None:
+        table = read_table(spots, COLUMNS)
+        before, now = from_table(table)
+        return before, now, list(table.notes)
+    if isinstance(spots, str | Path):
+        raise ValueError("zero: expected nothing beside a file, which holds both groups")
+    if zero is None:
+        raise ValueError("zero: expected the images at the zero point, or a file of both")
+    names, kept, notes = ("zero", "spots"), [], []
+    for name, (images, mask) in zip(names, measured(("zero", zero), ("spots", spots)), strict=True):
+        lost = np.asarray(mask.any(axis=tuple(range(1, mask.ndim))))
+        if lost.all():
+            raise ValueError(f"{name}: expected images that are not masked, got all masked")
+        if lost.any():
+            notes.append(f"{lost.sum()} of {len(lost)} images of {name} have a masked spot and are "
+                         "left out")  # fmt: skip
+        kept.append(images[~lost])
+    return kept[0], kept[1], notes
+
+
 class Monitored(_Measured):
     """The misalignment of a user's own camera, image by image.
 
@@ -223,19 +291,12 @@ class Monitored(_Measured):
         refuse_strays("the instrument", self.changes, self.reads)
         values = {a: in_si(door.cells[a], text) for a, text in self.changes.items()}
         design = platform(door.changed(values))
-        if isinstance(spots, str | Path):
-            if zero is not None:
-                raise ValueError("zero: expected nothing beside a file, which holds both groups")
-            before, now = from_table(read_table(Path(spots), COLUMNS))
-        else:
-            if zero is None:
-                raise ValueError("zero: expected the images at the zero point, or a file of both")
-            before, now = (np.asarray(one, dtype=float) for one in (zero, spots))
+        before, now, notes = _images(spots, zero)
         design = replace(design, spots=before.mean(axis=0))
         tracker = (design.principal_point, design.pixel_pitch, design.tracker_focal_length)
         instrument = (design.lasers, design.camera_focal_length, tracker)
         self.angles: FloatArray = monitored_angles(before, now, *instrument)
-        self.remarks = moving({0: before, 1: now})
+        self.remarks = [*moving({0: before, 1: now}), *notes]
         self._mean = mean_misalignment(self.angles, monitored_angles(before, before, *instrument))
         self.title = f"misalignment in {len(self.angles)} images since the zero point"
 

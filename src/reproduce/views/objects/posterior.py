@@ -152,7 +152,7 @@ class Posterior(Shown):
 
     @cached_property
     def _supplied(self) -> Supplied | None:
-        return self.declared.from_file(Path(self.data), self.pivot) if self.data else None
+        return self.declared.from_file(self.data, self.pivot) if self.data else None
 
     @cached_property
     def model(self) -> Model:
@@ -210,7 +210,7 @@ class Posterior(Shown):
         data: dict[str, Any] = {"kind": "simulated" if declared.simulated else "printed"}
         data |= {"paper": declared.paper} | ({"truth": self.truth} if declared.simulated else {})
         if given:
-            data = {"kind": "file", "file": str(self.data), "rows": len(given.lines)}
+            data = {"kind": "file", "file": given.source, "rows": len(given.lines)}
         data["sha256"] = given.sha256 if given else declared.sha256()
         pivots = [one.tolist() for one in getattr(self.model.likelihood, "pivots", ())]
         return data | ({"pivot": pivots} if pivots else {})

@@ -129,9 +129,9 @@ def _images(table: Table, count: int) -> list[FloatArray]:
         if len(set(lengths)) != 1 or lengths[0] < 3:
             last = int(np.flatnonzero(table.column("group") == one)[-1]) if len(spots) else -1
             raise TableFileError(
-                f"{table.path}, line {table.lines[last]}, column {table.positions[1]} (laser): "
-                f"expected as many lines for each laser from 1 to {count} in group {one}, three "
-                f"or more, got {lengths} by here; add or remove lines"
+                f"{table.at(last, 'laser')}: expected as many {table.kind}s for each laser "
+                f"from 1 to {count} in group {one}, three or more, got {lengths} by here; add or "
+                "remove some"
             )
         images.append(np.stack(lasers, axis=1))
     return images

@@ -79,7 +79,7 @@ def stage_table(table: Table, pivot: object) -> Model:
         if table.column(column)[0] != 0:
             raise table.wrong(0, column, "expected zero in the first line: the zero state")
     angles = table.values[1:, 2:] / ARCSEC_PER_RADIAN
-    digit = table.last_digit(STAGE_COLUMNS[2:], range(1, len(table.texts)))
+    digit = table.last_digit(STAGE_COLUMNS[2:], range(1, len(table.values)))
     _checked_digit(table, digit)
     reference = _reference(table, table.values[:, :2] * 1e-6, angles[:, [0, 2]],
                            table.last_digit(STAGE_COLUMNS[:2]) * 1e-6,
@@ -109,7 +109,7 @@ def _reference(
 ) -> ReferenceAngles:
     if len(positions) < LEAST_STATES or len(positions) != len(angles) + 1:
         raise TableFileError(
-            f"{table.path}, line {table.lines[-1]}: expected the zero state and two or more moved "
+            f"{table.path}, {table.named([-1])}: expected the zero state and two or more moved "
             f"ones, each with its angles, got {len(positions)} positions and {len(angles)} lines "
             "of angles"
         )

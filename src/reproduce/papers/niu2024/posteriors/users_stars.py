@@ -183,8 +183,8 @@ def repeated(table: Table) -> list[str]:
     if not again:
         return []
     return [
-        f"{len(again)} of {len(table.values)} lines repeat an earlier one "
-        f"({_lines(table, again)}): each counts as a star of its own"
+        f"{len(again)} of {len(table.values)} {table.kind}s repeat an earlier one "
+        f"({table.named(again)}): each counts as a star of its own"
     ]
 
 
@@ -200,7 +200,7 @@ def mismatched(table: Table, pivot: FloatArray, remedy: str, channel: int = 0) -
         return []
     return [
         f"{len(fit.suspects)} of {len(target)} stars do not fit the others "
-        f"({_lines(table, fit.suspects.tolist())}; up to {fit.off[fit.suspects[0]]:.3g} standard "
+        f"({table.named(fit.suspects)}; up to {fit.off[fit.suspects[0]]:.3g} standard "
         f"deviations off): wrong matches? {remedy}"
     ]
 
@@ -228,7 +228,7 @@ def dropped(table: Table, weights: FloatArray) -> list[str]:
     rows = np.flatnonzero(weights == 0).tolist()
     if not rows:
         return []
-    return [f"{len(rows)} of {len(weights)} stars count for nothing ({_lines(table, rows)})"]
+    return [f"{len(rows)} of {len(weights)} stars count for nothing ({table.named(rows)})"]
 
 
 def unlike_pixels(points: FloatArray, pivot: FloatArray) -> list[str]:
@@ -240,11 +240,6 @@ def unlike_pixels(points: FloatArray, pivot: FloatArray) -> list[str]:
     if far or field < SMALL:
         return [f"the stars span {field:.4g}{far} (are these pixels?)"]
     return []
-
-
-def _lines(table: Table, rows: list[int]) -> str:
-    shown = ", ".join(str(table.lines[row]) for row in rows[:5])
-    return f"line{'s' if len(rows) > 1 else ''} {shown}{', ...' if len(rows) > 5 else ''}"
 
 
 def _share(table: Table) -> float:
