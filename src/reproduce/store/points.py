@@ -43,7 +43,7 @@ LARGEST = 1e30
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 MASK = "mask"
 MASKED = {"": False, "0": False, "0.0": False, "false": False, "1": True, "1.0": True, "true": True}
-PIXELS = ("px", "pix", "pixel", "pixels")
+PIXELS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is what Pint calls px
 # So many rows are named in one remark, and so many columns in one error.
 NAMED, LISTED = 5, 12
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -486,7 +486,8 @@ class _TextFile:
         import pandas as pd
 
         first, last = self.lines[0], len(self.names) - 1
-        passed = np.setdiff1d(np.arange(first, self.lines[-1]), self.lines) - first
+        between = np.arange(first, self.lines[-1])
+        passed = np.setdiff1d(between, self.lines, assume_unique=True) - first
         # Exact by default from pandas 3.1 on, which no longer takes the word.
         old = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
         exact: dict[str, Any] = {"float_precision": "round_trip"} if old else {}

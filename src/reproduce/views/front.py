@@ -20,6 +20,7 @@ from reproduce.views.objects.table import Cell, Table
 from reproduce.views.writing.cite import citation
 
 if TYPE_CHECKING:
+    import pandas as pd
     from numpy.typing import ArrayLike
 
     from reproduce.inference.priors import Prior
@@ -175,7 +176,7 @@ def contradictions(
 
 
 def register(
-    source: str | Path | ArrayLike,
+    source: str | Path | pd.DataFrame | ArrayLike,
     target: ArrayLike | None = None,
     pivot: ArrayLike | None = None,
     *,
@@ -190,8 +191,13 @@ def register(
     Parameters
     ----------
     source : path or array_like, shape (n, 2)
-        Stars in px, x before y; or a CSV file of both images, one star per line, with the columns
-        ``x``, ``y`` (source), ``x_reference``, ``y_reference`` (target).
+        Stars in px, x before y; or both images at once, one star per row, as a DataFrame or a CSV
+        file ("-" is standard input) with the columns ``x``, ``y`` (source), ``x_reference``,
+        ``y_reference`` (target). Of further columns ``sigma`` (or ``sigma_x``, ``sigma_y``), the
+        standard deviation in px of one coordinate of the difference, gives the covariance of the
+        target; ``weight`` gives the weights, and ``mask`` drops a star where it is 1. A star that
+        is masked in an array is left out; units other than px are refused. Remarks name lines of
+        a file from one, rows of arrays and DataFrames from zero.
     target : array_like, shape (n, 2)
         The same stars in the other image, in px, where `source` is an array.
     pivot : array_like, shape (2,), optional
@@ -239,7 +245,7 @@ def register(
 
 
 def misalignment(
-    spots: str | Path | ArrayLike,
+    spots: str | Path | pd.DataFrame | ArrayLike,
     zero: ArrayLike | None = None,
     changes: Mapping[str, str | float] | None = None,
 ) -> Monitored:
@@ -248,8 +254,10 @@ def misalignment(
     Parameters
     ----------
     spots : path or array_like, shape (frames, lasers, 2)
-        Images at the present, in px; or a CSV file of both groups, with the columns ``group``
-        (0 at the zero point, 1 at the present), ``laser``, ``x``, ``y``.
+        Images at the present, in px; or both groups as a DataFrame or a CSV file ("-" is standard
+        input), one spot per row, with the columns ``group`` (0 at the zero point, 1 at the
+        present), ``laser``, ``x``, ``y``, and ``mask`` if wanted (1 drops a row). An image with a
+        spot that is masked in an array is left out.
     zero : array_like, shape (frames, lasers, 2), optional
         Images at the zero point, where `spots` is an array.
     changes : mapping, optional
