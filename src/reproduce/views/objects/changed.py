@@ -83,9 +83,10 @@ class Changed(Display):
             told += " From and to: the central 99 % of the prediction."
         if joint := self.result.joint:
             told += (
-                f" The table as a whole: probability {joint_chance(joint)}; "
-                f"{joint.outside} of {joint.cells} cells outside, "
-                f"{joint.expected_outside:.1f} expected by chance."
+                f" Under this reading all {joint.cells} cells are judged together: probability "
+                f"{joint_chance(joint)} in {joint.replicates:,} replicates, {joint.outside} of them "
+                f"outside, {joint.expected_outside:.1f} expected by chance. The table's own joint "
+                "probability counts only the cells that no reading decides."
             )
         return told
 
