@@ -165,7 +165,7 @@ def test_excel_says_its_separator_and_savetxt_comments_its_names(tmp_path):
 
 def test_masks_and_units_of_arrays_are_honoured_or_refused():
     source, target = STARS.to_numpy()[:, :2], STARS.to_numpy()[:, 2:]
-    masked = np.ma.array(source, mask=False)
+    masked = np.ma.array(source.copy(), mask=False)  # contiguous, for the quick path
     masked[2, 0] = np.ma.masked
     kept = rp.register(masked, target, weights=np.arange(30.0))
     wanted = rp.register(np.delete(source, 2, 0), np.delete(target, 2, 0),

@@ -423,8 +423,6 @@ class _TextFile:
             above = self.line(int(before[0])).lstrip("#")
             if set(self.columns) <= set(map(_plain, re.split(r"[,;\t ]+", above.strip()))):
                 head, lines = int(before[0]), numbers
-        if said and said[1] in SEPARATORS:
-            return head, lines, said[1]
         names = self.line(head).lstrip("#")[:100_000]
         known = {one: len({*self.columns} & {*map(_plain, names.split(one))}) for one in SEPARATORS}
         known[" "] = len({*self.columns} & {*map(_plain, names.split())})
@@ -507,8 +505,7 @@ class _TextFile:
         # A line that ends early lacks its last value.
         if len(frame) != len(self.lines) or frame[last].isna().any():
             return None
-        values = frame[order].to_numpy(np.float64)
-        return values if (np.abs(values) < LARGEST).all() else None
+        return frame[order].to_numpy(np.float64)
 
     def _walked(
         self, columns: Sequence[str], order: list[int]
