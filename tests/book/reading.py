@@ -8,6 +8,7 @@ from playwright.sync_api import Page
 
 HTML = Path(__file__).resolve().parents[2] / "book" / "_build" / "html"
 PHONE = {"width": 390, "height": 844}
+SHEET = {"width": 718, "height": 1047}  # A4 within margins of 1 cm
 DESKTOP = {"width": 1280, "height": 900}
 SETTLED = "() => window.MathJax?.startup?.promise.then(() => true) ?? true"
 # MathJax draws a macro that it does not know in red.
@@ -44,6 +45,12 @@ NOISE = """() => {
     return copy?.textContent.match(/.{0,40}(\\d[eE][-−]1[3-9]|10⁻¹[⁵-⁹]).{0,20}/g) ?? [];
 }"""
 
+# Tables that a sheet of paper would cut, or that it hides.
+CUT_IN_PRINT = """() => [...document.querySelectorAll('article table')]
+    .filter(e => !e.closest('.rp-bar'))
+    .filter(e => !e.checkVisibility({contentVisibilityAuto: true}) || e.getBoundingClientRect().right > innerWidth)
+    .map(e => e.id || e.className)"""
+
 # pandas cuts long words in a notebook's table.
 CUT = """() => [...document.querySelectorAll('article td')]
     .map(e => e.textContent.trim()).filter(text => text.endsWith('...'))"""
@@ -58,6 +65,7 @@ class Visit:
     raw_mathematics: list[str] = field(default_factory=list)
     noise: list[str] = field(default_factory=list)
     cut: list[str] = field(default_factory=list)
+    cut_in_print: list[str] = field(default_factory=list)
     shown_numbers: list[list[str]] = field(default_factory=list)
     referred_numbers: list[list[str]] = field(default_factory=list)
     overflowing: dict[int, list[str]] = field(default_factory=dict)
@@ -93,4 +101,8 @@ def read(page: Page, url: str, visit: Visit) -> None:
     for size in (PHONE, DESKTOP):
         page.set_viewport_size(size)
         visit.overflowing[size["width"]] = page.evaluate(OVERFLOWING)
+    page.set_viewport_size(SHEET)
+    page.emulate_media(media="print")
+    visit.cut_in_print = page.evaluate(CUT_IN_PRINT)
+    page.emulate_media(media="screen")
     page.set_viewport_size(PHONE)

@@ -43,6 +43,11 @@ def test_no_cell_of_a_table_is_cut(visits: dict[str, Visit], address: str) -> No
 
 
 @each_page
+def test_print_loses_no_table(visits: dict[str, Visit], address: str) -> None:
+    assert visits[address].cut_in_print == []
+
+
+@each_page
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_sticks_out_of_the_window(
     visits: dict[str, Visit], address: str, width: int
