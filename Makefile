@@ -26,8 +26,9 @@ help:  ## this list
 book: $(STAMP)  ## build the book and say where it is
 	@$(PY) tools/build_book.py
 
-lab: book  ## open JupyterLab on the notebooks of the book
-	@$(PY) -m jupyter lab book/_build/notebooks
+lab: book  ## open JupyterLab on a copy of the book's notebooks, in lab/, which no build overwrites
+	@mkdir -p lab && cp -Rn book/_build/notebooks/. lab
+	@$(PY) -m jupyter lab lab
 
 PARALLEL = --numprocesses auto --maxprocesses 4 --dist worksteal --benchmark-disable
 

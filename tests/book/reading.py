@@ -48,7 +48,8 @@ NOISE = """() => {
 # Tables that a sheet of paper would cut, or that it hides.
 CUT_IN_PRINT = """() => [...document.querySelectorAll('article table')]
     .filter(e => !e.closest('.rp-bar'))
-    .filter(e => !e.checkVisibility({contentVisibilityAuto: true}) || e.getBoundingClientRect().right > innerWidth)
+    .filter(e => !e.checkVisibility({contentVisibilityAuto: true})
+        || e.getBoundingClientRect().right > innerWidth)
     .map(e => e.id || e.className)"""
 
 # pandas cuts long words in a notebook's table.

@@ -298,7 +298,9 @@ def test_facts_are_the_numbers_of_the_object():
 
 def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path, monkeypatch):
     alone, repeated = book_posterior("frame-averaging"), book_repeats("frame-averaging")
-    (tmp_path / "of other files").mkdir()
+    old = tmp_path / ("0" * 64)
+    old.mkdir()
+    (old / computed.MARKER).touch()
     monkeypatch.setenv(computed.FOLDER, str(tmp_path))
     for cached in (computed.kept, book_posterior):
         cached.cache_clear()

@@ -1,7 +1,7 @@
 """What a build of the book computes once and keeps for its pages, and what that depends on.
 
 The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is kept, and every
-page and every reader computes anew.
+page and every reader computes anew. What else lies in that folder is never touched.
 """
 
 from __future__ import annotations
@@ -9,11 +9,16 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import platform
+import re
 import shutil
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
+
+import numpy as np
+import scipy
 
 from reproduce.audit.report import Audit, audit_paper
 from reproduce.judge import ledger
@@ -23,15 +28,18 @@ from reproduce.locate import data_folder
 __all__ = ["FOLDER", "fingerprint", "item_ledger", "kept", "once", "paper_audit", "whole_ledger"]
 
 FOLDER = "REPRODUCE_BUILD"
+# Lies in every folder that we made; without it none is removed.
+MARKER = "made-by-reproduce-pointing"
 Result = TypeVar("Result")
 
 
 def fingerprint() -> str:
-    """Return a hash of what all numbers depend on: the package's own files, the data, the lock."""
+    """Return a hash of what all numbers depend on: our files, the data, the lock, the versions."""
     data = data_folder()
     package = Path(__file__).resolve().parent.parent
     files = [*package.rglob("*.py"), *(path for path in data.rglob("*") if path.is_file())]
-    digest = hashlib.sha256()
+    versions = (platform.python_version(), np.__version__, scipy.__version__)
+    digest = hashlib.sha256(" ".join(versions).encode())
     for path in [*sorted(files), data.parent / "environment.txt"]:
         if path.is_file():
             digest.update(path.name.encode() + path.read_bytes())
@@ -40,28 +48,39 @@ def fingerprint() -> str:
 
 @cache
 def kept() -> Path | None:
-    """Return the folder for results of the present files; those of other files are removed."""
+    """Return the folder for results of the present files; ours of other files are removed."""
     if not (root := os.environ.get(FOLDER)):
         return None
     folder = Path(root) / fingerprint()
     for other in folder.parent.glob("*"):
-        if other != folder:
+        ours = re.fullmatch("[0-9a-f]{64}", other.name) and (other / MARKER).is_file()
+        if ours and other != folder and not other.is_symlink():
             shutil.rmtree(other, ignore_errors=True)
-    folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
-def once(name: str, compute: Callable[[], Result]) -> Result:
-    """Return what `compute` does, which no other process of the build does again."""
+def once(name: str, kind: type[Result], compute: Callable[[], Result]) -> Result:
+    """Return what `compute` does, which no other process of the build does again.
+
+    What is kept and cannot be read, or is not of that kind, is computed again.
+    """
     folder = kept()
     if folder is None:
         return compute()
     path = folder / f"{name.replace('/', '-')}.pickle"
-    if not path.exists():
-        part = path.with_suffix(f".{os.getpid()}")
-        part.write_bytes(pickle.dumps(compute()))
-        part.replace(path)
-    result: Result = pickle.loads(path.read_bytes())
+    try:
+        found = pickle.loads(path.read_bytes())
+    except Exception:  # half a pickle raises nearly anything
+        found = None
+    if isinstance(found, kind):
+        return found
+    result = compute()
+    # A build whose files have changed meanwhile finds its folder gone.
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / MARKER).touch()
+    part = path.with_suffix(f".{os.getpid()}")
+    part.write_bytes(pickle.dumps(result))
+    part.replace(path)
     return result
 
 
@@ -79,10 +98,10 @@ def item_ledger(*keys: str) -> Ledger:
 @cache
 def whole_ledger() -> Ledger:
     """Return the ledger of everything."""
-    return once("ledger", ledger.build)
+    return once("ledger", Ledger, ledger.build)
 
 
 @cache
 def paper_audit(paper: str) -> Audit:
     """Return what the cross-examination of a paper found."""
-    return once(f"audit-{paper}", lambda: audit_paper(paper))
+    return once(f"audit-{paper}", Audit, lambda: audit_paper(paper))

@@ -84,9 +84,9 @@ class Changed(Display):
         if joint := self.result.joint:
             told += (
                 f" Under this reading all {joint.cells} cells are judged together: probability "
-                f"{joint_chance(joint)} in {joint.replicates:,} replicates, {joint.outside} of them "
-                f"outside, {joint.expected_outside:.1f} expected by chance. The table's own joint "
-                "probability counts only the cells that no reading decides."
+                f"{joint_chance(joint)} in {joint.replicates:,} replicates, {joint.outside} "
+                f"cells outside, {joint.expected_outside:.1f} expected by chance. The table's own "
+                "joint probability counts only the cells that no reading decides."
             )
         return told
 

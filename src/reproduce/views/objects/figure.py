@@ -58,7 +58,8 @@ def pictured(picture: figures.Picture, alternative: str, caption: str, source: s
     shown = figures.Vectors(figures.vector_of(figure), figures.vector_of(slender))
     if build := os.environ.get(computed.FOLDER):
         downloads = Path(build).parent.parent / "_extra"
-        figures.write_files(figure, picture.key, downloads, picture.numbers, svg=shown.wide)
+        if (downloads / ".nojekyll").is_file():  # a book's, and not a folder of somebody else's
+            figures.write_files(figure, picture.key, downloads, picture.numbers, svg=shown.wide)
     return with_bar(picture.key, f"figure-{picture.key}", shown, alternative, caption, source)
 
 

@@ -70,6 +70,7 @@ PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 def book_posterior(name: str) -> Sampled:
     """Return the posterior of the book, sampled and summarised once in a build."""
     from reproduce.inference import sampling
+    from reproduce.inference.posterior import Sampled
     from reproduce.papers.posteriors import posteriors
 
     def sampled() -> Sampled:
@@ -78,7 +79,7 @@ def book_posterior(name: str) -> Sampled:
         found.summaries()  # kept with the draws
         return found
 
-    return computed.once(f"posterior-{name}", sampled)
+    return computed.once(f"posterior-{name}", Sampled, sampled)
 
 
 def book_repeats(name: str) -> tuple[list[Repeat], Share, str] | None:
@@ -86,7 +87,9 @@ def book_repeats(name: str) -> tuple[list[Repeat], Share, str] | None:
     from reproduce.papers.posteriors import posteriors
 
     declared = posteriors()[name]
-    return computed.once(f"repeats-{name}", lambda: declared.repeats(book_posterior(name)))
+    kept = computed.once(f"repeats-{name}", list, lambda: [declared.repeats(book_posterior(name))])
+    repeated: tuple[list[Repeat], Share, str] | None = kept[0]
+    return repeated
 
 
 class Posterior(Shown):

@@ -87,7 +87,9 @@ class StudyTable(Changeable):
     def _compute(self, door: Given | None) -> pd.DataFrame:
         study = self._declared
         if door is None:
-            return once(f"study-{self.key}", study)
+            import pandas as pd
+
+            return once(f"study-{self.key}", pd.DataFrame, study)
         return study(door, **self._settings)
 
     @property

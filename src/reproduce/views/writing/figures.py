@@ -138,7 +138,7 @@ def figure_files(key: str) -> list[str]:
 
 def vectors(key: str) -> Vectors:
     """Draw an item or one of our own drawings for a page; once in a build."""
-    return once(f"figure-{anchor(key)}", lambda: _both(key, draw(key)))
+    return once(f"figure-{anchor(key)}", Vectors, lambda: _both(key, draw(key)))
 
 
 def _both(key: str, figure: Figure) -> Vectors:
@@ -156,7 +156,7 @@ def vector_of(figure: Figure) -> str:
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
     figure = draw(key)
-    drawn = once(f"figure-{anchor(key)}", lambda: _both(key, figure))
+    drawn = once(f"figure-{anchor(key)}", Vectors, lambda: _both(key, figure))
     write_files(figure, key, root, svg=drawn.wide)
 
 
