@@ -505,7 +505,7 @@ class _TextFile:
         # A line that ends early lacks its last value.
         if len(frame) != len(self.lines) or frame[last].isna().any():
             return None
-        return frame[order].to_numpy(np.float64)
+        return np.asarray(frame[order], dtype=np.float64)
 
     def _walked(
         self, columns: Sequence[str], order: list[int]
