@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.random import SeedSequence
+from numpy.random import PCG64, SeedSequence
 from scipy import stats
 
 from reproduce.physics.optics.camera import Camera, image_points
@@ -14,6 +14,7 @@ from reproduce.physics.optics.simulate import (
     noisy_centroids,
     spawned_angles,
     spawned_normals,
+    spawned_streams,
     table_starlight,
 )
 from reproduce.physics.registration.fit import fit_registration
@@ -77,6 +78,28 @@ def test_seeds_are_not_used_up() -> None:
     first = spawned_normals(seeds, 2, (3,))
     seeds.spawn(5)
     np.testing.assert_array_equal(first, spawned_normals(seeds, 2, (3,)))
+
+
+@pytest.mark.parametrize("entropy", [0, 20240102, 2**32, 2**128 - 5, [1, 2**40, 3, 4, 5, 6]])
+@pytest.mark.parametrize("key", [(), (3,), (2**31, 0), (2**33, 1, 2)])
+def test_streams_have_the_states_of_numpys_own_children(entropy: int, key: tuple[int, ...]) -> None:
+    numbers = [0, 1, 2**32 - 1]
+    for number in numbers:
+        (ours,) = spawned_streams(SeedSequence(entropy, spawn_key=key), 1, number)
+        numpys = PCG64(SeedSequence(entropy, spawn_key=(*key, number)))
+        assert ours.bit_generator.state == numpys.state
+
+
+def test_streams_beyond_one_word_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"below 2\*\*32, got 4294967296; start lower"):
+        spawned_streams(SeedSequence(1), 2, 2**32 - 1)
+
+
+def test_uniform_angles_are_numpys_own() -> None:
+    half = np.array([0.217, 0.1031])
+    stream = next(spawned_streams(SeedSequence(3), 1))
+    expected = stream.uniform(-half, half, (52, 2))
+    np.testing.assert_array_equal(spawned_angles(SeedSequence(3), 1, 52, half)[0], expected)
 
 
 def test_streams_are_those_of_spawned_children() -> None:

@@ -227,7 +227,7 @@ def calibrated_translations(
     return results
 
 
-def _residuals(
+def _tested(
     given: Given,
     seed: SeedSequence,
     replicates: int,
@@ -236,13 +236,9 @@ def _residuals(
     repeats: str,
     translations: str,
     tests: str,
-) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Simulate, calibrate as `calibrations` does, and test both channels in every replicate.
-
-    Channel to its RMSE per axis before and after registration, each of shape (replicates, 2).
-    """
-    for_noise, for_angles, for_test_noise = split_seed(seed, 3)
-    found = calibrations(given, for_noise, replicates, angles, noise, repeats, translations)
+) -> FloatArray:
+    """Simulate the test points, shape (replicates, channels, points, 2)."""
+    _, for_angles, for_noise = split_seed(seed, 3)
     count = given.count(f"{SETTINGS}#test-points")
     if tests == "range":
         points = spawned_angles(for_angles, replicates, count, simulation_angles.half_ranges(given))
@@ -253,14 +249,23 @@ def _residuals(
         points = table[order[:, :count]]
     true = channel_centroids(cameras(given, translations), rotations(given), points)
     sigma = given[f"{SETTINGS}#noise"] * np.asarray(NOISY[noise])
-    measured = noisy_centroids(true, sigma, for_test_noise, replicates, repeats=DRAWS[repeats])
-    return {
-        channel: (
-            rmse_per_axis(measured[:, place], measured[:, 0]),
-            rmse_per_axis(found[channel].apply(measured[:, place]), measured[:, 0]),
-        )
-        for place, channel in enumerate(REGISTERED, start=1)
-    }
+    return noisy_centroids(true, sigma, for_noise, replicates, repeats=DRAWS[repeats])
+
+
+def _residuals(
+    given: Given, seed: SeedSequence, replicates: int, when: str, *setting: str
+) -> dict[str, FloatArray]:
+    """Return the RMSE per axis at test points, before or after registration, for one setting.
+
+    Channel to its RMSE, shape (replicates, 2). `calibrations` is only asked for those after.
+    """
+    measured = _tested(given, seed, replicates, *setting)
+    points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
+    green = points.pop(CHANNELS[0])
+    if when == "after":
+        found = calibrations(given, split_seed(seed, 3)[0], replicates, *setting[:-1])
+        points = {channel: found[channel].apply(points[channel]) for channel in REGISTERED}
+    return {channel: rmse_per_axis(laid, green) for channel, laid in points.items()}
 
 
 def _counted(per_axis: FloatArray, axes: str) -> FloatArray:
@@ -315,7 +320,7 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
     """RMSE at test points before and after registration, under each reading that decides."""
     residuals = cache(partial(_residuals, given, seed, replicates))
     results = {}
-    for which, (when, (missing, names, deciding)) in enumerate(DECIDING.items()):
+    for when, (missing, names, deciding) in DECIDING.items():
         left = []
         for name, place, ways in deciding:
             choices = dict(zip(names, ways.split(), strict=True))
@@ -326,7 +331,7 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
             # Without a reading that has all that is chosen, what is chosen is the only one.
             for name, place, choices in left or [("as chosen", "", {})]:
                 *setting, axes = (LITERAL | choices | chosen).values()
-                found = residuals(*setting)[channel][which]
-                readings.append(Reading(name, place, Prediction(_counted(found, axes))))
+                found = _counted(residuals(when, *setting)[channel], axes)
+                readings.append(Reading(name, place, Prediction(found)))
             results[f"rmse-{when}-{channel}"] = Blocked(missing, readings=tuple(readings))
     return results

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from reproduce.physics.ground.imaging import WGS84
 from reproduce.physics.validate import (
@@ -137,6 +136,8 @@ def thermal_series(
 
 def _wander(steps: int, step: float, days: float, generator: Generator) -> FloatArray:
     """Return a stationary series of variance one that forgets itself exponentially."""
+    from scipy.signal import lfilter  # only now: its import takes a second
+
     keep = float(np.exp(-step / days))
     noise = generator.standard_normal(steps)
     noise[1:] *= np.sqrt(1.0 - keep**2)
