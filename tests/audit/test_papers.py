@@ -3,14 +3,15 @@
 import itertools
 import math
 import tomllib
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
 from reproduce.audit.errata import register
 from reproduce.audit.examine import by_value, contradicted
-from reproduce.audit.relation import relations_of
-from reproduce.audit.report import audit_paper, audit_table
+from reproduce.audit.relation import declared, relations_of
+from reproduce.audit.report import audit_paper, audit_table, paper_sheet
 from reproduce.audit.rounding import printed_cell, reprinted
 from reproduce.audit.solve import printed_intervals, propagate
 
@@ -303,3 +304,11 @@ def test_what_the_book_says_of_the_contradictions_of_niu2024():
     translations = {f"true-translation-{a}-{c}" for a in "xy" for c in ("red", "blue")}
     scales = {"solved-scale-red", "solved-scale-blue", "left-over-red"}
     assert wrong == translations | scales | {"before-after-red-x-y", "before-after-red-y-x"}
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_the_papers_relations_have_their_dimensions(paper):
+    text = (files("reproduce.audit") / "relations" / f"{paper}.toml").read_text(encoding="utf-8")
+    cells = paper_sheet(paper)
+    found = declared(text, cells, f"{paper}/")
+    assert [r.name for r in found] == [r.name for r in relations_of(paper, cells)]

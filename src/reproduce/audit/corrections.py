@@ -126,7 +126,7 @@ class Search:
         self.interchanges = interchanges(cells, keys)
         self.already = contradicted(cells, self.near)
         self.start = State((), cells, self.already)
-        self._touched: dict[frozenset[str], tuple[list[Relation], list[Relation]]] = {}
+        self._touched: dict[frozenset[str], list[list[Relation]]] = {}
 
     def run(self, depth: int, breadth: int) -> list[State]:
         """Return the states without a contradiction of the group."""
@@ -260,13 +260,11 @@ class Search:
     ) -> State | None:
         """Undo a slip, and judge again what it touches and what shares an unknown with that.
 
-        None if what is wrong is not worth going on; the group's own relations tell first.
+        None if what is wrong is not worth going on, which more that is wrong never makes it: the
+        group's own relations tell first, and the first that tells ends it.
         """
         if slip.addresses not in self._touched:
-            hit = [r for r in self.near if not slip.addresses.isdisjoint(r.addresses)]
-            own = [r for r in hit if r.name in self.targets and not r.unknown]
-            rest = [r for r in hit if not (r in own or r.unknown)]
-            self._touched[slip.addresses] = own, [*_sharing(hit, self.near), *rest]
+            self._touched[slip.addresses] = self._batches(slip.addresses)
         cells = slip.undone(state.cells)
         batches = self._touched[slip.addresses]
         wrong = state.wrong - {r.name for r in itertools.chain(*batches)}
@@ -275,6 +273,19 @@ class Search:
             if not worth(wrong):
                 return None
         return State((*state.slips, slip), cells, wrong)
+
+    def _batches(self, addresses: frozenset[str]) -> list[list[Relation]]:
+        """Return what to judge again where some cells change: alone, or with all that share."""
+        hit = [r for r in self.near if not addresses.isdisjoint(r.addresses)]
+        unknowns = dict.fromkeys(r.unknown for r in hit if r.unknown)
+        families = [[r for r in self.near if r.unknown == one] for one in unknowns]
+
+        def order(batch: list[Relation]) -> tuple[bool, int]:
+            return all(r.name not in self.targets for r in batch), sum(
+                len(r.addresses) for r in batch
+            )
+
+        return sorted([*families, *([r] for r in hit if not r.unknown)], key=order)
 
 
 @functools.lru_cache(maxsize=5_000)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from reproduce.audit.formula import functions
@@ -55,7 +55,9 @@ def meet(one: Interval, two: Interval) -> _Found:
     return (low, high) if low <= high else None
 
 
-def _hull(within: Interval, parts: Iterable[Interval]) -> _Found:
+def _hull(within: Interval, parts: Sequence[Interval]) -> _Found:
+    if len(parts) == 1:
+        return meet(within, parts[0])
     met = [found for part in parts if (found := meet(within, part))]
     return (min(low for low, _ in met), max(high for _, high in met)) if met else None
 

@@ -113,7 +113,7 @@ class Relation:
         shared = len(self.addresses) > 1 or self.unknown is not None
         return shared and self.kind != "print"
 
-    @property
+    @cached_property
     def repeats(self) -> bool:
         """Whether it says that one number is printed twice.
 
@@ -169,14 +169,20 @@ def _number(side: Side, values: Mapping[str, Any]) -> float:
 def relations_of(paper: str, cells: Sheet) -> list[Relation]:
     """Return the relations that the printed numbers of a paper should keep, as declared.
 
-    None of a paper without a file of relations.
+    None of a paper without a file of relations. A test holds their dimensions; doing so each time
+    would take longer than to judge them.
     """
-    text = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
-    return declared(text.read_text(encoding="utf-8"), cells, f"{paper}/") if text.is_file() else []
+    file = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
+    text = file.read_text(encoding="utf-8") if file.is_file() else "relations = {}"
+    return declared(text, cells, f"{paper}/", dimensions=False)
 
 
-def declared(text: str, cells: Sheet, prefix: str = "") -> list[Relation]:
+def declared(
+    text: str, cells: Sheet, prefix: str = "", *, dimensions: bool = True
+) -> list[Relation]:
     """Read relations from a TOML text, in order of declaration.
+
+    Their dimensions are checked unless it is said that they are known to fit.
 
     Examples
     --------
@@ -195,6 +201,9 @@ def declared(text: str, cells: Sheet, prefix: str = "") -> list[Relation]:
         _refuse_line(line, unknowns, tolerances)
         for place in _places(line.get("each", {})):
             made = _relation(line, place, cells, prefix, unknowns, tolerances)
+            _refuse(made)
+            if dimensions:
+                _refuse_mixed(made, cells)
             if made.name in relations:
                 raise FormulaError(
                     f"{made.name!r} is declared twice; give each its own name, and put every "
@@ -215,7 +224,7 @@ def _relation(
     marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-") for key, value in place.items()}
     bound = dict(pair.split("=", 1) for pair in line["cells"].format(**place).split())
     restates = line.get("restates", "").format(**place)
-    relation = Relation(
+    return Relation(
         name=re.sub("-+", "-", line["name"].format(**marks)).strip("-"),
         declared=line["name"],
         formula=read(line["formula"].format(**place)),
@@ -229,8 +238,6 @@ def _relation(
         supposition=line.get("supposition", ""),
         restates=restates and prefix + restates,
     )
-    _refuse(relation, cells)
-    return relation
 
 
 def _bound(where: str, cells: Sheet) -> str | tuple[str, ...]:
@@ -273,8 +280,8 @@ def _refuse_line(
             raise FormulaError(f"{name!r}: unknown {key} {line[key]!r}; expected one of {words}")
 
 
-def _refuse(relation: Relation, cells: Sheet) -> None:
-    """Raise a FormulaError if a relation's names, restated cell or dimensions do not fit."""
+def _refuse(relation: Relation) -> None:
+    """Raise a FormulaError if a relation's names or restated cell do not fit."""
     formula = relation.formula
     known = set(relation.binding) | ({relation.unknown.name} if relation.unknown else set())
     if stray := known ^ set(formula.names):
@@ -284,13 +291,17 @@ def _refuse(relation: Relation, cells: Sheet) -> None:
             f"{relation.name!r}: restates {relation.restates!r}, but the formula is solved for "
             f"{relation.result!r}"
         )
+
+
+def _refuse_mixed(relation: Relation, cells: Sheet) -> None:
+    """Raise a FormulaError if the dimensions of a relation's sides do not fit."""
     units = relation.values({a: cells[a].unit for a in relation.addresses})
     if relation.unknown is not None:
         units[relation.unknown.name] = relation.unknown.unit
     # Of a list, each unit once: how long it is says nothing about the dimension.
     once = {n: tuple(dict.fromkeys(u)) if isinstance(u, list) else u for n, u in units.items()}
-    if fault := _mixed(formula, tuple(once.items())):
-        raise FormulaError(f"{formula.text!r}: {fault}")
+    if fault := _mixed(relation.formula, tuple(once.items())):
+        raise FormulaError(f"{relation.formula.text!r}: {fault}")
 
 
 @cache

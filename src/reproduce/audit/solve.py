@@ -64,7 +64,8 @@ def contract(
 
     Address to narrowed interval, the unknown under its name; None if nothing is left.
     """
-    box = [widened(_open(relation, intervals[a])) for a in relation.addresses]
+    ends = [intervals[a] for a in relation.addresses]
+    box = [*map(widened, map(_open, ends) if relation.repeats else ends)]
     if relation.unknown is not None:
         box.append(unknown or relation.unknown.domain)
     found = _narrowed(relation, tuple(box))
@@ -93,14 +94,14 @@ def widened(interval: Interval) -> Interval:
     return low - _SLACK * abs(low), high + _SLACK * abs(high)
 
 
-def _open(relation: Relation, interval: Interval) -> Interval:
-    """Take the ends off an interval of print where one number is printed twice.
+def _open(interval: Interval) -> Interval:
+    """Take the ends off an interval of print, for where one number is printed twice.
 
     Two intervals of print meet at an end, or share at least half a unit of the finer print; a
     thousandth tells the two cases apart whatever the noise of binary arithmetic.
     """
     low, high = interval
-    if not relation.repeats or math.isinf(high - low):
+    if math.isinf(high - low):
         return interval
     return low + _END * (high - low), high - _END * (high - low)
 
@@ -115,7 +116,7 @@ def propagate(
     every = list(relations)
     state: dict[str, Interval] = {a: widened(intervals[a]) for r in every for a in r.addresses}
     for repeat in (relation for relation in every if relation.repeats):
-        state |= {a: _open(repeat, widened(intervals[a])) for a in repeat.addresses}
+        state |= {a: _open(widened(intervals[a])) for a in repeat.addresses}
     state |= {r.unknown.name: r.unknown.domain for r in every if r.unknown}
     touching: dict[str, list[Relation]] = {}
     for relation in every:

@@ -103,17 +103,17 @@ def simulated_accuracies(
     """
     response = platform.angle_response(given)[:2]
     spots = np.stack([platform.scatter(given, group) for group in (1, 2)])
+    # What a unit of noise in each coordinate turns: shape (groups, 2 axes, coordinates).
+    turns = (spots[:, None] * response).reshape(len(spots), 2, -1)
     frames = given.count(FRAMES)
     parts = []
     for first in range(0, replicates, BATCH):
         batch = min(BATCH, replicates - first)
-        shape = (len(MATRICES), frames, *spots.shape[1:])
-        noise = spawned_normals(seed, batch, shape, first=first) * spots[:, None]
+        noise = spawned_normals(seed, batch, (len(spots), frames, turns.shape[-1]), first=first)
         # One angle about X and one about Y for each frame, to first order in the noise: exact to
         # a part in a million here, since the noise turns the camera by a few microradians.
-        angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
-        parts.append(scatter_of_averages(angles, counts, axis=-2))
-    return platform.SIGMAS * np.concatenate(parts)
+        parts.append(scatter_of_averages(turns @ noise.mT, counts))
+    return platform.SIGMAS * np.concatenate(parts).swapaxes(-1, -2)
 
 
 @reproduces(TEXT, cells=["smoothing-time-*"], given=[DURATION, FRAMES, SMOOTHED, RATE])

@@ -126,8 +126,8 @@ def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str]
         (_moved(given, state, turn), exchanged),
         (_moved(given, state, axis), exchanged),
     )
-    angles = (float(stage_angle(*pair)) for pair in sides)
-    return dict(zip(READINGS, angles, strict=True))
+    angles = stage_angle(*np.transpose(sides))
+    return dict(zip(READINGS, angles.tolist(), strict=True))
 
 
 @reproduces(

@@ -313,11 +313,12 @@ def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Flo
     trials = given.count(f"{STUDY}#trials")
     laws = [predicted_errors(*setting(given, case=case)) for case in CASES]
     bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
+    deviation = np.sqrt(variance / trials)
     found, shape = [], bias.shape[1:]
     for stream in spawned_streams(seed, replicates):
         # Mean and variance of normal errors within a phase are independent.
         noise, spread = stream.standard_normal(shape), stream.chisquare(trials - 1, shape)
-        means = bias + np.sqrt(variance / trials) * noise
+        means = bias + deviation * noise
         inside = variance * spread / trials
         found.append(np.sqrt(inside.mean(axis=-1) + means.var(axis=-1)))
     return np.stack(found, axis=1)

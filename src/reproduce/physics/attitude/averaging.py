@@ -45,7 +45,7 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     array([1.5, 4. , 8. ])
     """
     frames = _frames_last(series, axis)
-    return np.moveaxis(_averages(frames, _run("count", count, frames)), -1, axis)
+    return np.moveaxis(_averages(*_sums(frames), _run("count", count, frames)), -1, axis)
 
 
 def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
@@ -82,9 +82,10 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     if len(counts) == 0:
         raise ValueError("counts: expected one number of frames or more, got none; pass [1]")
     frames = _frames_last(series, axis)
+    first, sums = _sums(frames)
     scatters = []
     for count in counts:
-        averages = _averages(frames, _run("counts", count, frames))
+        averages = _averages(first, sums, _run("counts", count, frames))
         if averages.shape[-1] < 2:
             raise ValueError(
                 f"counts: expected two averages or more for each count, got one for {count} "
@@ -172,9 +173,16 @@ def _run(name: str, count: int, frames: FloatArray) -> int:
     return size
 
 
-def _averages(frames: FloatArray, runs: int) -> FloatArray:
-    # Sums of deviations from the first frame: a large common value would cost digits.
+def _sums(frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the first frame, and sums of deviations from it: a common value would cost digits."""
     first = frames[..., :1]
     sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
     np.cumsum(frames - first, axis=-1, out=sums[..., 1:])
-    return first + (sums[..., runs:] - sums[..., :-runs]) / runs
+    return first, sums
+
+
+def _averages(first: FloatArray, sums: FloatArray, runs: int) -> FloatArray:
+    averages = sums[..., runs:] - sums[..., :-runs]
+    averages /= runs
+    averages += first
+    return averages

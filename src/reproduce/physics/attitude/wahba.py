@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtrc
 
 from reproduce.physics.attitude import wahba_solvers
 from reproduce.physics.attitude.rotations import _unit
@@ -251,6 +250,8 @@ def taste(solution: WahbaSolution, sigma: Positive) -> Taste:
             "weights: expected inverse variances 1/sigma^2, up to one common factor, got others; "
             "solve with weights=sigma**-2 before asking for the test"
         )
+    from scipy.special import chdtrc  # only now: its import takes longer than most solutions
+
     statistic = np.asarray(factor * solution.loss)
     freedom = np.broadcast_to(2.0 * used.sum(axis=-1) - 3.0, statistic.shape)
     return Taste(statistic, freedom, np.asarray(chdtrc(freedom, statistic)))

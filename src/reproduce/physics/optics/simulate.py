@@ -150,9 +150,10 @@ def noisy_centroids(
     streams = spawned_streams(seeds, replicates, first)
     noise = np.empty((replicates, *centroids.shape[-3:]))
     for row, stream in zip(noise, streams, strict=True):
-        draws = stream.standard_normal((repeats, *row.shape))
-        # Averaged here, not later: ten repeats of many replicates would not fit in memory.
-        row[...] = draws[0] if repeats == 1 else draws.mean(axis=0)
+        if repeats == 1:
+            stream.standard_normal(out=row)
+        else:  # averaged here, not later: ten repeats of many replicates would not fit in memory
+            row[...] = stream.standard_normal((repeats, *row.shape)).mean(axis=0)
     noise *= sigma[..., None, None]
     noise += centroids
     return noise
