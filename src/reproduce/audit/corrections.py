@@ -271,6 +271,9 @@ class Search:
         for batch in batches:
             wrong |= contradicted(cells, batch)
             if not worth(wrong):
+                # The next slip in these cells will most likely end here too.
+                batches.remove(batch)
+                batches.insert(0, batch)
                 return None
         return State((*state.slips, slip), cells, wrong)
 

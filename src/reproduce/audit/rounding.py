@@ -76,13 +76,13 @@ def last_digit(cell: Cell) -> float:
 
 def allowed(cell: Cell, rule: RoundingRule = "nearest") -> Interval:
     """Return the closed interval of the values that print so, in SI units."""
-    return _allowed(cell.number, cell.unit, rule)
+    return cell.allowed if rule == "nearest" else _allowed(cell.number, cell.unit, rule)
 
 
 @functools.lru_cache(maxsize=200_000)
 def _allowed(number: PrintedNumber, unit: str, rule: RoundingRule) -> Interval:
     value, step, factor = number.value, 2 * number.half_unit, si_factor(unit)
-    if number.qualifier or not step or rule == "nearest":
+    if number.qualifier or not step:
         low, high = number.low, number.high
     elif rule == "ceiling":
         low, high = value - step, value

@@ -111,6 +111,12 @@ class Cell:
         """The number in SI units (pixels stay pixels)."""
         return self.number.value * si_factor(self.unit)
 
+    @cached_property
+    def allowed(self) -> tuple[float, float]:
+        """The values that print so by the usual rounding, in SI units, without slack."""
+        factor = si_factor(self.unit)
+        return self.number.low * factor, self.number.high * factor
+
     @property
     def si_interval(self) -> tuple[float, float]:
         """The values that agree with the print, lower and upper end in SI units."""

@@ -21,7 +21,7 @@ had been computed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 
 import numpy as np
@@ -62,6 +62,8 @@ OPTICS = "niu2024/text-optics"
 CHANNELS = ("green", "red", "blue")
 REGISTERED = ("red", "blue")
 REPLICATES = 2000
+# Replicates calibrated at once: enough to be fast, few enough to stay in the processor's memory.
+BATCH = 500
 # What the printed noise is multiplied by in green, red and blue.
 NOISY = {
     "every-channel": (1.0, 1.0, 1.0),
@@ -141,6 +143,7 @@ def calibrations(
     given: Given,
     seed: SeedSequence,
     replicates: int,
+    first: int = 0,
     angles: str = LITERAL["angles"],
     noise: str = LITERAL["noise"],
     repeats: str = LITERAL["repeats"],
@@ -161,7 +164,7 @@ def calibrations(
     zero = at_zero.item() if at_zero.size else len(table)
     true = channel_centroids(cameras(given, translations), rotations(given), measured_at)
     sigma = given[f"{SETTINGS}#noise"] * np.asarray(NOISY[noise])
-    measured = noisy_centroids(true, sigma, seed, replicates, repeats=DRAWS[repeats])
+    measured = noisy_centroids(true, sigma, seed, replicates, repeats=DRAWS[repeats], first=first)
     pivots, spots = measured[..., zero, :], measured[..., : len(table), :]
     green = spots[:, 0]
     found = {}
@@ -173,6 +176,28 @@ def calibrations(
         else:
             found[channel] = fit_registration(source, green, pivot).transform
     return found
+
+
+def _in_batches(
+    compute: Callable[[int, int], Mapping[str, FloatArray]], replicates: int
+) -> dict[str, FloatArray]:
+    """Compute so many replicates from the first, part by part; by name, along the first axis."""
+    parts = [
+        compute(first, min(BATCH, replicates - first)) for first in range(0, replicates, BATCH)
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _parameters(
+    given: Given, seed: SeedSequence, replicates: int, **chosen: str
+) -> dict[str, FloatArray]:
+    """Calibrate both channels in every replicate: channel to (scale, rotation, shifts)."""
+
+    def part(first: int, count: int) -> dict[str, FloatArray]:
+        found = calibrations(given, seed, count, first, **chosen)
+        return {channel: transform.parameters for channel, transform in found.items()}
+
+    return _in_batches(part, replicates)
 
 
 @reproduces(
@@ -189,8 +214,8 @@ def calibrated_parameters(
     """Scale and rotation calibrated from noisy simulated centroids."""
     return {
         f"{row}.{channel}": Prediction(draws)
-        for channel, transform in calibrations(given, seed, replicates, **chosen).items()
-        for row, draws in zip(("scale", "rotation"), transform.parameters.T[:2], strict=True)
+        for channel, parameters in _parameters(given, seed, replicates, **chosen).items()
+        for row, draws in zip(("scale", "rotation"), parameters.T[:2], strict=True)
     }
 
 
@@ -207,7 +232,7 @@ def calibrated_translations(
 ) -> Results:
     """Translations calibrated from centroids simulated with the shifts of Table 1 or of Table 2."""
     missing = "which principal points the simulation used, those of Table 1 or of Table 2"
-    found = calibrations(given, seed, replicates, **chosen | {"translations": "table-1"})
+    found = _parameters(given, seed, replicates, **chosen | {"translations": "table-1"})
     ways = (
         ("table-1", "principal points of Table 1", "section 4.1 with (21) to (23)"),
         ("table-2", "translations of Table 2", "sections 4.1 and 4.2, the true values"),
@@ -218,7 +243,7 @@ def calibrated_translations(
     results = {}
     for position, channel in enumerate(REGISTERED, start=1):
         for place, axis in enumerate("xy"):
-            draws = found[channel].parameters[:, 2 + place]
+            draws = found[channel][:, 2 + place]
             readings = tuple(
                 Reading(name, text, Prediction(draws + more), {"translations": way})
                 for (way, name, text), more in zip(ways, moved[:, position, place], strict=True)
@@ -231,6 +256,7 @@ def _tested(
     given: Given,
     seed: SeedSequence,
     replicates: int,
+    first: int,
     angles: str,
     noise: str,
     repeats: str,
@@ -241,15 +267,16 @@ def _tested(
     _, for_angles, for_noise = split_seed(seed, 3)
     count = given.count(f"{SETTINGS}#test-points")
     if tests == "range":
-        points = spawned_angles(for_angles, replicates, count, simulation_angles.half_ranges(given))
+        half = simulation_angles.half_ranges(given)
+        points = spawned_angles(for_angles, replicates, count, half, first=first)
     else:
         table = simulation_angles.arrangement(given, angles).angles
         # The order of independent numbers is a random order.
-        order = spawned_normals(for_angles, replicates, (len(table),)).argsort(axis=-1)
+        order = spawned_normals(for_angles, replicates, (len(table),), first=first).argsort()
         points = table[order[:, :count]]
     true = channel_centroids(cameras(given, translations), rotations(given), points)
     sigma = given[f"{SETTINGS}#noise"] * np.asarray(NOISY[noise])
-    return noisy_centroids(true, sigma, for_noise, replicates, repeats=DRAWS[repeats])
+    return noisy_centroids(true, sigma, for_noise, replicates, repeats=DRAWS[repeats], first=first)
 
 
 def _residuals(
@@ -259,13 +286,18 @@ def _residuals(
 
     Channel to its RMSE, shape (replicates, 2). `calibrations` is only asked for those after.
     """
-    measured = _tested(given, seed, replicates, *setting)
-    points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
-    green = points.pop(CHANNELS[0])
-    if when == "after":
-        found = calibrations(given, split_seed(seed, 3)[0], replicates, *setting[:-1])
-        points = {channel: found[channel].apply(points[channel]) for channel in REGISTERED}
-    return {channel: rmse_per_axis(laid, green) for channel, laid in points.items()}
+    for_noise = split_seed(seed, 3)[0]
+
+    def part(first: int, count: int) -> dict[str, FloatArray]:
+        measured = _tested(given, seed, count, first, *setting)
+        points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
+        green = points.pop(CHANNELS[0])
+        if when == "after":
+            found = calibrations(given, for_noise, count, first, *setting[:-1])
+            points = {channel: found[channel].apply(points[channel]) for channel in REGISTERED}
+        return {channel: rmse_per_axis(laid, green) for channel, laid in points.items()}
+
+    return _in_batches(part, replicates)
 
 
 def _counted(per_axis: FloatArray, axes: str) -> FloatArray:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,10 +61,11 @@ def half_ranges(door: Given) -> tuple[float, float]:
     return x, y
 
 
-def candidates(door: Given) -> list[Arrangement]:
+@cache
+def candidates(door: Given) -> tuple[Arrangement, ...]:
     """Return every arrangement that has the printed number of angles, in the family's order."""
     count = door.count(f"{SETTINGS}#angle-count")
-    return arrangements_with(count, *half_ranges(door), door[f"{SETTINGS}#step"])
+    return tuple(arrangements_with(count, *half_ranges(door), door[f"{SETTINGS}#step"]))
 
 
 def arrangement(door: Given, name: str) -> Arrangement:
