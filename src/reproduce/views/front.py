@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from reproduce.inference.priors import Prior
     from reproduce.views.objects.check import Check
     from reproduce.views.objects.contradictions import Contradictions
-    from reproduce.views.objects.measurements import Monitored, Registered
+    from reproduce.views.objects.measurements import Registered
+    from reproduce.views.objects.monitored import Monitored
     from reproduce.views.objects.posterior import Posterior
 
 __all__ = [
@@ -269,6 +270,6 @@ def misalignment(
     Monitored
         Angles about the camera's axes, image by image.
     """
-    from reproduce.views.objects.measurements import Monitored
+    from reproduce.views.objects.monitored import Monitored
 
     return Monitored(spots, zero, changes)
