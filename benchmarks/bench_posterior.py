@@ -32,10 +32,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
+from reproduce.inference.evidence import exact_evidence
 
 from reproduce.inference.calibration import replicate
 from reproduce.inference.diagnostics import diagnose
-from reproduce.inference.evidence import exact_evidence
 from reproduce.inference.model import Model
 from reproduce.inference.models.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble, sample

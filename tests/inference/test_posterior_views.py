@@ -11,9 +11,7 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from reproduce.inference import posterior, sampling
-from reproduce.inference.evidence import compared, exact_evidence
 from reproduce.papers import calibrations, declare_posterior
-from reproduce.papers.chen2023.posteriors import COLUMNS, FLOORS, summed_columns
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.views import computed
@@ -242,44 +240,14 @@ def test_a_corner_plot_has_five_parameters_at_most_and_readable_labels():
             book.corner(*wrong)
 
 
-def test_a_fault_in_a_closed_form_is_not_taken_for_a_model_without_one():
-    """Only a model that has no closed form shows "none"; any other error is told."""
-    declared = posteriors()["registration"]
-    plain = declared.model()
-    (rival,) = (make(plain) for make in declared.rivals)
-    assert isinstance(exact_evidence(plain, declared.evidence), float)
-    assert exact_evidence(rival, declared.evidence) is None
-    assert exact_evidence(plain, None) is None
-
+def test_a_fault_in_a_bound_is_not_taken_for_a_model_without_one():
     def broken(model):
         raise TypeError("a fault")
 
+    declared, found = posteriors()["registration"], book_posterior("registration")
     with pytest.raises(TypeError, match="a fault"):
-        exact_evidence(plain, broken)
-    faulty = replace(declared, evidence=broken, bound=broken)
-    found = book_posterior("registration")
-    with pytest.raises(TypeError, match="a fault"):
-        faulty.choice(found)
-    with pytest.raises(TypeError, match="a fault"):
-        faulty.bounds(found)
+        replace(declared, bound=broken).bounds(found)
     assert replace(declared, bound=None).bounds(found) == []
-
-
-def test_a_rival_with_an_exact_evidence_is_not_sampled():
-    found = book_posterior("frame-averaging")
-    declared = posteriors()["frame-averaging"]
-
-    def sampled(model):
-        raise AssertionError("not needed")
-
-    rivals = [make(found.model) for make in declared.rivals]
-    first, rival = compared(found, rivals, declared.evidence, sampled)
-    assert first.less == first.error == rival.error == 0
-    assert rival.sampled is None
-    assert rival.less == rival.exact - first.exact
-    assert abs(first.sampled.value - first.exact) < 4 * first.sampled.error
-    with pytest.raises(AssertionError, match="not needed"):
-        compared(found, rivals, None, sampled)
 
 
 def test_facts_are_the_numbers_of_the_object():
@@ -321,30 +289,3 @@ def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path,
     for found in (again, read):
         np.testing.assert_array_equal(found.chain, alone.chain)
         assert found.rows() == alone.rows()
-
-
-def test_evidence_of_a_floor_under_other_priors_is_a_reweighting():
-    """The ratio of evidences is the mean ratio of the priors over the posterior."""
-    found = book_posterior("frame-averaging")
-    prior = found.model.parameters[1].prior
-    floor = found.draws[:, 1]
-    gains = summed_columns()[0].gains
-    for factor, value in zip(FLOORS, gains, strict=True):
-        other = replace(prior, sigma=factor * prior.sigma)
-        ratio = np.exp(other.log_density(floor) - prior.log_density(floor))
-        expected, error = ratio.mean(), ratio.std() / np.sqrt(len(ratio))
-        assert abs(np.exp(value - gains[FLOORS.index(1)]) - expected) <= 4 * error
-    assert max(gains) - min(gains) > 0.5
-
-
-def test_evidence_of_a_floor_stands_in_the_table_of_the_rival():
-    """The page of the model says the sum of what the table of the columns says."""
-    declared = posteriors()["frame-averaging"]
-    model = declared.model()
-    (rival,) = (make(model) for make in declared.rivals)
-    found = declared.evidence(model) - declared.evidence(rival)
-    gains = [one.gains[FLOORS.index(1)] for one in summed_columns()]
-    assert abs(found - sum(gains)) < 1e-6
-    shown = re.findall(r"<td>([+−][0-9.]+)</td>", pages.columns_of_table_4().text)
-    assert len(shown) == len(COLUMNS) * len(FLOORS)
-    assert float(shown[1].replace("−", "-")) == pytest.approx(gains[0], abs=0.006)

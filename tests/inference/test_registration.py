@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.integrate import quad
 
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
-from reproduce.inference.evidence import log_evidence
 from reproduce.inference.models import closed_form
 from reproduce.inference.models.joint import joint_model
 from reproduce.inference.models.least_squares import noise_growth
-from reproduce.inference.models.radial import linear_log_evidence, linear_model
 from reproduce.inference.models.registration import registration_model
 from reproduce.inference.models.variants import distortion_model, student_model
 from reproduce.inference.priors import LogUniform, Uniform
@@ -188,40 +185,6 @@ def test_flat_in_scale_and_rotation_is_another_prior(noise):
         error = np.hypot(mcse_mean(chain), (k**power).std() / np.sqrt(len(k)))
         assert abs(chain.mean() - weights @ k**power) < 4.5 * error
         assert abs(chain.mean() - (k**power).mean()) > 10 * error, "the factor would be missed"
-
-
-def test_exact_evidence_against_quadrature():
-    """Two points fix a similarity: with three, the noise integral alone remains."""
-    source = np.array([[0.0, 0], [1, 0], [0, 1]])
-    target = source + np.array([[0.01, 0], [0, 0.02], [0, 0]])
-    exact = closed_form.registration_posterior(source, target, (0, 0))
-    fit = fit_registration(source, target, (0, 0))
-    _, logdet = np.linalg.slogdet(exact.scale * exact.freedom / exact.squares)
-
-    def over_noise(log_noise):
-        noise = np.exp(log_noise)
-        peak = -3 * np.log(2 * np.pi * noise**2) - fit.chi_square / (2 * noise**2)
-        return np.exp(peak + 2 * np.log(2 * np.pi) + 0.5 * logdet + 4 * np.log(noise))
-
-    integral, _ = quad(over_noise, np.log(1e-4), np.log(1e3), limit=400)
-    expected = np.log(integral) - np.log(np.hypot(*exact.mean[:2]))
-    np.testing.assert_allclose(exact.log_evidence(0.0, 0.0), expected, rtol=1e-5)
-
-
-def test_sampled_evidence_is_the_analytic_one(registration, posterior, exact):
-    sampled = log_evidence(posterior, 1)
-    volume = sum(np.log(p.prior.high - p.prior.low) for p in registration.parameters[:4])
-    noise = registration.parameters[4].prior
-    analytic = exact.log_evidence(volume, np.log(np.log(noise.high / noise.low)))
-    assert sampled.reliable
-    assert abs(sampled.value - analytic) < 4 * sampled.error
-
-
-@pytest.mark.parametrize("shape", ["radial", "affine"])
-def test_evidence_of_linear_rivals(registration, shape):
-    rival = linear_model(registration, shape)
-    sampled = log_evidence(sample(rival, Plan(5, steps=600, warmup=200)), 1)
-    assert abs(sampled.value - linear_log_evidence(rival)) < 4 * sampled.error
 
 
 def test_residuals_of_both_channels_have_the_stated_covariance(joint):

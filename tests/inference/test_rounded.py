@@ -6,8 +6,7 @@ from scipy import stats
 
 from reproduce.inference.models import rounded
 from reproduce.inference.models.averaging import by_column
-from reproduce.inference.quadrature import small_log_evidence, summed
-from reproduce.papers.chen2023.posteriors import COLUMNS, averaging_log_evidence, without_floor
+from reproduce.papers.chen2023.posteriors import COLUMNS
 from reproduce.papers.posteriors import posteriors
 
 
@@ -38,21 +37,13 @@ def test_digits_of_table_4_are_nearly_the_integral_of_the_density(table_4, colum
 
 
 def test_columns_multiply(table_4):
-    """The likelihood of all columns is the product of theirs, and so is the evidence."""
+    """The likelihood of all columns is the product of theirs."""
     points = table_4.start(np.random.default_rng(1), 8)
     parts = by_column(table_4)
     logs = sum(part.log_posterior(points[:, 2 * i : 2 * i + 2]) for i, part in enumerate(parts))
     np.testing.assert_allclose(table_4.log_posterior(points), logs, rtol=1e-13)
     names = [name for part in parts for name in part.names]
     assert names == list(table_4.names) == [f"{c}-{k}" for c in COLUMNS for k in ("white", "floor")]
-    plain = without_floor(table_4)
-    expected = sum(small_log_evidence(part) for part in by_column(plain))
-    assert averaging_log_evidence(plain) == expected
-    np.testing.assert_allclose(
-        plain.log_likelihood(points[:, ::2]),
-        table_4.log_likelihood(points * np.tile([1, 0], 4)),
-        rtol=1e-13,
-    )
 
 
 def test_columns_are_simulated_one_by_one(table_4):
@@ -84,9 +75,3 @@ def test_independent_numbers_multiply(size):
     found = rounded.log_box(mean, root, low, high, rounded.quasi_random(size))
     exact = rounded.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
     np.testing.assert_allclose(found, exact, atol=1e-10)
-
-
-@pytest.mark.parametrize("floor", [True, False])
-def test_evidence_by_quadrature_against_fewer_nodes(table_4, floor):
-    model = by_column(table_4 if floor else without_floor(table_4))[2]
-    assert abs(small_log_evidence(model) - summed(model, 0.3).log_evidence) < 1e-5

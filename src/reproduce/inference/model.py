@@ -87,6 +87,7 @@ class Parameter:
     - `unit`: the unit in which it is shown.
     - `prior`: its prior, in SI units or px.
     - `shown`: how many shown units one SI unit is: ARCSEC_PER_RADIAN for an angle shown in arcsec.
+    - `natural`: ends of the prior at which the quantity itself ends: to lie there is an answer.
     """
 
     name: str
@@ -94,6 +95,7 @@ class Parameter:
     unit: str
     prior: Prior
     shown: float = 1.0
+    natural: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Posteriors of one or two parameters as sums over nodes: evidence and moments without sampling.
+"""Posteriors of one or two parameters as sums over nodes: moments and quantiles without sampling.
 
 The nodes are Gauss-Legendre's, between ends that a coarse look at the posterior finds.
 """
@@ -17,7 +17,7 @@ from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["Summed", "small_log_evidence", "summed"]
+__all__ = ["Summed", "summed"]
 
 # Nodes per parameter, and those of the coarse look.
 NODES = {1: 300, 2: 120}
@@ -46,15 +46,6 @@ class Summed:
     points: FloatArray
     log_weights: FloatArray
     log_likelihood: FloatArray
-
-    @property
-    def log_evidence(self) -> float:
-        """Natural logarithm of the evidence."""
-        return self.log_evidence_under(self.model)
-
-    def log_evidence_under(self, model: Model) -> float:
-        """The same with the priors of another model of the same likelihood."""
-        return float(logsumexp(self._logs(model)))
 
     def _logs(self, model: Model) -> FloatArray:
         return self.log_weights + self.log_likelihood + model.log_prior(self.points)
@@ -102,18 +93,12 @@ def summed(model: Model, finer: float = 1) -> Summed:
     """
     if model.dimension not in NODES:
         raise UnsuitableModelError(
-            f"{model.name}: expected at most {max(NODES)} parameters, got {model.dimension}; use "
-            "`evidence.log_evidence`"
+            f"{model.name}: expected at most {max(NODES)} parameters, got {model.dimension}"
         )
     ends = _ends(model)
     points, log_weights = _nodes(ends, round(finer * NODES[model.dimension]))
     parts = [_log_likelihood(model, points[i : i + CHUNK]) for i in range(0, len(points), CHUNK)]
     return Summed(model, points, log_weights, np.concatenate(parts))
-
-
-def small_log_evidence(model: Model) -> float:
-    """Log evidence of a model of one or two parameters; refuses what `summed` refuses."""
-    return summed(model).log_evidence
 
 
 def _nodes(ends: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:

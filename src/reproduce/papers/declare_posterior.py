@@ -15,10 +15,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from reproduce.inference.checks import Bounded, Published, Repeat, Share, bounded, repeats
-from reproduce.inference.evidence import Compared, compared
 from reproduce.inference.model import Model
 from reproduce.inference.posterior import Sampled
-from reproduce.inference.sampling import Plan, sample
+from reproduce.inference.sampling import Plan
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
@@ -102,8 +101,6 @@ class Declaration:
       none where the paper prints no estimate.
     - `compared`: the printed cells that are compared with the posterior only: they do not reach the
       model.
-    - `rivals`: rivals for model choice: each makes another model of the data of this one.
-    - `evidence`, optional: the log evidence of a model or rival without sampling.
     - `bound`, optional: the least standard deviations that the data allow, one for each parameter;
       SI units or px.
     - `asides`, optional: what simple sums over the data of the model give beside it, by name.
@@ -120,8 +117,6 @@ class Declaration:
     truth: Callable[[Given], dict[str, float]] | None = None
     published: Callable[[Given, Model], Published] | None = None
     compared: tuple[str, ...] = ()
-    rivals: tuple[Callable[[Model], Model], ...] = ()
-    evidence: Callable[[Model], float] | None = None
     bound: Callable[[Model], FloatArray] | None = None
     asides: Callable[[Model], dict[str, Aside]] | None = None
     steps: int = STEPS
@@ -198,11 +193,6 @@ class Declaration:
     def bounds(self, found: Sampled) -> list[Bounded]:
         """Return the widths beside the Cramér-Rao bound; nothing where there is none."""
         return [] if self.bound is None else bounded(found, self.bound(found.model))
-
-    def choice(self, found: Sampled) -> list[Compared]:
-        """Return the evidence of the model and its rivals."""
-        plan, rivals = self.plan(), [rival(found.model) for rival in self.rivals]
-        return compared(found, rivals, self.evidence, lambda rival: sample(rival, plan))
 
 
 # What a comparison of a model with its own data can show.

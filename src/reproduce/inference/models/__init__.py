@@ -1,7 +1,6 @@
 """Models of the posteriors: which file serves which posterior.
 
-- registration: `registration`; beside it `closed_form` (its posterior without a sampler) and its
-  rivals, in `variants` and `radial`.
+- registration: `registration`; beside it `closed_form` (its posterior without a sampler).
 - registration-student, registration-distortion: `variants`, point by point; registration-mixture:
   `mixture`, which is one more of them.
 - registration-joint: `joint`, of two `registration`.
@@ -10,6 +9,5 @@
 - misalignment, misalignment-drift: `misalignment`, of the data in `lasers`; beside them
   `small_angle`, without a sampler.
 - frame-averaging: `averaging`.
-- table-5: `stage_table`, of `reference_angles`; beside it `table_readings`, every reading of the
-  table summed.
+- table-5: `stage_table`, of `reference_angles`; beside it `table_sums`, without a sampler.
 """

@@ -65,7 +65,6 @@ class AveragingLikelihood:
     - `half_unit`: half the last printed digit, in radians.
     - `frames`: length of the series.
     - `names`: of the columns; one column needs none.
-    - `floor`: whether there are floors; without them the parameters are the white noises.
     """
 
     counts: tuple[int, ...]
@@ -73,7 +72,6 @@ class AveragingLikelihood:
     half_unit: float
     frames: int
     names: tuple[str, ...] = ("",)
-    floor: bool = True
 
     def distribution(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Means and covariances of the standard deviations before they are rounded.
@@ -91,10 +89,8 @@ class AveragingLikelihood:
 
     def _amplitudes(self, parameters: FloatArray) -> FloatArray:
         """White noises and floors, shape (2, n, columns, 1)."""
-        both = np.zeros((2, len(parameters), len(self.names), 1))
-        kinds = 2 if self.floor else 1
-        both[:kinds, ..., 0] = parameters.reshape(len(parameters), -1, kinds).transpose(2, 0, 1)
-        return both
+        both = parameters.reshape(len(parameters), -1, 2).transpose(2, 0, 1)
+        return np.asarray(both[..., None])
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -125,8 +121,6 @@ class AveragingLikelihood:
         last = self.printed[:, -1]
         single = np.maximum(self.printed[:, 0], self.half_unit)
         spread = np.maximum(single / np.sqrt(2 * self.frames), self.half_unit / 2)
-        if not self.floor:
-            return single, spread
         rough = np.stack([[single, 0.3 * last], [spread, 0.15 * np.maximum(last, self.half_unit)]])
         centre, errors = rough.transpose(0, 2, 1).reshape(2, -1)
         return centre, errors
@@ -148,20 +142,19 @@ def averaging_model(
     shown: float = ARCSEC_PER_RADIAN,
     derived: Derived | None = None,
 ) -> Model:
-    """White noise and floor of every column, one sigma in radians, or white noise alone."""
+    """White noise and floor of every column, one sigma in radians."""
     least = likelihood.half_unit
     white = LogUniform(10 * least, 10000 * least, "from ten to ten thousand times what the print "
                        "can tell from zero; no scale preferred")  # fmt: skip
     floor = HalfNormal(20 * least, "a floor that may well be nothing; averaging would stop to pay "
                        "at some tens of half the last digit")  # fmt: skip
-    kinds = (("white", "a", white), ("floor", "b", floor))[: 2 if likelihood.floor else 1]
+    kinds = (("white", "a", white), ("floor", "b", floor))
     parameters = tuple(
         Parameter(f"{column}-{name}".removeprefix("-"), symbol + _index(column), "arcsec", prior,
                   shown)
         for column in likelihood.names for name, symbol, prior in kinds
     )  # fmt: skip
-    name = "frame-averaging" if likelihood.floor else "frame-averaging, no floor"
-    return Model(name, parameters, likelihood, {}, derived)
+    return Model("frame-averaging", parameters, likelihood, {}, derived)
 
 
 def _index(column: str) -> str:

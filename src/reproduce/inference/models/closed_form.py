@@ -14,15 +14,13 @@ from typing import Literal
 import numpy as np
 from numpy.random import Generator
 from scipy import stats
-from scipy.special import gammaln
 
 from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.models.registration import GaussianRegistration
-from reproduce.inference.priors import LogUniform, Uniform
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["cramer_rao_bound", "polar", "registration_log_evidence", "registration_posterior"]
+__all__ = ["cramer_rao_bound", "polar", "registration_posterior"]
 
 Flat = Literal["affine", "polar"]
 
@@ -78,22 +76,6 @@ class RegistrationPosterior:
         # The density of beta, carried to (k, theta), gains the Jacobian k.
         jacobian = np.log(k) if flat == "affine" else np.log(np.hypot(*self.mean[:2]))
         return np.asarray(density + jacobian)
-
-    def log_evidence(self, log_volume: float, log_noise_range: float) -> float:
-        """Log evidence under flat priors over a box and a log-uniform noise prior.
-
-        Of the logarithms of the box's volume and of log upper end - log lower end of the noise.
-        Exact but for what the posterior leaves outside the priors' ends, and for k in the Jacobian,
-        which is taken at its mean.
-        """
-        half = self.freedom / 2
-        _, logdet = np.linalg.slogdet(self.scale * self.freedom / self.squares)
-        integral = (
-            2 * np.log(2 * np.pi) + 0.5 * logdet - self.count * np.log(2 * np.pi)
-            + gammaln(half) - np.log(2) - half * np.log(self.squares / 2)
-        )  # fmt: skip
-        jacobian = -np.log(np.hypot(*self.mean[:2]))
-        return float(integral + jacobian - log_volume - log_noise_range)
 
 
 def registration_posterior(
@@ -158,18 +140,3 @@ def _plain(model: Model) -> GaussianRegistration:
     if not isinstance(plain, GaussianRegistration) or plain.source_noise:
         raise UnsuitableModelError(f"{model.name}: expected the plain registration of one channel")
     return plain
-
-
-def registration_log_evidence(model: Model) -> float:
-    """Log evidence of the plain registration of one channel under its own priors, exactly."""
-    plain = _plain(model)
-    flat, noise = [p.prior for p in model.parameters[:4]], model.parameters[4].prior
-    if not isinstance(noise, LogUniform):
-        raise UnsuitableModelError(f"noise prior: expected LogUniform, got {type(noise).__name__}")
-    volume = 0.0
-    for prior in flat:
-        if not isinstance(prior, Uniform):
-            raise UnsuitableModelError(f"prior: expected Uniform, got {type(prior).__name__}")
-        volume += float(np.log(prior.high - prior.low))
-    exact = registration_posterior(plain.source, plain.target, plain.pivot)
-    return exact.log_evidence(volume, float(np.log(np.log(noise.high / noise.low))))

@@ -170,7 +170,7 @@ def mixture_model(base: Model) -> Model:
     return replace(
         base,
         name="registration-mixture",
-        parameters=(*base.parameters, Parameter("false-share", "f", "1", share)),
+        parameters=(*base.parameters, Parameter("false-share", "f", "1", share, natural=(0.0,))),
         likelihood=MixtureRegistration(
             plain.source, plain.target, plain.pivot, corner=(x, y), side=side
         ),

@@ -20,8 +20,7 @@ from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 
 __all__ = [
-    "errors_with_free_lasers", "small_angle_log_evidence", "small_angle_posterior",
-    "spot_bound",
+    "errors_with_free_lasers", "small_angle_posterior", "spot_bound",
 ]  # fmt: skip
 
 # Points over the noise, and how many of its own errors they reach.
@@ -36,14 +35,12 @@ class SmallAnglePosterior:
     - `means`, (m, d - 1): means of all other parameters, given the noise; SI.
     - `roots`, (m, d - 1, d - 1): roots of their covariances: any matrix whose product with its
       transpose is the covariance.
-    - `log_evidence`: natural logarithm of the evidence of the model.
     """
 
     noise: FloatArray
     weight: FloatArray
     means: FloatArray
     roots: FloatArray
-    log_evidence: float
 
     @property
     def mean(self) -> FloatArray:
@@ -97,14 +94,11 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
     logs -= 0.5 * (statistics.squares + left @ left) / noise**2
     logs += 0.5 * np.einsum("mi,mi->m", means, pull)
     logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-    logs += 0.5 * (np.log(held).sum() - held @ off**2 - statistics.size * np.log(2 * np.pi))
-    evidence = float(logsumexp(logs))
     return SmallAnglePosterior(
         noise,
-        np.exp(logs - evidence),
+        np.exp(logs - logsumexp(logs)),
         centre[:-1] + means * scale,
         roots * scale[:, None],
-        evidence + float(np.log(noise[1] - noise[0])),
     )
 
 
@@ -121,11 +115,6 @@ def spot_bound(model: Model) -> FloatArray:
     variances = np.diagonal(np.linalg.inv(response.T @ response))
     of_noise = noise / np.sqrt(2 * likelihood.statistics.size)
     return np.append(scale * np.sqrt(variances), of_noise)
-
-
-def small_angle_log_evidence(model: Model) -> float:
-    """Log evidence of `small_angle_posterior`, with its errors."""
-    return small_angle_posterior(model).log_evidence
 
 
 def errors_with_free_lasers(likelihood: SpotLikelihood) -> FloatArray:

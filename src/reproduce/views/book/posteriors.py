@@ -15,18 +15,9 @@ from markupsafe import Markup
 
 from reproduce.inference.calibration import banded, least_of_all, power
 from reproduce.inference.checks import placed, predictive_checks
-from reproduce.inference.evidence import Compared
-from reproduce.inference.models.radial import WIDTHS
 from reproduce.inference.posterior import Summary
-from reproduce.inference.sensitivity import CROWDED, NEAR, NOTABLE, sensitivities
 from reproduce.papers import calibrations
-from reproduce.papers.chen2023.posteriors import (
-    FLOORS,
-    summed_columns,
-    table_reads,
-    table_shares,
-)
-from reproduce.papers.niu2024.posteriors import decisions, transforms
+from reproduce.papers.niu2024.posteriors import decisions
 from reproduce.papers.niu2024.posteriors.new_stars import pixel_angle
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
@@ -42,7 +33,6 @@ from reproduce.views.objects.posterior import (
     coverage_rows,
     entries,
     interval,
-    moments,
     named,
 )
 from reproduce.views.objects.posterior import file_formats as formats
@@ -52,7 +42,6 @@ from reproduce.views.writing.numbers import (
     digits,
     minus,
     percent,
-    plain,
     ranged,
     shared,
     signed,
@@ -64,8 +53,6 @@ __all__ = [
         "SIMULATED",
         "STEPS",
         "calibrations_of_all",
-        "columns_of_table_4",
-        "columns_of_table_5",
     ),
     *(
         "diagnostics",
@@ -75,7 +62,6 @@ __all__ = [
         "said",
         "stars",
         "summarised",
-        "transform_choice",
     ),
 ]
 
@@ -83,12 +69,9 @@ STEPS = {
     "model": "The model and its data",
     "computation": "The computation",
     "results": "The posterior",
-    "decision": "Estimates and rivals",
-    "sensitivity": "The priors",
+    "decision": "Estimates",
     "reproducing": "Calibration, and how to redo everything",
 }
-# Three decimals at most, however small the Monte Carlo error.
-LEAST_ERROR = 5e-4
 # Shares by which a standard deviation may be too small, of which the power is told.
 NARROW = (0.1, 0.05)
 # The share of right curves that leave their own band.
@@ -277,7 +260,7 @@ def stars() -> Html:
 
 def diagnostics(paper: str) -> Html:
     """Show everything that speaks for or against the posteriors of a paper, each in a fold."""
-    steps = (model, computation, results, decision, sensitivity, reproducing)
+    steps = (model, computation, results, decision, reproducing)
     folds = []
     for name, declared in posteriors().items():
         if declared.paper != paper:
@@ -376,8 +359,8 @@ def correlations(name: str) -> str:
 
 
 def decision(name: str) -> Html:
-    """Show the estimates and the published numbers in the posterior, and the rivals' evidence."""
-    return _step("decision", name, estimates(name), bounds(name), repeats(name), rivals(name))
+    """Show the estimates and the published numbers in the posterior."""
+    return _step("decision", name, estimates(name), bounds(name), repeats(name))
 
 
 def estimates(name: str) -> str:
@@ -438,119 +421,10 @@ def repeats(name: str) -> str:
     return _table(head, rows, caption)
 
 
-def rivals(name: str) -> str:
-    """Return the evidence of a model and its rivals, with the exact one where there is one.
-
-    The model has been sampled anyway; a rival is sampled only where there is no other way.
-    """
-    declared = posteriors()[name]
-    found = declared.choice(book_posterior(name))
-    rows = [_weighed(one, "0" if i == 0 else _difference(one)) for i, one in enumerate(found)]
-    head = ("Model", "log evidence, sampled", "MCSE", "Pareto k", "closed form or quadrature",
-            "less the first one's")  # fmt: skip
-    caption = "Evidence (natural logarithm) under the priors above; differences decide."
-    if declared.simulated and len(rows) > 1:
-        caption += (
-            " The data are our own simulation: which model is preferred tests the method, and says "
-            "nothing of the instrument."
-        )
-    return _table(head, rows, caption)
-
-
-def _weighed(one: Compared, less: str) -> tuple[str, ...]:
-    sampled = ("not needed", "", "")
-    if one.sampled is not None:
-        value, error = one.sampled.value, one.sampled.error
-        sampled = (digits(value, error), f"{error:.1g}",
-                   minus(f"{one.sampled.shape:.2f}"))  # fmt: skip
-    return one.name, *sampled, "none" if one.exact is None else f"{one.exact:.3f}", less
-
-
-def _difference(one: Compared) -> str:
-    if one.error == 0:
-        return minus(f"{one.less:.3f}")
-    return minus(f"{digits(one.less, one.error)} ± {one.error:.1g}")
-
-
-def transform_choice() -> Html:
-    """Show the evidence of similarity, radial term and affine transform, under several priors."""
-    rows = [(name, *(minus(f"{log:.3f}") for log in logs)) for name, logs in transforms().items()]
-    head = ("Transform", *(f"log evidence, {width:g} px" for width in WIDTHS))
-    caption = (
-        "Similarity against its rivals, on our own simulation with the printed settings, from "
-        "cameras whose distortions differ: the choice tests the method and says nothing of the "
-        "paper's centroids. What a rival adds has a Gaussian prior about zero; its "
-        "standard deviation, at the edge of the field, heads the column. The evidence of a rival "
-        "depends on it: a prior wider than the estimate's error costs the logarithm of their "
-        "ratio, per term."
-    )
-    return Html(_table(head, rows, caption))
-
-
-def columns_of_table_5() -> Html:
-    """Show every reading of Table V: which columns stand where, which digit holds."""
-    focal, noise = posteriors()["table-5"].model().parameters[:2]
-    shown = (focal, noise, noise, noise)
-    rows = []
-    for one, share in zip(table_reads(), table_shares(), strict=True):
-        pairs = zip(one.means, one.deviations, shown, strict=True)
-        shown_as = (f"{moments(m * p.shown, d * p.shown)} {p.unit}" for m, d, p in pairs)
-        rows.append((one.name, minus(f"{one.log_evidence:.3f}"), f"{share:.2g}", *shown_as))
-    head = ("Reading", "log evidence", "probability", "focal length", "noise",
-            "bias, angles printed about X", "about Y")  # fmt: skip
-    caption = (
-        "Each reading of Table V, all equally probable beforehand; mean ± standard deviation. Data "
-        "as printed in chen2023. No sampling: the sums are exact to the digits shown."
-    )
-    return Html(_table(head, rows, caption))
-
-
-def columns_of_table_4() -> Html:
-    """Show white noise and floor of every column of Table IV, and what speaks for a floor."""
-    rows = []
-    for one in summed_columns():
-        decimals = 1 - int(np.floor(np.log10(one.white_error)))
-        rows.append((
-            one.column.replace("-", ", "),
-            f"{one.white:.{decimals}f} ± {one.white_error:.2g} arcsec",
-            f"{one.floor:#.2g} arcsec", f"{one.prior:.3g} arcsec",
-            *(minus(f"{gain:+.2f}") for gain in one.gains),
-        ))  # fmt: skip
-    head = ("Column", "white noise of one frame", "floor, 97.5 % below", "scale of its prior",
-            *(f"evidence of a floor, scale times {factor:g}" for factor in FLOORS))  # fmt: skip
-    caption = (
-        "Each column of Table IV by itself, one sigma, summed without sampling; data as printed in "
-        "chen2023. Then the log evidence of a floor less that of none, under narrower and wider "
-        "priors of the floor: where its sign changes, the prior decides."
-    )
-    return Html(_table(head, rows, caption))
-
-
 def file_formats() -> Html:
     """Show which columns a user's own file has, for every model that takes one."""
     rows = [(keys, names or "none", text) for keys, names, text in formats()]
     return Html(_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
-
-
-def sensitivity(name: str) -> Html:
-    """Show how the posterior answers when prior or likelihood is scaled."""
-    rows = []
-    for one in sensitivities(book_posterior(name)):
-        answers = (one.prior, one.likelihood, one.shift)
-        told = (
-            plain(digits(answer, max(error, LEAST_ERROR)))
-            for answer, error in zip(answers, one.errors, strict=True)
-        )
-        rows.append((one.name, *told, minus(f"{one.shape:.2f}"),
-                     one.held_by))  # fmt: skip
-    head = ("Parameter", "to prior", "to likelihood", "mean shift (sd)", "Pareto k", "reading")
-    caption = (
-        "Change of the posterior when the power of prior or likelihood is doubled: root of the "
-        f"cumulative Jensen-Shannon divergence, notable from {NOTABLE}. Digits: as the jackknife "
-        "over ensembles allows. An end of a flat prior holds a posterior that has more than "
-        f"{100 * CROWDED:g} % of its draws within {100 * NEAR:g} % of the prior's width from it."
-    )
-    return _step("sensitivity", name, _table(head, rows, caption))
 
 
 def reproducing(name: str) -> Html:

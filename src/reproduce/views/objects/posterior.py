@@ -135,7 +135,7 @@ class Posterior(Shown):
 
     @cached_property
     def declared(self) -> Declaration:
-        """How the posterior is declared: its data, rivals, published numbers."""
+        """How the posterior is declared: its data and published numbers."""
         from reproduce.papers.posteriors import posteriors
 
         return posteriors()[self.name]

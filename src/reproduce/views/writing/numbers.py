@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from reproduce.inference.checks import Range, Share
 
 __all__ = [
-    *("chance", "digits", "entry", "fact", "hyphen", "minus", "percent", "plain", "powers"),
+    *("chance", "digits", "entry", "fact", "hyphen", "minus", "percent", "powers"),
     *("powers_in_html", "ranged", "shared", "signed"),
 ]
 
@@ -230,17 +230,11 @@ def signed(text: str) -> str:
     >>> signed("1.2"), signed("-0.3")
     ('+1.2', '−0.3')
     """
-    return plain(text) if text.startswith("-") else f"+{text}"
+    return _plain(text) if text.startswith("-") else f"+{text}"
 
 
-def plain(text: str) -> str:
-    """Write a number with a minus for a hyphen, and none before a zero.
-
-    Examples
-    --------
-    >>> plain("-0.3"), plain("-0.00"), plain("-2e-11")
-    ('−0.3', '0.00', '−2e-11')
-    """
+def _plain(text: str) -> str:
+    """Write a number with a minus for a hyphen, and none before a zero."""
     return text if not text.startswith("-") else f"{'−' if float(text) else ''}{text[1:]}"
 
 
@@ -258,7 +252,7 @@ def ranged(found: Range) -> str:
     # An error of nothing: simulations that are alike there, not an end that is exact.
     least = (found.high - found.low) / 30 or abs(found.high) / 5000
     ends = zip((found.low, found.high), found.errors, strict=True)
-    return " to ".join(plain(_end(end, error or least)) for end, error in ends)
+    return " to ".join(_plain(_end(end, error or least)) for end, error in ends)
 
 
 def _end(end: float, error: float) -> str:

@@ -7,28 +7,26 @@ taken as printed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from reproduce.inference.model import Model
-from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model, by_column
+from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
 from reproduce.inference.models.lasers import SpotStatistics
 from reproduce.inference.models.misalignment import (
     SpotLikelihood,
     misalignment_model,
 )
-from reproduce.inference.models.reference_angles import HYPOTHESES, ReferenceAngles
+from reproduce.inference.models.reference_angles import ReferenceAngles
 from reproduce.inference.models.small_angle import (
     errors_with_free_lasers,
-    small_angle_log_evidence,
     spot_bound,
 )
 from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
-from reproduce.inference.models.table_readings import TableReading, TableResult, hypotheses, read
 from reproduce.inference.priors import HalfNormal
-from reproduce.inference.quadrature import Summed, small_log_evidence, summed
+from reproduce.inference.quadrature import Summed, summed
 from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
 from reproduce.papers.chen2023.posteriors import (
     published,
@@ -41,19 +39,14 @@ from reproduce.papers.chen2023.posteriors.simulated_spots import images, platfor
 from reproduce.papers.declare_posterior import Aside, Declaration
 from reproduce.physics.ground.errors import altitude_for_resolution
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
 __all__ = [
     "COLUMNS",
     "FLOORS",
     "READS",
-    "readings",
-    "summed_columns",
-    "table_reads",
-    "table_shares",
     "under_floors",
-    "without_floor",
 ]
 
 SATELLITE = "chen2023/table-1"
@@ -136,57 +129,6 @@ def frame_averaging(given: Given) -> Model:
     return averaging_model(likelihood, derived=consequences)
 
 
-def without_floor(model: Model) -> Model:
-    """The same columns with white noise alone."""
-    likelihood = model.likelihood_of(AveragingLikelihood)
-    return averaging_model(replace(likelihood, floor=False))
-
-
-def averaging_log_evidence(model: Model) -> float:
-    """Log evidence of Table IV: its columns are independent, and each is summed over nodes."""
-    return sum(map(small_log_evidence, by_column(model)))
-
-
-@dataclass(frozen=True)
-class SummedColumn:
-    """One column of Table IV, summed without sampling; one sigma, in arcsec.
-
-    - `column`: which.
-    - `white`, `white_error`: white noise of one frame: mean and standard deviation.
-    - `floor`: the floor is below it with a probability of 97.5 %.
-    - `prior`: scale of the floor's prior.
-    - `gains`: log evidence of a floor less that of none, for every scale of `FLOORS`.
-    """
-
-    column: str
-    white: float
-    white_error: float
-    floor: float
-    prior: float
-    gains: tuple[float, ...]
-
-
-@cache
-def summed_columns() -> tuple[SummedColumn, ...]:
-    """Sum the posterior of every column of Table IV, with a floor and without one."""
-    model = frame_averaging(given(AVERAGE_READS))
-    return tuple(map(_summed_column, COLUMNS, by_column(model)))
-
-
-def _summed_column(column: str, model: Model) -> SummedColumn:
-    under = under_floors(model)
-    ours = under[FLOORS.index(1.0)]
-    plain = small_log_evidence(without_floor(model))
-    return SummedColumn(
-        column,
-        float(ours.means[0]) * ARCSEC_PER_RADIAN,
-        float(ours.deviations[0]) * ARCSEC_PER_RADIAN,
-        ours.quantile(1, 0.975) * ARCSEC_PER_RADIAN,
-        _floor_prior(model).sigma * ARCSEC_PER_RADIAN,
-        tuple(one.log_evidence - plain for one in under),
-    )
-
-
 def _floor_prior(model: Model) -> HalfNormal:
     prior = model.parameters[1].prior
     if not isinstance(prior, HalfNormal):
@@ -229,54 +171,6 @@ def table_5(given: Given) -> Model:
     return replace(model, derived=consequences)
 
 
-def of_hypothesis(model: Model, hypothesis: int) -> Model:
-    """The same table under one hypothesis alone."""
-    likelihood = model.likelihood_of(StageTableLikelihood)
-    return replace(
-        model,
-        name=f"{model.name}, {HYPOTHESES[hypothesis]}",
-        likelihood=replace(likelihood, hypothesis=hypothesis),
-        derived=None,
-    )
-
-
-def readings() -> list[TableReading]:
-    """Return the readings of Table V: the orders of its columns, positions or motions that hold.
-
-    The motions, which no model reads, reach the readings alone.
-    """
-    door = given((f"{STAGE}#*.position-?", f"{STAGE}#*.motion-?"))
-    printed = stage_positions(door)
-    motions = np.stack([door.array(f"{STAGE}#*.motion-{a}") for a in "xy"], axis=-1)
-    return hypotheses(printed, printed[0] + motions, door.half_unit(f"{STAGE}#2.motion-x"))
-
-
-@cache
-def table_read(number: int) -> TableResult:
-    """Return what one of the readings of Table V comes to, summed once in a process."""
-    return read(table_5(given(STAGE_READS)), readings()[number])
-
-
-def table_reads() -> tuple[TableResult, ...]:
-    """Return what every reading of Table V comes to."""
-    return tuple(map(table_read, range(len(readings()))))
-
-
-def table_shares() -> list[float]:
-    """Return the probability of every reading of Table V, all equally probable beforehand."""
-    logs = np.array([one.log_evidence for one in table_reads()])
-    return [float(share) for share in np.exp(logs - np.logaddexp.reduce(logs))]
-
-
-def table_log_evidence(model: Model) -> float:
-    """Log evidence of Table V by quadrature: of one hypothesis, or of both with halves."""
-    likelihood = model.likelihood_of(StageTableLikelihood)
-    both = [table_read(number).log_evidence for number in (0, 1)]
-    if likelihood.hypothesis is not None:
-        return both[likelihood.hypothesis]
-    return float(np.logaddexp(both[0], both[1]) - np.log(2))
-
-
 def with_free_lasers(model: Model) -> dict[str, Aside]:
     """How well the misalignment were known with the direction of every laser free."""
     likelihood = model.likelihood_of(SpotLikelihood)
@@ -288,24 +182,22 @@ def with_free_lasers(model: Model) -> dict[str, Aside]:
 POSTERIORS = (
     Declaration(
         "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
-        users_spots.CONSTANT, truth, published.scatter, evidence=small_angle_log_evidence,
+        users_spots.CONSTANT, truth, published.scatter,
         bound=spot_bound, asides=with_free_lasers,
     ),
     Declaration(
         "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
         users_spots.DRIFT, partial(truth, drift=True), published.scatter,
-        evidence=small_angle_log_evidence, bound=spot_bound, steps=330,
+        bound=spot_bound, steps=330,
     ),
     Declaration(
         "frame-averaging", "White noise of one frame and the floor that averaging leaves",
         "chen2023", AVERAGE_READS, frame_averaging, users_tables.AVERAGES,
-        published=published.averaged, rivals=(without_floor,), evidence=averaging_log_evidence,
-        steps=650, walkers=120,
+        published=published.averaged, steps=650, walkers=120,
     ),
     Declaration(
         "table-5", "Effective focal length, angle bias and noise from the stage test", "chen2023",
         STAGE_READS, table_5, users_tables.STAGE, published=published.stage_table,
-        rivals=(partial(of_hypothesis, hypothesis=0), partial(of_hypothesis, hypothesis=1)),
-        evidence=table_log_evidence, steps=450, walkers=80,
+        steps=450, walkers=80,
     ),
 )  # fmt: skip

@@ -14,7 +14,7 @@ from scipy.stats import norm
 
 from reproduce.inference.models.averaging import by_column
 from reproduce.inference.models.small_angle import small_angle_posterior
-from reproduce.inference.models.table_readings import CROSSED, TableReading, TableResult, read
+from reproduce.inference.models.table_sums import TableResult, interchanged
 from reproduce.inference.quadrature import Summed
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, positioning, satellite
 from reproduce.papers.chen2023.posteriors import (
@@ -60,7 +60,6 @@ COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
 # Images after the middle of a calibration.
 AGES = (0, 10, 20, 50, 100, 200, 400, 800)
 OFF_CENTRE = positioning.LOOKS[1][2]  # in metres on the ground
-CROSSED_COLUMNS = TableReading("columns of X and Y interchanged", CROSSED, CROSSED)
 # Nodes that hold less than this are left out where they meet every noise of Table V.
 RARE = 1e-7
 HOUR = DAY / 24
@@ -88,7 +87,7 @@ def averages(door: Given, axis: str, counts: FloatArray) -> FloatArray:
 @cache
 def stage(door: Given) -> TableResult:
     """What Table V says with its columns of X and Y interchanged."""
-    return read(table_5(door), CROSSED_COLUMNS)
+    return interchanged(table_5(door))
 
 
 def _with_stage(

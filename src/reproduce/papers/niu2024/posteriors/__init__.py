@@ -15,25 +15,17 @@ from numpy.random import PCG64, Generator, SeedSequence
 from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
 from reproduce.inference.models.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
-from reproduce.inference.models.closed_form import cramer_rao_bound, registration_log_evidence
+from reproduce.inference.models.closed_form import cramer_rao_bound
 from reproduce.inference.models.joint import JointRegistration, joint_model
 from reproduce.inference.models.least_squares import noise_growth
 from reproduce.inference.models.mixture import mixture_model
 from reproduce.inference.models.new_stars import Together
-from reproduce.inference.models.radial import (
-    WIDTHS,
-    affine_model,
-    linear_log_evidence,
-    radial_model,
-    similarity_model,
-)
 from reproduce.inference.models.registration import GaussianRegistration, registration_model
 from reproduce.inference.models.variants import (
     PointwiseRegistration,
     distortion_model,
     student_model,
 )
-from reproduce.inference.quadrature import small_log_evidence
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import (
     OWN_DATA,
@@ -63,9 +55,8 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.printed.given import given as door
 
-__all__ = ["beside_the_registration", "transforms"]
+__all__ = ["beside_the_registration"]
 
 DATA_SEED, FALSE_SEED = (SeedSequence(ROOT_SEED, spawn_key=(i,)) for i in (1, 4))
 # Share of stars that are matched wrongly on purpose.
@@ -220,18 +211,6 @@ def beside_the_registration(model: Model) -> dict[str, Aside]:
     }
 
 
-def transforms() -> dict[str, list[float]]:
-    """Return the log evidence of similarity, radial term and affine transform of the red channel.
-
-    By the name of the model; one number for each prior width of `WIDTHS`.
-    """
-    base = registration(door(READS))
-    return {
-        rival(base).name: [linear_log_evidence(rival(base, width)) for width in WIDTHS]
-        for rival in (similarity_model, radial_model, affine_model)
-    }
-
-
 _red = partial(
     Declaration, paper="niu2024", given=READS, truth=partial(truth, channels=("red",)),
     published=partial(one_channel, channel="red"), compared=COMPARED,
@@ -239,8 +218,7 @@ _red = partial(
 POSTERIORS = (
     _red(
         "registration", "Registration of one channel: similarity and Gaussian noise",
-        build=registration, file=users_stars.PLAIN, rivals=(student_model,),
-        evidence=registration_log_evidence, bound=cramer_rao_bound,
+        build=registration, file=users_stars.PLAIN, bound=cramer_rao_bound,
         asides=beside_the_registration, walkers=240,
     ),
     Declaration(
@@ -266,6 +244,6 @@ POSTERIORS = (
         "its likelihood is the response of one calibration, that of Table 3, to the noise of its "
         "own simulated angles; for centroids of your own take registration, which estimates their "
         "noise",
-        published=published_table, evidence=small_log_evidence, steps=200,
+        published=published_table, steps=200,
     ),
 )  # fmt: skip

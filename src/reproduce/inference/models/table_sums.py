@@ -1,10 +1,9 @@
-"""Which columns of Table V stand where: every reading's evidence and posterior, without sampling.
+"""Table V with its angle columns of X and Y interchanged, summed without sampling.
 
-A reading says which block each angle column belongs to and which positions hold. Given the focal
-length the two blocks and the two kinds of angles part, so what is left is sums over small grids:
-trapezoids in the focal length (on a scale that reaches far into the tails), Gauss-Legendre in the
-logarithms of the scatters and in the biases. A finer grid changes the log evidence by less than
-1e-6, as a test proves. Conventions are those of `stage_table`.
+Given the focal length the two blocks and the two kinds of angles part, so what is left is sums
+over small grids: trapezoids in the focal length (on a scale that reaches far into the tails),
+Gauss-Legendre in the logarithms of the scatters and in the biases. A coarser grid changes no mean
+by 1e-5 of it, as a test proves. Conventions are those of `stage_table`.
 """
 
 from __future__ import annotations
@@ -22,9 +21,10 @@ from reproduce.inference.models.stage_table import StageTableLikelihood
 from reproduce.inference.priors import LogUniform, Normal, Uniform
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["CROSSED", "PRINTED", "TableReading", "TableResult", "hypotheses", "read"]
+__all__ = ["TableResult", "interchanged"]
 
-PRINTED, CROSSED = (0, 1), (1, 0)
+# The printed columns that belong to motions along X and along Y.
+CROSSED = (1, 0)
 # Reach of the focal length: its relative error times sinh of this, and the points up to there.
 REACH, POINTS, EVERY, SPLINE = 7.0, 240, 4, 5
 # Nodes in log scatter, log noise and bias, and the reach of the bias in its own errors.
@@ -34,73 +34,26 @@ BIAS_REACH = 6.5
 SHARES, FINE = 100, 4001
 
 
-@dataclass(frozen=True, eq=False)
-class TableReading:
-    """One way to read the table.
-
-    - `name`: in a few words.
-    - `reference`, `monitored`: the printed columns that belong to motions along X and along Y.
-    - `positions`, (states + 1, 2), optional: positions in place of the printed ones, in metres.
-    """
-
-    name: str
-    reference: tuple[int, int] = PRINTED
-    monitored: tuple[int, int] = PRINTED
-    positions: FloatArray | None = None
-
-
 @dataclass(frozen=True)
 class TableResult:
-    """What a reading comes to.
+    """What Table V comes to.
 
-    - `name`: the reading.
-    - `log_evidence`: natural logarithm.
     - `means`, `deviations`: of focal length (m), noise, bias of the angles about X and about Y as
       printed (rad).
     - `noises`: values of the noise that share its probability evenly, in rising order (rad).
     """
 
-    name: str
-    log_evidence: float
     means: tuple[float, ...]
     deviations: tuple[float, ...]
     noises: tuple[float, ...]
 
 
-def hypotheses(
-    printed: FloatArray, from_motions: FloatArray, half_unit: float
-) -> list[TableReading]:
-    """Return the readings that tell themselves apart, of positions (states + 1, 2), in metres.
-
-    Those as printed, and those that the printed motions and the first positions give, differ where
-    a digit of one of the two is wrong. Both come with every order of the angle columns. To
-    interchange positions and motions is to interchange both angle columns, but for the names of the
-    two biases.
-    """
-    orders = {
-        "as printed": (PRINTED, PRINTED),
-        "positions and motions interchanged": (CROSSED, CROSSED),
-        "reference columns interchanged": (CROSSED, PRINTED),
-        "monitored columns interchanged": (PRINTED, CROSSED),
-    }
-    found = [TableReading(f"{name}, positions hold", *pair) for name, pair in orders.items()]
-    # Position less position rounds twice: within three halves of a digit it is no slip.
-    slip = np.abs(printed - from_motions) > 3.5 * half_unit
-    if slip.any():
-        other = np.where(slip, from_motions, printed)
-        found += [
-            TableReading(f"{name}, motions hold", *pair, other) for name, pair in orders.items()
-        ]
-    return found
-
-
-def read(model: Model, reading: TableReading, finer: float = 1) -> TableResult:
-    """Evidence and moments of a `table_model` under one reading, by quadrature.
+def interchanged(model: Model, finer: float = 1) -> TableResult:
+    """Moments of a `table_model` whose angle columns of X and Y are interchanged, by quadrature.
 
     The model's own hypothesis plays no part; `finer` multiplies the points of every grid.
     """
-    likelihood = model.likelihood_of(StageTableLikelihood)
-    table = StageTable.of(model, likelihood, reading)
+    table = StageTable.of(model, model.likelihood_of(StageTableLikelihood))
     points = EVERY * round(finer * POINTS / EVERY) + 1
     orders = [round(finer * order) for order in ORDERS]
     u = np.linspace(-REACH, REACH, points)
@@ -117,7 +70,7 @@ def read(model: Model, reading: TableReading, finer: float = 1) -> TableResult:
     density = density + np.log(focal * error * np.cosh(u) * (u[1] - u[0]))
     weights = density[:, None, None] + for_scatter[:, None] + for_noise
     values = (focal[:, None, None], noises)
-    return _summed(reading, weights, held, parts, values)
+    return _summed(weights, held, parts, values)
 
 
 class Parts(NamedTuple):
@@ -133,7 +86,7 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StageTable:
-    """The table as one reading has it.
+    """The table, its angle columns interchanged.
 
     - `positions`, (states + 1, 2): in metres.
     - `reference`, `monitored`, (states, 2): angles in the blocks of the motions, in radians.
@@ -153,10 +106,8 @@ class StageTable:
     noise_ends: tuple[float, float]
 
     @classmethod
-    def of(
-        cls, model: Model, likelihood: StageTableLikelihood, reading: TableReading
-    ) -> StageTable:
-        """Put the columns where the reading has them, and take the priors apart."""
+    def of(cls, model: Model, likelihood: StageTableLikelihood) -> StageTable:
+        """Interchange the columns, and take the priors apart."""
         noise, first, second, scatter = (p.prior for p in model.parameters[1:])
         if not (
             isinstance(noise, LogUniform)
@@ -165,12 +116,12 @@ class StageTable:
             and first == second
             and first.mean == 0
         ):
-            raise TypeError("model: expected the priors of `table_model`; use `log_evidence`")
+            raise TypeError("model: expected the priors of `table_model`")
         source = likelihood.reference
         return cls(
-            source.positions if reading.positions is None else reading.positions,
-            source.angles[:, reading.reference],
-            likelihood.monitored[:, reading.monitored],
+            source.positions,
+            source.angles[:, CROSSED],
+            likelihood.monitored[:, CROSSED],
             source.half_position,
             source.half_angle,
             first.sigma,
@@ -231,7 +182,6 @@ def _gauss(order: int, ends: tuple[float, float]) -> tuple[FloatArray, FloatArra
 
 
 def _summed(
-    reading: TableReading,
     weights: FloatArray,
     held: FloatArray,
     parts: Parts,
@@ -241,7 +191,7 @@ def _summed(
     logs = weights.copy()
     biases = []
     for printed in (1, 0):  # the angles printed about X, then those about Y
-        block = reading.monitored.index(printed)
+        block = CROSSED.index(printed)
         # Over the nodes of the zero position a product of matrices, each row by its largest number.
         first = held[:, :, block].swapaxes(1, 2) + np.log(WEIGHTS / 2)
         second = parts.log_probability[:, :, block]
@@ -252,14 +202,13 @@ def _summed(
             logs += np.log(whole) + tops[0] + tops[1]
         whole = np.maximum(whole, np.finfo(float).tiny)
         biases.append([left @ (right * part[:, :, block]) / whole for part in parts[1:]])
-    evidence = float(logsumexp(logs))
-    density = np.exp(logs - evidence)
+    density = np.exp(logs - logsumexp(logs))
     moments = [(value, value**2) for value in values] + biases
     means = [float((density * first).sum()) for first, _ in moments]
     squares = [float((density * second).sum()) for _, second in moments]
     deviations = [float(np.sqrt(max(s - m**2, 0))) for s, m in zip(squares, means, strict=True)]
     noises = _shared(values[1], density.sum(axis=(0, 1)))
-    return TableResult(reading.name, evidence, tuple(means), tuple(deviations), noises)
+    return TableResult(tuple(means), tuple(deviations), noises)
 
 
 def _shared(noises: FloatArray, shares: FloatArray) -> tuple[float, ...]:
