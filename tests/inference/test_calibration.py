@@ -35,7 +35,6 @@ REPLICATES = {
     "misalignment": 2000,
     "registration": 2000,
     "registration-joint": 2000,
-    "registration-student": 2000,
     "table-5": 2000,
 }
 REDONE = (1, 2, 7)
@@ -185,7 +184,7 @@ def test_stored_calibrations_know_their_models(name):
 
 def test_every_model_has_random_numbers_of_its_own():
     """The same prior, first in line, and the same seed: another truth."""
-    models = [posteriors()[name].model() for name in ("registration", "registration-student")]
+    models = [posteriors()[name].model() for name in ("registration", "registration-distortion")]
     assert models[0].parameters[0].prior == models[1].parameters[0].prior
     one, other = (
         [simulated(model, stored.SEED, index)[0][0] for index in range(20)] for model in models

@@ -13,7 +13,7 @@ from reproduce.inference.models.lasers import Quest, SpotStatistics
 from reproduce.inference.models.misalignment import (
     misalignment_model,
 )
-from reproduce.inference.models.variants import distortion_model, student_model
+from reproduce.inference.models.variants import distortion_model
 from reproduce.inference.priors import Normal
 from reproduce.papers.posteriors import posteriors
 
@@ -25,7 +25,6 @@ DRIFT = tuple(f"drift-{a}" for a in "xyz")
 UNKNOWN = {
     "registration": (),
     "registration-joint": (),
-    "registration-student": ("noise", "log-freedom"),
     "registration-mixture": ("noise", "false-share"),
     "registration-distortion": ("source-distortion", "target-distortion"),
     "misalignment": ("laser-scale",),
@@ -63,7 +62,6 @@ WELL_SPECIFIED = {
     "registration": lambda r, _: r,
     "registration-joint": lambda r, _: pair(r),
     "registration-joint-alike": lambda r, _: pair(r, 1.0, 1.0),
-    "registration-student": lambda r, _: held(student_model(r), **{"log-freedom": 4.0}),
     "registration-distortion": lambda r, _: held(
         distortion_model(r), **{"source-distortion": 0.0, "target-distortion": 0.0}
     ),

@@ -110,7 +110,7 @@ def test_users_data_make_a_model_that_starts(tmp_path, name):
 @pytest.mark.parametrize(
     ("name", "parameter", "truth"),
     [
-        ("registration-student", "shift-x", 3.0),
+        ("registration", "shift-x", 3.0),
         ("registration-joint", "red-shift-x", 3.0),
         ("misalignment", "angle-y", -20e-6 / 2),
         ("misalignment-drift", "drift-x", 0.0),

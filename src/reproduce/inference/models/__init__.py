@@ -1,8 +1,7 @@
 """Models of the posteriors: which file serves which posterior.
 
 - registration: `registration`; beside it `closed_form` (its posterior without a sampler).
-- registration-student, registration-distortion: `variants`, point by point; registration-mixture:
-  `mixture`, which is one more of them.
+- registration-distortion: `variants`, point by point; registration-mixture: `mixture`, likewise.
 - registration-joint: `joint`, of two `registration`.
 - All of these share `least_squares` (the published estimator) and `new_stars` (its consequences).
 - centroid-noise: `centroid_noise`, with the printed digits of `rounded`.

@@ -1,4 +1,4 @@
-"""Registrations whose likelihood needs every point: heavy tails, free distortion.
+"""Registrations whose likelihood needs every point: free distortion.
 
 Conventions and units are those of `registration`; arrays have shape (n, points).
 """
@@ -12,16 +12,14 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
 from reproduce.inference.model import Model, Parameter
-from reproduce.inference.models.least_squares import robust_similarity
 from reproduce.inference.models.registration import GaussianRegistration
-from reproduce.inference.priors import Normal, Uniform
+from reproduce.inference.priors import Normal
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["PointwiseRegistration", "distortion_model", "student_model"]
+__all__ = ["PointwiseRegistration", "distortion_model"]
 
 # Steps of Newton's method for the inverse distortion; each doubles the digits.
 NEWTON_STEPS = 4
@@ -34,20 +32,16 @@ class PointwiseRegistration:
     - `source`, `target`, (n, 2): in px.
     - `pivot`, (2,): the source channel's principal point, in px.
     - `edge`, optional: radius of the field, in px; by default that of the outermost star.
-    - `robust`: whether the start is that of the stars that fit, for data with wrong matches.
     """
 
     source: FloatArray
     target: FloatArray
     pivot: FloatArray
     edge: float | None = None
-    robust: bool = False
 
     # Centre and spread of the parameters that a subclass adds.
     extra_centre: ClassVar[tuple[float, ...]] = (0.0,)
     extra_spread: ClassVar[tuple[float, ...]] = (0.3,)
-    # Whether `noise` is the standard deviation of every coordinate, which plain residuals tell.
-    noise_is_even: ClassVar[bool] = True
 
     @property
     def pivots(self) -> tuple[FloatArray, ...]:
@@ -110,19 +104,15 @@ class PointwiseRegistration:
         return replace(self, target=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """The least-squares or robust fit and its standard errors, and what the subclass adds."""
-        if self.robust:
-            centre, spread = robust_similarity(self.source, self.target, self.pivot).estimate()
-        else:
-            centre, spread = self.plain.start()
+        """The least-squares fit and its standard errors, and what the subclass adds."""
+        centre, spread = self.plain.start()
         return np.append(centre, self.extra_centre), np.append(spread, self.extra_spread)
 
     def estimate(self) -> tuple[FloatArray, FloatArray]:
         """Plain least squares, which knows nothing of the added idea, and its standard errors."""
         centre, spread = self.plain.estimate()
-        known = 5 if self.noise_is_even else 4
-        none = np.full(5 - known + len(self.extra_centre), np.nan)
-        return np.append(centre[:known], none), np.append(spread[:known], none)
+        none = np.full(len(self.extra_centre), np.nan)
+        return np.append(centre, none), np.append(spread, none)
 
     @property
     def plain(self) -> GaussianRegistration:
@@ -132,31 +122,6 @@ class PointwiseRegistration:
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """As for the plain registration."""
         return self.plain.checks(data)
-
-
-class StudentRegistration(PointwiseRegistration):
-    """Student-t noise; one more parameter, the decimal logarithm of its degrees of freedom."""
-
-    extra_centre: ClassVar[tuple[float, ...]] = (1.2,)
-    extra_spread: ClassVar[tuple[float, ...]] = (0.2,)
-    noise_is_even: ClassVar[bool] = False
-
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood, shape (n,)."""
-        residual, noise = self.residuals(parameters), parameters[:, 4]
-        freedom = 10.0 ** parameters[:, 5]
-        scaled = freedom[:, None] * noise[:, None] ** 2
-        tails = np.log1p(residual.real**2 / scaled) + np.log1p(residual.imag**2 / scaled)
-        constant = gammaln((freedom + 1) / 2) - gammaln(freedom / 2)
-        constant -= 0.5 * np.log(freedom * np.pi) + np.log(noise)
-        total = 2 * len(self.source) * constant - (freedom + 1) / 2 * tails.sum(axis=-1)
-        return np.asarray(total)
-
-    def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Noise of residuals, shape (n, points, 2), in px."""
-        shape = (len(parameters), *self.source.shape)
-        noise, freedom = parameters[:, 4, None, None], 10.0 ** parameters[:, 5, None, None]
-        return np.asarray(noise * generator.standard_t(np.broadcast_to(freedom, shape), shape))
 
 
 class DistortedRegistration(PointwiseRegistration):
@@ -192,17 +157,6 @@ def _shift(parameters: FloatArray) -> NDArray[np.complex128]:
     return shift
 
 
-def student_model(base: Model) -> Model:
-    """The registration with Student-t noise, for centroids that go astray now and then.
-
-    With one more parameter, the decimal logarithm of the degrees of freedom.
-    """
-    prior = Uniform(0.3, 2.3, "from two degrees, tails that barely have a variance, to two "
-                    "hundred, which no sample of this size tells from Gaussian")  # fmt: skip
-    return _extended(base, StudentRegistration, "student",
-                     (Parameter("log-freedom", r"\log_{10}\nu", "1", prior),))  # fmt: skip
-
-
 def distortion_model(base: Model) -> Model:
     """The registration with the radial distortion of both channels free.
 
@@ -215,19 +169,10 @@ def distortion_model(base: Model) -> Model:
         Parameter("source-distortion", "d_s", "px", prior),
         Parameter("target-distortion", "d_t", "px", prior),
     )
-    return _extended(base, DistortedRegistration, "distortion", extra)
-
-
-def _extended(
-    base: Model,
-    likelihood: type[PointwiseRegistration],
-    suffix: str,
-    extra: tuple[Parameter, ...],
-) -> Model:
     plain = base.likelihood_of(GaussianRegistration)
     return replace(
         base,
-        name=f"registration-{suffix}",
+        name="registration-distortion",
         parameters=base.parameters + extra,
-        likelihood=likelihood(plain.source, plain.target, plain.pivot),
+        likelihood=DistortedRegistration(plain.source, plain.target, plain.pivot),
     )

@@ -24,7 +24,6 @@ from reproduce.inference.models.registration import GaussianRegistration, regist
 from reproduce.inference.models.variants import (
     PointwiseRegistration,
     distortion_model,
-    student_model,
 )
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import (
@@ -127,11 +126,6 @@ def joint(given: Given) -> Model:
     return joint_model((red, blue), green, pivots, consequences)
 
 
-def student(given: Given) -> Model:
-    """The red channel with Student-t noise."""
-    return _with_new_stars(given, student_model(registration(given)))
-
-
 def distortion(given: Given) -> Model:
     """The red channel with both distortions free."""
     return _with_new_stars(given, distortion_model(registration(given)))
@@ -225,10 +219,6 @@ POSTERIORS = (
         "registration-joint", "Registration of both channels: they share the green noise",
         "niu2024", READS, joint, users_stars.JOINT, partial(truth, channels=simulation.REGISTERED),
         both_channels, COMPARED,
-    ),
-    _red(
-        "registration-student", "Registration with Student-t noise", build=student,
-        file=users_stars.STUDENT, steps=400,
     ),
     Declaration(
         "registration-mixture", "Registration with wrong matches: a good/bad mixture", "niu2024",

@@ -21,9 +21,7 @@ from reproduce.inference.models.registration import (
     with_priors,
 )
 from reproduce.inference.models.variants import (
-    PointwiseRegistration,
     distortion_model,
-    student_model,
 )
 from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
 from reproduce.papers.declare_posterior import File, Pivot
@@ -56,16 +54,6 @@ def plain(table: Table, pivot: Pivot) -> Model:
     centre = pivots(table, pivot)[0]
     priors = _free(table, source, target, centre)
     return registration_model(source, target, centre, priors=priors)
-
-
-def student(table: Table, pivot: Pivot) -> Model:
-    """The same with Student-t noise, from a start that wrong matches do not move."""
-    _refuse_rounded(table)
-    model = student_model(plain(table, pivot))
-    likelihood = model.likelihood
-    if isinstance(likelihood, PointwiseRegistration):
-        model = replace(model, likelihood=replace(likelihood, robust=True))
-    return _turning(model, table)
 
 
 def mixture(table: Table, pivot: Pivot) -> Model:
@@ -247,8 +235,8 @@ def _share(table: Table) -> float:
 
 
 PLACES = "one star per line, in px: its place in the channel and in the reference channel"
-PLAIN, STUDENT, DISTORTION = (
-    File(COLUMNS, PLACES, read, remarks, pivot=True) for read in (plain, student, distortion)
+PLAIN, DISTORTION = (
+    File(COLUMNS, PLACES, read, remarks, pivot=True) for read in (plain, distortion)
 )
 MIXTURE = File(COLUMNS, PLACES, mixture, unnamed, pivot=True)
 JOINT = File(
