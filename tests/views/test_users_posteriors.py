@@ -543,34 +543,6 @@ def test_what_the_data_are_is_said():
     assert printed.told == "as printed in chen2023"
 
 
-def test_printed_tables_of_any_scatter_and_digits_have_room(tmp_path):
-    """Averages with more digits than the book's, and a stage test with three arc seconds of noise.
-
-    The ends of the priors are those of the coordinates in which the ensembles move.
-    """
-    path = tmp_path / "averages.csv"
-    path.write_text("frames,error_arcsec,series\n1,1.40046,400\n4,0.71023,400\n16,0.36011,400\n")
-    model = from_file("frame-averaging", path)
-    assert np.isfinite(model.log_posterior(model.likelihood.start()[0][None])).all()
-
-    positions = np.array([[10.0, 10.0], [30.0, 31.0], [50.0, 49.0], [70.0, 72.0], [90.0, 88.0]])
-    angles = -np.arctan2((positions - positions[0]) * 1e-6, 3.0) * ARCSEC_PER_RADIAN
-    noisy = angles[1:, [0, 0, 1, 1]] + 3 * np.random.default_rng(1).normal(size=(4, 4))
-    rows = np.column_stack([positions, np.vstack([np.zeros(4), noisy])])
-    head = ("position_x_um,position_y_um,reference_y_arcsec,monitored_y_arcsec,"
-            "reference_x_arcsec,monitored_x_arcsec")  # fmt: skip
-    path = written(tmp_path, rows, head=head, fmt=["%.1f", "%.1f", *["%.3f"] * 4])
-    model = from_file("table-5", path)
-    draws = model.draw_prior(np.random.default_rng(1), 200)
-    draws = draws[np.isfinite(model.log_posterior(draws))]
-    coordinates = model.coordinates()
-    back = coordinates.parameters(coordinates.straight(draws))
-    np.testing.assert_allclose(back, draws, rtol=1e-6, atol=1e-9)
-    high = {one.name: one.prior.high for one in model.parameters if hasattr(one.prior, "high")}
-    assert high["noise"] * ARCSEC_PER_RADIAN > 100
-    assert 10 ** high["log-reference-scatter"] > 30
-
-
 def test_a_range_keeps_its_ends():
     """A wide error takes the digits of an end, but not the first one, nor adds a sign to zero."""
     assert ranged(Range(-0.23, 0.16, (0.06, 0.02))) == "−0.2 to 0.2"

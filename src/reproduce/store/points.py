@@ -17,7 +17,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from decimal import Decimal
 from functools import cached_property
 from hashlib import sha256
 from io import BytesIO
@@ -31,12 +30,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Table", "TableFileError", "computing", "is_table", "last_place", "measured",
+    "Table", "TableFileError", "computing", "is_table", "measured",
     "read_table", "table_of",
 ]  # fmt: skip
 
-# Significant digits that tell any two doubles apart.
-DIGITS = 17
 # Beyond this, squares of squares overflow; no length in px or angle in arcsec comes near.
 LARGEST = 1e30
 # What may stand between values, the likelier first, with its name in the plural.
@@ -127,16 +124,6 @@ class Table:
         """Return the error that names file, line and column of one number."""
         return TableFileError(f"{self.at(row, name)}: {problem}, got {self.text(row, name)!r}")
 
-    def last_digit(self, names: Sequence[str], rows: Sequence[int] | None = None) -> float:
-        """Return one unit of the last digit that is written in some columns.
-
-        In the unit of the columns: 0.01 if no number has more than two decimals; see `last_place`
-        for numbers with an exponent.
-        """
-        chosen = range(len(self.values)) if rows is None else rows
-        texts = (self.text(row, name) for row in chosen for name in names)
-        return float(Decimal(1).scaleb(min(last_place(text.replace(",", ".")) for text in texts)))
-
 
 @contextmanager
 def computing(path: str | Path) -> Iterator[None]:
@@ -148,29 +135,6 @@ def computing(path: str | Path) -> Iterator[None]:
         raise TableFileError(
             f"{path}: the numbers lead to an {error}; look for values that are huge, zero or alike"
         ) from error
-
-
-def last_place(text: str) -> int:
-    """Return the power of ten of the last digit that is written.
-
-    A number with more digits than a double holds was not measured so: its last digit is that of the
-    shortest number that reads alike, as `numpy.savetxt` was given it.
-
-    Examples
-    --------
-    >>> last_place("0.0710"), last_place("7.1e-2"), last_place("1e-3"), last_place("12")
-    (-4, -3, -3, 0)
-    >>> last_place("7.099999999999999367e-02")
-    -3
-    """
-    number = Decimal(text)
-    _, digits, place = number.as_tuple()
-    if not isinstance(place, int):
-        raise ValueError(f"expected a finite number, got {text!r}")
-    if (len(digits) if number else 1 - place) > DIGITS:
-        shortest = Decimal(repr(float(text))).normalize()
-        return min(0, int(shortest.as_tuple().exponent))
-    return int(place)
 
 
 def is_table(source: object) -> bool:

@@ -196,12 +196,6 @@ class ReferenceAngles:
         focal = -float((motions * motions).sum() / (motions * angles).sum())
         return focal, float(np.sqrt(np.square(angles + np.arctan2(motions, focal)).mean()))
 
-    def fitted(self) -> tuple[int, float, float]:
-        """The better hypothesis, its focal length, and what it leaves over (rms)."""
-        both = [(*self.fit(hypothesis)[::-1], hypothesis) for hypothesis in (0, 1)]
-        left, focal, hypothesis = min(both)
-        return hypothesis, focal, left
-
     def focal_error(self, scatter: FloatArray) -> FloatArray:
         """Relative error of the fitted focal length, shape (n,), for a scatter of the angles."""
         return np.hypot(scatter, self.half_angle) / float(np.sqrt((self.angles**2).sum()))

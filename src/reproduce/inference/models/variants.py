@@ -42,6 +42,8 @@ class PointwiseRegistration:
     # Centre and spread of the parameters that a subclass adds.
     extra_centre: ClassVar[tuple[float, ...]] = (0.0,)
     extra_spread: ClassVar[tuple[float, ...]] = (0.3,)
+    # Whether `noise` is the standard deviation of every coordinate, which plain residuals tell.
+    noise_is_even: ClassVar[bool] = True
 
     @property
     def pivots(self) -> tuple[FloatArray, ...]:
@@ -111,8 +113,9 @@ class PointwiseRegistration:
     def estimate(self) -> tuple[FloatArray, FloatArray]:
         """Plain least squares, which knows nothing of the added idea, and its standard errors."""
         centre, spread = self.plain.estimate()
-        none = np.full(len(self.extra_centre), np.nan)
-        return np.append(centre, none), np.append(spread, none)
+        known = 5 if self.noise_is_even else 4
+        none = np.full(5 - known + len(self.extra_centre), np.nan)
+        return np.append(centre[:known], none), np.append(spread[:known], none)
 
     @property
     def plain(self) -> GaussianRegistration:
