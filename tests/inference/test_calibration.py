@@ -12,7 +12,6 @@ from reproduce.inference.calibration import (
     DRAWS,
     LEVELS,
     Ranks,
-    band,
     calibrate,
     intervals,
     least_of_all,
@@ -27,7 +26,7 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 from reproduce.views.book import posteriors as pages
 from reproduce.views.cli import main
-from reproduce.views.objects.posterior import coverage_rows
+from reproduce.views.objects.posterior import book_posterior, coverage_rows
 
 SMALL = 40
 # The main models have more replicates than the others.
@@ -86,17 +85,6 @@ def test_replicate_does_not_depend_on_the_others():
     model = posteriors()["registration"].model()
     one, _, _ = replicate(model, 5, 2)
     np.testing.assert_array_equal(calibrate(model, 5, 3).ranks[2], one)
-
-
-def test_band_holds_the_whole_curve_as_often_as_it_says():
-    low, high = band(200)
-    inside = [
-        ((row >= low) & (row <= high)).all()
-        for seed in range(200)
-        for row in even(200, seed + 10).counts()
-    ]
-    share = np.mean(inside)
-    assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / len(inside)) + 0.01
 
 
 def test_probabilities_of_even_ranks_are_even():
@@ -279,14 +267,22 @@ def test_the_least_even_quantity_is_the_one_that_the_page_of_diagnostics_names()
     assert found[least].names[found[least].probabilities().argmin()] == "log-reference-scatter"
 
 
-def test_every_model_has_its_line_in_the_table_of_all():
-    shown = pages.calibrations_of_all().text
-    lines = re.findall(
-        r'<th scope="row">(.*?)</th><td>(.*?)</td><td>(.*?)</td><td>(.*?)</td>', shown
-    )
-    found = stored.of_all()
-    assert [line[0] for line in lines] == list(posteriors())
-    for name, *rest in lines:
-        one = found[name]
-        counts = (f"{one.replicates:,}", str(int(one.failed.sum())), str(len(one.names)))
-        assert tuple(rest) == counts
+@pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
+def test_every_model_has_its_line_in_the_table_of_its_paper(paper):
+    shown = pages.diagnostics(paper).text
+    lines = [
+        [name, *re.findall(r"<td>(.*?)</td>", rest)]
+        for name, rest in re.findall(r'<th scope="row">(.*?)</th>(.*?)</tr>', shown, re.DOTALL)
+    ]
+    assert [line[0] for line in lines] == [
+        key for key, one in posteriors().items() if one.paper == paper
+    ]
+    for name, rhat, times, size, _, *rest in lines:
+        one, diagnoses = stored.load(name), book_posterior(name).diagnoses
+        assert float(rhat) == pytest.approx(max(d.rhat for d in diagnoses), abs=1e-4)
+        assert float(times) == pytest.approx(min(d.times for d in diagnoses), abs=0.51)
+        smallest = min(min(d.bulk, d.tail) for d in diagnoses)
+        assert float(size.replace(",", "")) == pytest.approx(smallest, abs=0.51)
+        counts = [f"{one.replicates:,}", str(int(one.failed.sum())), str(len(one.names))]
+        assert rest[:3] == counts
+        assert len(rest) == 7

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.inference.checks import Range, predictive_checks, two_sided
+from reproduce.inference.checks import Range, posterior_checks, two_sided
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(5, steps=500, warmup=200)
@@ -15,7 +15,7 @@ def posterior(registration):
 
 
 def test_data_of_the_model_pass(posterior):
-    assert min(check.tail.value for check in predictive_checks(posterior, 1000)) > 0.01
+    assert min(check.tail.value for check in posterior_checks(posterior, 1000)) > 0.01
 
 
 def test_distortion_is_seen(registration):
@@ -23,7 +23,7 @@ def test_distortion_is_seen(registration):
     data = registration.likelihood
     offsets = data.source - data.pivot
     bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
-    found = predictive_checks(sample(registration.given(bent), PLAN), 100)
+    found = posterior_checks(sample(registration.given(bent), PLAN), 100)
     assert {c.name: c.tail.value for c in found}["outer residual, outwards (px)"] < 0.02
 
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from reproduce.views.book import posteriors as pages
 from reproduce.views.book.facts import of_posteriors
 from reproduce.views.cli import main
 from reproduce.views.objects.posterior import book_posterior, book_repeats
+from reproduce.views.writing.numbers import shared
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
 # A single parameter has no corner plot: its histogram stands on the first page.
@@ -136,20 +136,19 @@ def test_every_paper_with_posteriors_has_its_page_of_diagnostics(paper):
     assert text.count(f'posteriors.diagnostics("{paper}")') == 1
 
 
-def test_diagnostics_hold_every_step_that_they_link(monkeypatch):
-    """In the fold of its posterior; the links lead to places on the same page."""
-    chosen = {name: posteriors()[name] for name in ("centroid-noise", "frame-averaging")}
-    monkeypatch.setattr(pages, "posteriors", lambda: chosen)
-    for name, declared in chosen.items():
-        html = pages.diagnostics(declared.paper).text
-        held = re.findall(r'id="([^"]+)"', html)
-        assert f"diagnostics-{name}" in held
-        assert len(held) == len(set(held))
-        links = re.findall(r'<li><a href="#([^"]+)"', html)
-        assert links == [f"posterior-{name}-{step}" for step in pages.STEPS]
-        assert set(links) <= set(held)
-        assert {f"figure-posterior-{name}-{what}" for what in ("traces", "ranks")} <= set(held)
-        assert html.count('<details class="rp-details"') == 1
+def test_traces_have_a_line_for_each_ensemble_and_a_panel_for_each_parameter():
+    html = rp.posterior("frame-averaging").traces().text
+    assert 'id="figure-posterior-frame-averaging-traces"' in html
+    own = rp.posterior("centroid-noise").rerun(steps=400, seed=3).traces().text
+    assert "Traces of centroid-noise" in own
+    assert "figure-posterior-centroid-noise-traces-own" in own
+
+
+def test_the_predictive_checks_of_printed_data_are_facts():
+    found = of_posteriors(["centroid-noise"])
+    checks = {one.name: one.tail for one in rp.posterior("centroid-noise").checks}
+    tail = checks["errors, median over largest"]
+    assert found["posterior/centroid-noise#check-errors-median-over-largest"] == shared(tail)
 
 
 @pytest.mark.parametrize("name", list(posteriors()))
@@ -238,16 +237,6 @@ def test_a_corner_plot_has_five_parameters_at_most_and_readable_labels():
     for wrong in (names[:6], (names[0], names[0]), ("nothing",)):
         with pytest.raises(ValueError, match="expected up to 5 different parameters"):
             book.corner(*wrong)
-
-
-def test_a_fault_in_a_bound_is_not_taken_for_a_model_without_one():
-    def broken(model):
-        raise TypeError("a fault")
-
-    declared, found = posteriors()["registration"], book_posterior("registration")
-    with pytest.raises(TypeError, match="a fault"):
-        replace(declared, bound=broken).bounds(found)
-    assert replace(declared, bound=None).bounds(found) == []
 
 
 def test_facts_are_the_numbers_of_the_object():

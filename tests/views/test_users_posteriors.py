@@ -12,7 +12,6 @@ import xarray
 from click.testing import CliRunner
 
 import reproduce as rp
-from reproduce.inference.checks import Range
 from reproduce.inference.models import registration
 from reproduce.inference.models.registration import registration_model
 from reproduce.inference.posterior import Sampled
@@ -29,7 +28,6 @@ from reproduce.store.points import TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
 from reproduce.views.objects.posterior import Posterior
-from reproduce.views.writing.numbers import ranged
 
 FIELD = np.array([2064.0, 1544.0])
 STAR_COLUMNS = "x,y,x_reference,y_reference"
@@ -541,9 +539,3 @@ def test_what_the_data_are_is_said():
     assert printed.provenance.pop("sha256") != digest
     assert printed.provenance == {"kind": "printed", "paper": "chen2023"}
     assert printed.told == "as printed in chen2023"
-
-
-def test_a_range_keeps_its_ends():
-    """A wide error takes the digits of an end, but not the first one, nor adds a sign to zero."""
-    assert ranged(Range(-0.23, 0.16, (0.06, 0.02))) == "−0.2 to 0.2"
-    assert ranged(Range(-0.00004, 3.2, (0.002, 0.04))) == "0.00 to 3.2"

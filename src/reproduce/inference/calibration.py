@@ -29,7 +29,7 @@ from reproduce.inference.sampling import Job, Plan, fingerprint, run_ensemble
 from reproduce.physics.validate import FloatArray, whole_number
 
 __all__ = [
-    "DRAWS", "LEVELS", "Ranks", "band", "banded", "calibrate", "intervals", "least_of_all",
+    "DRAWS", "LEVELS", "Ranks", "banded", "calibrate", "intervals", "least_of_all",
     "named", "power", "replicate", "simulated",
 ]  # fmt: skip
 
@@ -283,20 +283,6 @@ def _least(counts: Counts) -> FloatArray:
     """Smallest pointwise probability of cumulated counts, shape (..., DRAWS + 1)."""
     table = _tails(int(counts.reshape(-1, DRAWS + 1)[0, -1]))
     return np.asarray(table[counts[..., :-1], np.arange(DRAWS)].min(axis=-1))
-
-
-def band(replicates: int, level: float = 0.95, seed: int = 1) -> tuple[FloatArray, FloatArray]:
-    """Simultaneous band of the cumulated ranks (Säilynoja, Bürkner and Vehtari, 2022).
-
-    Lower and upper count, (DRAWS + 1,), between which the whole curve of even ranks stays with the
-    probability `level`; the last rank is certain.
-    """
-    pointwise = float(np.quantile(band_statistics(replicates, seed), 1 - level))
-    share = np.arange(1, DRAWS + 2) / (DRAWS + 1)
-    return (
-        np.asarray(binom.ppf(pointwise / 2, replicates, share)),
-        np.asarray(binom.ppf(1 - pointwise / 2, replicates, share)),
-    )
 
 
 @lru_cache(maxsize=32)

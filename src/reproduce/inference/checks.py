@@ -8,24 +8,23 @@ simulated with them, and what the paper prints is computed in its way and rounde
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.diagnostics import mcse_deviation, mcse_mean
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray
 
 __all__ = [
-    "Bounded", "PredictiveCheck", "Published", "Range", "Repeat", "Share", "bounded", "misfit",
-    "placed", "posterior_checks", "predictive_checks", "repeats", "tail_share", "two_sided",
+    "PredictiveCheck", "Published", "Range", "Repeat", "Share", "misfit",
+    "posterior_checks", "repeats", "tail_share", "two_sided",
 ]  # fmt: skip
 
-# Simulated data sets of a predictive check, and repeats of an experiment.
-REPLICATES, REPEATS = 400, 4000
-# The same where a misfit is told: so improbable, shared among all numbers, by chance.
-REPORTED, MISSED = 1000, 0.01
+# Repeats of an experiment, and simulated data sets of a predictive check.
+REPEATS, REPORTED = 4000, 1000
+# A misfit is told that is so improbable, shared among all numbers, by chance.
+MISSED = 0.01
 ENDS = (0.025, 0.975)
 
 
@@ -119,35 +118,17 @@ class PredictiveCheck:
     - `observed`: in the data.
     - `posterior`: the central 95 % of the predictions from the posterior.
     - `tail`: two-sided tail probability of the observed number among them.
-    - `prior`, optional: the central 95 % of the predictions from the prior.
     """
 
     name: str
     observed: float
     posterior: Range
     tail: Share
-    prior: Range | None = None
 
 
-def predictive_checks(posterior: Sampled, replicates: int = REPLICATES) -> list[PredictiveCheck]:
-    """Compare every number of `Likelihood.checks` with simulations from prior and posterior."""
+def posterior_checks(posterior: Sampled, replicates: int = REPORTED) -> list[PredictiveCheck]:
+    """Compare every number of `Likelihood.checks` with simulations from the posterior."""
     model, generator = posterior.model, _generator(posterior)
-    prior = [model.simulate(one, generator) for one in model.draw_prior(generator, replicates)]
-    found = [model.likelihood.checks(data) for data in prior]
-    return [
-        replace(row, prior=Range.of(np.array([one[row.name] for one in found])))
-        for row in posterior_checks(posterior, replicates, generator)
-    ]
-
-
-def posterior_checks(
-    posterior: Sampled, replicates: int = REPORTED, generator: Generator | None = None
-) -> list[PredictiveCheck]:
-    """Compare every number of `Likelihood.checks` with simulations from the posterior alone.
-
-    A user's prior may be so wide that its predictions are no data that one could fit.
-    """
-    model, generator = posterior.model, generator or _generator(posterior)
     chosen = posterior.draws[np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)]
     found = [model.likelihood.checks(model.repeat(one, generator)) for one in chosen]
     rows = []
@@ -203,77 +184,6 @@ def tail_share(values: FloatArray, observed: float) -> Share:
     tail, count = two_sided(values, observed), len(values)
     # Twice a share: its variance is four times that of the share of half the size.
     return Share(tail, float(np.sqrt(max(tail * (2 - tail), 1 / count) / count)), count, sides=2)
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A nominal or least-squares estimate in the posterior of its parameter.
-
-    - `name`, `unit`: the parameter, and its unit.
-    - `estimate`: in that unit.
-    - `off`, `error`: posterior standard deviations from the mean, and the Monte Carlo standard
-      error of that.
-    - `tail`: two-sided tail probability.
-    """
-
-    name: str
-    unit: str
-    estimate: float
-    off: float
-    error: float
-    tail: Share
-
-
-def placed(posterior: Sampled) -> list[Placed]:
-    """Place every point estimate of a model in its posterior."""
-    found = []
-    for i, parameter in enumerate(posterior.model.parameters):
-        if parameter.name not in posterior.model.estimate:
-            continue
-        estimate, chain = posterior.model.estimate[parameter.name], posterior.chain[..., i]
-        width = chain.std()
-        off = (estimate - chain.mean()) / width
-        error = float(np.hypot(mcse_mean(chain), off * mcse_deviation(chain)) / width)
-        tail = tail_share(posterior.draws[:, i], estimate)
-        shown = estimate * parameter.shown
-        found.append(Placed(parameter.name, parameter.unit, shown, off, error, tail))
-    return found
-
-
-@dataclass(frozen=True)
-class Bounded:
-    """The width of a posterior beside the least that any unbiased estimate can have.
-
-    - `name`, `unit`: the parameter, and its unit.
-    - `width`, `error`, `bound`: posterior standard deviation, its Monte Carlo standard error, and
-      the bound, in that unit.
-    """
-
-    name: str
-    unit: str
-    width: float
-    error: float
-    bound: float
-
-    @property
-    def ratio(self) -> float:
-        """Width over bound; a prior may make it less than one."""
-        return self.width / self.bound
-
-    @property
-    def ratio_error(self) -> float:
-        """Monte Carlo standard error of the ratio."""
-        return self.error / self.bound
-
-
-def bounded(posterior: Sampled, bounds: FloatArray) -> list[Bounded]:
-    """Compare the widths of all parameters with their bounds, (d,), in SI units or px."""
-    found = []
-    for i, (parameter, bound) in enumerate(zip(posterior.model.parameters, bounds, strict=True)):
-        chain, shown = posterior.chain[..., i], parameter.shown
-        width, error = chain.std() * shown, mcse_deviation(chain) * shown
-        found.append(Bounded(parameter.name, parameter.unit, width, error, bound * shown))
-    return found
 
 
 @dataclass(frozen=True, eq=False)

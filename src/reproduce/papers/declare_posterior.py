@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.checks import Bounded, Published, Repeat, Share, bounded, repeats
+from reproduce.inference.checks import Published, Repeat, Share, repeats
 from reproduce.inference.model import Model
 from reproduce.inference.posterior import Sampled
 from reproduce.inference.sampling import Plan
@@ -101,8 +101,6 @@ class Declaration:
       none where the paper prints no estimate.
     - `compared`: the printed cells that are compared with the posterior only: they do not reach the
       model.
-    - `bound`, optional: the least standard deviations that the data allow, one for each parameter;
-      SI units or px.
     - `asides`, optional: what simple sums over the data of the model give beside it, by name.
     - `steps`, `walkers`: how it is sampled: kept steps and walkers of an ensemble, zero for the
       usual number.
@@ -117,7 +115,6 @@ class Declaration:
     truth: Callable[[Given], dict[str, float]] | None = None
     published: Callable[[Given, Model], Published] | None = None
     compared: tuple[str, ...] = ()
-    bound: Callable[[Model], FloatArray] | None = None
     asides: Callable[[Model], dict[str, Aside]] | None = None
     steps: int = STEPS
     walkers: int = 0
@@ -189,10 +186,6 @@ class Declaration:
         """
         published = self.printed(found.model)
         return None if published is None else (*repeats(found, published), published.note)
-
-    def bounds(self, found: Sampled) -> list[Bounded]:
-        """Return the widths beside the Cramér-Rao bound; nothing where there is none."""
-        return [] if self.bound is None else bounded(found, self.bound(found.model))
 
 
 # What a comparison of a model with its own data can show.

@@ -15,12 +15,10 @@ import numpy as np
 from numpy.random import Generator
 from scipy import stats
 
-from reproduce.inference.model import Model, UnsuitableModelError
-from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["cramer_rao_bound", "polar", "registration_posterior"]
+__all__ = ["polar", "registration_posterior"]
 
 Flat = Literal["affine", "polar"]
 
@@ -111,32 +109,3 @@ def polar(beta: FloatArray) -> FloatArray:
     return np.column_stack(
         [np.hypot(beta[:, 0], beta[:, 1]), np.arctan2(beta[:, 1], beta[:, 0]), beta[:, 2:]]
     )
-
-
-def cramer_rao_bound(model: Model) -> FloatArray:
-    """Least standard deviation of any unbiased estimate, at the least-squares estimate, (5,).
-
-    Roots of the diagonal of the inverse Fisher information, the noise unknown; rad and px.
-
-    Examples
-    --------
-    >>> from reproduce.inference.models.registration import registration_model
-    >>> points = np.array([[-1.0, -1], [1, -1], [-1, 1], [1, 1]])
-    >>> away = points + [[0.1, 0], [-0.1, 0], [-0.1, 0], [0.1, 0]]
-    >>> cramer_rao_bound(registration_model(points, away, (0, 0))).round(3)
-    array([0.035, 0.035, 0.05 , 0.05 , 0.025])
-    """
-    plain = _plain(model)
-    fit = fit_registration(plain.source, plain.target, plain.pivot)
-    freedom = 2 * len(plain.source) - 4
-    variance = float(fit.chi_square) / freedom
-    others = np.sqrt(np.diagonal(fit.cofactor) * variance)
-    # Two residual coordinates of each star tell of the noise.
-    return np.append(others, np.sqrt(variance / (4 * len(plain.source))))
-
-
-def _plain(model: Model) -> GaussianRegistration:
-    plain = model.likelihood
-    if not isinstance(plain, GaussianRegistration) or plain.source_noise:
-        raise UnsuitableModelError(f"{model.name}: expected the plain registration of one channel")
-    return plain

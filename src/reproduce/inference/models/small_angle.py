@@ -20,7 +20,7 @@ from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
 
 __all__ = [
-    "errors_with_free_lasers", "small_angle_posterior", "spot_bound",
+    "errors_with_free_lasers", "small_angle_posterior",
 ]  # fmt: skip
 
 # Points over the noise, and how many of its own errors they reach.
@@ -100,21 +100,6 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
         centre[:-1] + means * scale,
         roots * scale[:, None],
     )
-
-
-def spot_bound(model: Model) -> FloatArray:
-    """Cramér-Rao bound of a misalignment: the least standard deviations without any prior, (d,).
-
-    In SI units and px, the noise last: roots of the diagonal of the inverse Fisher information at
-    the best fit.
-    """
-    likelihood = model.likelihood_of(SpotLikelihood)
-    centre, spread = likelihood.start()
-    scale, noise = spread[:-1], centre[-1]
-    response = likelihood.linearised(centre, scale)[0] * scale / noise
-    variances = np.diagonal(np.linalg.inv(response.T @ response))
-    of_noise = noise / np.sqrt(2 * likelihood.statistics.size)
-    return np.append(scale * np.sqrt(variances), of_noise)
 
 
 def errors_with_free_lasers(likelihood: SpotLikelihood) -> FloatArray:

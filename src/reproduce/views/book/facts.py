@@ -191,24 +191,33 @@ def _of_posterior(name: str) -> dict[str, str]:
 
     ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, the asides of the
     declaration, ``sbc-...`` of the stored calibration, and how many printed numbers lie
-    ``outside`` what repeats print.
+    ``outside`` what repeats print; for printed data, ``check-...``, the tail probability of each
+    predictive check.
     """
+    from reproduce.inference.checks import posterior_checks
     from reproduce.papers.posteriors import posteriors
     from reproduce.views.objects.posterior import book_posterior, book_repeats, spread
 
     declared, found, texts = posteriors()[name], book_posterior(name), {}
     for row in found.summaries():
-        label = row.name.replace(" ", "-").replace(",", "")
+        label = _label(row.name)
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
             texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
     for key, aside in (declared.asides(found.model) if declared.asides else {}).items():
         texts |= _of_aside(key, aside)
     texts |= dict(_of_calibration(name))
+    if not declared.simulated:
+        for check in posterior_checks(found):
+            texts[f"check-{_label(check.name)}"] = numbers.shared(check.tail)
     if compared := book_repeats(name):
         rows = compared[0]
         outside = sum(row.tail.value < 0.05 / len(rows) for row in rows)
         texts |= {"outside": str(outside), "printed-count": str(len(rows))}
     return texts
+
+
+def _label(name: str) -> str:
+    return name.replace(" ", "-").replace(",", "")
 
 
 def _gap(unit: str) -> str:

@@ -1,8 +1,7 @@
 """What the pages of the posteriors call beside the front door.
 
-What all posteriors say, in one table and three pictures; and the appendix of diagnostics, which
-shows for each posterior the artefacts of the six steps of the Bayesian analysis reporting
-guidelines (Kruschke, 2021). A test holds that none is missing.
+What all posteriors say, in one table and three pictures; and how far they can be trusted, in one
+table for each paper.
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from reproduce.inference.calibration import banded, least_of_all, power
-from reproduce.inference.checks import placed, predictive_checks
+from reproduce.inference.calibration import Ranks, banded, least_of_all, power
+from reproduce.inference.diagnostics import Gates
 from reproduce.inference.posterior import Summary
 from reproduce.papers import calibrations
 from reproduce.papers.niu2024.posteriors import decisions
@@ -29,30 +28,21 @@ from reproduce.views.objects.figure import pictured
 from reproduce.views.objects.posterior import (
     Posterior,
     book_posterior,
-    book_repeats,
-    coverage_rows,
-    entries,
     interval,
-    named,
 )
 from reproduce.views.objects.posterior import file_formats as formats
 from reproduce.views.writing import posterior_figures as figures
-from reproduce.views.writing.display import Entry, Grid, Html, folded
+from reproduce.views.writing.display import Entry, Grid, Html
 from reproduce.views.writing.numbers import (
     digits,
     minus,
     percent,
-    ranged,
-    shared,
-    signed,
 )
 
 __all__ = [
     *(
         "PRINTED",
         "SIMULATED",
-        "STEPS",
-        "calibrations_of_all",
     ),
     *(
         "diagnostics",
@@ -65,13 +55,6 @@ __all__ = [
     ),
 ]
 
-STEPS = {
-    "model": "The model and its data",
-    "computation": "The computation",
-    "results": "The posterior",
-    "decision": "Estimates",
-    "reproducing": "Calibration, and how to redo everything",
-}
 # Shares by which a standard deviation may be too small, of which the power is told.
 NARROW = (0.1, 0.05)
 # The share of right curves that leave their own band.
@@ -259,229 +242,49 @@ def stars() -> Html:
 
 
 def diagnostics(paper: str) -> Html:
-    """Show everything that speaks for or against the posteriors of a paper, each in a fold."""
-    steps = (model, computation, results, decision, reproducing)
-    folds = []
-    for name, declared in posteriors().items():
-        if declared.paper != paper:
-            continue
-        parts = [Markup(reporting(name).text), *(Markup(step(name).text) for step in steps)]
-        summary = Markup("<strong>{}</strong>: {}. {}").format(name, declared.title, _gates(name))
-        fold = folded(summary, Markup("").join(parts))
-        folds.append(Markup('<div id="diagnostics-{}">{}</div>').format(name, fold))
-    return Html(Markup("").join(folds))
-
-
-def _gates(name: str) -> str:
-    found = book_posterior(name).diagnoses
-    return (
-        f"R-hat up to {max(one.rhat for one in found):.3f}, effective sample size from "
-        f"{min(min(one.bulk, one.tail) for one in found):,.0f}"
+    """Show how far the posteriors of a paper can be trusted, a line each: chains, calibration."""
+    names = [name for name, one in posteriors().items() if one.paper == paper]
+    stored = [calibrations.load(name) for name in names]
+    rows = [_trusted(name, one) for name, one in zip(names, stored, strict=True)]
+    least, count, expected = least_of_all(stored)
+    outside = sum(int((one.probabilities() < OUTSIDE).sum()) for one in stored)
+    found_out = (f"sd {100 * share:g} % too small leaves its band" for share in NARROW)
+    head = ("Model", "R-hat, largest", "steps / τ, fewest", "ESS, smallest", "acceptance",
+            "replicates", "failed", "quantities", "least even, p", "95 % covers",
+            *found_out)  # fmt: skip
+    gates = Gates()
+    caption = (
+        f"Posteriors of {paper}: the chains, then the simulation-based calibration. The gates: "
+        f"R-hat at most {gates.rhat:g}, at least {gates.times:g} autocorrelation times τ, "
+        f"effective sample sizes (bulk and tail) from {gates.size:g}, acceptance from "
+        f"{gates.acceptance:g}. "
+        f"Of {count} quantities {outside} leave their own band of {100 * (1 - OUTSIDE):g} %, where "
+        f"chance alone makes {count * OUTSIDE:.2g}; the least even has p = {least:.2g}, and "
+        f"{expected:.2g} are expected to be as small."
     )
+    return Html(_table(head, rows, caption))
+
+
+def _trusted(name: str, stored: Ranks) -> tuple[str, ...]:
+    """Return the line of a posterior: its chains, then its calibration."""
+    found = book_posterior(name)
+    least, wide = banded(float(stored.probabilities().min())), 100 * stored.coverage(0.95)
+    return (
+        name, f"{max(one.rhat for one in found.diagnoses):.4f}",
+        f"{min(one.times for one in found.diagnoses):.0f}",
+        f"{min(min(one.bulk, one.tail) for one in found.diagnoses):,.0f}",
+        f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}",
+        f"{stored.replicates:,}", str(int(stored.failed.sum())), str(len(stored.names)),
+        digits(least.value, least.error), f"{wide.min():.1f} to {wide.max():.1f} %",
+        *(percent(power(stored.replicates, 1 - share)) for share in NARROW),
+    )  # fmt: skip
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:
     return str(Grid(caption, head, rows).html) if rows else ""
 
 
-def _step(step: str, name: str, *parts: str) -> Html:
-    title = f'<p class="rp-step"><strong>{STEPS[step]}</strong></p>'
-    return Html(f'<div id="posterior-{name}-{step}">{title}{"".join(parts)}</div>')
-
-
-def model(name: str) -> Html:
-    """Show a model: parameters, units, priors with their reasons, and what reaches it."""
-    ours = Posterior(name)
-    caption = f"Data {ours.told}. Printed cells read: {', '.join(ours.reads)}."
-    rows = [(name, unit, prior.replace(" -", " −"), why)
-            for name, unit, prior, why in ours.priors.itertuples(name=None)]  # fmt: skip
-    return _step("model", name, _table(("Parameter", "Unit", "Prior", "Why"), rows, caption))
-
-
-def computation(name: str) -> Html:
-    """Show that the chains have converged: R-hat, autocorrelation times, sizes, traces."""
-    found = book_posterior(name)
-    rows = [
-        (d.name, f"{d.rhat:.4f}", f"{d.time:.1f}", f"{d.times:.0f}", f"{d.bulk:.0f}",
-         f"{d.tail:.0f}")
-        for d in found.diagnoses
-    ]  # fmt: skip
-    ensembles, steps, walkers = found.chain.shape[:3]
-    caption = (
-        f"{ensembles} independent ensembles of {walkers} walkers, {steps} steps each, acceptance "
-        f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}."
-    )
-    head = ("Parameter", "R-hat", "τ (steps)", "steps / τ", "bulk ESS", "tail ESS")
-    alternative = (
-        f"One panel for each parameter of {name}, with the median of the walkers of each ensemble "
-        "against the step. All ensembles wander about one level, without a trend."
-    )
-    below = f"Traces of {name}: the median of the walkers, a line for each ensemble."
-    drawn = pictured(figures.traces(found), alternative, below, text_of(figures.traces))
-    return _step("computation", name, _table(head, rows, caption), drawn.text)
-
-
-def results(name: str) -> Html:
-    """Show the posterior: summaries, consequences, predictive checks and a corner plot."""
-    found = book_posterior(name)
-    head = ("Quantity", "mean", "sd", "95 % from", "to", "MCSE", "R-hat", "bulk ESS", "tail ESS")
-    rows = [(named(r), *map(minus, entries(r)))
-            for r in found.summaries()]  # fmt: skip
-    summary = _table(
-        head, rows, "Posterior, to the digits that its Monte Carlo error (MCSE) allows."
-    )
-    checks = [
-        (
-            c.name,
-            minus(f"{c.observed:.4g}"),
-            ranged(c.prior) if c.prior else "",
-            ranged(c.posterior),
-            shared(c.tail),
-        )
-        for c in predictive_checks(found)
-    ]
-    compared = ("Number", "in the data", "prior predicts", "posterior predicts", "tail probability")
-    caption = "Predictive checks: central 95 % of simulated data, and where the data lie."
-    return _step("results", name, summary, _table(compared, checks, caption), correlations(name))
-
-
-def correlations(name: str) -> str:
-    """Return the correlation of every pair of parameters, for those that no corner plot shows."""
-    found = book_posterior(name)
-    if found.model.dimension == 1:
-        return ""
-    related = np.atleast_2d(np.corrcoef(found.draws.T))
-    rows = [
-        (name, *(minus(f"{value:z.2f}") for value in row[: i + 1]), *[""] * (len(row) - i - 1))
-        for i, (name, row) in enumerate(zip(found.model.names, related, strict=True))
-    ]
-    return _table(("Parameter", *found.model.names), rows, "Correlations of the parameters.")
-
-
-def decision(name: str) -> Html:
-    """Show the estimates and the published numbers in the posterior."""
-    return _step("decision", name, estimates(name), bounds(name), repeats(name))
-
-
-def estimates(name: str) -> str:
-    """Return the nominal or least-squares estimates, placed in the posterior."""
-    rows = [
-        (
-            named(one),
-            minus(f"{one.estimate:.6g}"),
-            signed(digits(one.off, one.error)),
-            shared(one.tail),
-        )
-        for one in placed(book_posterior(name))
-    ]
-    head = ("Parameter", "estimate", "posterior sd from the mean", "tail probability")
-    caption = "The nominal or least-squares estimate, placed in the posterior."
-    return _table(head, rows, caption)
-
-
-def bounds(name: str) -> str:
-    """Return the Cramér-Rao bound beside the width of the posterior, where it is simple."""
-    rows = [
-        (named(one), digits(one.width, one.error), f"{one.bound:.4g}",
-         digits(one.ratio, one.ratio_error))
-        for one in posteriors()[name].bounds(book_posterior(name))
-    ]  # fmt: skip
-    head = ("Parameter", "posterior sd", "Cramér-Rao bound", "ratio")
-    caption = (
-        "The width of the posterior, and the least that any unbiased estimate can have; a prior "
-        "may make the posterior narrower."
-    )
-    return _table(head, rows, caption)
-
-
-def repeats(name: str) -> str:
-    """Return the published numbers, and those of repeats of the experiment."""
-    found = book_repeats(name)
-    if found is None:
-        return ""
-    printed, together, note = found
-    rows = [
-        (
-            named(row),
-            row.printed,
-            ranged(row.range),
-            shared(row.tail),
-            shared(row.same),
-            "estimates none" if row.estimated is None else shared(row.estimated),
-        )
-        for row in printed
-    ]
-    head = ("Printed number", "in print", "95 % of repeats", "tail probability among repeats",
-            "a repeat prints the same digits", "tail probability in the posterior")  # fmt: skip
-    caption = (
-        "The published numbers, and those of repeats of the experiment simulated under the "
-        "posterior, computed as the paper does and rounded as in print; probabilities with their "
-        f"Monte Carlo standard errors. All digits alike at once: {shared(together)}. {note}"
-    )
-    return _table(head, rows, caption)
-
-
 def file_formats() -> Html:
     """Show which columns a user's own file has, for every model that takes one."""
     rows = [(keys, names or "none", text) for keys, names, text in formats()]
     return Html(_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
-
-
-def reproducing(name: str) -> Html:
-    """Show the calibration of the model and the commands that redo everything."""
-    stored = calibrations.load(name)
-    commands = (
-        f"<pre>reproduce posterior {name}\nreproduce calibrate {name} "
-        f"--replicates {stored.replicates}</pre>"
-    )
-    head = ("Quantity", "evenness of ranks, p", "50 % covers", "95 % covers",
-            "published estimator, 95 % covers")  # fmt: skip
-    caption = (
-        f"Simulation-based calibration, {stored.replicates} replicates, of which "
-        f"{int(stored.failed.sum())} missed the gate on autocorrelation times. The published "
-        "estimator is least squares for stars and QUEST for laser spots, with its own standard "
-        "errors, on the same data. These are drawn from the whole prior, so they may hold a drift "
-        "or a distortion that it does not know."
-    )
-    table = _table(head, coverage_rows(stored), caption)
-    alternative = (
-        f"A curve for each quantity of {name} with ranks of its own: they are cumulated, less what "
-        "even ranks give, against a shaded band about zero that holds a whole curve with the "
-        "stated probability."
-    )
-    below = (
-        f"Ranks of {name} in its calibration. The band holds one whole curve; of many curves one "
-        "or another may leave it. Of quantities with the same ranks one is drawn."
-    )
-    drawn = pictured(figures.ranks(stored, name), alternative, below, text_of(figures.ranks))
-    return _step("reproducing", name, table, drawn.text, commands)
-
-
-def calibrations_of_all() -> Html:
-    """Show the stored calibrations of all models, a line each."""
-    found = calibrations.of_all()
-    rows = []
-    for name, one in found.items():
-        least, wide = banded(float(one.probabilities().min())), 100 * one.coverage(0.95)
-        rows.append((name, f"{one.replicates:,}", str(int(one.failed.sum())), str(len(one.names)),
-                     digits(least.value, least.error),
-                     f"{wide.min():.1f} to {wide.max():.1f} %",
-                     *(percent(power(one.replicates, 1 - share)) for share in NARROW)))  # fmt: skip
-    least_one, count, expected = least_of_all(list(found.values()))
-    outside = sum(int((one.probabilities() < OUTSIDE).sum()) for one in found.values())
-    found_out = (f"sd {100 * share:g} % too small leaves its band" for share in NARROW)
-    head = ("Model", "replicates", "failed", "quantities", "least even, p", "95 % covers",
-            *found_out)  # fmt: skip
-    caption = (
-        f"Calibrations of all models. Of {count} quantities {outside} leave their own band of "
-        f"{100 * (1 - OUTSIDE):g} %, where chance alone makes {count * OUTSIDE:.2g}; the least "
-        f"even has p = {least_one:.2g}, and {expected:.2g} are expected to be as small."
-    )
-    return Html(_table(head, rows, caption))
-
-
-def reporting(name: str) -> Html:
-    """Link the six steps of the reporting guidelines to their artefacts."""
-    link = '<li><a href="#posterior-{}-{}">{}</a></li>'
-    links = (link.format(name, step, text) for step, text in STEPS.items())
-    return Html(f"<ol>{''.join(links)}</ol>")

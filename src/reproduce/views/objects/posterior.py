@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from functools import cache, cached_property
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from reproduce.inference.priors import Prior
     from reproduce.inference.sampling import Plan
     from reproduce.papers.declare_posterior import Declaration, Supplied
+    from reproduce.views.writing.figures import Picture
 
 __all__ = [
     "ENDINGS",
@@ -45,11 +46,9 @@ __all__ = [
     "book_posterior",
     "book_repeats",
     "coverage_rows",
-    "entries",
     "file_formats",
     "interval",
     "moments",
-    "named",
     "spread",
 ]
 
@@ -366,8 +365,6 @@ class Posterior(Shown):
 
         Where the data are simulated the truth is marked, else a least-squares or nominal estimate.
         """
-        from reproduce.views.objects.figure import captioned, pictured
-        from reproduce.views.writing.figures import Vectors, drawn, inline, vector_of
         from reproduce.views.writing.posterior_figures import MOST, corner
 
         known = self.model.names
@@ -391,10 +388,28 @@ class Posterior(Shown):
         caption += " Contours hold 50 % and 95 % of the draws." if len(chosen) > 1 else ""
         alternative = f"Histograms of {', '.join(chosen)} in the posterior of {self.name}"
         alternative += self._related(chosen) if len(chosen) > 1 else "."
-        picture = corner(self.sampled, chosen, marks)
+        return self._pictured(corner(self.sampled, chosen, marks), alternative, caption, corner)
+
+    def traces(self) -> Html:
+        """Return the chains: the median of the walkers, a line for each ensemble."""
+        from reproduce.views.writing.posterior_figures import traces
+
+        alternative = (
+            f"One panel for each parameter of {self.name}, with the median of the walkers of each "
+            "ensemble against the step."
+        )
+        caption = f"Traces of {self.name}: the median of the walkers, a line for each ensemble."
+        return self._pictured(traces(self.sampled), alternative, caption, traces)
+
+    def _pictured(
+        self, picture: Picture, alternative: str, caption: str, draw: Callable[..., Picture]
+    ) -> Html:
+        """Return a picture with its downloads; a reader's own is in no file of the book."""
+        from reproduce.views.objects.figure import captioned, pictured
+        from reproduce.views.writing.figures import Vectors, drawn, inline, vector_of
+
         if not self.data and not self.changes:
-            return pictured(picture, alternative, caption, text_of(corner))
-        # A reader's own is in no file of the book.
+            return pictured(picture, alternative, caption, text_of(draw))
         wide, narrow = (vector_of(drawn(picture.paint, narrow=one)) for one in (False, True))
         name = f"figure-{picture.key}-own"
         return Html(inline(Vectors(wide, narrow), name, alternative, captioned(caption)))
@@ -506,7 +521,7 @@ class Posterior(Shown):
         marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
         none = ("",) if true else ()
         rows = [
-            (named(row), *marks.get(row.name, none), *interval(row))
+            (_named(row), *marks.get(row.name, none), *interval(row))
             for row in self.sampled.summaries()
         ]
         caption = f"Posterior {self.name}, {self.where}." + (f" Changed: {own}." if own else "")
@@ -541,7 +556,7 @@ class Posterior(Shown):
     def table(self) -> Table:
         """Return the summary for a terminal, every number with the digits its error allows."""
         heads = ("parameter", "mean", "sd", "2.5 %", "97.5 %", *PRECISION)
-        rows = [(named(row), *entries(row)) for row in self.sampled.summaries()]
+        rows = [(_named(row), *_entries(row)) for row in self.sampled.summaries()]
         table = columns(heads, rows, whole=range(1, len(heads)))
         table.columns[0].min_width = 12
         return table
@@ -553,7 +568,7 @@ def versions() -> dict[str, str]:
     return {"reproduce-pointing": __version__, **found}
 
 
-def named(row: Any) -> str:
+def _named(row: Any) -> str:
     """Write a name with its unit, if it has one."""
     return str(row.name) if row.unit == "1" else f"{row.name} ({row.unit})"
 
@@ -564,7 +579,7 @@ def spread(row: Summary) -> tuple[str, str, str, str]:
     return (digits(row.mean, row.mcse), f"{row.deviation:.2g}", *ends)
 
 
-def entries(row: Summary) -> tuple[str, ...]:
+def _entries(row: Summary) -> tuple[str, ...]:
     """Write the numbers of a summary: those of `spread`, MCSE, R-hat, bulk and tail ESS."""
     precision = (f"{row.mcse:.1g}", f"{row.rhat:.3f}", f"{row.bulk:.0f}", f"{row.tail:.0f}")
     return (*spread(row), *precision)

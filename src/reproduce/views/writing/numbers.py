@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from reproduce.papers.study import LEAST_DRAWS, Column, Fact
 
 if TYPE_CHECKING:
-    from reproduce.inference.checks import Range, Share
+    from reproduce.inference.checks import Share
 
 __all__ = [
     *("chance", "digits", "entry", "fact", "hyphen", "minus", "percent", "powers"),
-    *("powers_in_html", "ranged", "shared", "signed"),
+    *("powers_in_html", "shared"),
 ]
 
 # Below this a probability is written with its power of ten.
@@ -220,40 +220,3 @@ def shared(share: Share) -> str:
         return f"{text} ± {share.error:.1g}"
     kept = math.floor(math.log10(share.value)) - math.ceil(math.log10(2 * share.error))
     return f"{share.value:.{max(kept, 0)}e} ± {share.error:.0e}"
-
-
-def signed(text: str) -> str:
-    """Write a number with its sign, plus too.
-
-    Examples
-    --------
-    >>> signed("1.2"), signed("-0.3")
-    ('+1.2', '−0.3')
-    """
-    return _plain(text) if text.startswith("-") else f"+{text}"
-
-
-def _plain(text: str) -> str:
-    """Write a number with a minus for a hyphen, and none before a zero."""
-    return text if not text.startswith("-") else f"{'−' if float(text) else ''}{text[1:]}"
-
-
-def ranged(found: Range) -> str:
-    """Write the ends of a range, with no more digits than their errors allow.
-
-    Examples
-    --------
-    >>> from reproduce.inference.checks import Range
-    >>> ranged(Range(0.123456, 2.5, (0.002, 0.04))), ranged(Range(-2.4e-11, 0.71, (0.0, 0.01)))
-    ('0.12 to 2.5', '−2e-11 to 0.7')
-    >>> ranged(Range(-4.052, -4.05, (0.0, 0.0)))
-    '−4.052 to −4.050'
-    """
-    # An error of nothing: simulations that are alike there, not an end that is exact.
-    least = (found.high - found.low) / 30 or abs(found.high) / 5000
-    ends = zip((found.low, found.high), found.errors, strict=True)
-    return " to ".join(_plain(_end(end, error or least)) for end, error in ends)
-
-
-def _end(end: float, error: float) -> str:
-    return f"{end:.0e}" if 0 < abs(end) < TINY else digits(end, error)

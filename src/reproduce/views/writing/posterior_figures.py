@@ -5,14 +5,12 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from reproduce.inference.calibration import Ranks, band
 from reproduce.inference.model import Parameter
 from reproduce.inference.posterior import Sampled
 from reproduce.papers.sketch import again, sized, thin
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MOST", "Bar", "bars", "corner", "density", "edge_errors", "ranks", "traces"]
+__all__ = ["MOST", "Bar", "bars", "corner", "density", "edge_errors", "traces"]
 
 # More draws than this do not change the contours, nor more points a trace.
 POINTS, TRACE_POINTS = 10_000, 45
@@ -333,33 +331,3 @@ def edge_errors(
         for name, (low, middle, high) in curves.items()
     ]
     return Picture("posterior-stars", paint, pd.concat(rows))
-
-
-def ranks(stored: Ranks, name: str) -> Picture:
-    """Draw cumulated ranks, less what even ranks give, against the band of one curve."""
-    counts, total = stored.counts(), stored.replicates
-    low, high = band(total)
-    even = np.arange(1, counts.shape[1] + 1) / counts.shape[1]
-    # Cumulated, a curve hardly moves from a rank to the next: every other one is drawn.
-    drawn = slice(1, None, 2)
-    # A consequence in other units has the same ranks.
-    first = sorted(np.unique(counts, axis=0, return_index=True)[1])
-
-    def paint(figure: Figure) -> None:
-        lines = len(first)
-        narrow = sized(figure, 6.4, 3.4 + 0.08 * lines, 3.4 + 0.16 * lines)
-        axes = figure.subplots()
-        below, above = ((end / total - even)[drawn] for end in (low, high))
-        axes.fill_between(even[drawn], below, above, facecolor=(GREY, 0.15), edgecolor=GREY,
-                          label="95 %: one whole curve", step="mid")  # fmt: skip
-        # Colours come round after seven lines, dashes after eight.
-        for row, dashes in zip(first, cycle(DASHES), strict=False):
-            curve = (counts[row] / total - even)[drawn]
-            axes.plot(even[drawn], curve, linestyle=dashes, linewidth=1.1, label=stored.names[row])
-        axes.set(xlabel="rank / number of draws", ylabel="share of ranks, less even")
-        columns = 1 if narrow else 2
-        figure.legend(loc="outside lower center", fontsize=SMALL, ncols=columns)
-
-    numbers = pd.DataFrame((counts / total).T, columns=list(stored.names))
-    numbers.insert(0, "rank", even)
-    return Picture(f"posterior-{name}-ranks", paint, numbers)

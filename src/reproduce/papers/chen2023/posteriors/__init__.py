@@ -22,7 +22,6 @@ from reproduce.inference.models.misalignment import (
 from reproduce.inference.models.reference_angles import ReferenceAngles
 from reproduce.inference.models.small_angle import (
     errors_with_free_lasers,
-    spot_bound,
 )
 from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
 from reproduce.inference.priors import HalfNormal
@@ -183,13 +182,11 @@ def with_free_lasers(model: Model) -> dict[str, Aside]:
 POSTERIORS = (
     Declaration(
         "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
-        users_spots.CONSTANT, truth, published.scatter,
-        bound=spot_bound, asides=with_free_lasers,
+        users_spots.CONSTANT, truth, published.scatter, asides=with_free_lasers,
     ),
     Declaration(
         "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
-        users_spots.DRIFT, partial(truth, drift=True), published.scatter,
-        bound=spot_bound, steps=330,
+        users_spots.DRIFT, partial(truth, drift=True), published.scatter, steps=330,
     ),
     Declaration(
         "frame-averaging", "White noise of one frame and the floor that averaging leaves",

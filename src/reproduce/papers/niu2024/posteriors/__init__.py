@@ -15,7 +15,6 @@ from numpy.random import PCG64, Generator, SeedSequence
 from reproduce.inference.checks import Published
 from reproduce.inference.model import Model
 from reproduce.inference.models.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
-from reproduce.inference.models.closed_form import cramer_rao_bound
 from reproduce.inference.models.joint import JointRegistration, joint_model
 from reproduce.inference.models.least_squares import noise_growth
 from reproduce.inference.models.mixture import mixture_model
@@ -212,7 +211,7 @@ _red = partial(
 POSTERIORS = (
     _red(
         "registration", "Registration of one channel: similarity and Gaussian noise",
-        build=registration, file=users_stars.PLAIN, bound=cramer_rao_bound,
+        build=registration, file=users_stars.PLAIN,
         asides=beside_the_registration, walkers=240,
     ),
     Declaration(
