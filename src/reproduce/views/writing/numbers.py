@@ -18,8 +18,6 @@ __all__ = [
 
 # Below this a probability is written with its power of ten.
 SMALL = 1e-3
-# Below this the end of a range is written with its power of ten.
-TINY = 1e-5
 
 _EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
 _SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
