@@ -144,7 +144,11 @@ def test_show_names_each_reading_once_and_gives_what_it_makes_of_each_cell(key):
     records = item_ledger(key).records
     told = " ".join(run("show", key).stdout.partition("readings of the text")[2].split())
     legend, _, body = told.partition("cell under each reading")
-    names = {(one.name, one.place) for record in records for one in record.readings}
+    names = {
+        (one.name, f"{one.place}; added {one.added}")
+        for record in records
+        for one in record.readings
+    }
     letters = {}
     for name, place in names:
         assert told.count(f" {name} ({place})") == 1
@@ -152,7 +156,7 @@ def test_show_names_each_reading_once_and_gives_what_it_makes_of_each_cell(key):
     assert sorted(letters.values()) == list("ABCDEFGHIJKLM"[: len(names)])
     for record in records:
         shown = "; ".join(
-            f"{letters[one.name, one.place]} {verdicts.read(record, one)}"
+            f"{letters[one.name, f'{one.place}; added {one.added}']} {verdicts.read(record, one)}"
             for one in record.readings
         )
         assert " ".join(f"{verdicts.name_of(record)} {shown}".split()) in body or not shown

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.judge.propagate import plain_results, reading_name, result_intervals
@@ -24,13 +26,14 @@ from reproduce.papers.declare import (
     Prediction,
     Reading,
     Result,
+    Results,
 )
 from reproduce.printed.cells import Cell, PrintedTable, altered_files, library
 from reproduce.printed.given import given
 from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
-__all__ = ["Ledger", "ReadingRecord", "Record", "TableRecord", "build", "reread"]
+__all__ = ["Ledger", "ReadingRecord", "Record", "TableRecord", "WholeReading", "build", "reread"]
 
 Flag = Literal[
     "through_rounding",
@@ -49,10 +52,11 @@ class _Frozen(BaseModel):
 
 
 class ReadingRecord(_Frozen):
-    """What a blocked cell would be judged as under one reading of the text."""
+    """What a cell would be judged as under one reading of the text."""
 
     name: str = Field(description="the reading in a few words")
     place: str = Field(description="where the text leaves room for it")
+    added: str = Field(description="the day on which it came into the history of this project")
     computed: float = Field(description="the value, or the median of the prediction")
     interval: tuple[float, float] = Field(
         description="results that rounded inputs allow, or the central 99 % of the prediction"
@@ -98,7 +102,7 @@ class Record(_Frozen):
     equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
     seed: tuple[int, ...] | None = Field(description="root and key of the random stream")
     readings: tuple[ReadingRecord, ...] = Field(
-        description="for a blocked cell whose verdict depends on how the text is read: each way"
+        description="for a cell that the text lets be read in several ways: each way tried"
     )
     reason: str = Field(default="", description="why, as written down with the frozen verdict")
 
@@ -120,11 +124,37 @@ class TableRecord(_Frozen):
     replicates: int
 
 
+class WholeReading(_Frozen):
+    """How one reading of the text fares on all cells of an item that depend on a reading."""
+
+    key: str
+    name: str = Field(description="the reading in a few words")
+    added: str = Field(description="the day on which the last part of it came into the history")
+    cells: int = Field(description="cells that it says something of")
+    agreeing: int = Field(description="of these, cells that agree one by one")
+    apart: int = Field(
+        description="of these, cells that agree through rounding only, which may ask for other "
+        "values of an input that they share"
+    )
+    joint_probability: float | None = Field(
+        description="how often the cells, simulated together, lie as far out as the print"
+    )
+    mcse: float | None
+    replicates: int = Field(description="of the joint probability; zero without one")
+
+    @property
+    def fits(self) -> bool:
+        """Whether all cells agree one by one, and together."""
+        likely = self.joint_probability is None or self.joint_probability >= 1 - CENTRAL
+        return self.agreeing == self.cells and likely and self.apart <= 1
+
+
 class Ledger(_Frozen):
     """All records, in the order of print."""
 
     records: tuple[Record, ...]
     tables: tuple[TableRecord, ...]
+    readings: tuple[WholeReading, ...] = ()
     altered: tuple[str, ...] = Field(
         default=(), description="files of printed numbers that are not those of their checksums"
     )
@@ -140,6 +170,10 @@ class Ledger(_Frozen):
         if not found:
             raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
         return found[0]
+
+    def whole_readings(self, key: str) -> tuple[WholeReading, ...]:
+        """Return how each reading of an item fares on all its cells at once; none without."""
+        return tuple(one for one in self.readings if one.key == key)
 
     def table(self, key: str) -> TableRecord | None:
         """Return the joint record of a table, or None where nothing in it is stochastic."""
@@ -157,43 +191,48 @@ def build(
     wanted = [key for key in items if key in asked]
     records: list[Record] = []
     tables: list[TableRecord] = []
+    readings: list[WholeReading] = []
     for done, key in enumerate(wanted, start=1):
-        made, joint = _judged(key)
-        records += made
-        tables += joint
+        found = _judged(key)
+        records += found.records
+        tables += found.tables
+        readings += found.readings
         if progress is not None:
             progress(done, len(wanted))
-    return Ledger(records=tuple(records), tables=tuple(tables), altered=altered_files())
+    return Ledger(
+        records=tuple(records),
+        tables=tuple(tables),
+        readings=tuple(readings),
+        altered=altered_files(),
+    )
 
 
 def reread(key: str, chosen: Mapping[str, str]) -> Ledger:
     """Return what the cells of an item would be judged as under one reading of the text."""
-    records, tables = _judged(key, tuple(sorted(chosen.items())))
-    return Ledger(records=records, tables=tables)
+    return _judged(key, tuple(sorted(chosen.items())))
 
 
 @cache
-def _judged(
-    key: str, chosen: tuple[tuple[str, str], ...] = ()
-) -> tuple[tuple[Record, ...], tuple[TableRecord, ...]]:
+def _judged(key: str, chosen: tuple[tuple[str, str], ...] = ()) -> Ledger:
     table = library().get(key)
     if table is None:  # a figure: nothing of it is printed as a number
-        return (), ()
+        return Ledger(records=(), tables=())
     made: dict[str, Record] = {}
-    predictions: dict[str, Prediction] = {}
+    results: dict[str, Result] = {}
     for computation in catalogue()[key].computations:
-        records, drawn = _run(computation.under(dict(chosen)), table)
+        records, found = _run(computation.under(dict(chosen)), table)
         if doubly := made.keys() & records.keys():
             raise ValueError(f"{key}: cells made by two computations: {sorted(doubly)}")
         made |= records
-        predictions |= drawn
-    ordered = tuple(made.get(cell.name) or _input(cell) for cell in table.cells)
-    return ordered, _joint(table, predictions, made)
+        results |= found
+    return Ledger(
+        records=tuple(made.get(cell.name) or _input(cell) for cell in table.cells),
+        tables=_joint(table, results, made),
+        readings=_whole_readings(table, results, made),
+    )
 
 
-def _run(
-    computation: Computation, table: PrintedTable
-) -> tuple[dict[str, Record], dict[str, Prediction]]:
+def _run(computation: Computation, table: PrintedTable) -> tuple[dict[str, Record], Results]:
     door = given(computation.given)
     results = computation(door)
     strays = [name for name in results if not computation.makes(name)]
@@ -206,7 +245,7 @@ def _run(
         name: _record(computation, table[name], result, intervals, plain.get(name))
         for name, result in results.items()
     }
-    return records, {n: r for n, r in results.items() if isinstance(r, Prediction)}
+    return records, results
 
 
 def _record(
@@ -216,7 +255,7 @@ def _record(
     intervals: Mapping[str, Interval],
     plain: str | None,
 ) -> Record:
-    source = {
+    source: dict[str, object] = {
         "role": "result",
         "function": computation.name,
         "equations": computation.equations,
@@ -227,14 +266,10 @@ def _record(
         readings = _readings(cell, result.readings, intervals)
         if len({reading.agrees for reading in readings}) != 1:
             return _blocked(cell, result, readings, source)
-        if not computation.chosen:
-            raise ValueError(
-                f"{cell.address}: all {len(readings)} readings give {readings[0].verdict}; "
-                "the cell is not blocked: return the result of the literal reading"
-            )
-        # What is left of the readings gives one verdict; all of them together may not.
-        first = result.readings[0]
-        result, interval = first.result, intervals.get(reading_name(cell.name, first.name))
+        # All readings give one verdict: the literal one stands for them.
+        source["readings"] = readings
+        interval = intervals.get(reading_name(cell.name, result.readings[0].name))
+        result = _literal(result)
     found = _judgement(cell, result, interval)
     weak = (plain,) if plain and found.verdict == "exact" else ()
     return _make(cell, _why(cell, found), source, weak, **vars(found))
@@ -255,6 +290,11 @@ def _blocked(
     return _make(cell, why, {**source, **own}, flags=() if stand_in is None else ("stand_in",))
 
 
+def _literal(result: Result) -> float | Prediction:
+    """Return a result, or of several readings the literal one."""
+    return result.readings[0].result if isinstance(result, Blocked) else result
+
+
 def _judgement(cell: Cell, result: float | Prediction, interval: Interval | None) -> Judgement:
     unit = si_factor(cell.unit)
     if isinstance(result, Prediction):
@@ -271,7 +311,8 @@ def _readings(
         interval = intervals.get(reading_name(cell.name, one.name))
         found = vars(_judgement(cell, one.result, interval))
         kept = {name: found[name] for name in ReadingRecord.model_fields if name in found}
-        records.append(ReadingRecord(name=one.name, place=one.place, **kept))
+        own = {"name": one.name, "place": one.place, "added": one.added}
+        records.append(ReadingRecord.model_validate(own | kept))
     return tuple(records)
 
 
@@ -322,12 +363,16 @@ def _why(cell: Cell, found: Judgement) -> str:
 
 
 def _joint(
-    table: PrintedTable, predictions: Mapping[str, Prediction], records: Mapping[str, Record]
+    table: PrintedTable, results: Results, records: Mapping[str, Record]
 ) -> tuple[TableRecord, ...]:
-    cells = [cell for cell in table.cells if cell.name in predictions]
+    cells = [
+        cell
+        for cell in table.cells
+        if cell.name in records and records[cell.name].probability is not None
+    ]
     if not cells:
         return ()
-    draws = [predictions[cell.name].draws / si_factor(cell.unit) for cell in cells]
+    draws = [_draws(cell, _literal(results[cell.name])) for cell in cells]
     probability, mcse = joint_probability([cell.number for cell in cells], draws)
     record = TableRecord(
         key=table.key,
@@ -340,3 +385,80 @@ def _joint(
         replicates=min(one.size for one in draws),
     )
     return (record,)
+
+
+def _draws(cell: Cell, result: float | Prediction) -> NDArray[np.float64]:
+    """Return the draws of a prediction in the unit of print; none of a number."""
+    return (result.draws if isinstance(result, Prediction) else np.empty(0)) / si_factor(cell.unit)
+
+
+def _whole_readings(
+    table: PrintedTable, results: Results, records: Mapping[str, Record]
+) -> tuple[WholeReading, ...]:
+    """Judge every reading of the text on all cells that depend on one, at once."""
+    open_cells: dict[str, tuple[Reading, ...]] = {
+        cell.name: result.readings
+        for cell in table.cells
+        if isinstance(result := results.get(cell.name), Blocked) and result.readings
+    }
+    found = []
+    for chosen in _combined(open_cells.values()) if open_cells else ():
+        parts = [
+            (table[name], one, record)
+            for name, readings in open_cells.items()
+            for one, record in zip(readings, records[name].readings, strict=True)
+            if one.choices.items() <= chosen.items()
+        ]
+        found.append(_whole(table.key, parts))
+    return tuple(found)
+
+
+def _combined(every: Iterable[tuple[Reading, ...]]) -> list[Mapping[str, str]]:
+    """Return every way to choose all options that the readings of some cells leave open."""
+    ways: list[Mapping[str, str]] = [{}]
+    for readings in every:
+        grown: list[Mapping[str, str]] = []
+        for way in ways:
+            # A cell that no reading fits to what is chosen leaves it as it is.
+            fitting = [r.choices for r in readings if _agree(r.choices, way)] or [{}]
+            grown += [{**way, **choices} for choices in fitting]
+        ways = [way for place, way in enumerate(grown) if way not in grown[:place]]
+    return ways
+
+
+def _agree(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
+    return all(other.get(name, way) == way for name, way in one.items())
+
+
+def _whole(key: str, parts: Sequence[tuple[Cell, Reading, ReadingRecord]]) -> WholeReading:
+    names = list(dict.fromkeys(one.name for _, one, _ in parts))
+    longest = [name for name in names if not any(o != name and o.startswith(name) for o in names)]
+    predicted = [(cell, _draws(cell, one.result)) for cell, one, _ in parts]
+    # What all replicates give alike has no share in a joint probability.
+    drawn = [(cell, draws) for cell, draws in predicted if draws.size and np.ptp(draws) > 0]
+    probability, mcse, replicates = _together(drawn) if drawn else (None, None, 0)
+    return WholeReading(
+        key=key,
+        name="; ".join(longest),
+        added=max(one.added for _, one, _ in parts),
+        cells=len(parts),
+        agreeing=sum(record.agrees for *_, record in parts),
+        apart=sum("through_rounding" in record.flags for *_, record in parts),
+        joint_probability=probability,
+        mcse=mcse,
+        replicates=replicates,
+    )
+
+
+def _together(
+    drawn: Sequence[tuple[Cell, NDArray[np.float64]]],
+) -> tuple[float, float, int]:
+    """Return how often cells simulated together lie as far out as the print, error and number."""
+    from reproduce.judge import laws
+
+    columns, every = [draws for _, draws in drawn], np.ones(len(drawn), dtype=bool)
+    intervals = np.array([cell.number.interval() for cell, _ in drawn])
+    size = columns[0].size
+    counted = laws.joint(laws.fitted(columns, ~every), columns, intervals, every)[0]
+    probability = (counted * size + 1) / (size + 1)
+    return probability, float(np.sqrt(probability * (1 - probability) / size)), size

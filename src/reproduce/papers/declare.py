@@ -58,17 +58,20 @@ class Reading:
         The number in SI units, or its prediction.
     choices : mapping of str to str
         What it chooses of the options of its computation.
+    added : str
+        The day on which it came into the history of this project, such as ``2026-11-22``.
     """
 
     name: str
     place: str
     result: float | Prediction
     choices: Mapping[str, str] = field(default_factory=dict)
+    added: str = ""
 
 
 @dataclass(frozen=True)
 class Blocked:
-    """A number that needs something unpublished, or that depends on how the text is read.
+    """A number that needs something unpublished, or that may depend on how the text is read.
 
     Parameters
     ----------
@@ -77,8 +80,8 @@ class Blocked:
     stand_in : float, optional
         Our value in its place, in SI units, shown without a verdict.
     readings : tuple of Reading
-        Every way tried to read the text, where the verdict depends on it: some agree with the
-        print and some do not.
+        Every way tried to read the text, the literal one first. Where all of them agree with the
+        print, or none does, the number is not blocked: the literal one judges it.
     """
 
     missing: str

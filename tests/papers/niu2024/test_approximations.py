@@ -45,11 +45,11 @@ def test_the_pivot_errs_by_the_printed_difference_of_principal_points_by_hand():
 
 def test_the_drawing_has_every_cost_and_the_printed_noise():
     figure = Figure()
-    drawings.draw_costs(figure, {drawings.NOISE: 0.05})
+    drawings.draw_costs(figure, {approximations.NOISE: 0.05})
     costs = approximations.costs(DOOR)
     for axes, table in zip(figure.axes, approximations.TABLES, strict=True):
         lines = {line.get_label(): line.get_xdata() for line in axes.lines}
-        np.testing.assert_allclose(lines.pop("printed noise"), 0.05)
+        np.testing.assert_allclose(lines.pop("noise, both axes"), 0.05 * np.sqrt(2))
         for channel in ("red", "blue"):
             own = [c for c in costs if c.labels[1:] == (table, channel)]
             np.testing.assert_array_equal(lines[channel], [c.rms for c in own])

@@ -38,7 +38,7 @@ STUDIES = _made(
     ("accuracy", "floors"),
     ("attitude", "orders"),
     ("platform_twin", "misfit believable sensors roll"),
-    ("effectiveness", "focal-lengths"),
+    ("effectiveness", "focal-lengths differences"),
     ("resolution", "readings errors estimators"),
     ("posteriors.decisions", "instrument-errors frames drift"),
 )

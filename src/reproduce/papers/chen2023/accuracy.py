@@ -45,6 +45,7 @@ __all__ = [
     "RATE",
     "READS",
     "SMOOTHED",
+    "TABLE",
     "fit",
     "joint_model",
     "preferences",

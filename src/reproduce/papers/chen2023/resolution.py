@@ -227,6 +227,7 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
             "V-D does not say which gain is significant",
             Prediction(angles[saturation(monitoring[0], relative, float(errors))]),
             LITERAL.choices | {"threshold": errors},
+            _added(LITERAL, float(errors)),
         )
         for errors, text in OPTIONS["threshold"].items()
     ]
@@ -238,13 +239,20 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     }.items():
         more = {"threshold": f"{CHOSEN:g}"} if name == "saturation" else {}
         readings = [
-            Reading(case.name, case.place, Prediction(replicated), case.choices | more)
+            Reading(
+                case.name, case.place, Prediction(replicated), case.choices | more, _added(case)
+            )
             for case, replicated in zip(CASES, found, strict=True)
         ]
         if more:
             readings[:1] = by_threshold
         results[name] = Blocked(MISSING[name], float(np.median(found[0])), tuple(readings))
     return results
+
+
+def _added(case: Case, errors: float = CHOSEN) -> str:
+    """Return the day on which a case came into the history: the literal one came first."""
+    return "2026-11-21" if case == LITERAL and errors == CHOSEN else "2026-11-22"
 
 
 MISSING = {

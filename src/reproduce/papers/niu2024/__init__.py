@@ -24,6 +24,7 @@ STUDIES = {
     "niu2024/approximation-biases": "approximations",
     "niu2024/distributions": "readings",
     "niu2024/precision": "readings",
+    "niu2024/scale-errors": "experiment",
     "niu2024/image-stand-ins": "images",
     "niu2024/fusion": "images_fusion",
     "niu2024/star-colours": "images_fusion",

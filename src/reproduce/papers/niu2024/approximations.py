@@ -33,9 +33,9 @@ from reproduce.physics.registration.approximations import (
 )
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
 
-__all__ = ["READS", "ROUNDING", "TABLES", "TITLES", "Cost", "costs", "facts"]
+__all__ = ["NOISE", "READS", "ROUNDING", "TABLES", "TITLES", "Cost", "costs", "facts"]
 
 APPROXIMATIONS = "niu2024/text-approximations"
 SHARE = f"{APPROXIMATIONS}#first-term-share"
@@ -47,6 +47,7 @@ READS = (
     f"{OPTICS}#pixels-*",
     SHARE,
 )
+NOISE = f"{simulation.SETTINGS}#noise"
 TITLES = {
     "coefficients": "unequal coefficients",
     "cube": "k³ for k",
@@ -149,14 +150,15 @@ LABELS = (Column("Left out"), Column("Parameters of"), Column("Channel"))
 
 
 def facts(door: Given) -> dict[str, Fact]:
-    """Return ``EFFECT-TABLE-CHANNEL-rms``."""
+    """Return ``EFFECT-TABLE-CHANNEL-rms``, and the printed noise over both axes as they are."""
+    noise = Fact(np.sqrt(2.0) * given([NOISE])[NOISE], ".2g", "px")
     names = product(TABLES, simulation.REGISTERED, EFFECTS)
     return {
         f"{effect}-{table}-{channel}-rms".lower().replace(" ", "-"): Fact(
             cost.rms, ".2g", "px", ROUNDING
         )
         for (table, channel, effect), cost in zip(names, costs(door), strict=True)
-    }
+    } | {"noise-rms": noise}
 
 
 @studied(

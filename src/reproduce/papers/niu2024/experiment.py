@@ -10,7 +10,7 @@ settings. What it takes from the paper:
 * what is left after registration, per axis and channel, measures the centroid errors: the printed
   residuals are inputs here, and split evenly between green and the other channel, so that both
   channels share the errors of green. The rotary table's own error moves all channels alike;
-* the RMSE is printed per axis, so it is computed per axis.
+* the RMSE is printed per axis, so the literal reading computes it per axis; (26) counts both.
 
 So the RMSE before registration is predicted, with the RMSE after it as an input. The RMSE after it
 is little more than the centroid errors of the laboratory, which no other printed number states; it
@@ -18,9 +18,8 @@ stays blocked. As a stand-in it is computed with the noise of the simulation, wh
 close to the real conditions.
 
 The scale factors of Table 4 are not the ratios of the focal lengths beside them. The twin first had
-the ratios; it takes the printed factors since both results were known, because the paper
-registers with them, and because for blue the ratio would leave more over after registration than
-is printed. `before_by_focal_lengths` keeps the other way.
+the ratios; the printed factors came in when that result was known, because the paper registers
+with them. Both are readings, and so are both ways to count the axes: all are judged.
 
 The paper also fits a focal length and a distortion to every channel alone, whose closeness it takes
 as support for its approximations. The twin does both fits many times, to show how well they can do;
@@ -34,9 +33,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.random import SeedSequence
 
-from reproduce.papers.declare import Blocked, Prediction, Results, reproduces, split_seed
+from reproduce.papers.declare import (
+    Blocked,
+    Prediction,
+    Reading,
+    Results,
+    reproduces,
+    seed_of,
+    split_seed,
+)
 from reproduce.papers.niu2024 import registration, simulation_angles
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
+from reproduce.papers.study import Column, Fact, studied
 from reproduce.physics.optics.camera import Camera, angle_from_pixels
 from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
 from reproduce.physics.optics.simulate import (
@@ -53,7 +61,7 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 __all__ = [
-    "CAMERAS", "INSTRUMENT", "OUTCOME", "before_by_focal_lengths", "calibrated_cameras",
+    "CAMERAS", "INSTRUMENT", "OUTCOME", "calibrated_cameras",
     "cameras", "centroid_errors", "half_field", "registered_points", "registrations",
     "rotations",
 ]  # fmt: skip
@@ -166,49 +174,58 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     return channel_centroids(cameras(given), rotations(given), angles)
 
 
+# What the text leaves open, as options: each reading with its part of the name, its place, its day.
+SCALES = {
+    "factors": "the channels lie apart by the scale factors of Table 4",
+    "focal-lengths": "the channels lie apart by the focal lengths and distortions of Table 4",
+}
+AXES = {"one": "the axis that is named", "both": "both axes, as (26) counts them"}
+POINTS: dict[str, tuple[str, Callable[[Given, FloatArray], FloatArray]]] = {
+    "factors": ("scale factors", registered_points),
+    "focal-lengths": ("focal lengths", _by_focal_lengths),
+}
+COUNTED = {
+    "one": ("one axis", "section 4.3, in the x and y directions", "2026-11-21"),
+    "both": ("both axes", "(26), which section 4.3 does not replace", "2026-11-24"),
+}
+ADDED = {"factors": "2026-11-22", "focal-lengths": "2026-11-21"}
+
+
 @reproduces(
     OUTCOME,
     cells=["rmse-before-*"],
     given=[
-        f"{CALIBRATION}#focal-length.green",
-        f"{CALIBRATION}#radial-distortion.green",
+        *INSTRUMENT,
         f"{CALIBRATION}#scale.*",
-        *ARRANGEMENT,
-        f"{OPTICS}#field-of-view-*",
         f"{OUTCOME}#test-points",
         f"{OUTCOME}#rmse-after-*",
     ],
     equations=["17", "18", "21"],
     replicates=REPLICATES,
+    options={"scale": SCALES, "rmse": AXES},
 )
 def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
-    return _before(given, seed, replicates, registered_points)
-
-
-def before_by_focal_lengths(given: Given, seed: SeedSequence, replicates: int) -> Results:
-    """Return the RMSE before registration: cameras of Table 4, without its scale factors."""
-    return _before(given, seed, replicates, _by_focal_lengths)
-
-
-def _before(
-    given: Given,
-    seed: SeedSequence,
-    replicates: int,
-    points: Callable[[Given, FloatArray], FloatArray],
-) -> dict[str, Prediction]:
+    missing = "what separates the channels, and on which axes the RMSE counts"
     for_positions, for_errors = split_seed(seed, 2)
     count = given.count(f"{OUTCOME}#test-points")
-    true = points(given, spawned_angles(for_positions, replicates, count, half_field(given)))
-    errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
-    measured = true + errors
-    return {
-        f"rmse-before-{channel}-{axis}": Prediction(draws)
-        for position, channel in enumerate(REGISTERED, start=1)
-        for axis, draws in zip(
-            "xy", rmse_per_axis(measured[:, position], measured[:, 0]).T, strict=True
-        )
-    }
+    angles = spawned_angles(for_positions, replicates, count, half_field(given))
+    readings: dict[str, list[Reading]] = {}
+    for scale, (laid, points) in POINTS.items():
+        true = points(given, angles)
+        errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
+        measured = true + errors
+        for position, channel in enumerate(REGISTERED, start=1):
+            per_axis = rmse_per_axis(measured[:, position], measured[:, 0])
+            both = np.hypot(*per_axis.T)
+            for place, axis in enumerate("xy"):
+                cell = readings.setdefault(f"rmse-before-{channel}-{axis}", [])
+                for rmse, (how, why, day) in COUNTED.items():
+                    draws = per_axis[:, place] if rmse == "one" else both
+                    choices = {"scale": scale, "rmse": rmse}
+                    added = max(day, ADDED[scale])
+                    cell.append(Reading(f"{laid}, {how}", why, Prediction(draws), choices, added))
+    return {name: Blocked(missing, readings=tuple(found)) for name, found in readings.items()}
 
 
 @reproduces(
@@ -294,3 +311,62 @@ def _twin(
     """Return the angles of the simulation, and what the twin measures there."""
     table = simulation_angles.literal(given).angles
     return table, noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
+
+
+# Replicates of both kinds of fit, and how much of a printed residual is the error of one centroid.
+FITS = 1000
+# Half the last digit of a scale factor; that of a focal length moves the ratio by far less.
+ROUNDING = 0.5e-4
+SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel": 1.0}
+
+
+def _scale_facts(given: Given) -> dict[str, Fact]:
+    """What sentences say of the scale factors: how far each lies from the ratio, at both noises."""
+    rows = _scale_errors(given)
+    return {
+        f"{channel}-{end}": Fact(pick(row[-1] for row in rows if row[0] == channel), ".1f")
+        for channel in REGISTERED
+        for end, pick in (("least", min), ("most", max))
+    } | {"sd": Fact(max(row[-2] for row in rows), ".1e")}
+
+
+@studied(
+    "niu2024/scale-errors",
+    given=(
+        *CAMERAS,
+        *simulation_angles.READS,
+        f"{CALIBRATION}#scale.*",
+        f"{OUTCOME}#rmse-after-*",
+    ),
+    columns=(
+        Column("Channel"),
+        Column("Errors of the residuals"),
+        Column("Printed scale less ratio", ".5f"),
+        Column("Standard deviation in the twin", ".1e"),
+        Column("Distance (σ)", ".1f"),
+    ),
+    caption="The scale factors of Table 4 against the ratios of its focal lengths, and how far two "
+    "fits to the same stars differ in the twin, with centroid errors as large as the printed "
+    "residuals. The distance is the least that the rounding of the print allows.",
+    named=_scale_facts,
+    random=True,
+)
+def scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
+    """How far scale factors and focal lengths fitted apart may differ."""
+    return _scale_errors(given)
+
+
+def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
+    seed = seed_of("niu2024/scale-errors", given.root)
+    residual = float(np.sqrt(np.square(given.array(f"{OUTCOME}#rmse-after-*")).mean()))
+    printed = registration.scale_factors(given, CALIBRATION)
+    rows = []
+    for name, share in SHARES.items():
+        cameras_found = calibrated_cameras(given, seed, FITS, share * residual)
+        found = registrations(given, seed, FITS, share * residual)
+        for channel in REGISTERED:
+            lengths = (cameras_found[one].camera.focal_length for one in ("green", channel))
+            sd = float(np.std(found[channel].parameters[:, 0] - np.divide(*lengths)))
+            apart = given[f"{CALIBRATION}#scale.{channel}"] - printed[channel]
+            rows.append((channel, name, apart, sd, max(0.0, abs(apart) - ROUNDING) / sd))
+    return rows

@@ -15,6 +15,8 @@ CENTRES = {
     "band": "the middle of the channel's band",
     "third": "the middle of a third of the starlight's band",
 }
+# The days on which they came into the history.
+ADDED = ("2026-11-21", "2026-11-22")
 
 
 @reproduces(
@@ -45,17 +47,7 @@ def middles(given: Given, band: str) -> tuple[float, float]:
 
 @reproduces(
     OPTICS,
-    cells=["centre-wavelength-blue"],
-    given=[f"{OPTICS}#band-blue-*", f"{OUTCOME}#simulator-band-*"],
-)
-def centre_wavelength(given: Given) -> Results:
-    """Centre wavelength of blue as the middle of its band, which is a third of the starlight's."""
-    return {"centre-wavelength-blue": middles(given, "blue")[0]}
-
-
-@reproduces(
-    OPTICS,
-    cells=["centre-wavelength-green", "centre-wavelength-red"],
+    cells=["centre-wavelength-*"],
     given=[f"{OPTICS}#band-*", f"{OUTCOME}#simulator-band-*"],
     options={"centre": CENTRES},
 )
@@ -66,9 +58,11 @@ def centre_wavelengths(given: Given) -> Results:
         f"centre-wavelength-{band}": Blocked(
             missing,
             readings=tuple(
-                Reading(what.removeprefix("the "), "section 4.3", middle, {"centre": way})
-                for middle, (way, what) in zip(middles(given, band), CENTRES.items(), strict=True)
+                Reading(what.removeprefix("the "), "section 4.3", middle, {"centre": way}, day)
+                for middle, (way, what), day in zip(
+                    middles(given, band), CENTRES.items(), ADDED, strict=True
+                )
             ),
         )
-        for band in ("green", "red")
+        for band in ("blue", "green", "red")
     }

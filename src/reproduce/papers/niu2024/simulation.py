@@ -64,6 +64,8 @@ REGISTERED = ("red", "blue")
 REPLICATES = 2000
 # Replicates calibrated at once: enough to be fast, few enough to stay in the processor's memory.
 BATCH = 500
+# The days on which the literal reading and the others came into the history.
+FIRST, LATER = "2026-11-21", "2026-11-22"
 # What the printed noise is multiplied by in green, red and blue.
 NOISY = {
     "every-channel": (1.0, 1.0, 1.0),
@@ -234,10 +236,10 @@ def calibrated_translations(
     missing = "which principal points the simulation used, those of Table 1 or of Table 2"
     found = _parameters(given, seed, replicates, **chosen | {"translations": "table-1"})
     ways = (
-        ("table-1", "principal points of Table 1", "section 4.1 with (21) to (23)"),
-        ("table-2", "translations of Table 2", "sections 4.1 and 4.2, the true values"),
+        ("table-1", "principal points of Table 1", "section 4.1 with (21) to (23)", FIRST),
+        ("table-2", "translations of Table 2", "sections 4.1 and 4.2, the true values", LATER),
     )
-    points = [[camera.principal_point for camera in cameras(given, way)] for way, _, _ in ways]
+    points = [[camera.principal_point for camera in cameras(given, way)] for way, *_ in ways]
     # A channel's principal point carries its spots, its pivot and so its translation along.
     moved = np.array(points) - points[0]
     results = {}
@@ -245,8 +247,10 @@ def calibrated_translations(
         for place, axis in enumerate("xy"):
             draws = found[channel][:, 2 + place]
             readings = tuple(
-                Reading(name, text, Prediction(draws + more), {"translations": way})
-                for (way, name, text), more in zip(ways, moved[:, position, place], strict=True)
+                Reading(name, text, Prediction(draws + more), {"translations": way}, day)
+                for (way, name, text, day), more in zip(
+                    ways, moved[:, position, place], strict=True
+                )
             )
             results[f"translation-{axis}.{channel}"] = Blocked(missing, readings=readings)
     return results
@@ -364,6 +368,7 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
             for name, place, choices in left or [("as chosen", "", {})]:
                 *setting, axes = (LITERAL | choices | chosen).values()
                 found = _counted(residuals(when, *setting)[channel], axes)
-                readings.append(Reading(name, place, Prediction(found)))
+                added = LATER if choices.items() - LITERAL.items() else FIRST
+                readings.append(Reading(name, place, Prediction(found), choices, added))
             results[f"rmse-{when}-{channel}"] = Blocked(missing, readings=tuple(readings))
     return results

@@ -123,6 +123,11 @@ def _of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
     said = _agreement(found.of(key))
     said["results"] = str(sum(record.role == "result" for record in found.of(key)))
+    if fits := found.whole_readings(key):
+        said["fitting"] = str(sum(one.fits for one in fits) or "none")
+        said["whole-readings"] = str(len(fits))
+        said["replicates"] = f"{max(one.replicates for one in fits):,}"
+        said["closest"] = verdicts.fitting(fits).partition("Closest: ")[2].removesuffix(".")
     if joint := found.table(key):
         said |= {"joint": verdicts.joint_chance(joint), "replicates": f"{joint.replicates:,}"}
     return said

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.expected import erratum, reason
-from reproduce.judge.ledger import Ledger, Record, TableRecord
+from reproduce.judge.ledger import Ledger, ReadingRecord, Record, TableRecord, WholeReading
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
@@ -182,6 +182,10 @@ class Table(Item):
         if joint := self._ledger.table(self.key):
             parts.append(Markup('<p class="rp-joint">{}</p>').format(_joint_sentence(joint)))
         if readings := _readings(place, records):
+            fits = self._ledger.whole_readings(self.key)
+            sentence = Markup('<p class="rp-joint">{}</p>').format(verdicts.fitting(fits))
+            parts.append(sentence)
+            readings.append(_whole_readings(place, fits))
             shown = Markup("\n").join(grid.html for grid in readings)
             parts.append(folded("Readings of the text, side by side", shown))
         details = [_detail(record) for record in records if record.role == "result"]
@@ -282,18 +286,19 @@ class Table(Item):
         every = [(one, reading) for one in self._records.values() for reading in one.readings]
         if not every:
             return
-        names = dict.fromkeys((reading.name, reading.place) for _, reading in every)
+        names = dict.fromkeys(map(_named, (reading for _, reading in every)))
         letters = {pair: chr(ord("A") + place) for place, pair in enumerate(names)}
         legend = [(letters[pair], f"{pair[0]} ({pair[1]})") for pair in names]
         yield columns(("", "readings of the text"), legend, words=2, whole=(0,))
         yield ""
         read: dict[str, list[str]] = {}
         for one, reading in every:
-            letter = letters[reading.name, reading.place]
+            letter = letters[_named(reading)]
             told = f"{letter} {verdicts.read(one, reading)}"
             read.setdefault(verdicts.name_of(one), []).append(told)
         rows = [(name, "; ".join(told)) for name, told in read.items()]
         yield columns(("cell", "under each reading"), rows, words=2, whole=(0,))
+        yield verdicts.fitting(self._ledger.whole_readings(self.key))
 
 
 def _cell(cell: PrintedCell, record: Record) -> Box:
@@ -365,12 +370,17 @@ def _link(record: Record) -> Markup:
     return link.format(anchor(record.cell), verdicts.name_of(record))
 
 
+def _named(reading: ReadingRecord) -> tuple[str, str]:
+    """Name a reading, and say where the text leaves room for it and when it came in."""
+    return reading.name, f"{reading.place}; added {reading.added}"
+
+
 def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     """Lay out the readings of blocked cells, one table for cells that share their readings."""
     groups: dict[tuple[tuple[str, str], ...], list[Record]] = {}
     for record in records:
         if record.readings:
-            names = tuple((reading.name, reading.place) for reading in record.readings)
+            names = tuple(map(_named, record.readings))
             groups.setdefault(names, []).append(record)
     grids = []
     for number, (names, group) in enumerate(groups.items(), start=1):
@@ -385,6 +395,15 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
         rows = [[label, *row] for label, row in zip(cells, body, strict=True)]
         grids.append(Grid(f"Readings of {place}, {number}", ["", *head], rows, kind="rp-small"))
     return grids
+
+
+def _whole_readings(place: str, fits: Iterable[WholeReading]) -> Grid:
+    head = ("Reading of all cells at once", "Added", "Cells that agree", "Together")
+    rows = [
+        [one.name, one.added, verdicts.whole(one).partition(";")[0], verdicts.chance_of(one)]
+        for one in fits
+    ]
+    return Grid(f"Readings of {place}, all cells at once", head, rows, kind="rp-small")
 
 
 def _joint_sentence(joint: TableRecord) -> str:

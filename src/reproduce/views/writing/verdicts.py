@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from reproduce.judge.ledger import ReadingRecord, Record, TableRecord
+from reproduce.judge.ledger import ReadingRecord, Record, TableRecord, WholeReading
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
 from reproduce.views.writing.numbers import chance, minus
 
 __all__ = [
-    *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "computed", "interval"),
+    *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "chance_of", "computed", "interval"),
     *(
+        "fitting",
         "joint_chance",
         "meaning_of_interval",
         "name_of",
@@ -20,7 +21,7 @@ __all__ = [
         "read",
         "strong",
     ),
-    *("tally", "unit", "weak", "weak_agreement"),
+    *("tally", "unit", "weak", "weak_agreement", "whole"),
 ]
 
 MEANINGS: dict[str, str] = {
@@ -88,10 +89,45 @@ def probability(record: Record) -> str:
 
 def joint_chance(joint: TableRecord) -> str:
     """Write the joint probability of a table: a bound where cells lie beyond every replicate."""
-    if joint.joint_probability * (joint.replicates + 1) < 1.5:
-        return f"below 1 in {joint.replicates:,}"
     bound = "at most " if joint.beyond else ""
-    return bound + chance(joint.joint_probability, joint.mcse)
+    return _counted(joint.joint_probability, joint.mcse, joint.replicates, bound)
+
+
+def _counted(probability: float, mcse: float, replicates: int, before: str) -> str:
+    """Write a probability counted among replicates: a bound where next to none lie so far out."""
+    if probability * (replicates + 1) < 1.5:
+        return f"below 1 in {replicates:,}"
+    return before + chance(probability, mcse)
+
+
+def fitting(readings: tuple[WholeReading, ...]) -> str:
+    """Say whether one reading of the text fits all cells of a table that depend on one."""
+    count = sum(one.fits for one in readings)
+    closest = max(readings, key=lambda one: (one.fits, one.agreeing - one.apart, _together(one)))
+    what = "fits" if count == 1 else "fit"
+    return (
+        f"One reading for all cells at once: {count or 'none'} of {len(readings)} {what}. "
+        f"Closest: {closest.name}, {whole(closest)}."
+    )
+
+
+def whole(reading: WholeReading) -> str:
+    """Write how a reading fares on all cells at once."""
+    told = f"{reading.agreeing} of {reading.cells} cells one by one"
+    if reading.apart:
+        told += f", {reading.apart} of them through rounding"
+    return told + (f"; together {chance_of(reading)}" if reading.replicates else "")
+
+
+def chance_of(reading: WholeReading) -> str:
+    """Write the joint probability of a reading, empty without one."""
+    if reading.joint_probability is None or reading.mcse is None:
+        return ""
+    return _counted(reading.joint_probability, reading.mcse, reading.replicates, "p = ")
+
+
+def _together(reading: WholeReading) -> float:
+    return reading.joint_probability or 0.0
 
 
 def read(record: Record, reading: ReadingRecord) -> str:

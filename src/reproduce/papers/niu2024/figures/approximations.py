@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import approximations, simulation
 from reproduce.papers.niu2024.figures.looks import LOOKS
@@ -16,17 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["NOISE", "draw_costs"]
-
-NOISE = f"{simulation.SETTINGS}#noise"
+__all__ = ["draw_costs"]
 
 
 def facts() -> Mapping[str, Fact]:
-    """Return every size before a fit, ``EFFECT-TABLE-CHANNEL-rms``."""
+    """Return every size before a fit, ``EFFECT-TABLE-CHANNEL-rms``, and that of the noise."""
     return approximations.facts(given(approximations.READS))
 
 
-@draws("niu2024-approximations", marks=[NOISE], named=facts)
+@draws("niu2024-approximations", marks=[approximations.NOISE], named=facts)
 def draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
     """Error of each approximation over the field, before and after a fit, for Tables 1 and 4."""
     sized(figure, 4.9, 5.6, 6.0)
@@ -34,7 +34,9 @@ def draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, table in zip(panels, approximations.TABLES, strict=True):
         _panel(axes, [cost for cost in costs if cost.labels[1] == table])
-        axes.axvline(printed[NOISE], color=INK, linestyle="--", linewidth=1, label="printed noise")
+        # A length in the plane, as the errors are.
+        noise = np.sqrt(2.0) * printed[approximations.NOISE]
+        axes.axvline(noise, color=INK, linestyle="--", linewidth=1, label="noise, both axes")
         axes.set_title(f"cameras of {table}", fontsize=10)
     panels[-1].set_xlabel("error over the field, RMS (px)", fontsize=9)
     handles, labels = panels[0].get_legend_handles_labels()
