@@ -29,3 +29,22 @@ def test_a_roll_leaks_by_the_distance_of_the_spots_from_the_boresight():
     slope = number(f"{table}pixel-size.value") / number(f"{table}focal-length.value")
     leak = 60 * math.sin(math.hypot(*off) * slope)
     assert SHOWN["roll-leak"].printed == pytest.approx(leak, rel=1e-6)
+
+
+def test_a_misalignment_on_the_wrong_side_turns_about_another_axis():
+    """The axes of camera and tracker lie apart by the installation, which tilts about X."""
+    turn, angle = (
+        number(f"text-{cell}")
+        for cell in ("effectiveness#simulated-angle", "satellite#boresight-angle")
+    )
+    off = turn * (1 - math.cos(angle)) / ARCSEC
+    assert SHOWN["misalignment-side"].printed == pytest.approx(off, rel=1e-6)
+    assert SHOWN["misalignment-side"].supposition
+
+
+def test_the_laser_lies_in_one_band_of_the_camera_alone():
+    laser = number("text-satellite#laser-wavelength")
+    names = ["panchromatic-band", *(f"multispectral-band-{i}" for i in "1234")]
+    edges = {n: [number(f"table-1#{n}-{e}.value") for e in ("low", "high")] for n in names}
+    assert [n for n, (low, high) in edges.items() if low <= laser <= high] == [names[-1]]
+    assert AUDIT.finding("band-4-below-laser").outcome == "contradicts"

@@ -73,7 +73,7 @@ def test_names_are_unique_and_kinds_known():
     with pytest.raises(FormulaError, match="unknown kind"):
         declared(line(kind="guess"), CELLS)
     with pytest.raises(FormulaError, match="unknown reading"):
-        declared(line(reading="third"), CELLS)
+        declared(line(reading="fourth"), CELLS)
 
 
 def test_a_difference_in_a_denominator_has_a_dimension():

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from reproduce.store import studies
-from two_readings import NAME, missed, study
+from two_readings import NAME, by_the_third, missed, study
 
 
 def test_the_chapman_estimate_by_hand():
@@ -26,3 +26,12 @@ def test_a_relation_that_no_reading_found_is_refused(monkeypatch):
     monkeypatch.setattr("two_readings.lines", lambda relations: ["both", ""])
     with pytest.raises(ValueError, match="expected one of"):
         study()
+
+
+def test_the_third_reading_is_counted_against_all_others():
+    assert by_the_third("third", again=False) == "second"
+    assert {by_the_third(name, again=True) for name in ("first", "both", "merging")} == {"both"}
+    assert by_the_third("merging", again=False) == "first"
+    row = studies.table(NAME).set_index("what").loc["third"]
+    assert (row[["first", "second", "both"]] > 0).all()
+    assert row["merging"] == 0

@@ -1,9 +1,11 @@
-"""What two independent readings of the papers found, and how much both may have missed.
+"""What independent readings of the papers found, and how much they may have missed.
 
 The paper was read line by line twice for relations that it should keep; the second reader did not
 know the first list. What both found tells how much each of them finds, and so how much neither
 found: the estimate of Lincoln and Petersen, in Chapman's form that is nearly unbiased for small
-counts. ``python tools/evidence/two_readings.py`` counts the relations and the errata and stores
+counts. A third reader, who knew neither list, looked for contradictions alone: the row ``third``
+lays the errata of all others (``first``) beside those of the third (``second``).
+``python tools/evidence/two_readings.py`` counts the relations and the errata and stores
 the estimates.
 """
 
@@ -50,14 +52,24 @@ def study() -> pd.DataFrame:
     """Count what each reading found, and estimate what both missed."""
     relations = [f.relation for paper in PAPERS for f in audit_paper(paper).findings]
     errata = register((data_folder() / "errata.toml").read_text(encoding="utf-8"))
+    found: dict[str, list[str]] = {"lines": lines(relations)}
+    found["errata"] = [e.reading for e in errata]
+    found["third"] = [by_the_third(e.reading, e.again) for e in errata]
     rows = []
-    for what, found in (("lines", lines(relations)), ("errata", [e.reading for e in errata])):
-        counts = Counter(found)
-        if strays := set(counts) - set(FOUND):
-            raise ValueError(f"{what}: expected one of {', '.join(FOUND)}, got {strays}")
+    for what, finders in found.items():
+        counts = Counter(finders)
+        if strays := set(counts) - {*FOUND, "third"}:
+            raise ValueError(f"{what}: expected one of {', '.join(FOUND)}, third, got {strays}")
         estimate = missed(counts["first"], counts["second"], counts["both"])
         rows.append((what, *(counts[name] for name in FOUND), *estimate))
     return pd.DataFrame(rows, columns=["what", *FOUND, "missed", "error"])
+
+
+def by_the_third(reading: str, again: bool) -> str:
+    """Say who found an erratum where all other readings are the first and the third the second."""
+    if reading == "third":
+        return "second"
+    return "both" if again else "first"
 
 
 if __name__ == "__main__":

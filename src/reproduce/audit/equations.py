@@ -211,9 +211,34 @@ def _stage_signs(cells: Sheet) -> Demonstration:
     return Demonstration("stage-signs", "(10)", asked, printed, right, wanted, meaning, supposed)
 
 
+def _misalignment_side(cells: Sheet) -> Demonstration:
+    """Set the inverse of the matrix of (8) in the place of R_U, and compare the lines of sight."""
+    turn = cells["chen2023/text-effectiveness#simulated-angle"].si
+    boresights = cells["chen2023/text-satellite#boresight-angle"].si
+    installed = rotation_from_vector(np.array([boresights, 0.0, 0.0]))
+    gaps = []
+    for axis in np.eye(2, 3):
+        moved = rotation_from_vector(turn * axis)
+        corrected = installed @ transpose(moved)  # (8), inverted
+        forms = transpose(moved), misalignment.misalignment_in_tracker(moved, installed)
+        gaps.append([np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms])
+    printed, right = (float(gap) for gap in np.max(gaps, axis=0) / si_factor("arcsec"))
+    asked = (
+        "the inverse of the matrix of (8), in the place of R_U, must give the same line of sight"
+    )
+    supposed = "R_U of (1) is the matrix of (8), or its inverse"
+    meaning = "arcseconds between the lines of sight, for the simulated angle about the worse axis"
+    return Demonstration(
+        "misalignment-side", "(1), (8)", asked, printed, right, 0.0, meaning, supposed
+    )
+
+
 _RUNS: dict[str, tuple[Callable[[Sheet], Demonstration], ...]] = {
     "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration),
-    "chen2023": (_unit_vectors, _chain, _stage_angle, _stage_signs, _retroreflector, _roll_leak),
+    "chen2023": (
+        *(_unit_vectors, _chain, _misalignment_side),
+        *(_stage_angle, _stage_signs, _retroreflector, _roll_leak),
+    ),
 }
 
 

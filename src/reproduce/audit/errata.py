@@ -24,10 +24,10 @@ class Erratum(BaseModel):
 
     The numbers of its evidence are not written in it: they come from the relations and equations
     that it names. Where words stand against words, `evidence` says which. `reading` tells which
-    of two independent readings of the paper found it, as for a relation. An entry that holds only
-    if we suppose something that the paper does not say names it as its `supposition`, and is
-    counted apart. `extraction` marks what rests on a formula, a digit or a heading of our text,
-    which a machine read.
+    of two independent readings of the paper found it, as for a relation, and `again` whether the
+    third one did too, which knew no list. An entry that holds only if we suppose something that
+    the paper does not say names it as its `supposition`, and is counted apart. `extraction` marks
+    what rests on a formula, a digit or a heading of our text, which a machine read.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -42,6 +42,7 @@ class Erratum(BaseModel):
     because: str
     status: Literal["open", "one reading of several", "reported", "confirmed"]
     reading: Finder
+    again: bool = False
     extraction: bool = False
     supposition: str = ""
     evidence: str = ""

@@ -34,8 +34,9 @@ RelationKind = Literal[
     "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
 ]
 # Which of two independent readings of a paper found a relation; "merging" if neither did, and it
-# was seen when their lists were laid side by side; empty where nobody counts.
-Finder = Literal["", "first", "second", "both", "merging"]
+# was seen when their lists were laid side by side; "third" if a later one, which knew neither list,
+# was the first to find it; empty where nobody counts.
+Finder = Literal["", "first", "second", "both", "merging", "third"]
 _NEEDED = {"name", "formula", "cells", "source", "kind"}
 _KNOWN = _NEEDED | {"each", "unknown", "tolerance", "claim", "reading", "supposition", "restates"}
 
