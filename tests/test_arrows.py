@@ -21,7 +21,7 @@ ARROWS = {
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
-        *{"locate", "units", "version", "physics.registration", "physics.attitude.monitoring"},
+        *{"locate", "units", "version", "physics.registration", "physics.attitude"},
     },
 }
 # The same inside physics: its rooms stand on each other, on the checks of input and on units.

@@ -13,7 +13,7 @@ misalignment seen by a star tracker). This module is the front door::
     rp.posterior("registration")         # sampled when it is looked at
     rp.contradictions("chen2023")        # what contradicts what, and the register of errata
     rp.register(source, target)          # a user's own stars
-    rp.misalignment("spots.csv")         # a user's own lasers
+    rp.misalignment("spots.csv", platform=rp.Platform(...))  # a user's own lasers
     rp.check()                           # all verdicts against the frozen ones
     rp.cite("chen2023/table-5")
 
@@ -25,6 +25,7 @@ from typing import Any
 from reproduce.version import __version__ as __version__
 
 __all__ = [
+    "Platform",
     "check",
     "cite",
     "contents",

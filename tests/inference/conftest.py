@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from reproduce.inference.models.lasers import Platform
 from reproduce.inference.models.registration import registration_model
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.registration.transforms import Registration
 
 PIVOT = np.array([1030.0, 770.0])

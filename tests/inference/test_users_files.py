@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
+from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude.misalignment import stage_angles
 from reproduce.printed.given import given
@@ -37,7 +37,7 @@ def star_rows(columns):
 
 def spot_rows(columns):
     """Twenty images in each of two groups."""
-    instrument = platform(given(READS))
+    instrument = as_designed(given(INSTRUMENT))
     generator = np.random.default_rng(1)
     turns = stage_angles(np.array([[0.0, 0.0], [20e-6, 0.0]]), instrument.camera_focal_length)
     rows = []
@@ -114,7 +114,7 @@ def replaced(rows, row, column, value):
             r"line 11, column 1 \(group\): expected a whole number from 0 to",
         ),
         ("misalignment-drift", 9, 1, 5, r"line 11, column 2 \(laser\): expected a whole .* 1 to 4"),
-        ("misalignment", 9, 1, 3, r"column 2 \(laser\): expected as many lines for each laser"),
+        ("misalignment", 9, 1, 3, r"line 10, column 2 \(laser\): expected a spot of each light"),
     ],
 )
 def test_wrong_files_are_refused_by_line_and_column(tmp_path, name, row, column, value, message):

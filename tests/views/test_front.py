@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
@@ -16,11 +17,12 @@ import reproduce
 import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.chen2023.posteriors import READS, platform
-from reproduce.printed.cells import find, library
+from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+from reproduce.printed.cells import library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
+from reproduce.views.platforms import platform_of
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
 SQUARE = np.array([[0.0, 0], [1000, 0], [0, 1000], [1000, 1000]])
@@ -269,7 +271,7 @@ def written_stars(path):
 
 def spots(turn):
     """Twenty images of the four lasers for a camera turned by so many arc seconds."""
-    design = platform(given(READS))
+    design = as_designed(given(INSTRUMENT))
     angles = np.array(turn)[None, None] / ARCSEC_PER_RADIAN
     at = design.predicted(np.zeros((1, 3)), angles, np.ones(1), design.camera_focal_length)[0, 0]
     return at + 0.02 * np.random.default_rng(5).normal(size=(20, *at.shape))
@@ -357,31 +359,136 @@ def test_a_figure_is_computed_and_drawn_again():
         plain.rerun({"nothing#x": "1"})
 
 
+def written_spots(path, images, frames=False):
+    """Write both groups as a user would, lost spots left out."""
+    rows = [
+        (group, laser, *spot, frame)[: 5 if frames else 4]
+        for group, one in enumerate(images)
+        for frame, image in enumerate(one)
+        for laser, spot in enumerate(image, start=1)
+        if np.isfinite(spot).all()
+    ]
+    head = "group,laser,x,y" + ",frame" * frames
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.17g")
+    return path
+
+
 def test_lasers_of_ones_own_may_stand_before_another_instrument(tmp_path):
     now, zero = spots([20, -20, 0]), spots([0, 0, 0])
     plain = rp.misalignment(now, zero)
-    address = "chen2023/table-2#tracker-focal-length.value"
-    longer = plain.rerun({address: "120 mm"})
+    longer = plain.rerun(replace(plain.platform, tracker_focal_length=0.12))
     ratio = longer.frame().loc["X", "mean (arcsec)"] / plain.frame().loc["X", "mean (arcsec)"]
-    focal = find(address)[0].si
-    assert ratio == pytest.approx(focal / 0.12, rel=1e-3)
-    rows = [
-        (group, laser, *spot)
-        for group, images in enumerate((zero, now))
-        for image in images
-        for laser, spot in enumerate(image, start=1)
-    ]
-    path = tmp_path / "spots.csv"
-    np.savetxt(path, rows, delimiter=",", header="group,laser,x,y", comments="", fmt="%.17g")
+    assert ratio == pytest.approx(plain.platform.tracker_focal_length / 0.12, rel=1e-3)
+    assert "the pattern is 0.5 of its expected size" in " ".join(repr(longer).split())
+    assert plain.findings == []
+    path = written_spots(tmp_path / "spots.csv", (zero, now))
     from_file = rp.misalignment(path)
     np.testing.assert_allclose(from_file.angles, plain.angles, atol=1e-12)
     for wrong, message in (
         (lambda: rp.misalignment(now), "expected the images at the zero point"),
         (lambda: rp.misalignment(path, zero), "expected nothing beside a file"),
-        (lambda: plain.rerun({"niu2024/table-1#focal-length.red": 1.0}), "does not read niu2024"),
+        (lambda: rp.misalignment(now[:, :3], zero), "expected images of 4 lights"),
+        (lambda: rp.misalignment(now + np.inf, zero), "or NaN for a lost spot"),
+        (lambda: rp.posterior("misalignment", platform=plain.platform), "expected data of your ow"),
     ):
         with pytest.raises(ValueError, match=message):
             wrong()
+
+
+TOML = """
+directions = [[0, 0, 1], [0.1, 0, 1], [0, 0.07, 1], [-0.05, -0.06, 1], [0.03, 0.02, 1]]
+tracker_focal_length = 0.05
+pixel_pitch = 5e-6
+principal_point = [1000, 1000]
+"""
+
+
+def measured_lights(tmp_path, displaced):
+    """Five lights of a user's own, some spots lost, one light displaced since the zero point."""
+    (tmp_path / "platform.toml").write_text(TOML)
+    design = platform_of(tmp_path / "platform.toml")
+    generator, images = np.random.default_rng(4), []
+    for turn in ((0, 0, 0), (15, -25, 40)):
+        angles = np.array([[turn]]) / ARCSEC_PER_RADIAN
+        at = design.predicted(np.zeros((1, 3)), angles, np.ones(1), 1.0)[0, 0]
+        images.append(at + generator.normal(0, 0.02, (20, *at.shape)))
+    images[1][:, 3] += displaced
+    images[1][6, 2] = np.nan
+    images[1][9, 1:] = np.nan
+    return tmp_path / "platform.toml", images
+
+
+def test_arrays_frames_files_and_commands_hear_the_same(tmp_path):
+    """A light displaced, spots lost, an image that shows one light: the same words on every way."""
+    toml, (zero, now) = measured_lights(tmp_path, [3, 0])
+    path = written_spots(tmp_path / "spots.csv", (zero, now), frames=True)
+    lost = np.ma.masked_invalid(now)
+    heard = [
+        rp.misalignment(now, zero, platform=toml),
+        rp.misalignment(lost, zero, platform=platform_of(toml)),
+        rp.misalignment(path, platform=toml),
+        rp.misalignment(pd.read_csv(path), platform=toml),
+    ]
+    command = ["misalignment", str(path), "--platform", str(toml)]
+    asked = CliRunner().invoke(main, [*command, "--json"])
+    piped = CliRunner().invoke(main, ["misalignment", "-", *command[2:]], input=path.read_text())
+    record = json.loads(asked.stdout)
+    (finding,) = heard[0].findings
+    assert finding.kind == "displaced"
+    assert "light 4 is displaced by 3 px" in finding.text
+    assert [one["text"] for one in record["findings"]] == [finding.text]
+    assert "image 10 of group 1: no angle" in heard[0].remarks[-1]
+    posterior = rp.posterior("misalignment", data=path, platform=toml)
+    assert set(heard[0].remarks) <= set(posterior.remarks)
+    for one in heard:
+        assert one.remarks == heard[0].remarks == record["remarks"]
+        pd.testing.assert_frame_equal(one.frame(), heard[0].frame())
+        assert finding.text in " ".join(repr(one).split())
+        assert finding.text in one._repr_html_()
+    assert finding.text in " ".join(piped.stdout.split())
+    assert heard[0].images().loc[10].isna().all()
+    assert heard[0].images().drop(10).notna().all(axis=None)
+
+
+def test_lights_of_ones_own_are_measured_rightly(tmp_path):
+    toml, (zero, now) = measured_lights(tmp_path, [0, 0])
+    found = rp.misalignment(now, zero, platform=toml)
+    assert found.findings == []
+    interval = found.interval(0.999)
+    assert (interval["low (arcsec)"] < [15, -25, 40]).all()
+    assert (interval["high (arcsec)"] > [15, -25, 40]).all()
+    path = written_spots(tmp_path / "spots.csv", (zero, now), frames=True)
+    model = rp.posterior("misalignment", data=path, platform=toml).model
+    centre, error = (one[3:6] * ARCSEC_PER_RADIAN for one in model.likelihood.start())
+    assert (np.abs(centre - [15, -25, 40]) < 4 * error).all()
+
+
+def test_spots_without_frames_must_be_whole(tmp_path):
+    toml, (zero, now) = measured_lights(tmp_path, [0, 0])
+    path = written_spots(tmp_path / "spots.csv", (zero, now))
+    with pytest.raises(ValueError, match=r"line 132, column 2 \(laser\): expected a spot of each"):
+        rp.misalignment(path, platform=toml)
+    frame = pd.read_csv(written_spots(path, (zero, np.nan_to_num(now, nan=900.0))))
+    by_light = frame.sort_values(["group", "laser"], kind="stable")
+    assert "none may be lost" in rp.misalignment(by_light, platform=toml).remarks[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("lasers = [", "expected TOML"),
+        ("lasers = [[0, 0], [1, 1]]", "expected lasers, camera_focal_length, tracker_focal"),
+        (TOML + "colour = 'red'", "expected directions, tracker_focal_length"),
+        (TOML.replace("5e-6", "5.0"), "platform.toml: pixel_pitch: expected metres"),
+    ],
+)
+def test_a_wrong_platform_is_refused_in_one_line(tmp_path, text, message):
+    platform, path = tmp_path / "platform.toml", tmp_path / "spots.csv"
+    platform.write_text(text)
+    path.write_text("group,laser,x,y")
+    told = CliRunner().invoke(main, ["misalignment", str(path), "--platform", str(platform)])
+    assert told.exit_code == 2
+    assert message in told.stderr
 
 
 def test_contradictions_give_the_register_and_the_relations():

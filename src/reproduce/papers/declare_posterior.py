@@ -19,9 +19,10 @@ from reproduce.inference.model import Model
 from reproduce.inference.posterior import Sampled
 from reproduce.inference.sampling import Plan
 from reproduce.papers.declare import ROOT_SEED
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import Table, TableFileError, computing, read_table
+from reproduce.store.points import TableFileError, computing, read_table
 
 __all__ = [
     "OWN_DATA", "Aside", "Declaration", "File", "Pivot", "Supplied", "published_cells",
@@ -44,13 +45,17 @@ class File:
     - `read`: makes the model of a table and of the pivot that the user gives.
     - `remarks`, optional: what a user should hear of the data.
     - `pivot`: whether the model turns about a point that the user may give.
+    - `optional`: further columns that it uses where there are some.
+    - `platform`: whether it takes an instrument of the user's, as ``design``.
     """
 
     columns: tuple[str, ...]
     meaning: str
-    read: Callable[[Table, Pivot], Model]
-    remarks: Callable[[Table, Pivot], list[str]] | None = None
+    read: Callable[..., Model]
+    remarks: Callable[..., list[str]] | None = None
     pivot: bool = False
+    optional: tuple[str, ...] = ()
+    platform: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,22 +160,28 @@ class Declaration:
             warmup=max(100, steps // 4),
         )
 
-    def from_file(self, path: str | Path, pivot: Pivot = None) -> Supplied:
+    def from_file(
+        self, path: str | Path, pivot: Pivot = None, design: Platform | None = None
+    ) -> Supplied:
         """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
 
         The priors of what is measured come from the scale of the data. What the data do not
-        measure, an instrument or a design, stays that of the paper.
+        measure, an instrument or a design, stays that of the paper unless one is given.
         """
         file = self.file
         if isinstance(file, str):
             raise TableFileError(f"{self.key} takes no file: {file}")
         if pivot is not None and not file.pivot:
             raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
+        if design is not None and not file.platform:
+            raise TableFileError(f"{self.key} takes no platform: only misalignments have one")
+        more = {"design": design} if file.platform else {}
         with computing(path):
-            table = read_table(path, file.columns, UNUSED)
-            model = file.read(table, pivot)
-            remarks = file.remarks(table, pivot) if file.remarks else []
-        remarks += [*table.notes, *(f"this model takes no column {one}" for one in table.optional)]
+            table = read_table(path, file.columns, (*UNUSED, *file.optional))
+            model = file.read(table, pivot, **more)
+            remarks = file.remarks(table, pivot, **more) if file.remarks else []
+        unused = [one for one in table.optional if one in UNUSED]
+        remarks += [*table.notes, *(f"this model takes no column {one}" for one in unused)]
         return Supplied(model, table.lines, table.path, table.sha256, tuple(remarks))
 
     def printed(self, model: Model) -> Published | None:

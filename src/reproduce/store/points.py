@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Table", "TableFileError", "computing", "is_table", "measured",
+    "LARGEST", "NAMED", "Table", "TableFileError", "computing", "is_table", "measured",
     "read_table", "table_of",
 ]  # fmt: skip
 

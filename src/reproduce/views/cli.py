@@ -19,6 +19,7 @@ from reproduce.views import front
 from reproduce.views.cli_posteriors import (
     _JSON,
     _PIVOT,
+    _PLATFORM,
     _SEED,
     DATA,
     Spoken,
@@ -221,12 +222,32 @@ def register(file: Path, as_json: bool, **settings: Any) -> None:
     used where there are some, and others are passed over. The shift is where the pivot was minus
     where it lands; the pivot is the mean of the source stars unless --pivot says another.
     """
+    _told(file, as_json, lambda: front.register(file, **settings))
+
+
+@main.command(cls=Spoken)
+@click.argument("file", type=DATA)
+@_PLATFORM
+@_JSON
+def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
+    """Measure how far your own camera has turned since the zero point, from spots of its lights.
+
+    FILE is a CSV, or - for standard input: one spot per line, in px, with the columns group (0 at
+    the zero point, 1 at the present), laser (from 1, in the order of the platform), x, y, in any
+    order and case. A column frame, a number that the spots of an image share, is needed where some
+    are lost; mask drops a line where it is 1.
+    """
+    _told(file, as_json, lambda: front.misalignment(file, platform=platform))
+
+
+def _told(file: Path, as_json: bool, measure: Callable[[], Any]) -> None:
+    """Print what is measured from a file, or say in one line why it cannot be."""
     try:
-        found = front.register(file, **settings)
+        found = measure()
     except ValueError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:
-        raise click.UsageError(f"cannot read {file}: {error.strerror}") from error
+        raise click.UsageError(f"cannot read {error.filename or file}: {error.strerror}") from error
     if as_json:
         click.echo(json.dumps(found.record(), indent=2))
     else:

@@ -70,6 +70,11 @@ _SEED = click.option("--seed", type=click.IntRange(min=0), help="Of the random n
 _PIVOT = click.option(
     "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
 )
+_PLATFORM = click.option(
+    "--platform",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Lights and tracker of your own, in TOML: the arguments of Platform.",
+)
 _OUT = click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path), help="Keep what is finished here."
 )
@@ -87,6 +92,7 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
     help="Your own CSV in place of ours, or - for standard input; --list names its columns.",
 )
 @_PIVOT
+@_PLATFORM
 @click.option(
     "--prior",
     "priors",

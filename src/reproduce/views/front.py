@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue
+from reproduce.physics.attitude.platform import Platform
 from reproduce.printed.cells import library
 from reproduce.views.objects.contents import Contents
 from reproduce.views.objects.figure import Figure, Panels
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from reproduce.views.objects.posterior import Posterior
 
 __all__ = [
-    *("check", "cite", "contents", "contradictions", "figure", "item"),
+    *("Platform", "check", "cite", "contents", "contradictions", "figure", "item"),
     *("misalignment", "posterior", "register", "table"),
 ]
 
@@ -124,6 +125,7 @@ def posterior(
     pivot: tuple[float, float] | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
+    platform: Platform | str | Path | None = None,
     steps: int | None = None,
     walkers: int | None = None,
     ensembles: int | None = None,
@@ -142,13 +144,15 @@ def posterior(
     priors : mapping, optional
         Name of a parameter to its lowest and highest value in the unit shown, between which the
         prior is even, or to a prior of `reproduce.inference.priors`.
+    platform : Platform or path, optional
+        Lights and tracker of laser spots of a reader's own, as for `misalignment`.
     steps, walkers, ensembles, seed : int, optional
         How it is sampled, in place of the book's own plan.
     """
     from reproduce.views.objects.posterior import Posterior
 
     plan = {"steps": steps, "walkers": walkers, "ensembles": ensembles, "seed": seed}
-    return Posterior(name, data, pivot, priors, **plan)
+    return Posterior(name, data, pivot, priors, platform, **plan)
 
 
 def contradictions(
@@ -248,28 +252,38 @@ def register(
 def misalignment(
     spots: str | Path | pd.DataFrame | ArrayLike,
     zero: ArrayLike | None = None,
-    changes: Mapping[str, str | float] | None = None,
+    platform: Platform | str | Path | None = None,
 ) -> Monitored:
-    """Return how far a user's own camera has turned since the zero point, from laser spots.
+    """Return how far a user's own camera has turned since the zero point, from spots of its lights.
+
+    What the spots say against it stands in ``findings``: a light that is displaced, a pattern of
+    another size than expected, false spots, motion.
 
     Parameters
     ----------
-    spots : path or array_like, shape (frames, lasers, 2)
+    spots : path or array_like, shape (frames, lights, 2)
         Images at the present, in px; or both groups as a DataFrame or a CSV file ("-" is standard
         input), one spot per row, with the columns ``group`` (0 at the zero point, 1 at the
-        present), ``laser``, ``x``, ``y``, and ``mask`` if wanted (1 drops a row). An image with a
-        spot that is masked in an array is left out.
-    zero : array_like, shape (frames, lasers, 2), optional
+        present), ``laser``, ``x``, ``y``, and if wanted ``frame`` (a number that the spots of an
+        image share; without it no spot may be lost) and ``mask`` (1 drops a row). A spot that is
+        NaN or masked in an array is lost; its image counts less.
+    zero : array_like, shape (frames, lights, 2), optional
         Images at the zero point, where `spots` is an array.
-    changes : mapping, optional
-        The instrument is chen2023's ground platform as designed: addresses of its printed cells,
-        to values as in the print that are those of another instrument.
+    platform : Platform or path, optional
+        The lights and the tracker, or a TOML file of the arguments that make one; chen2023's ground
+        platform as designed by default.
 
     Returns
     -------
     Monitored
         Angles about the camera's axes, image by image.
+
+    Raises
+    ------
+    ValueError
+        If the spots are mirrored, two lights are swapped, or the spots are not those of the
+        platform.
     """
     from reproduce.views.objects.monitored import Monitored
 
-    return Monitored(spots, zero, changes)
+    return Monitored(spots, zero, platform)

@@ -1,33 +1,64 @@
-"""Mean misalignment from laser spots: its error against replicates, both groups noisy."""
+"""Mean misalignment from spots of lights: its intervals against replicates, spots lost and not."""
 
 import numpy as np
 import pytest
 
-from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
+from reproduce.physics.attitude.monitoring import monitored
+from reproduce.physics.attitude.platform import Platform
+from reproduce.units import ARCSEC_PER_RADIAN
 
-LASERS = 0.02 * np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
-TRACKER = ((0.0, 0.0), 5.5e-6, 0.05)
-SPOTS = LASERS / 4.0 * TRACKER[2] / TRACKER[1]
+SQUARE = 0.02 * np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
+LINE = 0.02 * np.array([[-1.0, 0.1], [1, 0.3]])
+RING = 0.03 * np.array([[np.cos(a), np.sin(a)] for a in np.arange(6)]) + [0.05, -0.02]
+TURN = np.array([15, -25, 400]) / ARCSEC_PER_RADIAN
+NOISE = 0.1
+# Lights, images at the zero point and at the present, share of spots lost, jitter of all in px.
+CASES = {
+    "two and two images": (SQUARE, 2, 2, 0.0, 0.0),
+    "three and three": (SQUARE, 3, 3, 0.0, 0.0),
+    "one and five": (SQUARE, 1, 5, 0.0, 0.0),
+    "forty and two": (SQUARE, 40, 2, 0.0, 0.0),
+    "jitter": (SQUARE, 5, 5, 0.0, 0.5),
+    "two lights": (LINE, 4, 6, 0.0, 0.0),
+    "six lights off the axis": (RING, 4, 4, 0.0, 0.0),
+    "a tenth lost": (SQUARE, 5, 5, 0.1, 0.0),
+    "a quarter lost": (SQUARE, 12, 6, 0.25, 0.0),
+    "a quarter lost of six": (RING, 4, 8, 0.25, 0.0),
+}
+REPLICATES = 250
 
 
-@pytest.mark.parametrize(("zero", "now"), [(5, 5), (2, 40), (40, 1)])
-def test_the_error_of_the_mean_covers_what_replicates_do(zero, now):
-    """The zero point's own noise moves every image of the present alike."""
-    rng = np.random.default_rng(5)
-    means, errors = [], []
-    for _ in range(600):
-        before, after = (SPOTS + rng.normal(0, 0.1, (n, 4, 2)) for n in (zero, now))
-        angles, zeros = (
-            monitored_angles(before, one, LASERS, 4.0, TRACKER) for one in (after, before)
+def platform(lasers):
+    return Platform(lasers, 4.0, 0.05, 5.5e-6, (500.0, 400.0))
+
+
+def drawn(design, frames, turn, share, jitter, rng):
+    """Spots of lights that sit by a pixel or so off their design, some lost."""
+    off = np.random.default_rng(0).normal(0, 1, design.spots.shape)
+    spots = off + design.predicted(np.zeros((1, 3)), turn[None, None], np.ones(1), 4.0)[0, 0]
+    images = spots + rng.normal(0, NOISE, (frames, *spots.shape))
+    images += rng.normal(0, jitter, (frames, 1, 2))
+    lost = rng.random((frames, len(spots))) < share
+    lost[0] = False
+    images[lost] = np.nan
+    return images
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_intervals_cover(case):
+    """The errors count the noise of the zero point, and of how many images both are estimated."""
+    lasers, zero, now, share, jitter = CASES[case]
+    design, rng = platform(lasers), np.random.default_rng(5)
+    inside = {0.68: [], 0.95: []}
+    for _ in range(REPLICATES):
+        before, after = (
+            drawn(design, frames, turn, share, jitter, rng)
+            for frames, turn in ((zero, 0 * TURN), (now, TURN))
         )
-        mean, _, error = mean_misalignment(angles, zeros)
-        means.append(mean)
-        errors.append(error)
-    spread = np.std(means, axis=0)
-    np.testing.assert_allclose(np.sqrt(np.mean(np.square(errors), axis=0)), spread, rtol=0.12)
-
-
-def test_one_image_in_each_group_says_nothing_of_the_error():
-    mean, scatter, error = mean_misalignment([[1.0, 2, 3]], [[0.0, 0, 0]])
-    np.testing.assert_array_equal(mean, [1, 2, 3])
-    assert np.isnan([*scatter, *error]).all()
+        found = monitored(before, after, design)
+        for level, hits in inside.items():
+            low, high = found.interval(level)
+            hits.append((low < TURN) & (high > TURN))
+    for level, hits in inside.items():
+        error = np.sqrt(level * (1 - level) / REPLICATES)
+        np.testing.assert_allclose(np.mean(hits, axis=0), level, atol=3.5 * error)

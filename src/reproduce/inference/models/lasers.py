@@ -19,7 +19,6 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.physics.attitude.lasers import (
-    emitted_directions,
     received_directions,
     received_jacobian,
 )
@@ -29,74 +28,15 @@ from reproduce.physics.attitude.misalignment import (
     misalignment,
     misalignment_angles,
 )
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.attitude.rotations import (
     cross_matrix,
-    rotation_from_vector,
     transpose,
     vector_from_rotation,
 )
-from reproduce.physics.validate import FloatArray, finite_array, kernel
+from reproduce.physics.validate import FloatArray, finite_array
 
-__all__ = ["Platform", "Quest", "SpotStatistics", "none"]
-
-_rotation_from_vector = kernel(rotation_from_vector)
-
-
-@dataclass(frozen=True, eq=False)
-class Platform:
-    """The instrument, as designed; lengths in metres.
-
-    - `lasers`, (lasers, 2): positions on the camera's focal plane.
-    - `camera_focal_length`, `tracker_focal_length`, `pixel_pitch`: as designed.
-    - `principal_point`, (2,): of the tracker, in px.
-    - `spots`, (lasers, 2): rough positions of the spots, in px: they fix the attitude about which
-      angles are small.
-    """
-
-    lasers: FloatArray
-    camera_focal_length: float
-    tracker_focal_length: float
-    pixel_pitch: float
-    principal_point: FloatArray
-    spots: FloatArray
-
-    @cached_property
-    def reference(self) -> FloatArray:
-        """tracker_from_camera that lays the designed lasers over the rough spots best, (3, 3)."""
-        received = received_directions(
-            self.spots, self.principal_point, self.pixel_pitch, self.tracker_focal_length
-        )
-        return laser_transform(emitted_directions(self.lasers, self.camera_focal_length), received)
-
-    def predicted(
-        self, mount: FloatArray, turn: FloatArray, scale: FloatArray, focal: FloatArray | float
-    ) -> FloatArray:
-        """Where the spots should lie, shape (n, groups, lasers, 2), in px.
-
-        The mount, (n, 3), is the rotation vector of the zero attitude against `reference`, in the
-        camera frame; the turn, (n, groups, 3), holds the misalignment angles since the zero point;
-        the scale, (n,), is the size of the laser pattern over the designed one.
-        """
-        return self.landed(mount, turn, scale[:, None, None] * self.lasers, focal)
-
-    def landed(
-        self, mount: FloatArray, turn: FloatArray, lasers: FloatArray, focal: FloatArray | float
-    ) -> FloatArray:
-        """Where the spots of lasers at given positions, (n, lasers, 2), in metres, lie.
-
-        The rest is as for `predicted`.
-        """
-        count = len(mount)
-        rays = np.empty((count, lasers.shape[-2], 3))
-        rays[..., :2] = -lasers
-        rays[..., 2] = np.broadcast_to(focal, count)[:, None]
-        zero = self.reference @ _rotation_from_vector(mount)
-        now = zero[:, None] @ _rotation_from_vector(turn)  # (6): the turn of the camera, undone
-        arriving = rays[:, None] @ np.swapaxes(now, -1, -2)
-        slopes = arriving[..., :2] / arriving[..., 2:]
-        return np.asarray(
-            self.principal_point - slopes * (self.tracker_focal_length / self.pixel_pitch)
-        )
+__all__ = ["Quest", "SpotStatistics", "none"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,21 +137,15 @@ class Quest:
     platform: Platform
     statistics: SpotStatistics
 
-    @cached_property
+    @property
     def camera(self) -> FloatArray:
         """Emitted directions in the camera frame, shape (lasers, 3)."""
-        return emitted_directions(self.platform.lasers, self.platform.camera_focal_length)
-
-    @cached_property
-    def optics(self) -> tuple[FloatArray, float, float]:
-        """Principal point (px), pixel pitch and focal length of the tracker (m)."""
-        platform = self.platform
-        return platform.principal_point, platform.pixel_pitch, platform.tracker_focal_length
+        return self.platform.directions
 
     @cached_property
     def received(self) -> FloatArray:
         """Received directions of the mean spots in the tracker frame, shape (groups, lasers, 3)."""
-        return received_directions(self.statistics.means, *self.optics)
+        return received_directions(self.statistics.means, *self.platform.tracker)
 
     @cached_property
     def zero(self) -> FloatArray:
@@ -237,7 +171,7 @@ class Quest:
     @cached_property
     def covariances(self) -> FloatArray:
         """Covariance of the attitude of every group about the camera's axes, (groups, 3, 3)."""
-        moves = received_jacobian(self.statistics.means, *self.optics)
+        moves = received_jacobian(self.statistics.means, *self.platform.tracker)
         camera = np.broadcast_to(self.camera, self.received.shape)
         response = angle_jacobian(camera, self.received, moves).reshape(len(moves), 3, -1)
         variance = self.scatter[0] ** 2 / self.statistics.counts

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.models.lasers import Platform, Quest, SpotStatistics, none
+from reproduce.inference.models.lasers import Quest, SpotStatistics, none
 from reproduce.inference.models.registration import with_priors
 from reproduce.inference.priors import LogUniform, Normal, Prior
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 

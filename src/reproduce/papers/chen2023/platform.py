@@ -20,6 +20,7 @@ from reproduce.physics.attitude.lasers import (
     received_jacobian,
 )
 from reproduce.physics.attitude.misalignment import angle_jacobian, laser_transform
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.optics.camera import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -40,6 +41,7 @@ __all__ = [
     "angle_of_one_pixel",
     "angle_response",
     "angle_sigma",
+    "as_designed",
     "designed_positions",
     "lasers",
     "printed_spots",
@@ -135,6 +137,14 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
     offsets = spots - spots.mean(axis=0)
     corners: FloatArray = np.round(offsets / np.abs(offsets).max())  # it stands on a corner
     return corners * diagonal / 2
+
+
+def as_designed(given: Given) -> Platform:
+    """The platform as designed, with the centre of the detector for the principal point."""
+    centre, pitch, focal_length = tracker(given)
+    return Platform(
+        lasers(given), given[TELESCOPE], focal_length, pitch, centre, printed_spots(given)
+    )
 
 
 def scatter(given: Given, group: int) -> FloatArray:

@@ -1,94 +1,183 @@
-"""A camera's misalignment from spots of lasers, image by image: chen2023's monitoring, end to end.
+"""A camera's misalignment from spots of its lights, image by image: chen2023's monitoring.
 
-Spots have shape (..., n, 2), in px, x before y; row i is always laser i.
+Spots have shape (frames, n, 2), in px, x before y; spot i is always that of light i, and a spot
+that is lost is NaN.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
+from reproduce.physics.attitude.lasers import received_directions, received_jacobian
 from reproduce.physics.attitude.misalignment import (
+    angle_jacobian,
     laser_transform,
     misalignment,
     misalignment_angles,
 )
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import FloatArray, number_array
 
-__all__ = ["mean_misalignment", "monitored_angles"]
+__all__ = ["Monitoring", "monitored"]
 
 
-def monitored_angles(
-    zero_spots: ArrayLike,
-    spots: ArrayLike,
-    lasers: ArrayLike,
-    camera_focal_length: float,
-    tracker: tuple[ArrayLike, float, float],
-) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class Monitoring:
+    """How far a camera has turned since the zero point, and how well that is known.
+
+    Angles are rotation vectors in the camera frame, in radians, as `misalignment_angles` gives
+    them.
+
+    Parameters
+    ----------
+    angles, zero_angles : ndarray, shape (frames, 3)
+        Of the images at the present and at the zero point; NaN where fewer than two lights are
+        seen.
+    response, zero_response : ndarray, shape (frames, 3, n, 2)
+        Derivatives of the angles by the spots, in radians per px; zero for a spot that is lost.
+    counts : ndarray, shape (n,)
+        Images at the zero point in which each light is seen.
+
+    Notes
+    -----
+    Spots may move together from image to image, so errors come from the scatter of the angles, not
+    of the spots. An image counts the less the fewer lights it shows, and the error of the zero
+    point is that of the lights seen at the present.
+    """
+
+    angles: FloatArray
+    zero_angles: FloatArray
+    response: FloatArray
+    zero_response: FloatArray
+    counts: FloatArray
+
+    @cached_property
+    def _groups(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Angles, response and variance for spots of unit variance, of the images that tell."""
+        groups = []
+        for angles, response in (
+            (self.angles, self.response), (self.zero_angles, self.zero_response)
+        ):  # fmt: skip
+            told = np.isfinite(angles).all(axis=-1)
+            variance = np.square(response[told]).sum(axis=(-2, -1))
+            groups.append((angles[told], response[told], variance))
+        return groups
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean misalignment, shape (3,)."""
+        angles, _, variance = self._groups[0]
+        return _mean(angles, variance)
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the scatter: images beyond the first of each group."""
+        return sum(len(angles) - 1 for angles, *_ in self._groups)
+
+    @cached_property
+    def _noise(self) -> FloatArray:
+        """Noise of a spot as each of the three angles shows it, in px."""
+        squares = sum(
+            (np.square(angles - _mean(angles, variance)) / variance).sum(axis=0)
+            for angles, _, variance in self._groups
+        )
+        return np.sqrt(squares / self.freedom) if self.freedom else np.full(3, np.nan)
+
+    @property
+    def scatter(self) -> FloatArray:
+        """Standard deviation of one image with all lights, shape (3,); NaN for single images."""
+        return self._noise * np.sqrt(min(variance.min(axis=0).tolist()
+                                         for *_, variance in self._groups))  # fmt: skip
+
+    @property
+    def error(self) -> FloatArray:
+        """Standard error of the mean, that of the zero point in it, shape (3,)."""
+        _, response, variance = self._groups[0]
+        weights = _weights(variance)
+        together = np.einsum("fa,faij->aij", weights, response)
+        zero = np.square(together).sum(axis=-1) @ (1 / self.counts)
+        return self._noise * np.sqrt((np.square(weights) * variance).sum(axis=0) + zero)
+
+    def interval(self, share: float) -> FloatArray:
+        """Return the central interval of the mean by Student's law, shape (2, 3)."""
+        reach = stdtrit(self.freedom, 0.5 + share / 2) if self.freedom else np.nan
+        return self.mean + np.array([[-1.0], [1.0]]) * reach * self.error
+
+
+def _weights(variance: FloatArray) -> FloatArray:
+    return np.asarray(1 / variance / (1 / variance).sum(axis=0))
+
+
+def _mean(angles: FloatArray, variance: FloatArray) -> FloatArray:
+    return np.asarray((_weights(variance) * angles).sum(axis=0))
+
+
+def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Monitoring:
     """Return how far the camera has turned since the zero point, in every image.
+
+    An image that lacks a spot is compared with the same lights at the zero point.
 
     Parameters
     ----------
     zero_spots, spots : array_like, shape (frames, n, 2)
-        Images at the zero point, which are pooled, and at the present, in px.
-    lasers : array_like, shape (n, 2)
-        Positions on the camera's focal plane, in metres.
-    camera_focal_length : float, in metres
-    tracker : tuple
-        Principal point (px), pixel pitch and focal length (metres) of the tracker.
+        Images at the zero point, which are pooled, and at the present, in px; NaN where lost.
+    platform : Platform
+        With n lights, each of which is seen at the zero point.
 
     Returns
     -------
-    ndarray, shape (frames, 3)
-        Rotation vectors in the camera frame, in radians, as `misalignment_angles` gives them.
+    Monitoring
+        Angles of both groups, with the mean and its error.
 
     Raises
     ------
     DegenerateGeometryError, ValueError
-        As for `laser_transform`.
+        As for `laser_transform`; or if no image of a group shows two lights.
 
     Examples
     --------
     >>> lasers = [[1e-3, 0], [0, 1e-3], [-1e-3, 0]]
     >>> spots = [[[20.0, 0], [0, 20], [-20, 0]]]
-    >>> monitored_angles(spots, spots, lasers, 1.0, ((0, 0), 5e-6, 0.05)).round(9) + 0.0
-    array([[0., 0., 0.]])
+    >>> monitored(spots, spots, Platform(lasers, 1.0, 0.05, 5e-6, (0, 0))).mean.round(9) + 0.0
+    array([0., 0., 0.])
     """
-    camera = emitted_directions(lasers, camera_focal_length)
-    zero = laser_transform(camera, received_directions(zero_spots, *tracker), pooled=True)
-    now = received_directions(spots, *tracker)
-    return misalignment_angles(misalignment(camera, now, zero))
-
-
-def mean_misalignment(
-    angles: ArrayLike, zero_angles: ArrayLike
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the mean misalignment, the scatter of one image and the error of the mean.
-
-    The zero point is a mean over images too, so its error counts as well. The scatter is that of
-    both groups, each about its own mean: images are taken alike at both times.
-
-    Parameters
-    ----------
-    angles, zero_angles : array_like, shape (frames, 3)
-        From `monitored_angles`: of the images at the present, and of those of the zero point.
-
-    Returns
-    -------
-    mean, scatter, error : ndarray, shape (3,)
-        In the unit of the angles; scatter and error are NaN for one image in each group.
-
-    Examples
-    --------
-    >>> mean, scatter, error = mean_misalignment([[1, 0, 0], [3, 0, 0]], [[0, 0, 0]])
-    >>> mean, scatter.round(3), error.round(3)
-    (array([2., 0., 0.]), array([1.414, 0.   , 0.   ]), array([1.732, 0.   , 0.   ]))
-    """
-    now, zero = (
-        number_array(name, one) for name, one in (("angles", angles), ("zero_angles", zero_angles))
+    shape = (None, len(platform.lasers), 2)
+    before, now = (
+        number_array(name, one, shape=shape)
+        for name, one in (("zero_spots", zero_spots), ("spots", spots))
     )
-    squares = sum(np.square(one - one.mean(axis=0)).sum(axis=0) for one in (now, zero))
-    spare = len(now) + len(zero) - 2
-    scatter = np.sqrt(squares / spare) if spare else np.full(now.shape[-1], np.nan)
-    return now.mean(axis=0), scatter, scatter * np.sqrt(1 / len(now) + 1 / len(zero))
+    counts = np.isfinite(before).all(axis=-1).sum(axis=0)
+    zero = np.nanmean(before, axis=0)
+    angles, response = _turned(zero, now, platform)
+    zero_angles, zero_response = _turned(zero, before, platform)
+    for name, one in (("zero_spots", zero_angles), ("spots", angles)):
+        if not np.isfinite(one).any():
+            raise ValueError(f"{name}: expected two lights or more in an image, got fewer in all")
+    return Monitoring(angles, zero_angles, response, zero_response, counts)
+
+
+def _turned(
+    zero: FloatArray, images: FloatArray, platform: Platform
+) -> tuple[FloatArray, FloatArray]:
+    """Angles of images against a zero point, (n, 2), and their response."""
+    angles = np.full((len(images), 3), np.nan)
+    response = np.zeros((len(images), 3, *zero.shape))
+    seen = np.isfinite(images).all(axis=-1)
+    shown, which = np.unique(seen, axis=0, return_inverse=True)
+    for number, lights in enumerate(shown):
+        if lights.sum() < 2:
+            continue
+        rows = np.flatnonzero(which.reshape(-1) == number)
+        camera, spots = platform.directions[lights], images[rows][:, lights]
+        still = laser_transform(camera, received_directions(zero[lights], *platform.tracker))
+        received = received_directions(spots, *platform.tracker)
+        angles[rows] = misalignment_angles(misalignment(camera, received, still))
+        moves = received_jacobian(spots, *platform.tracker)
+        found = angle_jacobian(np.broadcast_to(camera, received.shape), received, moves)
+        response[np.ix_(rows, np.arange(3), np.flatnonzero(lights))] = found
+    return angles, response

@@ -2,114 +2,116 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from reproduce.judge.rerun import in_si, refuse_strays
-from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
-from reproduce.papers.chen2023.posteriors.users_spots import COLUMNS, from_table, moving
-from reproduce.physics.attitude.monitoring import mean_misalignment, monitored_angles
+from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
+from reproduce.physics.attitude.monitoring import monitored
+from reproduce.physics.attitude.platform import Platform
 from reproduce.printed.given import given
-from reproduce.store.points import is_table, measured, read_table
+from reproduce.store.spots import read_images
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.objects.base import text_of
 from reproduce.views.objects.measurements import _Measured
+from reproduce.views.platforms import platform_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["Monitored"]
 
-FloatArray = NDArray[np.float64]
-
-
-def _images(spots: Any, zero: ArrayLike | None) -> tuple[FloatArray, FloatArray, list[str]]:
-    """Read the images at the zero point and at the present, and say which are left out."""
-    if is_table(spots) and zero is None:
-        table = read_table(spots, COLUMNS)
-        before, now = from_table(table)
-        return before, now, list(table.notes)
-    if isinstance(spots, str | Path):
-        raise ValueError("zero: expected nothing beside a file, which holds both groups")
-    if zero is None:
-        raise ValueError("zero: expected the images at the zero point, or a file of both")
-    names, kept, notes = ("zero", "spots"), [], []
-    for name, (images, mask) in zip(names, measured(("zero", zero), ("spots", spots)), strict=True):
-        lost = np.asarray(mask.any(axis=tuple(range(1, mask.ndim))))
-        if lost.all():
-            raise ValueError(f"{name}: expected images that are not masked, got all masked")
-        if lost.any():
-            notes.append(f"{lost.sum()} of {len(lost)} images of {name} have a masked spot and are "
-                         "left out")  # fmt: skip
-        kept.append(images[~lost])
-    return kept[0], kept[1], notes
+# Of the interval that a table shows.
+SHARE = 0.95
 
 
 class Monitored(_Measured):
     """The misalignment of a user's own camera, image by image.
 
-    It is made from the arguments of `reproduce.misalignment`.
+    What is doubtful about the spots stands in ``findings``, and with what the reading says in
+    ``remarks``. It is made from the arguments of `reproduce.misalignment`.
     """
 
     def __init__(
         self,
         spots: str | Path | ArrayLike,
         zero: ArrayLike | None = None,
-        changes: Mapping[str, str | float] | None = None,
+        platform: Platform | str | Path | None = None,
     ) -> None:
-        door = given(READS)
-        self.reads = tuple(door.cells)
         self._spots, self._zero = spots, zero
-        self.changes = dict(changes or {})
-        refuse_strays("the instrument", self.changes, self.reads)
-        values = {a: in_si(door.cells[a], text) for a, text in self.changes.items()}
-        design = platform(door.changed(values))
-        before, now, notes = _images(spots, zero)
-        design = replace(design, spots=before.mean(axis=0))
-        tracker = (design.principal_point, design.pixel_pitch, design.tracker_focal_length)
-        instrument = (design.lasers, design.camera_focal_length, tracker)
-        self.angles: FloatArray = monitored_angles(before, now, *instrument)
-        self.remarks = [*moving({0: before, 1: now}), *notes]
-        self._mean = mean_misalignment(self.angles, monitored_angles(before, before, *instrument))
+        self.reads = INSTRUMENT if platform is None else ()
+        self.platform = (
+            as_designed(given(INSTRUMENT)) if platform is None else platform_of(platform)
+        )
+        images, notes = read_images(spots, zero, len(self.platform.lasers))
+        chosen, images, lights = seen(self.platform, images)
+        self.findings = diagnose(chosen, images, numbers=lights)
+        refuse(self.findings, str(spots) if isinstance(spots, str | Path) else "the spots")
+        self.found = monitored(*images, chosen)
+        self.angles = self.found.angles
+        self.remarks = [*(one.text for one in self.findings), *notes]
         self.title = f"misalignment in {len(self.angles)} images since the zero point"
 
     @property
     def source(self) -> str:
         """The text of the function that computes the angles."""
-        return text_of(monitored_angles)
+        return text_of(monitored)
 
     def images(self) -> pd.DataFrame:
-        """Return the angles of every image about X, Y and Z of the camera, in arcsec."""
+        """Return the angles of every image about X, Y and Z of the camera, in arcsec.
+
+        They are NaN where fewer than two lights are seen.
+        """
         import pandas as pd
 
         index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
         return pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
 
+    def interval(self, share: float = SHARE) -> pd.DataFrame:
+        """Return the interval of the mean that holds the truth so often, in arcsec.
+
+        By Student's law: the scatter of the images is estimated.
+        """
+        import pandas as pd
+
+        low, high = self.found.interval(share) * ARCSEC_PER_RADIAN
+        index = pd.Index(list("XYZ"), name="about")
+        return pd.DataFrame({"low (arcsec)": low, "high (arcsec)": high}, index)
+
     def frame(self) -> pd.DataFrame:
-        """Return mean, scatter of one image and error of the mean about each axis, in arcsec.
+        """Return mean, scatter of one image, error and interval of the mean, in arcsec.
 
         The error counts both groups: the zero point is itself a mean over images.
         """
         import pandas as pd
 
-        columns = ("mean (arcsec)", "scatter (arcsec)", "error of the mean (arcsec)")
-        index = pd.Index(list("XYZ"), name="about")
-        values = np.stack(self._mean, axis=-1) * ARCSEC_PER_RADIAN
-        return pd.DataFrame(values, index, columns=columns)
+        found = self.found
+        columns = {"mean": found.mean, "scatter": found.scatter, "error of the mean": found.error}
+        shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
+        interval = self.interval().add_prefix(f"{SHARE:.0%} ")
+        return pd.DataFrame(shown, interval.index).join(interval)
+
+    def record(self) -> dict[str, Any]:
+        """Return everything for other programs; what the spots do not tell is None."""
+        angles = self.frame().astype(object).where(self.frame().notna(), None)
+        return {
+            "images": len(self.angles),
+            "angles": angles.reset_index().to_dict("records"),
+            "findings": [vars(one) for one in self.findings],
+            "remarks": self.remarks,
+        }
 
     def rerun(
         self,
-        changes: Mapping[str, str | float] | None = None,
+        platform: Platform | str | Path | None = None,
         *,
         spots: str | Path | ArrayLike | None = None,
         zero: ArrayLike | None = None,
     ) -> Monitored:
-        """Return the same with other spots, or with an instrument of other printed numbers."""
+        """Return the same with other spots, or with another platform."""
         zero_of = self._zero if spots is None and zero is None else zero
         chosen = self._spots if spots is None else spots
-        return Monitored(chosen, zero_of, {**self.changes, **(changes or {})})
+        kept = None if self.reads else self.platform
+        return Monitored(chosen, zero_of, kept if platform is None else platform)

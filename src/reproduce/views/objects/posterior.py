@@ -22,6 +22,7 @@ from rich.table import Table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.objects.base import Shown, by_row, text_of
+from reproduce.views.platforms import platform_of
 from reproduce.views.writing.cite import beside
 from reproduce.views.writing.display import Grid, Html, columns, folded
 from reproduce.views.writing.export import export_frame
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from reproduce.inference.priors import Prior
     from reproduce.inference.sampling import Plan
     from reproduce.papers.declare_posterior import Declaration, Supplied
+    from reproduce.physics.attitude.platform import Platform
     from reproduce.views.writing.figures import Picture
 
 __all__ = [
@@ -105,6 +107,8 @@ class Posterior(Shown):
     priors : mapping, optional
         Name of a parameter to its lowest and highest value in the unit shown, between which the
         prior is even, or to a prior of `reproduce.inference.priors`.
+    platform : Platform or path, optional
+        Lights and tracker of the spots of these data.
     steps, walkers, ensembles, seed : int, optional
         How it is sampled, in place of the book's own plan.
     """
@@ -115,13 +119,16 @@ class Posterior(Shown):
         data: str | Path | None = None,
         pivot: tuple[float, float] | None = None,
         priors: Mapping[str, Prior | tuple[float, float]] | None = None,
+        platform: Platform | str | Path | None = None,
         **settings: int | None,
     ) -> None:
         from reproduce.papers.posteriors import posteriors
 
         if name not in posteriors():
             raise ValueError(f"unknown posterior {name!r}: expected one of {list(posteriors())}")
-        self.name, self.data, self.pivot = name, data, pivot
+        self.name, self.data, self.pivot, self.platform = name, data, pivot, platform
+        if platform is not None and data is None:
+            raise ValueError("platform: expected data of your own beside it; ours have one")
         self._priors = dict(priors or {})
         self.settings = {key: value for key, value in settings.items() if value is not None}
         if unknown := set(self.settings) - {"steps", "walkers", "ensembles", "seed"}:
@@ -154,7 +161,10 @@ class Posterior(Shown):
 
     @cached_property
     def _supplied(self) -> Supplied | None:
-        return self.declared.from_file(self.data, self.pivot) if self.data else None
+        if not self.data:
+            return None
+        design = None if self.platform is None else platform_of(self.platform)
+        return self.declared.from_file(self.data, self.pivot, design)
 
     @cached_property
     def model(self) -> Model:
@@ -468,14 +478,15 @@ class Posterior(Shown):
         data: str | Path | None = None,
         pivot: tuple[float, float] | None = None,
         priors: Mapping[str, Prior | tuple[float, float]] | None = None,
+        platform: Platform | str | Path | None = None,
         **settings: int | None,
     ) -> Posterior:
         """Return the same model on other data, under other priors, or sampled in another way.
 
         Parameters
         ----------
-        data, pivot
-            A reader's CSV and its principal point; those of this object by default.
+        data, pivot, platform
+            A reader's CSV, its principal point or instrument; those of this object by default.
         priors : mapping, optional
             As for `Posterior`; those of other parameters stay.
         **settings : int
@@ -488,7 +499,8 @@ class Posterior(Shown):
         """
         kept = {**self.settings, **settings}
         changed = {**self._priors, **(priors or {})}
-        return Posterior(self.name, data or self.data, pivot or self.pivot, changed, **kept)
+        design = self.platform if platform is None else platform
+        return Posterior(self.name, data or self.data, pivot or self.pivot, changed, design, **kept)
 
     def record(self) -> dict[str, Any]:
         """Return everything of the summary for other programs."""

@@ -26,14 +26,14 @@ from reproduce.inference.models.small_angle import (
 from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
 from reproduce.inference.priors import HalfNormal
 from reproduce.inference.quadrature import Summed, summed
-from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
+from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE, as_designed
 from reproduce.papers.chen2023.posteriors import (
     published,
     simulated_spots,
     users_spots,
 )
 from reproduce.papers.chen2023.posteriors.consequences import Averaged, OnTheGround, StageTest
-from reproduce.papers.chen2023.posteriors.simulated_spots import images, platform
+from reproduce.papers.chen2023.posteriors.simulated_spots import images
 from reproduce.papers.declare_posterior import Aside, Declaration
 from reproduce.physics.ground.errors import altitude_for_resolution
 from reproduce.physics.validate import FloatArray
@@ -96,7 +96,7 @@ def truth(given: Given, drift: bool = False) -> dict[str, float]:
 
 def misalignment(given: Given) -> Model:
     """A constant misalignment after a calibration group."""
-    return misalignment_model(platform(given), _still(given), derived=_ground(given))
+    return misalignment_model(as_designed(given), _still(given), derived=_ground(given))
 
 
 def drift(given: Given) -> Model:
@@ -105,7 +105,7 @@ def drift(given: Given) -> Model:
     turns = [(zero, zero), (TRUTH - DRIFT / 2, TRUTH + DRIFT / 2)]
     spots = images(given, turns, given.count(FRAMES), 1)
     statistics = SpotStatistics.of(spots, (False, True))
-    return misalignment_model(platform(given), statistics, drifts=True, derived=_ground(given))
+    return misalignment_model(as_designed(given), statistics, drifts=True, derived=_ground(given))
 
 
 def stage_positions(given: Given) -> FloatArray:

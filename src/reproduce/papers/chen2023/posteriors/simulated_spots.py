@@ -8,42 +8,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.models.lasers import Platform
-from reproduce.papers.chen2023.platform import (
-    DIAGONAL,
-    FOCAL_LENGTH,
-    INSTRUMENT,
-    PIXEL,
-    PIXELS,
-    SCATTER,
-    SIGMAS,
-    SPOTS,
-    TELESCOPE,
-    designed_positions,
-)
+from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
 from reproduce.papers.declare import ROOT_SEED
-from reproduce.physics.optics.camera import detector_centre
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = ["READS", "images", "platform"]
+__all__ = ["READS", "images"]
 
 DATA_SEED = (ROOT_SEED, 2)
 READS = (*INSTRUMENT, SCATTER)
-
-
-def platform(given: Given) -> Platform:
-    """The platform as designed, with the centre of the detector for the principal point."""
-    spots = given.array(SPOTS).reshape(-1, 2)
-    pixels = given.array(PIXELS)
-    return Platform(
-        designed_positions(spots, given[DIAGONAL]),
-        given[TELESCOPE],
-        given[FOCAL_LENGTH],
-        given[PIXEL],
-        detector_centre(pixels),
-        spots,
-    )
 
 
 def images(
@@ -55,7 +29,7 @@ def images(
     """
     seed = SeedSequence(DATA_SEED[0], spawn_key=(DATA_SEED[1], stream))
     generator = Generator(PCG64(seed))
-    design = platform(given)
+    design = as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
     scale = np.full(frames, _pattern_scale(design))

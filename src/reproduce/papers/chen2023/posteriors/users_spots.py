@@ -1,20 +1,17 @@
 """A user's laser spots: files of the misalignments.
 
-One spot per line, in px: ``group`` (0 at the zero point, 1 at the present), ``laser`` (from 1, in
-the order of the platform), ``x``, ``y``; the images of a group in the order of time, evenly spaced.
+The images of a group in the order of time, evenly spaced.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.special import fdtrc
 
 from reproduce.inference.model import Model
-from reproduce.inference.models.lasers import Platform, SpotStatistics
+from reproduce.inference.models.lasers import SpotStatistics
 from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT,
@@ -23,31 +20,26 @@ from reproduce.inference.models.misalignment import (
 )
 from reproduce.inference.models.registration import with_priors
 from reproduce.inference.priors import LogUniform, Normal, Prior
-from reproduce.papers.chen2023.posteriors.simulated_spots import READS, platform
+from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.declare_posterior import File
+from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError
+from reproduce.store.spots import COLUMNS, FRAMES, images_of
 
-__all__ = ["COLUMNS", "from_table", "moving"]
-
-COLUMNS = ("group", "laser", "x", "y")
-GROUPS = 2
 # A prior this many times as wide as what the data show is hardly felt, yet proper.
 GENEROUS = 20.0
 # Of the residual of least squares: ends of the noise, as good as none.
 NOISE = (1e-6, 1e3)
-# Spots are mirrored if the mirrored lasers explain so many times more of them.
-MIRRORED = 3.0
-# Fewer images do not tell motion from noise.
-FEW = 5
-# Still spots seem to move so much one time in so many.
-ALARM = 1e-4
+# Images of a group that tell its scatter.
+LEAST = 3
 
 
-def model(table: Table, pivot: object, drifts: bool) -> Model:
-    """A misalignment, constant or drifting through group 1."""
-    instrument, images = _measured(table)
+def model(table: Table, pivot: object, drifts: bool, design: Platform | None = None) -> Model:
+    """A misalignment, constant or drifting through group 1, on the paper's platform or another."""
+    instrument, images, _ = _measured(table, drifts, design)
     priors = _priors(instrument, images)
     if drifts:
         priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
@@ -55,86 +47,35 @@ def model(table: Table, pivot: object, drifts: bool) -> Model:
     return _noisy(misalignment_model(instrument, statistics, drifts=drifts, priors=priors))
 
 
-def _measured(table: Table) -> tuple[Platform, list[FloatArray]]:
-    instrument = platform(given(READS))
-    images = _images(table, len(instrument.lasers))
+def remarks(table: Table, pivot: object, drifts: bool, design: Platform | None = None) -> list[str]:
+    """What a user should hear of the spots, as `reproduce.misalignment` says it."""
+    return _measured(table, drifts, design)[2]
+
+
+def _measured(
+    table: Table, drifts: bool, design: Platform | None
+) -> tuple[Platform, list[FloatArray], list[str]]:
+    """Return the platform, whole images of every group, and what is to be said of them."""
+    instrument = as_designed(given(INSTRUMENT)) if design is None else design
+    pair, notes = images_of(table, len(instrument.lasers))
+    instrument, pair, lights = seen(instrument, pair)
+    found = diagnose(instrument, pair, drifts, lights)
+    refuse(found, table.path)
+    images = [one[np.isfinite(one).all(axis=(-2, -1))] for one in pair]
+    if lost := sum(map(len, pair)) - sum(map(len, images)):
+        notes.append(f"{lost} images that lack a spot are left out")
+    if min(map(len, images)) < LEAST:
+        raise TableFileError(
+            f"{table.path}: expected three whole images or more in each group, got "
+            f"{' and '.join(str(len(one)) for one in images)}; the scatter needs them"
+        )
     if not any(np.ptp(one, axis=0).any() for one in images):
         raise TableFileError(
             f"{table.path}: expected spots that scatter from image to image, got the same ones in "
             "all images of a group: without noise there is nothing to sample"
         )
-    spots = images[0].mean(axis=0)
-    _refuse_mirrored(table, instrument, spots)
-    return replace(instrument, spots=spots), images
-
-
-def from_table(table: Table) -> list[FloatArray]:
-    """Return the images at the zero point and at the present, each of shape (frames, lasers, 2)."""
-    return _measured(table)[1]
-
-
-def remarks(table: Table, pivot: object, drifts: bool) -> list[str]:
-    """What a user should hear of the spots: groups that move though the model holds them still."""
-    images = _measured(table)[1]
-    return moving({0: images[0]} if drifts else dict(enumerate(images)))
-
-
-def moving(groups: Mapping[int, FloatArray]) -> list[str]:
-    """Name groups of images, (frames, lasers, 2), within which the spots move evenly."""
-    found = []
-    for group, images in groups.items():
-        if len(images) < FEW:
-            continue
-        line = SpotStatistics.of([images], (True,))
-        count, slopes = line.slopes.size, line.slopes[0]
-        spread = line.squares / line.freedom
-        if not spread:
-            continue
-        if fdtrc(count, line.freedom, line.levers[0] * np.square(slopes).mean() / spread) < ALARM:
-            way = 2 * np.hypot(*slopes.T).max()  # the slope is that over half of the group
-            follow = "; misalignment-drift follows it" if group else ""
-            found.append(
-                f"the spots move within group {group}, by {way:.2g} px from its first image to its "
-                f"last: its mean is that of its middle, and no error counts the motion{follow}"
-            )
-    return found
-
-
-def _refuse_mirrored(table: Table, instrument: Platform, spots: FloatArray) -> None:
-    """Refuse spots whose mirror image fits the lasers, as they stand in the order of the file."""
-    lasers, pattern = (
-        (one - one.mean(axis=0)) @ np.array([1, 1j]) for one in (instrument.lasers, spots)
-    )
-    # The share of the pattern that a similarity of the lasers, or of their mirror image, explains.
-    straight, mirrored = abs(lasers.conj() @ pattern), abs(lasers @ pattern)
-    if mirrored > MIRRORED * straight:
-        raise TableFileError(
-            f"{table.path}: the spots are mirrored: in the order of the lasers they turn the other "
-            "way round; change the sign of x, or correct the numbers of the lasers"
-        )
-
-
-def _images(table: Table, count: int) -> list[FloatArray]:
-    """Spots of every group, shape (frames, lasers, 2), in the order of the file."""
-    for name, allowed in (("group", range(GROUPS)), ("laser", range(1, count + 1))):
-        for row, value in enumerate(table.column(name)):
-            if value not in allowed:
-                raise table.wrong(row, name, f"expected a whole number from {allowed[0]} to "
-                                  f"{allowed[-1]}")  # fmt: skip
-    images = []
-    for one in range(GROUPS):
-        spots = table.values[table.column("group") == one]
-        lasers = [spots[spots[:, 1] == laser, 2:4] for laser in range(1, count + 1)]
-        lengths = [len(spot) for spot in lasers]
-        if len(set(lengths)) != 1 or lengths[0] < 3:
-            last = int(np.flatnonzero(table.column("group") == one)[-1]) if len(spots) else -1
-            raise TableFileError(
-                f"{table.at(last, 'laser')}: expected as many {table.kind}s for each laser "
-                f"from 1 to {count} in group {one}, three or more, got {lengths} by here; add or "
-                "remove some"
-            )
-        images.append(np.stack(lasers, axis=1))
-    return images
+    instrument = replace(instrument, spots=images[0].mean(axis=0))
+    return instrument, images, [*(one.text for one in found), *notes]
 
 
 def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:
@@ -164,9 +105,11 @@ def _noisy(model: Model) -> Model:
 
 SPOTS = (
     "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in the "
-    "order of the platform; the images of a group in the order of time"
+    "order of the platform; the images of a group in the order of time, with a column frame where "
+    "spots are lost"
 )
 CONSTANT, DRIFT = (
-    File(COLUMNS, SPOTS, partial(model, drifts=drifts), partial(remarks, drifts=drifts))
+    File(COLUMNS, SPOTS, partial(model, drifts=drifts), partial(remarks, drifts=drifts),
+         optional=FRAMES, platform=True)
     for drifts in (False, True)
-)
+)  # fmt: skip
