@@ -27,13 +27,12 @@ from reproduce.audit.report import audit_paper
 from reproduce.audit.rounding import Sheet, reprinted
 from reproduce.audit.slips import of_digits, readable
 from reproduce.judge.expected import frozen
+from reproduce.judge.ledger import judge_result
 from reproduce.judge.propagate import result_intervals
-from reproduce.judge.verdicts import judge_prediction, judge_value
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Computation, Prediction, Results
+from reproduce.papers.declare import Computation, Results
 from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.given import Given, given
-from reproduce.printed.units import si_factor
 from reproduce.store import studies
 
 NAME = "planted-slips"
@@ -190,15 +189,7 @@ def _differs(
         cell = changed.get(table[name].address, table[name])
         if cell.address not in agreeing():
             continue
-        unit = si_factor(cell.unit)
-        if isinstance(result, Prediction):
-            found = judge_prediction(cell.number, result.draws / unit)
-        elif isinstance(result, float):
-            low, high = intervals.get(name, (result, result))
-            found = judge_value(cell.number, result / unit, (low / unit, high / unit))
-        else:
-            continue
-        if found.verdict == "differs":
+        if judge_result(computation, cell, result, intervals).verdict not in _AGREES:
             return True
     return False
 

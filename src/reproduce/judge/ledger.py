@@ -33,7 +33,16 @@ from reproduce.printed.given import given
 from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
-__all__ = ["Ledger", "ReadingRecord", "Record", "TableRecord", "WholeReading", "build", "reread"]
+__all__ = [
+    "Ledger",
+    "ReadingRecord",
+    "Record",
+    "TableRecord",
+    "WholeReading",
+    "build",
+    "judge_result",
+    "reread",
+]
 
 Flag = Literal[
     "through_rounding",
@@ -242,19 +251,20 @@ def _run(computation: Computation, table: PrintedTable) -> tuple[dict[str, Recor
     if not computation.replicates:
         intervals, plain = result_intervals(computation, door), plain_results(computation, door)
     records = {
-        name: _record(computation, table[name], result, intervals, plain.get(name))
+        name: judge_result(computation, table[name], result, intervals, plain.get(name))
         for name, result in results.items()
     }
     return records, results
 
 
-def _record(
+def judge_result(
     computation: Computation,
     cell: Cell,
     result: Result,
     intervals: Mapping[str, Interval],
-    plain: str | None,
+    plain: str | None = None,
 ) -> Record:
+    """Judge what a computation found for a printed cell, under every reading that it gives."""
     source: dict[str, object] = {
         "role": "result",
         "function": computation.name,
