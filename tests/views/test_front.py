@@ -537,7 +537,7 @@ def test_doubts_about_ones_own_stars_are_told(tmp_path):
     plain = rp.register(str(tmp_path / "stars.csv"))
     assert "1 of 60 stars do not fit the others (line 5;" in plain.remarks[0]
     assert plain.rerun(robust=True).remarks == ["1 of 60 stars count for nothing (line 5)"]
-    assert plain.rerun(model="affine").remarks == []
+    assert plain.rerun(model="affine").findings[0].rows == plain.findings[0].rows == (3,)
 
 
 def test_the_command_registers_a_file(tmp_path):
@@ -569,3 +569,21 @@ def test_a_rerun_shows_no_empty_column():
     assert list(counts.grid.rows[1]) == ["parameters", "8", "8", "12"]
     drawn = rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.1 px"})
     assert {"from", "to", "unit"} < set(drawn.grid.head)
+
+
+def test_every_way_of_giving_stars_hears_the_same(tmp_path):
+    """Wrong matches in arrays, a frame, a file, the terminal, JSON and the posterior."""
+    import pandas as pd
+
+    stars = written_stars(tmp_path / "stars.csv")
+    stars[[3, 9], 2:] += [[40, 0], [0, 60]]
+    np.savetxt(tmp_path / "stars.csv", stars, delimiter=",", comments="", header=STAR_COLUMNS)
+    arrays = rp.register(stars[:, :2], stars[:, 2:])
+    frame = rp.register(pd.DataFrame(stars, columns=STAR_COLUMNS.split(",")))
+    file = rp.register(str(tmp_path / "stars.csv"))
+    (found,) = arrays.findings
+    assert (found.kind, found.rows) == ("mismatched", (9, 3))
+    assert arrays.remarks == frame.remarks == [found.text]
+    assert file.remarks == [found.text.replace("rows 9, 3", "lines 11, 5")]
+    assert file.record()["findings"][0]["rows"] == (9, 3)
+    assert list(rp.posterior("registration", str(tmp_path / "stars.csv")).remarks) == file.remarks

@@ -268,7 +268,7 @@ def test_honest_stars_are_not_suspected_and_repeated_lines_are_named(tmp_path):
     assert supplied("registration", written(tmp_path, source, target)).remarks == ()
     twice = [np.vstack([one, one[:2]]) for one in (source, target)]
     (remark,) = supplied("registration", written(tmp_path, *twice)).remarks
-    assert remark.startswith("2 of 42 lines repeat an earlier one (lines 42, 43)")
+    assert remark.startswith("2 of 42 stars repeat an earlier one (lines 42, 43)")
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "LARGEST", "NAMED", "Table", "TableFileError", "computing", "is_table", "measured",
+    "LARGEST", "NAMED", "STARS", "Table", "TableFileError", "computing", "is_table", "measured",
     "read_table", "table_of",
 ]  # fmt: skip
 
@@ -38,6 +38,8 @@ __all__ = [
 LARGEST = 1e30
 # What may stand between values, the likelier first, with its name in the plural.
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
+# Stars of one channel: their places there and in the reference channel, in px.
+STARS = ("x", "y", "x_reference", "y_reference")
 MASK = "mask"
 MASKED = {"": False, "0": False, "0.0": False, "false": False, "1": True, "1.0": True, "true": True}
 PIXELS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is what Pint calls px

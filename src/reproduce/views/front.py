@@ -1,7 +1,8 @@
 """The front door: what a notebook, the command line and a user need, one object for each idea.
 
 Every object shows itself in a notebook and in a terminal, gives its numbers as a DataFrame, says
-which function makes it and what that reads, and can be rerun with something changed.
+which function makes it and what that reads, and can be rerun with something changed. Each function
+loads what it needs when it is called: a user's own stars need no paper.
 """
 
 from __future__ import annotations
@@ -10,15 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reproduce.judge.studies import studies
-from reproduce.papers.catalogue import catalogue
 from reproduce.physics.attitude.platform import Platform
-from reproduce.printed.cells import library
-from reproduce.views.objects.contents import Contents
-from reproduce.views.objects.figure import Figure, Panels
-from reproduce.views.objects.study import StudyTable
-from reproduce.views.objects.table import Cell, Table
-from reproduce.views.writing.cite import citation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,10 +19,14 @@ if TYPE_CHECKING:
 
     from reproduce.inference.priors import Prior
     from reproduce.views.objects.check import Check
+    from reproduce.views.objects.contents import Contents
     from reproduce.views.objects.contradictions import Contradictions
+    from reproduce.views.objects.figure import Figure, Panels
     from reproduce.views.objects.measurements import Registered
     from reproduce.views.objects.monitored import Monitored
     from reproduce.views.objects.posterior import Posterior
+    from reproduce.views.objects.study import StudyTable
+    from reproduce.views.objects.table import Cell, Table
 
 __all__ = [
     *("Platform", "check", "cite", "contents", "contradictions", "figure", "item"),
@@ -45,6 +42,8 @@ def contents(paper: str | None = None) -> Contents:
     >>> contents("niu2024").frame().loc["niu2024/table-1", "input"]
     np.int64(12)
     """
+    from reproduce.views.objects.contents import Contents
+
     return Contents(paper)
 
 
@@ -67,6 +66,10 @@ def table(address: str) -> Table | Cell | StudyTable:
     >>> table("niu2024/table-2")["scale.red"].verdict
     'exact'
     """
+    from reproduce.judge.studies import studies
+    from reproduce.views.objects.study import StudyTable
+    from reproduce.views.objects.table import Cell, Table
+
     if address in studies():
         return StudyTable(address)
     return Cell(address) if "#" in address else Table(address)
@@ -85,12 +88,18 @@ def figure(key: str) -> Figure | Panels:
     Figure or Panels
         Drawn when it is looked at.
     """
+    from reproduce.papers.catalogue import catalogue
+    from reproduce.views.objects.figure import Figure, Panels
+
     panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
     return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
 
 
 def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
     """Return what an address of the command line names: `table` or `figure`."""
+    from reproduce.judge.studies import studies
+    from reproduce.printed.cells import library
+
     known = address.partition("#")[0]
     return table(address) if known in library() or known in studies() else figure(address)
 
@@ -116,6 +125,8 @@ def cite(address: str, form: str = "bibtex") -> str:
     >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
     Yanzhao Niu, Xinguo Wei, and Jian Li
     """
+    from reproduce.views.writing.cite import citation
+
     return citation(address, form)
 
 

@@ -365,7 +365,7 @@ def test_points_that_fix_too_little_are_refused():
     line = np.column_stack([np.arange(9.0), np.arange(9.0)])
     with pytest.raises(DegenerateGeometryError, match="fix every parameter"):
         fit_registration(line, line, PIVOT, model="affine")
-    with pytest.raises(DegenerateGeometryError, match="three or more"):
+    with pytest.raises(DegenerateGeometryError, match="four or more"):
         fit_registration(line[:2], line[:2], PIVOT, robust=True)
     with pytest.raises(DegenerateGeometryError, match="parameters"):
         _ = fit_registration(line[:1], line[:1], PIVOT, model="shift").covariance

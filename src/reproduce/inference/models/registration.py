@@ -21,16 +21,17 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.models.least_squares import fit_checks, least_squares, robust_similarity
+from reproduce.inference.models.least_squares import fit_checks, least_squares
 from reproduce.inference.priors import LogUniform, Prior, Uniform
 from reproduce.physics.registration.closed_form import paired_points
+from reproduce.physics.registration.diagnosis import fits_exactly, robust_similarity
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
 
 __all__ = [
-    "GaussianRegistration", "fits_exactly", "free_priors", "registration_model",
+    "GaussianRegistration", "free_priors", "registration_model",
     "registration_parameters", "triangular", "with_priors",
 ]  # fmt: skip
 
@@ -213,8 +214,6 @@ def with_priors(
 NOISE = (1e-9, 1e3)
 # The shift may lie so many fields or standard errors, the scale so many times, from the fit.
 FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
-# Residuals below this share of the coordinates are rounding.
-ROUNDING = 1e-11
 
 
 def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, Prior]:
@@ -242,7 +241,7 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
         )
     # No least-squares scale exceeds the ratio of both patterns' sizes.
     size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() * fit.cofactor[0, 0]))
-    size = max(size, float(robust.fit.parameters[0]))
+    size = max(size, float(robust.parameters[0]))
     error = residual * float(np.sqrt(fit.cofactor[2, 2]))
     reach = max(FIELDS * float(np.ptp(target, axis=0).max()), ERRORS * error)
     place = "ten fields, or a thousand standard errors, on both sides of least squares"
@@ -256,13 +255,6 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
         "noise": LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
                             "billionth of the residuals of least squares to a thousand times them"),
     }  # fmt: skip
-
-
-def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> bool:
-    """Whether what a fit leaves of the points that count is rounding."""
-    largest = max(float(np.abs(one).max()) for one in (source, target, fit.transform.pivot))
-    counts = slice(None) if fit.weights is None else fit.weights > 0
-    return float(np.abs(fit.residuals[counts]).max()) < ROUNDING * largest
 
 
 def _residual(fit: RegistrationFit) -> float:

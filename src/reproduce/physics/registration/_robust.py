@@ -2,8 +2,9 @@
 
 The start is Siegel's repeated median: every pair of points gives a scale and a rotation, each point
 keeps the median over its partners, and the median over the points is taken. It tolerates almost
-half of the points being wrong, and the same points always give the same answer. Shapes, units and
-models are those of `fit`.
+half of the points being wrong, and the same points always give the same answer. Biweights lead from
+there to the fit of the majority; then each point is tested against the others, and what remains is
+plain least squares with its plain errors. Shapes, units and models are those of `fit`.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reproduce.physics.registration._steps import (
     Problem,
@@ -21,11 +23,11 @@ from reproduce.physics.registration._steps import (
     model_jacobian,
     solve,
 )
-from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED, _Solution
+from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED
 from reproduce.physics.registration.transforms import MODELS, as_complex, as_points
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
-__all__ = ["TUKEY", "outlier_weights", "repeated_median", "sandwich"]
+__all__ = ["outlier_weights", "repeated_median"]
 
 # Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
 # 92.9 % for the length of a residual in two.
@@ -33,90 +35,103 @@ TUKEY = 4.685
 # The median length of a two-dimensional Gaussian residual, in standard deviations of a coordinate.
 MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
 ROUNDS = 30
-LARGEST = 3000
+# The start takes all pairs of so many points, spread evenly over the rows.
+PAIRED = 600
+# The chance that any point of a field of right matches is taken for wrong.
+ALARM = 1e-3
 # Of the size of the field: a median residual below it is that of a fit, if not of a good one.
 FITS = 0.01
-# What is left of a residual that the fit follows; where it is less, it tells nothing of the error.
-LEAST = 0.1
+# What is left of a residual that the fit follows wholly: that point cannot be tested.
+LEAST = 1e-9
+_TINY = float(np.finfo(float).tiny)
 
 
 def outlier_weights(problem: Problem) -> FloatArray:
-    """Return weights, (..., n), from one for a good match down to zero for a wrong one.
+    """Return weights, (..., n): one for a right match, zero for a wrong one.
 
-    They are Tukey's biweights at the settled fit. A residual counts in standard deviations: those
-    of the points' covariances where they are known, and times the root of the point's own weight.
-    All are scaled so that their median is that of Gaussian residuals.
+    A residual counts in standard deviations: those of the points' covariances where they are
+    known, and times the root of the point's own weight. Only their ratios matter.
     """
     closed = repeated_median(problem)
     if problem.model != "affine":
-        _refuse_mirrored(problem, closed)
-    parameters = from_similarity(problem.model, closed)
-    weights = _biweights(_lengths(problem, *_whitened(problem, parameters, problem.source)))
+        refuse_mirrored(problem, closed)
+    kept = _majority(problem, from_similarity(problem.model, closed))
+    for _ in range(ROUNDS):
+        before, kept = kept, _fitting(problem, kept)
+        if (kept == before).all():
+            break
+    return kept.astype(np.float64)
+
+
+def _majority(problem: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
+    """Return the points that Tukey's biweights keep when they have settled, (..., n)."""
+    lengths = _lengths(problem, *_whitened(problem, parameters, problem.source))
+    weights = _biweights(lengths)
     for _ in range(ROUNDS):
         found = solve(problem.with_weights(weights))
-        renewed = _biweights(_lengths(problem, *_whitened(problem, found.parameters, found.points)))
-        settled = np.abs(renewed - weights).max() < 1e-9
-        weights = renewed
-        if settled:
+        lengths = _lengths(problem, *_whitened(problem, found.parameters, found.points))
+        before, weights = weights, _biweights(lengths)
+        if np.abs(weights - before).max() < 1e-9:
             break
-    return weights
+    half = problem.source.shape[-2] // 2
+    return (weights > 0) | (lengths <= np.partition(lengths, half)[..., half, None])
 
 
-def sandwich(problem: Problem, solution: _Solution) -> FloatArray:
-    """Return the covariance of the parameters of a robust fit, shape (..., p, p).
+def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points fit those that are kept, (..., n).
 
-    The problem has the weights that were given, not those that were found. The fit is a root of
-    ``sum J^T psi`` with psi = w e, the weighted residual. Its covariance is
-    A^-1 (sum J^T psi psi^T J) A^-1 with A = ``sum J^T (d psi / d e) J``: as a residual grows its
-    weight falls, so psi grows less than e. The inverse normal matrix, which takes the weights as
-    fixed, is too small.
+    The square of a point's residual over its expected share, two variances of the others, follows
+    the F law with 2 and the others' degrees of freedom, whose tail is a power.
     """
-    factor, residuals = _whitened(problem, solution.parameters, solution.points)
-    rows = factor @ model_jacobian(problem, solution.parameters, solution.points)
-    # With columns of length one the matrices can be inverted whatever the units.
-    size = np.sqrt(np.square(rows).sum(axis=(-3, -2)))
-    rows = rows / size[..., None, None, :]
-    lengths = _lengths(problem, factor, residuals)
-    weights = _biweights(lengths)
-    # The biweight's derivative, times the length.
-    fall = -4 * np.sqrt(weights) * (lengths / TUKEY) ** 2
-    along = residuals / np.maximum(_norm(residuals), np.finfo(float).tiny)[..., None]
-    slope = weights[..., None, None] * np.eye(2)
-    slope = slope + fall[..., None, None] * along[..., :, None] * along[..., None, :]
-    inverse = np.linalg.inv(np.einsum("...nij,...nil,...nlk->...jk", rows, slope, rows))
-    leverage = weights * np.einsum("...nij,...jk,...nik->...n", rows, inverse, rows) / 2
-    psi = (weights / np.sqrt(np.maximum(1 - leverage, LEAST)))[..., None] * residuals
-    pulls = np.einsum("...nij,...ni->...nj", rows, psi)
-    covariance = inverse @ np.einsum("...nj,...nk->...jk", pulls, pulls) @ inverse
-    return covariance / (size[..., :, None] * size[..., None, :])
+    found = solve(problem.with_weights(kept.astype(np.float64)))
+    factor, residuals = _whitened(problem, found.parameters, found.points)
+    rows = factor @ model_jacobian(problem, found.parameters, found.points)
+    # With columns of length one the matrix can be inverted whatever the units.
+    rows = rows / np.sqrt(np.square(rows).sum(axis=(-3, -2)))[..., None, None, :]
+    counted = np.where(kept[..., None, None], rows, 0)
+    normal = np.einsum("...nij,...nik->...jk", counted, counted)
+    leverage = rows @ np.linalg.inv(normal)[..., None, :, :] @ rows.mT
+    sign = np.where(kept, -1.0, 1.0)[..., None, None]
+    spread = (1 + LEAST) * np.eye(2) + sign * leverage
+    square = (residuals * np.linalg.solve(spread, residuals[..., None])[..., 0]).sum(axis=-1)
+    chi_square = np.where(kept[..., None], residuals**2, 0).sum(axis=(-2, -1))[..., None]
+    own = np.ones(kept.shape, bool) if problem.weights is None else problem.weights > 0
+    count = 2 * (kept & own).sum(axis=-1, keepdims=True) - rows.shape[-1]
+    freedom = count - 2 * kept
+    least = freedom * _rounding(problem, factor) ** 2
+    rest = np.maximum(chi_square - np.where(kept, square, 0), np.maximum(least, _TINY))
+    beyond = -0.5 * freedom * np.log1p(square / rest)
+    alarm = np.log(ALARM / own.sum(axis=-1, keepdims=True))
+    return np.asarray(np.where(freedom > 0, beyond > alarm, kept))
 
 
 def repeated_median(problem: Problem) -> FloatArray:
     """Return the similarity of the repeated median, shape (..., 4); weights of zero drop points.
 
-    Fewer than three points, half of them in one place, or too many for all pairs are refused.
+    Fewer than four points, or half of them in one place, are refused.
     """
-    source, target = as_complex(problem.source), as_complex(problem.target)
-    n = source.shape[-1]
-    if n < 3:
+    n = problem.source.shape[-2]
+    if n < 4:
         raise DegenerateGeometryError(
-            f"expected three or more points for a robust fit, got {n}; with two none can be wrong"
+            f"expected four or more points for a robust fit, got {n}: of so few none can be told "
+            "to be wrong; add points, or fit without"
         )
-    if n > LARGEST:
-        raise ValueError(
-            f"expected at most {LARGEST} points for a robust fit, got {n}; fit a part of them first"
-        )
+    some = np.linspace(0, n - 1, min(n, PAIRED)).astype(int)
+    source, target = (
+        as_complex(problem.source[..., some, :]),
+        as_complex(problem.target[..., some, :]),
+    )
     between = source[..., :, None] - source[..., None, :]
     across = target[..., :, None] - target[..., None, :]
     apart = np.abs(between) > 0
     ratio = np.where(apart, across / np.where(apart, between, 1), np.nan)
     if problem.weights is not None:
-        ratio = np.where((problem.weights > 0)[..., None, :], ratio, np.nan)
-        ratio = np.where((problem.weights > 0)[..., :, None], ratio, np.nan)
+        counts = problem.weights[..., some] > 0
+        ratio = np.where(counts[..., None, :] & counts[..., :, None], ratio, np.nan)
     return _median_similarity(problem, ratio)
 
 
-def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
+def refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     """Refuse a mirror image, wrong matches or not: by medians of what two similarities leave."""
     flip = np.array([-1.0, 1.0])
     across = replace(problem, source=problem.source * flip, pivot=problem.pivot * flip)
@@ -185,9 +200,13 @@ def _lengths(problem: Problem, factor: FloatArray, residuals: FloatArray) -> Flo
     count = 2 * kept.sum(axis=-1, keepdims=True)
     freedom = np.maximum(count - len(MODELS[problem.model]), 1)
     spread = median / MEDIAN_LENGTH * np.sqrt(count / freedom)
-    # Exact matches have no spread but that of rounding.
-    rounding = 1e-12 * (1 + np.abs(problem.source).max()) * np.abs(factor).max(axis=(-2, -1))
-    return length / np.maximum(np.maximum(spread, rounding), np.finfo(float).tiny)
+    return length / np.maximum(np.maximum(spread, _rounding(problem, factor)), _TINY)
+
+
+def _rounding(problem: Problem, factor: FloatArray) -> FloatArray:
+    """Return the spread of exact matches, (..., n), which is that of rounding."""
+    size = 1 + np.abs(problem.source).max() + np.abs(problem.target).max()
+    return np.asarray(1e-12 * size * np.abs(factor).max(axis=(-2, -1)))
 
 
 def _norm(vectors: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,22 +13,25 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 from rich.console import RenderableType
 
-from reproduce.inference.models.registration import fits_exactly
-from reproduce.papers.niu2024.posteriors import users_stars
+from reproduce.physics.registration.diagnosis import (
+    Finding,
+    checked_pivot,
+    diagnose,
+    fits_exactly,
+)
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.registration.transforms import UNITS
-from reproduce.store.points import Table as StarTable
 from reproduce.store.points import (
+    STARS,
+    Table,
     TableFileError,
     computing,
     is_table,
     read_table,
     table_of,
 )
-from reproduce.views.objects.base import text_of
-from reproduce.views.objects.posterior import moments
 from reproduce.views.writing.display import Display, Grid
-from reproduce.views.writing.export import export_frame
+from reproduce.views.writing.numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,8 +41,8 @@ __all__ = ["Registered"]
 FloatArray = NDArray[np.float64]
 # Decimals of a fit without an error; further ones are rounding.
 ROUNDING = 12
-# Models of which a star that fits no similarity is a wrong match.
-ROUND = ("rigid", "similarity")
+LEVEL = 0.95
+ENDS = ("low (95 %)", "high (95 %)")
 # What a table may say of each star beside its places: standard deviations in px, a weight.
 SIDES = ("sigma", "sigma_x", "sigma_y", "weight")
 
@@ -56,6 +60,8 @@ class _Measured(Display):
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
+        from reproduce.views.writing.export import export_frame  # only now: it loads the ledger
+
         return export_frame(self.frame().reset_index(), form)
 
     @property
@@ -87,8 +93,9 @@ class Registered(_Measured):
 
     It has the ``model``, the ``parameters`` with their ``covariance``, the ``residuals``, target
     minus transformed source, the ``transform`` for other points, and as ``fit`` all that
-    `physics.registration.fit.fit_registration` returns. What is doubtful stands in ``remarks``. It
-    is made from the arguments of `reproduce.register`.
+    `physics.registration.fit.fit_registration` returns. What is doubtful stands in ``findings``,
+    each with its kind and its rows, and as sentences in ``remarks``. It is made from the arguments
+    of `reproduce.register`.
     """
 
     def __init__(
@@ -102,37 +109,23 @@ class Registered(_Measured):
         table, settings = _stars(source, target, settings)
         # Arrays are C-contiguous for the quick path of the fit.
         source, target = (table.values[:, i : i + 2].copy() for i in (0, 2))
+        middle = source.mean(axis=-2)
         if pivot is not None:
-            pivot = users_stars.from_table(table, pivot)[2]
+            middle = checked_pivot(pivot, source)
         with computing(table.path):
-            middle = source.mean(axis=-2) if pivot is None else pivot
             self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
+            self.findings: list[Finding] = diagnose(source, target, middle, table.named, **settings)
             exact = not self.fit.errors_known and fits_exactly(self.fit, source, target)
             errors = self.fit.standard_errors
             self._errors: FloatArray = np.full_like(errors, np.nan) if exact else errors
-            self.remarks = users_stars.unlike_pixels(source, self.fit.transform.pivot)
-            self.remarks += [*table.notes, *self._of_table(table)]
+        self.remarks = [*table.notes, *(one.text for one in self.findings)]
         self.model, self.transform = str(self.fit.model), self.fit.transform
         self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
-        if self.fit.degrees_of_freedom <= 0 and not self.fit.errors_known:
-            self.remarks.append("no star is to spare, so nothing tells how large the errors are")
-        elif exact:
-            self.remarks.append("the stars fit without any error, so no scatter tells its size")
         x, y = self.transform.pivot
         self.title = (
             f"{self.model} that lays {len(self.residuals)} stars on the target, pivot "
             f"({x:.6g}, {y:.6g}) px"
         )
-
-    def _of_table(self, table: StarTable) -> list[str]:
-        """What is to be said of the rows."""
-        found = users_stars.repeated(table)
-        if self._given.get("robust"):
-            return found + users_stars.dropped(table, np.asarray(self.fit.weights))
-        if self.fit.model in ROUND:
-            remedy = "a robust fit tolerates them"
-            found += users_stars.mismatched(table, self.fit.transform.pivot, remedy)
-        return found
 
     @property
     def covariance(self) -> FloatArray:
@@ -142,15 +135,24 @@ class Registered(_Measured):
     @property
     def source(self) -> str:
         """The text of the function that fits."""
+        from reproduce.views.objects.base import text_of
+
         return text_of(fit_registration)
 
+    def interval(self, level: float = LEVEL) -> FloatArray:
+        """Return the lowest and highest value of each parameter, shape (p, 2)."""
+        found = self.fit.interval(level)
+        found[np.isnan(self._errors)] = np.nan
+        return found
+
     def frame(self) -> pd.DataFrame:
-        """Return one row per parameter: unit, value and standard deviation.
+        """Return one row per parameter: unit, value, standard deviation and 95 % interval.
 
         Returns
         -------
         pandas.DataFrame
-            The deviation is NaN where the stars leave none to spare, or fit without any error.
+            The deviation is NaN where the stars leave none to spare, or fit without any error. The
+            interval follows Student's t with the degrees of freedom.
         """
         import pandas as pd
 
@@ -158,6 +160,7 @@ class Registered(_Measured):
             "unit": [UNITS.get(name, "1") for name in self.fit.names],
             "value": self.parameters,
             "standard deviation": self._errors,
+            **dict(zip(ENDS, self.interval().T, strict=True)),
         }
         return pd.DataFrame(columns, index=pd.Index(self.fit.names, name="parameter"))
 
@@ -165,18 +168,28 @@ class Registered(_Measured):
     def grid(self) -> Grid:
         """The parameters as a reader sees them, with two digits of their standard deviations."""
         rows = [
-            (name, unit, moments(value, error))
+            (name, unit, moments(value, error), f"{between(low, error)} to {between(high, error)}")
             if 0 < error < np.inf
-            else (name, unit, f"{round(value, ROUNDING):z.10g}")
-            for name, unit, value, error in self.frame().itertuples()
+            else (name, unit, f"{round(value, ROUNDING):z.10g}", "")
+            for name, unit, value, error, low, high in self.frame().itertuples()
         ]
-        return Grid(self.title, ("parameter", "unit", "value ± standard deviation"), rows)
+        heads = ("parameter", "unit", "value ± standard deviation", "95 % interval")
+        return Grid(self.title, heads, rows)
 
     def record(self) -> dict[str, Any]:
         """Return everything for other programs; what the stars do not tell is None."""
         parameters = [
-            {"name": name, "unit": unit, "value": value, "deviation": error}
-            for name, unit, value, error in self.frame().replace(np.nan, None).itertuples()
+            {
+                "name": name,
+                "unit": unit,
+                "value": value,
+                "deviation": error,
+                "low": low,
+                "high": high,
+            }
+            for name, unit, value, error, low, high in self.frame()
+            .replace(np.nan, None)
+            .itertuples()
         ]
         return {
             "model": self.model,
@@ -184,6 +197,7 @@ class Registered(_Measured):
             "pivot": self.transform.pivot.tolist(),
             "parameters": parameters,
             "residual_rms": float(np.sqrt(np.square(self.residuals).mean())),
+            "findings": [asdict(one) for one in self.findings],
             "remarks": self.remarks,
         }
 
@@ -196,10 +210,10 @@ class Registered(_Measured):
 
 def _stars(
     source: Any, target: ArrayLike | None, settings: dict[str, Any]
-) -> tuple[StarTable, dict[str, Any]]:
+) -> tuple[Table, dict[str, Any]]:
     """Read both images, and turn columns of sigma and weight into settings of the fit."""
     if is_table(source) and target is None:
-        table = read_table(source, users_stars.COLUMNS, SIDES)
+        table = read_table(source, STARS, SIDES)
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
         raise ValueError("target: expected nothing beside a file, which holds both images")
@@ -210,7 +224,7 @@ def _stars(
         if is_table(one) and len(one.columns) != 2:
             raise ValueError(f"{name}: expected the columns x and y, got {len(one.columns)}; "
                              "choose two, x before y")  # fmt: skip
-    table = table_of(users_stars.COLUMNS, *points.items())
+    table = table_of(STARS, *points.items())
     if table.notes:  # what is given of each star goes with it
         sizes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
         for name, axes in sizes.items():
@@ -220,7 +234,7 @@ def _stars(
     return table, settings
 
 
-def _known(table: StarTable, settings: Mapping[str, Any]) -> dict[str, Any]:
+def _known(table: Table, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return weights and the covariance of the target that the columns of a table give."""
     found: dict[str, Any] = {}
     given = table.optional

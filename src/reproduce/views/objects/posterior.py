@@ -26,7 +26,7 @@ from reproduce.views.platforms import platform_of
 from reproduce.views.writing.cite import beside
 from reproduce.views.writing.display import Grid, Html, columns, folded
 from reproduce.views.writing.export import export_frame
-from reproduce.views.writing.numbers import digits, minus, percent
+from reproduce.views.writing.numbers import digits, minus, moments, percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,7 +50,6 @@ __all__ = [
     "coverage_rows",
     "file_formats",
     "interval",
-    "moments",
     "spread",
 ]
 
@@ -601,18 +600,6 @@ def interval(row: Summary) -> tuple[str, str]:
     """Write mean ± standard deviation of a summary, and the ends of its 95 %."""
     _, _, low, high = spread(row)
     return moments(row.mean, row.deviation), minus(f"{low} to {high}")
-
-
-def moments(mean: float, deviation: float) -> str:
-    """Write mean ± standard deviation, to two digits of the latter.
-
-    Examples
-    --------
-    >>> moments(-0.99756643, 1.1e-5)
-    '−0.997566 ± 0.000011'
-    """
-    decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
-    return minus(f"{mean:z.{decimals}f} ± {deviation:.{decimals}f}")
 
 
 def coverage_rows(stored: Ranks) -> list[tuple[str, ...]]:

@@ -6,14 +6,13 @@ import math
 import re
 from typing import TYPE_CHECKING
 
-from reproduce.papers.study import LEAST_DRAWS, Column, Fact
-
 if TYPE_CHECKING:
     from reproduce.inference.checks import Share
+    from reproduce.papers.study import Column, Fact
 
 __all__ = [
-    *("chance", "digits", "entry", "fact", "hyphen", "minus", "percent", "powers"),
-    *("powers_in_html", "shared"),
+    *("between", "chance", "digits", "entry", "fact", "hyphen", "minus", "moments", "percent"),
+    *("powers", "powers_in_html", "shared"),
 ]
 
 # Below this a probability is written with its power of ten.
@@ -70,6 +69,7 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
 
     Examples
     --------
+    >>> from reproduce.papers.study import Column
     >>> entry(1.0, Column("RMSE (px)", "±"), (0.0423, "")), entry(2e-9, Column("p", "chance"))
     ('1.000 ± 0.042', '10⁻⁹')
     """
@@ -91,9 +91,12 @@ def fact(quoted: Fact) -> str:
 
     Examples
     --------
+    >>> from reproduce.papers.study import Fact
     >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
     ('0.04\u202fpx', 'Table 2')
     """
+    from reproduce.papers.study import Column  # only now: a user's own stars need no paper
+
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
     return f"{text}\u202f{quoted.unit}" if quoted.unit else text
 
@@ -150,6 +153,8 @@ def chance(value: float, mcse: float) -> str:
 
 def _counted(probability: float, draws: int, least: float) -> str:
     """Write a probability by its count where the draws can tell, else as a power of ten."""
+    from reproduce.papers.study import LEAST_DRAWS  # only now: a user's own stars need no paper
+
     if probability * draws >= LEAST_DRAWS:
         return chance(probability, math.sqrt(probability * max(2 - probability, 0) / draws))
     if probability >= 1e-3:
@@ -218,3 +223,21 @@ def shared(share: Share) -> str:
         return f"{text} ± {share.error:.1g}"
     kept = math.floor(math.log10(share.value)) - math.ceil(math.log10(2 * share.error))
     return f"{share.value:.{max(kept, 0)}e} ± {share.error:.0e}"
+
+
+def moments(mean: float, deviation: float) -> str:
+    """Write mean ± standard deviation, to two digits of the latter.
+
+    Examples
+    --------
+    >>> moments(-0.99756643, 1.1e-5)
+    '−0.997566 ± 0.000011'
+    """
+    decimals = max(0, 1 - math.floor(math.log10(deviation)))
+    return minus(f"{mean:z.{decimals}f} ± {deviation:.{decimals}f}")
+
+
+def between(end: float, deviation: float) -> str:
+    """Write an end of an interval, to two digits of the standard deviation."""
+    decimals = max(0, 1 - math.floor(math.log10(deviation)))
+    return minus(f"{end:z.{decimals}f}")

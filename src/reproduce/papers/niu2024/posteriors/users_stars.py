@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.inference.model import Model
 from reproduce.inference.models.joint import CHANNELS, joint_model
-from reproduce.inference.models.least_squares import robust_similarity
 from reproduce.inference.models.mixture import mixture_model
 from reproduce.inference.models.registration import (
     free_priors,
@@ -25,27 +23,18 @@ from reproduce.inference.models.variants import (
 )
 from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
 from reproduce.papers.declare_posterior import File, Pivot
-from reproduce.physics.validate import FloatArray, number_array
-from reproduce.store.points import Table, TableFileError
+from reproduce.physics.registration.diagnosis import checked_pivot, diagnose, rounded
+from reproduce.physics.validate import FloatArray
+from reproduce.store.points import STARS, Table, TableFileError
 
-__all__ = [
-    "COLUMNS", "JOINT", "dropped", "from_table", "mismatched", "repeated", "unlike_pixels",
-]  # fmt: skip
+__all__ = ["JOINT"]
 
-COLUMNS = ("x", "y", "x_reference", "y_reference")
 JOINT_COLUMNS = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
 # Of the field: how far a distortion may move a star beforehand, or so many times the residuals, but
 # never so far that it cannot be undone.
 SHARE, RESIDUALS, MOST = 1e-3, 10.0, 0.03
-# A pivot further away, in fields, takes the digits of the shift.
-FURTHEST = 100.0
 # Fewer stars do not tell a wrong match from noise.
 FEW = 10
-# Most decimals that coordinates are looked at for. Rounded stars that the transform moves apart by
-# less than `APART` of the last one, more than a `TIED` share of them alike, hide their noise in it.
-DECIMALS, APART, TIED = 9, 0.5, 0.1
-# Stars that span less, in px, are perhaps in another unit.
-SMALL = 50.0
 
 
 def plain(table: Table, pivot: Pivot) -> Model:
@@ -124,16 +113,10 @@ def pivots(table: Table, pivot: Pivot | FloatArray) -> list[FloatArray]:
     channels = [table.values[:, i : i + 2] for i in range(0, len(table.columns) - 2, 2)]
     if pivot is None:
         return [points.mean(axis=0) for points in channels]
-    for points in channels:
-        away = float(np.abs(points.mean(axis=0) - pivot).max())
-        field = float(np.ptp(points, axis=0).max())
-        # Of stars in one place their number is to be told, or that they coincide.
-        if field and not away <= FURTHEST * field:
-            raise TableFileError(
-                f"pivot: expected a point within {FURTHEST:g} fields of the stars, got "
-                f"{pivot[0]:g}, {pivot[1]:g}; give the channel's principal point, in px"
-            )
-    return [np.array(pivot)] * len(channels)
+    try:
+        return [checked_pivot(pivot, points) for points in channels]
+    except ValueError as error:
+        raise TableFileError(str(error)) from error
 
 
 def _free(
@@ -145,89 +128,22 @@ def _free(
         raise TableFileError(f"{table.path}: {error}") from error
 
 
-def remarks(table: Table, pivot: Pivot) -> list[str]:
-    """What a user should hear of the stars: another unit, repeated lines, likely mismatches."""
-    found = unnamed(table, pivot)
+def remarks(table: Table, pivot: Pivot, model: str = "similarity") -> list[str]:
+    """What a user should hear of the stars, in the words of `reproduce.register`."""
+    found: dict[str, None] = {}
     for i, centre in enumerate(pivots(table, pivot)):
-        found += mismatched(table, centre, "registration-mixture names them", i)
-    return found
+        source = table.values[:, 2 * i : 2 * i + 2]
+        stars = (source, table.values[:, -2:], centre, table.named)
+        try:
+            found |= dict.fromkeys(one.text for one in diagnose(*stars, model=model))
+        except ValueError as error:
+            raise TableFileError(f"{table.path}: {error}") from error
+    return list(found)
 
 
 def unnamed(table: Table, pivot: Pivot) -> list[str]:
     """The same but for mismatches, which the mixture names itself."""
-    return unlike_pixels(table.values[:, :2], pivots(table, pivot)[0]) + repeated(table)
-
-
-def from_table(table: Table, pivot: ArrayLike | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Stars of a channel and of its reference channel, both (n, 2), and the pivot, in px."""
-    about = None if pivot is None else number_array("pivot", pivot, shape=(2,))
-    return table.values[:, :2], table.values[:, 2:], pivots(table, about)[0]
-
-
-def repeated(table: Table) -> list[str]:
-    """Name lines that repeat an earlier one."""
-    _, first, where = np.unique(table.values, axis=0, return_index=True, return_inverse=True)
-    again = [i for i in range(len(table.values)) if first[where.ravel()[i]] != i]
-    if not again:
-        return []
-    return [
-        f"{len(again)} of {len(table.values)} {table.kind}s repeat an earlier one "
-        f"({table.named(again)}): each counts as a star of its own"
-    ]
-
-
-def mismatched(table: Table, pivot: FloatArray, remedy: str, channel: int = 0) -> list[str]:
-    """Name stars of a channel that do not fit the others, and what tolerates them."""
-    source, target = table.values[:, 2 * channel : 2 * channel + 2], table.values[:, -2:]
-    if len(target) < FEW:
-        return []
-    if told := rounded(np.hstack([source, target])):
-        return [f"{told}: their noise is lost in the rounding"]
-    fit = robust_similarity(source, target, pivot)
-    if not len(fit.suspects):
-        return []
-    return [
-        f"{len(fit.suspects)} of {len(target)} stars do not fit the others "
-        f"({table.named(fit.suspects)}; up to {fit.off[fit.suspects[0]]:.3g} standard "
-        f"deviations off): wrong matches? {remedy}"
-    ]
-
-
-def rounded(stars: FloatArray) -> str:
-    """Say how many stars, (n, 4), rounding has moved alike; nothing where it does not matter."""
-    source, target = stars[:, :2], stars[:, -2:]
-    scaled = (stars * 10.0**decimals for decimals in range(DECIMALS))
-    whole = (np.allclose(one, one.round(), rtol=0, atol=1e-6) for one in scaled)
-    decimals = next((at for at, found in enumerate(whole) if found), None)
-    if decimals is None:
-        return ""
-    digit = 10.0**-decimals
-    scale, theta = robust_similarity(source, target, source.mean(axis=0)).fit.parameters[:2]
-    apart = max(abs(scale - 1), abs(theta)) * float(np.ptp(source, axis=0).max())
-    moved = ((target - source) / digit).round()
-    alike = int(np.unique(moved, axis=0, return_counts=True)[1].max())
-    if apart > APART * digit or alike <= max(2, TIED * len(stars)):
-        return ""
-    return f"{alike} of {len(stars)} stars moved alike to the last digit, {digit:g} px"
-
-
-def dropped(table: Table, weights: FloatArray) -> list[str]:
-    """Name stars to which a robust fit gave no weight."""
-    rows = np.flatnonzero(weights == 0).tolist()
-    if not rows:
-        return []
-    return [f"{len(rows)} of {len(weights)} stars count for nothing ({table.named(rows)})"]
-
-
-def unlike_pixels(points: FloatArray, pivot: FloatArray) -> list[str]:
-    """Ask after the unit of stars, shape (n, 2), that are small or far from their pivot."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    field = float((high - low).max())
-    outside = float(np.maximum(low - pivot, pivot - high).max())
-    far = f", and the pivot lies {outside:.4g} outside them" if outside > field else ""
-    if far or field < SMALL:
-        return [f"the stars span {field:.4g}{far} (are these pixels?)"]
-    return []
+    return [text for text in remarks(table, pivot) if "do not fit the others" not in text]
 
 
 def _share(table: Table) -> float:
@@ -235,10 +151,8 @@ def _share(table: Table) -> float:
 
 
 PLACES = "one star per line, in px: its place in the channel and in the reference channel"
-PLAIN, DISTORTION = (
-    File(COLUMNS, PLACES, read, remarks, pivot=True) for read in (plain, distortion)
-)
-MIXTURE = File(COLUMNS, PLACES, mixture, unnamed, pivot=True)
+PLAIN, DISTORTION = (File(STARS, PLACES, read, remarks, pivot=True) for read in (plain, distortion))
+MIXTURE = File(STARS, PLACES, mixture, unnamed, pivot=True)
 JOINT = File(
     JOINT_COLUMNS, "one star per line, in px: its places in the three channels", joint, remarks,
     pivot=True,

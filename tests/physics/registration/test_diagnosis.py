@@ -1,0 +1,137 @@
+"""One diagnosis of stars: what is named, what is cured, and how often it errs."""
+
+import numpy as np
+import pytest
+
+from reproduce.physics.registration import diagnosis
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
+
+PIVOT = np.array([1000.0, 1000.0])
+TRUE = {
+    "similarity": [0.9976, 0.01, 3.0, -2.0],
+    "similarity+radial": [1.0, 0.002, 3.0, 1.0, 5e-10],
+    "affine": [1.001, 0.0, 0.0003, 1.0, 3.0, 1.0],
+}
+
+
+def stars(seed, count, model="similarity", noise=0.05, batch=()):
+    """The same stars in both images."""
+    generator = np.random.default_rng([seed, count])
+    source = generator.uniform(0, 2000, (*batch, count, 2))
+    target = Registration(model, np.array(TRUE[model]), PIVOT).apply(source)
+    return source, target + noise * generator.standard_normal(source.shape), generator
+
+
+def kinds(source, target, **settings):
+    return [one.kind for one in diagnosis.diagnose(source, target, PIVOT, **settings)]
+
+
+@pytest.mark.parametrize("model", ["similarity+radial", "affine"])
+def test_distortion_is_called_distortion_and_the_cure_can_be_followed(model):
+    source, target, _ = stars(1, 845, model, 0.02)
+    (found,) = diagnosis.diagnose(source, target, PIVOT)
+    assert found.kind == "model"
+    assert f'take model="{model}"' in found.text
+    assert kinds(source, target, model=model) == []
+
+
+def test_distortion_hides_no_wrong_match():
+    source, target, _ = stars(2, 200, "similarity+radial", 0.02)
+    target[[7, 30]] += [[5, 0], [0, 9]]
+    model, wrong = diagnosis.diagnose(source, target, PIVOT)
+    assert model.kind == "model"
+    assert set(wrong.rows) == {7, 30}
+    assert wrong.rows[0] == 30  # the furthest first
+
+
+def test_a_field_of_right_matches_is_seldom_doubted():
+    """By both laws: at most ALARM of fields, and BETTER for each of two richer models."""
+    doubted = 0
+    for seed in range(400):
+        source, target, _ = stars(seed, (10, 12, 20, 50)[seed % 4])
+        doubted += bool(kinds(source, target))
+    assert doubted <= 4  # 0.5 expected; five or more have a chance of 0.0002
+
+
+@pytest.mark.parametrize("count", [8, 20, 100])
+def test_a_star_ten_deviations_off_is_found(count):
+    found = 0
+    for seed in range(50):
+        source, target, generator = stars(seed, count)
+        turn = generator.uniform(0, 2 * np.pi)
+        target[3] += 0.6 * np.array([np.cos(turn), np.sin(turn)])
+        found += diagnosis.wrong_matches(source, target, PIVOT)[3] > 0
+    assert found >= {8: 30, 20: 49, 100: 50}[count]
+
+
+def test_more_stars_than_pairs_can_be_taken_of_are_fitted_robustly():
+    source, target, generator = stars(3, 20_000)
+    wrong = generator.choice(len(source), 6000, replace=False)
+    target[wrong] = generator.uniform(0, 2000, (6000, 2))
+    fit = fit_registration(source, target, PIVOT, robust=True)
+    assert (fit.weights[wrong] == 0).mean() > 0.999
+    assert np.abs((fit.parameters - TRUE["similarity"]) / fit.standard_errors).max() < 4
+
+
+@pytest.mark.parametrize(
+    ("kind", "change"),
+    [
+        ("unit", lambda s, t: (s / 100, t / 100)),
+        ("unit", lambda s, t: (s, t / 150)),
+        ("repeated", lambda s, t: (np.vstack([s, s[:2]]), np.vstack([t, t[:2]]))),
+        ("shared", lambda s, t: (np.vstack([s, s[:2]]), np.vstack([t, t[:2] + 0.01]))),
+        ("line", lambda s, t: (s * [1, 0], s * [1, 0] + 0.05 * np.sin(s))),
+        ("exact", lambda s, _: (s, s + 3)),
+        ("spare", lambda s, t: (s[:2], t[:2])),
+        ("rounded", lambda s, t: (s.round(1), (s + 3 + 0.05 * np.sin(t)).round(1))),
+    ],
+)
+def test_every_other_doubt_is_named(kind, change):
+    source, target, _ = stars(4, 40)
+    assert kind in kinds(*change(source, target))
+    assert kinds(source, target) == []
+
+
+def test_given_errors_are_held_against_the_scatter():
+    source, target, _ = stars(5, 60)
+    assert kinds(source, target, target_covariance=0.05**2 * np.eye(2)) == []
+    (found,) = diagnosis.diagnose(source, target, PIVOT, target_covariance=0.025**2 * np.eye(2))
+    assert found.kind == "errors"
+    assert float(found.text.split()[3]) == pytest.approx(2, rel=0.2)
+
+
+# Stars, wrong ones of them. One wrong of three, and two of four or five, cannot be told.
+COVERED = [
+    *((n, 0) for n in (3, 4, 5, 8, 10, 20, 80)),
+    *((4, 1), (5, 1), (8, 2), (8, 3), (10, 2), (10, 4), (20, 1), (20, 4), (20, 8)),
+    *((80, 4), (80, 16), (80, 32)),
+]
+
+
+@pytest.mark.parametrize(("count", "wrong"), COVERED)
+def test_intervals_cover(count, wrong):
+    """Plain fits without wrong matches, robust ones with: shares within Monte Carlo error."""
+    sets = 1000
+    source, target, generator = stars(6, count, batch=(sets,))
+    target[:, :wrong] = generator.uniform(0, 2000, (sets, wrong, 2))
+    for robust in (False, True) if count > 3 and not wrong else (wrong > 0,):
+        fit = fit_registration(source, target, PIVOT, robust=robust)
+        for level in (0.6827, 0.95):
+            low, high = np.moveaxis(fit.interval(level), -1, 0)
+            held = ((low <= TRUE["similarity"]) & (TRUE["similarity"] <= high)).mean(axis=0)
+            # Four deviations: one of some 300 shares would be off with a chance of 0.02.
+            assert np.abs(held - level).max() < 4 * np.sqrt(level * (1 - level) / sets)
+
+
+def test_few_stars_of_a_robust_fit_are_said_to_tell_one_wrong_match():
+    source, target, _ = stars(7, 5)
+    assert kinds(source, target, robust=True) == ["few"]
+    with pytest.raises(ValueError, match="four or more points for a robust fit, got 3"):
+        fit_registration(source[:3], target[:3], PIVOT, robust=True)
+
+
+def test_a_pivot_that_takes_the_digits_is_refused():
+    source, _, _ = stars(8, 5)
+    with pytest.raises(ValueError, match="within 100 fields"):
+        diagnosis.checked_pivot(np.array([1e15, 0.0]), source)
