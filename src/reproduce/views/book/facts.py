@@ -175,8 +175,10 @@ def _of_evidence() -> dict[str, str]:
         "blind": str((~seen.groupby(planted["cell"]).any()).sum()),
     }
     for row in stored.table("two-readings").itertuples():
-        for what in ("first", "second", "both", "merging", "missed", "error"):
-            found[f"{row.what}-{what}"] = f"{getattr(row, what):.0f}"
+        for what in ("first", "second", "both", "merging"):
+            found[f"{row.what}-{what}"] = str(getattr(row, what))
+        for what in ("missed", "error"):
+            found[f"{row.what}-{what}"] = f"{getattr(row, what):.1f}"
     for row in stored.table("rounding-residuals").itertuples():
         name = f"{row.paper}-{row.against}"
         found[f"{name}-telling"] = str(row.telling)
