@@ -27,7 +27,7 @@ from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED
 from reproduce.physics.registration.transforms import MODELS, as_complex, as_points
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
-__all__ = ["outlier_weights", "repeated_median"]
+__all__ = ["TUKEY", "outlier_weights", "repeated_median"]
 
 # Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
 # 92.9 % for the length of a residual in two.
