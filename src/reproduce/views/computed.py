@@ -94,7 +94,8 @@ def item_ledger(*keys: str) -> Ledger:
     whole = whole_ledger()
     records = tuple(record for record in whole.records if record.key in keys)
     tables = tuple(table for table in whole.tables if table.key in keys)
-    return Ledger(records=records, tables=tables, altered=whole.altered)
+    readings = tuple(one for one in whole.readings if one.key in keys)
+    return Ledger(records=records, tables=tables, readings=readings, altered=whole.altered)
 
 
 @cache
