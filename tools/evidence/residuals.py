@@ -115,7 +115,9 @@ def _laws(
     table = library()[computation.key]
     door = given(computation.given)
     centre = computation(door)
-    cells = [table[name] for name in centre if table[name].address in judged]
+    # What has several readings has several laws.
+    single = [name for name, value in centre.items() if isinstance(value, int | float)]
+    cells = [table[name] for name in single if table[name].address in judged]
     cells = [c for c in cells if not (c.number.is_bound or c.number.qualifier == "about")]
     cells = [c for c in cells if c.number.half_unit]
     if not cells:

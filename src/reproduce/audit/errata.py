@@ -9,7 +9,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from reproduce.audit.equations import Demonstration
-from reproduce.audit.examine import Finding
+from reproduce.audit.examine import Examined
 from reproduce.audit.relation import Finder
 from reproduce.audit.report import Audit
 from reproduce.printed.cells import PAPERS
@@ -49,7 +49,7 @@ class Erratum(BaseModel):
     relations: list[str] = []
     equations: list[str] = []
 
-    def findings(self, audit: Audit) -> list[Finding]:
+    def findings(self, audit: Audit) -> list[Examined]:
         """Return the findings of the relations that the entry names."""
         return [f for f in audit.findings if self.names(f.relation.name)]
 

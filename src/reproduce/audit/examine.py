@@ -23,7 +23,7 @@ from reproduce.printed.units import si_factor
 __all__ = [
     "OUTCOMES",
     "Agreement",
-    "Finding",
+    "Examined",
     "RelationOutcome",
     "agreements",
     "by_value",
@@ -40,7 +40,7 @@ _OTHER_RULES: tuple[RoundingRule, ...] = ("truncation", "ceiling")
 
 
 @dataclass(frozen=True)
-class Finding:
+class Examined:
     """What became of one relation.
 
     `left` and `right` are its sides with the printed values inserted, in SI; NaN with an unknown
@@ -141,7 +141,7 @@ def by_value(relations: Iterable[Relation]) -> list[Relation]:
     return [relation for relation in relations if relation.kind != "print"]
 
 
-def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Finding]:
+def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     """Say of every relation, in order, whether it agrees, only through rounding, or contradicts."""
     wrong = contradicted(cells, relations)
     lifted = {rule: wrong - contradicted(cells, relations, rule) for rule in _OTHER_RULES}
@@ -155,7 +155,7 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Finding]:
             plain = rules & _NEAREST or _agrees(relation, cells, left, right)
             outcome = "agrees" if plain else "agrees only through rounding"
         rescue = next((rule for rule, names in lifted.items() if relation.name in names), "")
-        findings.append(Finding(relation, outcome, left, right, rules, rescue))
+        findings.append(Examined(relation, outcome, left, right, rules, rescue))
     return findings
 
 
@@ -190,7 +190,7 @@ def _agrees(relation: Relation, cells: Sheet, left: float, right: float) -> bool
     return relation.missed_by(left, right) <= room
 
 
-def rounding_votes(findings: Iterable[Finding]) -> dict[str, int]:
+def rounding_votes(findings: Iterable[Examined]) -> dict[str, int]:
     """Count, over the results that tell them apart, how many each rounding rule prints.
 
     Results printed by all rules or by none are not counted.

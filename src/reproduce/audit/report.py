@@ -12,7 +12,7 @@ from reproduce.audit.equations import Demonstration, demonstrations
 from reproduce.audit.examine import (
     OUTCOMES,
     Agreement,
-    Finding,
+    Examined,
     RelationOutcome,
     agreements,
     examine,
@@ -46,7 +46,7 @@ class Audit:
 
     name: str
     cells: Sheet
-    findings: tuple[Finding, ...]
+    findings: tuple[Examined, ...]
     conflicts: tuple[Conflict, ...]
     groups: tuple[Group, ...]
     unknowns: dict[str, Agreement]
@@ -66,17 +66,17 @@ class Audit:
         return tuple(a for a in self.cells if a in found and a not in self.examined)
 
     @property
-    def read(self) -> tuple[Finding, ...]:
+    def read(self) -> tuple[Examined, ...]:
         """The findings on what the paper says, without those that rest on a supposition of ours."""
         return tuple(f for f in self.findings if not f.relation.supposition)
 
     @property
-    def supposed(self) -> tuple[Finding, ...]:
+    def supposed(self) -> tuple[Examined, ...]:
         """The findings that rest on a supposition of ours."""
         return tuple(f for f in self.findings if f.relation.supposition)
 
     @property
-    def restating(self) -> tuple[Finding, ...]:
+    def restating(self) -> tuple[Examined, ...]:
         """The findings on what the paper says that restate a number the library computes."""
         return tuple(f for f in self.read if f.relation.restates)
 
@@ -101,7 +101,7 @@ class Audit:
                 counts[address] = counts.get(address, 0) + 1
         return counts
 
-    def finding(self, name: str) -> Finding:
+    def finding(self, name: str) -> Examined:
         """Return the finding on one relation, or raise KeyError."""
         for finding in self.findings:
             if finding.relation.name == name:

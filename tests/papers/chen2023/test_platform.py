@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence, default_rng
 
-from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin, posteriors
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
 from reproduce.papers.chen2023.figures import platform as figures
 from reproduce.papers.chen2023.platform import (
     SPOTS,
     angle_response,
+    as_designed,
     designed_positions,
     scatter,
     tracker,
@@ -62,7 +63,7 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
     numeric = (full_solution(PRINTED + moves) - full_solution(PRINTED - moves)) / (2 * step)
     response = angle_response(DOOR)[:2].reshape(2, 8).T
     np.testing.assert_allclose(response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max())
-    np.testing.assert_array_equal(posteriors.platform(DOOR).principal_point, [511.5, 511.5])
+    np.testing.assert_array_equal(as_designed(DOOR).principal_point, [511.5, 511.5])
 
 
 def test_the_centre_of_the_detector_is_where_pixels_are_counted_from_zero():

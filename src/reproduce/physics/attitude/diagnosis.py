@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
 __all__ = ["Finding", "diagnose", "refuse", "seen"]
 
@@ -276,7 +276,7 @@ class _Pattern:
         chance, plain, left, _ = self.fit(design)
         if chance > ALARM / QUESTIONS:
             return []
-        tried = [(cause, *self.fit(cause)) for cause in self.causes()]
+        tried = [(cause, *found) for cause in self.causes() if (found := self.tried(cause))]
         good = [one for one in tried if one[1] > ALARM / QUESTIONS]
         if not good and tried:
             best = min(tried, key=lambda one: one[2])
@@ -323,6 +323,13 @@ class _Pattern:
         if 0.8 < scale / (self.platform.pixel_pitch * MILLIMETRES) < 1.25:
             return "the spots look like millimetres, expected px"
         return "a focal length, the pixel pitch or the unit of the spots is wrong"
+
+    def tried(self, cause: _Cause) -> tuple[float, float, FloatArray, float] | None:
+        """Return `fit`; none where the cause leaves a turn free, as of a mirrored square."""
+        try:
+            return self.fit(cause)
+        except DegenerateGeometryError:
+            return None
 
     def fit(self, cause: _Cause) -> tuple[float, float, FloatArray, float]:
         """Return the chance of such a misfit, the misfit per degree of freedom, what is left, size.

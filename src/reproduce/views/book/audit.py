@@ -10,7 +10,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from reproduce.audit.errata import Erratum
-from reproduce.audit.examine import Finding
+from reproduce.audit.examine import Examined
 from reproduce.audit.report import Audit, Group
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record
@@ -83,7 +83,7 @@ def relations(paper: str) -> Html:
     return Html(shown)
 
 
-def _relations_table(findings: Sequence[Finding], audit: Audit, caption: str) -> Markup:
+def _relations_table(findings: Sequence[Examined], audit: Audit, caption: str) -> Markup:
     heads = ("Relation", "What should hold", "With the printed values", "Outcome", "Source")
     rows = []
     for finding in findings:
@@ -117,7 +117,7 @@ def _cell_link(number: str) -> Markup:
     return link + (f" {reading}" if reading else "")
 
 
-def _badge(finding: Finding) -> Markup:
+def _badge(finding: Examined) -> Markup:
     badge = Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(
         _BADGES[finding.outcome], finding.outcome
     )

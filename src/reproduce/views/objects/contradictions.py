@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from reproduce.audit.corrections import Correction
 from reproduce.audit.errata import Erratum, register
-from reproduce.audit.examine import Agreement, Finding
+from reproduce.audit.examine import Agreement, Examined
 from reproduce.audit.report import Audit, Group, audit_table
 from reproduce.audit.rounding import sheet
 from reproduce.locate import data_folders
@@ -119,7 +119,7 @@ def within_paper(address: str) -> str:
     return address.partition("/")[2] or address
 
 
-def sides(finding: Finding, audit: Audit) -> str:
+def sides(finding: Examined, audit: Audit) -> str:
     """Write both sides of a relation with the printed values inserted.
 
     A relation that shares a number which is not printed is not worked out with some value of it:
@@ -303,7 +303,7 @@ def _plain(audit: Audit) -> dict[str, Any]:
     }
 
 
-def _relation(finding: Finding, audit: Audit) -> dict[str, Any]:
+def _relation(finding: Examined, audit: Audit) -> dict[str, Any]:
     relation, tolerance = finding.relation, finding.relation.tolerance
     plain = ("name", "declared", "source", "kind", "claim", "reading", "supposition", "restates")
     return {
