@@ -2,13 +2,16 @@
 
 import os
 import pty
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from hypothesis import assume, given, settings, strategies
 
+import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.views.cli import main
 
@@ -68,3 +71,35 @@ def test_a_terminal_sees_the_progress():
     os.close(ours)
     assert process.returncode == 0
     assert b"recomputing" in shown or b"done " in shown
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+@pytest.mark.parametrize("command", [["show", "niu2024/table-3"], ["audit", "chen2023"]])
+def test_a_stream_that_cannot_encode_a_sign_gets_a_plain_one(encoding, command):
+    environment = os.environ | {"PYTHONIOENCODING": encoding, "COLUMNS": "80"}
+    arguments = [sys.executable, "-m", "reproduce", *command]
+    result = subprocess.run(arguments, capture_output=True, env=environment, check=True)
+    shown = result.stdout.decode(encoding)
+    assert result.stderr == b""
+    assert not re.search(r"(?<!misprint)\?", shown)
+    assert re.search(r"-\d+\.\d", shown) or command[0] == "audit"
+
+
+def test_a_stream_without_room_is_one_line():
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "reproduce", "show", "niu2024/table-1"]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, check=False)
+    assert result.returncode == 1
+    assert result.stderr.decode().splitlines() == [
+        "reproduce: cannot write: No space left on device"
+    ]
+
+
+@pytest.mark.parametrize("columns", [24, 40, 60])
+def test_a_narrow_terminal_names_every_cell(columns):
+    environment = {"COLUMNS": str(columns), "TERM": "dumb"}
+    shown = CliRunner(env=environment).invoke(main, ["show", "niu2024/table-3"]).stdout
+    lines = shown.splitlines()
+    assert max(map(len, lines)) <= columns
+    for cell in rp.table("niu2024/table-3").cells()["cell"]:
+        assert any(line.startswith(cell.partition("#")[2]) for line in lines)

@@ -1,6 +1,7 @@
 """The command line: what it prints, and with which exit code it ends."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -77,8 +78,8 @@ def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
     )
     result = run("check", "niu2024/table-2", "niu2024/table-1")
     assert result.exit_code == 1
-    assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stderr
-    assert result.stderr.count("expected") == 1
+    assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stdout
+    assert result.stdout.count("expected") == 1
 
 
 @pytest.mark.parametrize(
@@ -98,7 +99,9 @@ def test_check_names_the_file_with_a_changed_input(tmp_path, monkeypatch, name, 
     monkeypatch.setattr(cells, "data_folders", lambda: (tmp_path,))
     result = run("check", "niu2024/table-2")
     assert result.exit_code == 1
-    assert f"data/printed/{name}.toml: not the file of its checksum" in result.stderr
+    assert f"data/printed/{name}.toml: not the file of its checksum" in " ".join(
+        result.stdout.split()
+    )
     as_json = run("check", "niu2024/table-2", "--json")
     assert as_json.exit_code == 1
     assert json.loads(as_json.stdout)["altered"] == [f"{name}.toml"]
@@ -108,7 +111,8 @@ def test_check_counts_weak_agreement_apart():
     """Table V's motions are differences of the positions beside them, its first less itself."""
     output = run("check", "chen2023/table-5").stdout
     assert "Weak agreement, counted apart: 17 difference." in output
-    assert output.splitlines()[3].split()[-1] == "17"
+    (line,) = [line for line in output.splitlines() if line.startswith("all ")]
+    assert line.split()[-1] == "17"
 
 
 @pytest.mark.parametrize("command", [["check"], ["show"], ["export", "--format", "csv"], ["cite"]])
@@ -136,34 +140,21 @@ def test_tables_fit_80_columns_uncut(command):
 def test_show_puts_computed_beside_printed():
     lines = run("show", "niu2024/table-3").stdout.splitlines()
     (row,) = [line for line in lines if "rotation.red" in line]
-    assert row.split() == ["rotation.red", "0.0698", "0.0700", "°", "consistent"]
+    assert row.split() == ["rotation.red", "0.0698°", "0.0700", "consistent"]
 
 
 @pytest.mark.parametrize("key", ["chen2023/table-5", "chen2023/text-resolution"])
-def test_show_names_each_reading_once_and_gives_what_it_makes_of_each_cell(key):
-    records = item_ledger(key).records
-    told = " ".join(run("show", key).stdout.partition("readings of the text")[2].split())
-    legend, _, body = told.partition("cell under each reading")
-    names = {
-        (one.name, f"{one.place}; added {one.added}")
-        for record in records
-        for one in record.readings
-    }
-    letters = {}
-    for name, place in names:
-        assert told.count(f" {name} ({place})") == 1
-        letters[name, place] = legend[legend.index(f" {name} ({place})") - 1]
-    assert sorted(letters.values()) == list("ABCDEFGHIJKLM"[: len(names)])
-    for record in records:
-        shown = "; ".join(
-            f"{letters[one.name, f'{one.place}; added {one.added}']} {verdicts.read(record, one)}"
-            for one in record.readings
-        )
-        assert " ".join(f"{verdicts.name_of(record)} {shown}".split()) in body or not shown
+def test_show_gives_what_each_reading_makes_of_each_cell(key):
+    shown = run("show", key, columns=400).stdout
+    for record in item_ledger(key).records:
+        for one in record.readings:
+            assert one.name in shown
+            assert f"{one.place}; added {one.added}" in shown
+            assert verdicts.read(record, one) in shown
 
 
 def test_wide_terminals_show_more():
-    assert "allowed or predicted" in run("show", "niu2024/table-3", columns=140).stdout
+    assert "Allowed or predicted" in run("show", "niu2024/table-3", columns=140).stdout
 
 
 def test_show_of_a_figure_says_how_to_draw_it():
@@ -220,8 +211,8 @@ def test_the_version_is_told():
 def test_show_takes_a_cell():
     result = run("show", "niu2024/table-2#scale.red")
     assert result.exit_code == 0
-    assert "printed: 0.9976" in result.output
-    assert "verdict: exact" in result.output
+    assert re.search("printed +0.9976 *\n", result.output)
+    assert re.search("verdict +exact", result.output)
 
 
 def test_show_reruns_under_a_change():
@@ -298,8 +289,9 @@ def test_a_figure_is_drawn_with_a_seed_and_says_how(tmp_path):
 def test_a_table_of_our_own_is_shown_with_a_seed():
     plain, seeded = (run("show", "chen2023/roll", *more).output for more in ((), ("--seed", "7")))
     assert "With seed = 7: a reader's own setting" in " ".join(seeded.split())
-    numbers = [shown.partition("Errors of")[0].splitlines()[-2:] for shown in (plain, seeded)]
+    numbers = [re.findall(r"\d+\.\d+", shown.partition("─" * 9)[2]) for shown in (plain, seeded)]
     assert numbers[0] != numbers[1]
+    assert all(numbers)
 
 
 @pytest.mark.parametrize("form", ["csv", "json", "latex", "markdown"])

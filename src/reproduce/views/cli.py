@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from collections.abc import Callable
@@ -29,9 +30,7 @@ from reproduce.views.cli_posteriors import (
     posterior,
 )
 from reproduce.views.keys import check_address, check_key
-from reproduce.views.objects.contents import score_table
-
-__all__ = ["main"]
+from reproduce.views.writing.display import PLAIN
 
 _CHANGE, _CHOICE = "CELL=VALUE", "NAME=ALTERNATIVE"
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
@@ -52,7 +51,28 @@ def _checked(check: Callable[[str], str]) -> Callable[..., Any]:
 _ADDRESS = click.argument("address", callback=_checked(check_address), metavar="KEY[#CELL]")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class _Streams(click.Group):
+    """Commands whose output suits any stream, and that say in one line where it has no room."""
+
+    def main(self, *arguments: Any, **settings: Any) -> Any:
+        """Run; what the stream cannot encode is written in plain signs."""
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors=PLAIN)
+        try:
+            try:
+                return super().main(*arguments, **settings)
+            finally:
+                sys.stdout.flush()
+        except BrokenPipeError:
+            sys.stdout = io.StringIO()  # nobody reads on; nothing is left to flush at the end
+            sys.exit(1)
+        except OSError as error:
+            sys.stdout = io.StringIO()
+            sys.exit(f"reproduce: cannot write: {error.strerror}")
+
+
+@click.group(cls=_Streams, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="reproduce")
 def main() -> None:
     """Recompute the printed numbers of niu2024 and chen2023, and judge every one.
@@ -73,9 +93,8 @@ def list_items(as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
     else:
-        console = Console()
-        for part in contents.listed(console.width):
-            console.print(part)
+        for grid in contents.listed():
+            grid.print(Console())
 
 
 @main.command()
@@ -91,12 +110,10 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
         found = front.check(*keys, progress=progress)
     if as_json:
         click.echo(found.ledger.model_dump_json(indent=2))
+        for line in found.faults():
+            click.echo(line, err=True)
     else:
-        Console().print(score_table(found.ledger))
-        for line in found.remarks():
-            click.echo(line)
-    for line in found.faults():
-        click.echo(line, err=True)
+        found.print(Console())
     if not found:
         sys.exit(1)
 

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
-from rich.padding import Padding
-from rich.text import Text
 
 from reproduce.views.objects.posterior import ENDINGS, Posterior, coverage_rows, file_formats
-from reproduce.views.writing.display import columns
+from reproduce.views.writing.display import Grid
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -123,9 +121,9 @@ def posterior(
 ) -> None:
     """Sample the posterior of MODEL and print its summary.
 
-    The first line says what the data are. A chain that misses a gate (R-hat, autocorrelation times,
-    effective sample sizes) is refused: the exit status is 1, and the steps needed are told. Where
-    the posterior leans on an end of a prior, a line says so; in JSON it is "at_prior_end".
+    Below the summary stands what the data are. A chain that misses a gate (R-hat, autocorrelation
+    times, effective sample sizes) is refused: the exit status is 1, and the steps needed are told.
+    Where the posterior leans on an end of a prior, a line says so; in JSON it is "at_prior_end".
     """
     if list_models:
         _list_models(as_json)
@@ -155,7 +153,7 @@ def posterior(
     if as_json:
         click.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
-        _show(wanted)
+        wanted.print(Console())
 
 
 def pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
@@ -235,22 +233,6 @@ def _carried(
         raise click.UsageError(f"--out: cannot use {out}: {error.strerror or error}") from error
 
 
-def _show(wanted: Posterior) -> None:
-    console, found = Console(), wanted.sampled
-    console.print(f"Data: {wanted.told}", highlight=False, markup=False)
-    console.print(f"{wanted.name}: {wanted.declared.title}", style="bold", highlight=False)
-    console.print(wanted.table())
-    console.print(
-        f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
-        f"{found.chain.shape[1]} steps each; "
-        f"acceptance {min(found.acceptance):.2f} to {max(found.acceptance):.2f}; "
-        f"seed {found.seed}",
-        highlight=False,
-    )
-    for line in wanted.lines:
-        console.print(f"{line}.", style="bold", highlight=False, markup=False)
-
-
 def _list_models(as_json: bool) -> None:
     from reproduce.papers.posteriors import posteriors
 
@@ -260,14 +242,10 @@ def _list_models(as_json: bool) -> None:
         click.echo(json.dumps(titles, indent=2, ensure_ascii=False))
         return
     rows = [(name, known[name].paper, title) for name, title in titles.items()]
-    heads = ("model", "paper", "about")
-    console = Console()
-    console.print(columns(heads, rows, ruled=True, words=3, whole=(0, 1)))
-    console.print("A CSV for --data has a line of column names, then numbers:", highlight=False)
-    for models, names, meaning in file_formats():
-        if names:
-            console.print(Padding(Text(f"{models}:"), (0, 0, 0, 1)))
-            console.print(Padding(Text(f"{names}; {meaning}"), (0, 0, 0, 3)))
+    Grid("", ("model", "paper", "about"), rows, words=3, whole=(0, 1)).print(Console())
+    files = [file for file in file_formats() if file[1]]
+    told = "A CSV for --data has a line of column names, then numbers."
+    Grid(told, ("models", "columns", "what they hold"), files, words=3).print(Console())
 
 
 def _known(model: str | None) -> str:
@@ -327,7 +305,7 @@ def calibrate(
         if store:
             calibrations.store(name, found, seed)
     heads = ("quantity", "evenness, p", "50 % covers", "95 % covers", "published, 95 %")
-    Console().print(columns(heads, coverage_rows(found), ruled=True))
+    Grid("", heads, coverage_rows(found)).print(Console())
     click.echo(f"{found.replicates} replicates, {int(found.failed.sum())} of them failed.")
 
 

@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rich.console import RenderableType
-
 from reproduce.judge.rerun import Rerun
 from reproduce.printed.units import symbol
 from reproduce.views.objects.base import setting
-from reproduce.views.writing.display import Display, Grid
+from reproduce.views.writing.display import Block, Display, Grid
 from reproduce.views.writing.numbers import minus
 from reproduce.views.writing.verdicts import joint_chance
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Changed"]
 
 
 class Changed(Display):
@@ -114,9 +110,6 @@ class Changed(Display):
         head, rows = [head[i] for i in filled], [tuple(row[i] for i in filled) for row in rows]
         return Grid(self._caption(), head, rows, whole=range(1, len(head)))
 
-    def _repr_html_(self) -> str:
-        return self.grid._repr_html_()
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
+    def blocks(self) -> Iterator[Block]:
         """Yield the cells and what was changed."""
-        yield from self.grid.parts(width)
+        yield self.grid

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from rich.console import RenderableType
-
 from reproduce.audit.relation import Relation, relations_of
 from reproduce.audit.report import paper_sheet
 from reproduce.audit.solve import enclosure
@@ -23,12 +21,10 @@ from reproduce.printed.units import si_factor
 from reproduce.views import keys
 from reproduce.views.objects.contents import score_table
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.display import Display
+from reproduce.views.writing.display import Block, Display
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Check", "disagreement", "disagreements"]
 
 # Far above the noise of double precision, far below what any rounding of print moves.
 _NOISE = 1e-9
@@ -88,7 +84,7 @@ class Check(Display):
         ]
         return lines + self.disagreements
 
-    def parts(self, width: int) -> Iterator[RenderableType]:
+    def blocks(self) -> Iterator[Block]:
         """Yield the score, and what is not as frozen."""
         yield score_table(self.ledger)
         yield from (*self.remarks(), *self.faults())

@@ -7,9 +7,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
-from rich.console import RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.studies import studies
@@ -21,12 +18,10 @@ from reproduce.views.computed import item_ledger
 from reproduce.views.objects.base import by_row
 from reproduce.views.objects.wall import legend, wall
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.display import Display, Entry, Grid, columns
+from reproduce.views.writing.display import Block, Display, Entry, Fold, Grid, Html, badge
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Contents", "score_table"]
 
 
 class Contents(Display):
@@ -79,19 +74,17 @@ class Contents(Display):
             {key: row | verdicts.tally(self._ledger.of(key)) for key, row in named.items()}
         )
 
-    def listed(self, width: int) -> Iterator[Table]:
-        """Yield the items and the tables of our own for a terminal, without the score."""
+    def listed(self) -> Iterator[Grid]:
+        """Yield the items and the tables of our own, without the score."""
         rows = [(key, keys.place(key), keys.title(key)) for key in self.keys]
-        own = [(key, studies()[key].title) for key in self.own]
-        look: dict[str, Any] = {"ruled": True, "whole": (0,), "width": min(width, 110)}
-        yield columns(("key", "in the paper", "what"), rows, words=3, **look)
-        if own:
-            yield columns(("our own tables", "what"), own, words=2, **look)
+        yield Grid("", ("key", "in the paper", "what"), rows, words=3, whole=(0,))
+        if self.own:
+            own = [(key, studies()[key].title) for key in self.own]
+            yield Grid("", ("our own tables", "what"), own, words=2, whole=(0,))
 
     @property
     def index(self) -> Grid:
         """Every item in order of print, with its cells by verdict; each leads to its place."""
-        badge = Markup('<span class="rp-badge rp-badge-{0}">{0}</span>').format
         rows: list[list[Entry]] = []
         for key in self.keys:
             held = key in library()
@@ -104,31 +97,23 @@ class Contents(Display):
         caption = "Tables, figures and quoted numbers, in order of print."
         return Grid(caption, ["", "", *map(badge, VERDICTS)], rows, kind="rp-score rp-index")
 
-    def _repr_html_(self) -> str:
+    def blocks(self) -> Iterator[Block]:
+        """Yield every number as a mark, and the same as lists: items, tables of our own, score."""
         parts, records = [], self._ledger.records
         for paper in (self.paper,) if self.paper else PAPERS:
             own = [record for record in records if record.key.startswith(f"{paper}/")]
             parts += [Markup('<p class="rp-wall-paper">{}</p>').format(paper), wall(own)]
-        return str(Markup("\n").join([*parts, legend(records)]))
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the list of items, that of our own tables, and the score."""
-        yield from self.listed(width)
-        yield score_table(self._ledger)
+        yield Html(Markup("\n").join([*parts, legend(records)]))
+        yield Fold("The same in words", (*self.listed(), score_table(self._ledger)))
 
 
-def score_table(ledger: Ledger) -> Table:
-    """Return the number of cells by verdict for a terminal, item by item."""
-    rows: list[list[str | Text]] = []
-    paper = ""
-    for key in dict.fromkeys(record.key for record in ledger.records):
-        if key.partition("/")[0] != paper:
-            paper = key.partition("/")[0]
-            rows += [[], [Text(paper, style="bold")]]
-        rows.append([key.partition("/")[2], *_counts(ledger.of(key))])
-    total = [Text(text, style="bold") for text in ("all", *_counts(ledger.records))]
+def score_table(ledger: Ledger) -> Grid:
+    """Return the number of cells by verdict, item by item."""
+    items = dict.fromkeys(record.key for record in ledger.records)
+    rows = [[key, *_counts(ledger.of(key))] for key in items]
+    rows.append(["all", *_counts(ledger.records)])
     heads = ["item", *VERDICTS, "(weak)"]
-    return columns(heads, [*rows, [], total], whole=range(len(heads)))
+    return Grid("Cells by verdict", heads, rows, whole=range(len(heads)))
 
 
 def _counts(records: tuple[Record, ...]) -> list[str]:

@@ -9,8 +9,6 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import RenderableType
-
 from reproduce.audit.corrections import Correction
 from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Agreement, Examined
@@ -22,7 +20,7 @@ from reproduce.printed.units import si_factor, symbol
 from reproduce.views.computed import paper_audit
 from reproduce.views.keys import check_paper
 from reproduce.views.objects.base import by_row
-from reproduce.views.writing.display import Display
+from reproduce.views.writing.display import Block, Display
 from reproduce.views.writing.numbers import minus
 from reproduce.views.writing.verdicts import quantity
 
@@ -100,11 +98,11 @@ class Contradictions(Display):
         """Return everything that was found, for other programs."""
         return [_plain(one) for one in self.audits]
 
-    def parts(self, width: int) -> Iterator[RenderableType]:
+    def blocks(self) -> Iterator[Block]:
         """Yield the audit line by line."""
         for line in (line for audit in self.audits for line in _lines(audit)):
             indent = " " * (len(line) - len(line.lstrip()) + 4)
-            yield textwrap.fill(line, width, subsequent_indent=indent, break_on_hyphens=False)
+            yield textwrap.fill(line, 80, subsequent_indent=indent, break_on_hyphens=False)
 
 
 @cache

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
-from rich.console import RenderableType
 
 from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue
@@ -19,16 +18,13 @@ from reproduce.views import computed, keys
 from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, Item, Shown, setting
 from reproduce.views.writing import figures
-from reproduce.views.writing.display import Html
-from reproduce.views.writing.numbers import powers_in_html
+from reproduce.views.writing.display import Block, Html
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from reproduce.printed.given import Given
-
-__all__ = ["Figure", "Panels", "captioned", "pictured", "with_bar"]
 
 
 def with_bar(
@@ -118,22 +114,20 @@ class Figure(Changeable, Item):
         remark = "a reader's own setting; what is marked as printed stays the print"
         return setting("With", self.changes, self.replaced, remark) if self.changes else ""
 
-    def _repr_html_(self) -> str:
+    def blocks(self) -> Iterator[Block]:
+        """Yield the figure; in words what it shows, and how to look at it."""
         name = f"figure-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        alternative = f"{self.title}. {self._told()}".rstrip()
+        told = self._told()
+        alternative = f"{self.title}. {told}".rstrip()
         shown = figures.Vectors(figures.vector_of(self.drawn))
-        return powers_in_html(figures.inline(shown, name, alternative))
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield what the figure shows and how to look at it."""
-        yield f"{self.key}: {self.title}"
-        curves = self.data["curve"].nunique()
-        yield f"{self.place}; {curves} curves, {len(self.data)} points in .data"
-        if told := self._told():
-            yield told
         setting = "".join(f' --set {name}="{text}"' for name, text in self._changes.items())
         setting += "" if self.seed is None else f" --seed {self.seed}"
-        yield f"Draw it with `reproduce figure {self.key} --out FILE.svg{setting}`."
+        words = (
+            f"{self.key}: {self.title}\n{self.place}; {self.data['curve'].nunique()} curves, "
+            f"{len(self.data)} points in .data\n{told}\nDraw it with `reproduce figure {self.key} "
+            f"--out FILE.svg{setting}`."
+        )
+        yield Html(figures.inline(shown, name, alternative), words.replace("\n\n", "\n"))
 
 
 class Panels(Shown):
@@ -201,10 +195,7 @@ class Panels(Shown):
         path = Path(path)
         return [one.save(path.with_stem(f"{path.stem}-{one.key[-1]}")) for one in self.panels]
 
-    def _repr_html_(self) -> str:
-        return "".join(one._repr_html_() for one in self.panels)
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield what each panel shows."""
+    def blocks(self) -> Iterator[Block]:
+        """Yield each panel."""
         for one in self.panels:
-            yield from one.parts(width)
+            yield from one.blocks()

@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
-from rich.console import RenderableType
 
 from reproduce.physics.registration.diagnosis import (
     Finding,
@@ -30,13 +28,11 @@ from reproduce.store.points import (
     read_table,
     table_of,
 )
-from reproduce.views.writing.display import Display, Grid
+from reproduce.views.writing.display import Block, Display, Grid
 from reproduce.views.writing.numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Registered"]
 
 FloatArray = NDArray[np.float64]
 # Decimals of a fit without an error; further ones are rounding.
@@ -74,13 +70,9 @@ class _Measured(Display):
         ]
         return Grid(self.title, [str(frame.index.name), *map(str, frame.columns)], rows)
 
-    def _repr_html_(self) -> str:
-        line = Markup('<p class="rp-joint">Beware: {}.</p>')
-        return str(self.grid.html + Markup("").join(map(line.format, self.remarks)))
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
+    def blocks(self) -> Iterator[Block]:
         """Yield the numbers, the title and the remarks."""
-        yield from self.grid.parts(width)
+        yield self.grid
         yield from (f"Beware: {line}." for line in self.remarks)
 
 

@@ -21,8 +21,6 @@ from reproduce.views.platforms import platform_of
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Monitored"]
-
 # Of the interval that a table shows.
 SHARE = 0.95
 

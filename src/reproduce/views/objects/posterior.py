@@ -16,15 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
-from rich.console import RenderableType
-from rich.table import Table
 
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.objects.base import Shown, by_row, text_of
 from reproduce.views.platforms import platform_of
 from reproduce.views.writing.cite import beside
-from reproduce.views.writing.display import Grid, Html, columns, folded
+from reproduce.views.writing.display import Block, Fold, Grid, Html, folded
 from reproduce.views.writing.export import export_frame
 from reproduce.views.writing.numbers import digits, minus, moments, percent
 
@@ -42,17 +40,6 @@ if TYPE_CHECKING:
     from reproduce.physics.attitude.platform import Platform
     from reproduce.views.writing.figures import Picture
 
-__all__ = [
-    "ENDINGS",
-    "Posterior",
-    "book_posterior",
-    "book_repeats",
-    "coverage_rows",
-    "file_formats",
-    "interval",
-    "spread",
-]
-
 # Rows that a page shows at once.
 SHORT = 20
 # A correlation that a picture does not show.
@@ -63,7 +50,6 @@ FAR = 8.0
 SHOWN, CERTAIN = 5, 0.99
 # Files that `save` writes.
 ENDINGS = (".nc", ".npz")
-PRECISION = ("MCSE", "R-hat", "bulk", "tail")
 
 
 @cache
@@ -526,24 +512,45 @@ class Posterior(Shown):
             "remarks": list(self.remarks),
         } | stars
 
-    def _repr_html_(self) -> str:
+    def blocks(self) -> Iterator[Block]:
+        """Yield the summary, what follows from it, how precise it is, and what to beware of."""
         true, own = self.truth, self.changes
         head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
         marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
         none = ("",) if true else ()
-        rows = [
-            (_named(row), *marks.get(row.name, none), *interval(row))
-            for row in self.sampled.summaries()
-        ]
+        found = self.sampled.summaries()
+        rows = [(_named(row), *marks.get(row.name, none), *interval(row)) for row in found]
         caption = f"Posterior {self.name}, {self.where}." + (f" Changed: {own}." if own else "")
         first = len(rows) if len(rows) <= SHORT else self.model.dimension
         identifier = "" if self.data or own else f"posterior-{self.name}"
-        html = Grid(caption, head, rows[:first], identifier).html
+        yield Grid(caption, head, rows[:first], identifier, whole=range(1, len(head)))
         if rows[first:]:
-            rest = Grid("What follows from the parameters.", head, rows[first:]).html
-            html += folded(f"{len(rows) - first} consequences", rest)
-        line = Markup('<p class="rp-joint">{}.</p>')
-        return str(html + Markup("").join(line.format(text) for text in self.lines))
+            rest = Grid("What follows from the parameters.", head, rows[first:])
+            yield Fold(f"{len(rows) - first} consequences", (rest,))
+        yield Fold("Data and precision", (f"Data: {self.told}.", self._chains, self._precision))
+        yield from (f"{line}." for line in self.lines)
+
+    @property
+    def _chains(self) -> str:
+        found = self.sampled
+        return (
+            f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
+            f"{found.chain.shape[1]} steps each; acceptance {min(found.acceptance):.2f} to "
+            f"{max(found.acceptance):.2f}; seed {found.seed}."
+        )
+
+    @property
+    def _precision(self) -> Grid:
+        rows = [
+            (_named(one), f"{one.mcse:.1g}", f"{one.rhat:.3f}", *(f"{n:.0f}" for n in sizes))
+            for one in self.sampled.summaries()
+            for sizes in ((one.bulk, one.tail),)
+        ]
+        caption = (
+            "Monte Carlo standard error of the mean, R-hat over the ensembles, effective sizes of "
+            "the middle (bulk) and of the tails."
+        )
+        return Grid(caption, ("Quantity", "MCSE", "R-hat", "bulk", "tail"), rows, whole=range(1, 5))
 
     @property
     def lines(self) -> list[str]:
@@ -557,20 +564,6 @@ class Posterior(Shown):
         """What a reader changed, in one line; empty for the posterior of the book."""
         named = [f"prior of {name}" for name in self._priors]
         return ", ".join((*named, *(f"{key} = {value}" for key, value in self.settings.items())))
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the summary."""
-        yield f"posterior {self.name}, {self.where}"
-        yield self.table()
-        yield from (f"{line}." for line in self.lines)
-
-    def table(self) -> Table:
-        """Return the summary for a terminal, every number with the digits its error allows."""
-        heads = ("parameter", "mean", "sd", "2.5 %", "97.5 %", *PRECISION)
-        rows = [(_named(row), *_entries(row)) for row in self.sampled.summaries()]
-        table = columns(heads, rows, whole=range(1, len(heads)))
-        table.columns[0].min_width = 12
-        return table
 
 
 def versions() -> dict[str, str]:
@@ -588,12 +581,6 @@ def spread(row: Summary) -> tuple[str, str, str, str]:
     """Write the mean of a summary, its standard deviation and the ends of its 95 %."""
     ends = (digits(row.low, row.mcse_end), digits(row.high, row.mcse_end))
     return (digits(row.mean, row.mcse), f"{row.deviation:.2g}", *ends)
-
-
-def _entries(row: Summary) -> tuple[str, ...]:
-    """Write the numbers of a summary: those of `spread`, MCSE, R-hat, bulk and tail ESS."""
-    precision = (f"{row.mcse:.1g}", f"{row.rhat:.3f}", f"{row.bulk:.0f}", f"{row.tail:.0f}")
-    return (*spread(row), *precision)
 
 
 def interval(row: Summary) -> tuple[str, str]:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
-from rich.console import RenderableType
 
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
@@ -17,15 +16,13 @@ from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, setting, text_of
 from reproduce.views.objects.sweep import Moved, Sweep, of_study
 from reproduce.views.writing import numbers
-from reproduce.views.writing.display import Entry, Grid, folded
+from reproduce.views.writing.display import Block, Entry, Fold, Grid, Html
 from reproduce.views.writing.export import table_files
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.printed.given import Given
-
-__all__ = ["StudyTable"]
 
 LONG = 150  # rows that a page shows whole
 
@@ -175,29 +172,18 @@ class StudyTable(Changeable):
             for place, (name, part) in enumerate(parts)
         }
 
-    def _repr_html_(self) -> str:
+    def blocks(self) -> Iterator[Block]:
+        """Yield the table part by part; of a long one the first part."""
         grids = list(self.grids.items())
-        # A reader of a page sees the first part of a long table, and takes the whole away.
+        # A reader sees the first part of a long table, and takes the whole away.
         shown = grids if len(self.frame()) <= LONG else grids[:1]
-        parts = [
-            folded(name, grid.html, opened=not place) if name else grid.html
-            for place, (name, grid) in enumerate(shown)
-        ]
+        for place, (name, grid) in enumerate(shown):
+            yield Fold(name, (grid,), opened=not place) if name else grid
         if rest := sum(len(grid.rows) for _, grid in grids[len(shown) :]):
-            told = f"{rest:,} more rows, by {self._declared.folded}, are in the files below."
-            parts.append(Markup("<p>{}</p>").format(told))
+            yield f"{rest:,} more rows, by {self._declared.folded}, are in its files."
         if not self.changes:
             where = f"study-{anchor(self.key)}"
-            parts.append(bar(self.key, where, table_files(self.key), self.source))
-        return "\n".join(parts)
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the title, and the table with its caption, part by part."""
-        yield f"{self.key}: {self.title}"
-        for name, grid in self.grids.items():
-            if name:
-                yield f"\n{name}"
-            yield from grid.parts(width)
+            yield Html(bar(self.key, where, table_files(self.key), self.source), self.key)
 
 
 def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:

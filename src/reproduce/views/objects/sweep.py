@@ -9,20 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
-from rich.console import RenderableType
 
 from reproduce.judge.rerun import ChangedCell, Rerun, in_si
 from reproduce.papers.study import Column, Study
 from reproduce.printed.cells import library
 from reproduce.printed.number import Interval
 from reproduce.printed.units import symbol
-from reproduce.views.writing.display import Display, Grid, columns, fits
+from reproduce.views.writing.display import Block, Display, Grid, Html
 from reproduce.views.writing.numbers import entry, minus
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Moved", "Quantity", "Sweep", "of_cells", "of_study"]
 
 WIDE, HIGH, MARGIN = 220, 96, 8  # of one picture, in CSS pixels
 # A number of our own that moves by a smaller share than this does not fill the height of a picture.
@@ -171,8 +168,8 @@ class Sweep(Display):
         return frame if frame["reading"].any() else frame.drop(columns="reading")
 
     @property
-    def _shown(self) -> tuple[str, list[str], list[list[str]]]:
-        """The caption, the head, and for each value what becomes of each number."""
+    def grid(self) -> Grid:
+        """The table of values and what becomes of each number."""
         head = [self.moved.label, *(one.name for one in self.quantities)]
         settings = zip(self.values, self.moved.printed, strict=True)
         rows = [
@@ -183,41 +180,23 @@ class Sweep(Display):
         caption = f"{self.key} for {len(rows)} values of {moved}, all computed"
         predicted = any(any(one.intervals) for one in self.quantities)
         caption += "; in brackets the central 99 % of the prediction." if predicted else "."
-        return caption, head, rows
+        return Grid(caption, head, rows, whole=range(len(head)))
 
-    @property
-    def grid(self) -> Grid:
-        """The table of values and what becomes of each number."""
-        return Grid(*self._shown)
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the table; a block for each number where it is wider than the terminal."""
-        caption, head, rows = self._shown
-        table = columns(head, rows, whole=range(len(head)))
-        if fits(table, width):
-            yield table
-        else:
-            for place, name in enumerate(head[1:], start=1):
-                pairs = [(row[0], row[place]) for row in rows]
-                yield name
-                yield columns(["", ""], pairs, words=2, whole=(1,), show_header=False)
-                yield ""
-        yield caption
-
-    def _repr_html_(self) -> str:
+    def blocks(self) -> Iterator[Block]:
+        """Yield the table, and on a page a slider over it with a picture of each number."""
         printed = self.moved.printed
         at = printed.index(True) if any(printed) else 0
+        dial = Markup(
+            '<div class="rp-sweep">\n<p class="rp-dial" hidden><label>{}: '
+            '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
+            "<output></output></p>"
+        )
+        yield Html(dial.format(self.moved.label, len(self.values) - 1, at))
+        yield self.grid
         pictures = Markup("\n").join(
             _picture(one, self.values, self.dashed) for one in self.quantities
         )
-        return str(
-            Markup(
-                '<div class="rp-sweep">\n<p class="rp-dial" hidden><label>{}: '
-                '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
-                "<output></output></p>\n{}\n"
-                '<div class="rp-sweep-pictures">{}</div></div>'
-            ).format(self.moved.label, len(self.values) - 1, at, self.grid.html, pictures)
-        )
+        yield Html(Markup('<div class="rp-sweep-pictures">{}</div></div>').format(pictures))
 
 
 def of_cells(moved: Moved, reruns: Sequence[Rerun], names: Sequence[str]) -> Sweep:

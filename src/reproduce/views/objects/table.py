@@ -7,8 +7,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
-from rich.console import RenderableType
-from rich.text import Text
 
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.expected import erratum, reason
@@ -24,25 +22,19 @@ from reproduce.views.objects.base import Item, Shown, by_row, line_of, text_of
 from reproduce.views.objects.changed import Changed
 from reproduce.views.objects.sweep import Moved, Sweep, of_cells
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.display import Box, Entry, Grid, columns, folded
+from reproduce.views.writing.display import Block, Box, Entry, Fold, Grid, Html, Section, badge
 from reproduce.views.writing.export import export, full_frame, table_files
-from reproduce.views.writing.numbers import minus, powers_in_html
+from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Cell", "Table"]
-
 DETAILS = (
     *("Cell", "Printed", "Computed", "Allowed or predicted", "Probability"),
-    *("Share of tolerance", "Verdict", "Why"),
+    *("Share of tolerance", "Verdict"),
 )
-# From this many columns on, a terminal also shows interval and probability.
-WIDE = 110
 # Cells that share a note are counted from here on.
 FEW = 4
-COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
-COLOURS |= {"input": "dim"}
 
 
 class Table(Item):
@@ -176,26 +168,27 @@ class Table(Item):
         """Return the table as csv, json, latex or markdown."""
         return export(self._ledger, self.key, form)
 
-    def _repr_html_(self) -> str:
-        parts = [self._whole().html, _noted(self._printed.cells)]
+    def blocks(self) -> Iterator[Block]:
+        """Yield the table with its notes, readings, reasons and where it comes from."""
+        yield Section(anchor(self.key), tuple(self._described()))
+
+    def _described(self) -> Iterator[Block]:
         place, records = self._printed.place, self._ledger.of(self.key)
+        files, inputs = table_files(self.key), self._inputs()
+        yield self._whole()
+        yield from _noted(self._printed.cells)
         if joint := self._ledger.table(self.key):
-            parts.append(Markup('<p class="rp-joint">{}</p>').format(_joint_sentence(joint)))
+            yield _joint_sentence(joint)
         if readings := _readings(place, records):
             fits = self._ledger.whole_readings(self.key)
-            sentence = Markup('<p class="rp-joint">{}</p>').format(verdicts.fitting(fits))
-            parts.append(sentence)
-            readings.append(_whole_readings(place, fits))
-            shown = Markup("\n").join(grid.html for grid in readings)
-            parts.append(folded("Readings of the text, side by side", shown))
-        details = [_detail(record) for record in records if record.role == "result"]
-        if details:
-            grid = Grid(f"Details of {place}", DETAILS, details, kind="rp-small")
-            parts.append(folded("How each cell was judged", grid.html))
-        files = table_files(self.key)
-        parts.append(bar(self.key, anchor(self.key), files, self.source, inputs=self._inputs()))
-        item = Markup('<div class="rp-item" id="{}">\n{}\n</div>')
-        return powers_in_html(item.format(anchor(self.key), Markup("\n").join(parts)))
+            yield verdicts.fitting(fits)
+            shown = (*readings, _whole_readings(place, fits))
+            yield Fold("Readings of the text, side by side", shown)
+        results = [record for record in records if record.role == "result"]
+        if judged := tuple(_judged(place, results)):
+            yield Fold("How each cell was judged", judged)
+        below = bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
+        yield Html(below, f"{self.key}: reproduce show {self.key}#CELL tells all of a cell")
 
     def _whole(self) -> Grid:
         printed, records = self._printed, self._records
@@ -203,21 +196,22 @@ class Table(Item):
         rows: list[list[Entry | Box]] = []
         if len(printed.columns) <= 1:
             elsewhere = any(cell.place != printed.place for cell in printed.cells)
-            where = ["Where"] if elsewhere else []
             for cell in printed.cells:
                 record = records[cell.name]
                 texts: list[Entry] = [_printed(cell), _computed(record), _verdict(record)]
                 texts += [cell.place] if elsewhere else []
                 kind = f"rp-cell rp-{record.verdict}"
                 rows.append([cell.label, *(Box(text, kind=kind) for text in texts)])
-            head = ["Quantity", "Printed", "Computed", "Verdict", *where]
-            return Grid(caption, head, rows, anchors=[cell.anchor for cell in printed.cells])
+            head = ["Quantity", "Printed", "Computed", "Verdict", *["Where"] * elsewhere]
+            anchors = [cell.anchor for cell in printed.cells]
+            return Grid(caption, head, rows, anchors=anchors, names=list(printed.by_name))
         if any(record.role == "result" for record in records.values()):
             caption += " In each cell: printed, then computed, then the verdict."
         for row in printed.rows:
             names = [f"{row.id}.{column.id}" for column in printed.columns]
             rows.append([row.label, *(_cell(printed[name], records[name]) for name in names)])
-        return Grid(caption, ["", *(column.label for column in printed.columns)], rows)
+        head = ["", *(column.label for column in printed.columns)]
+        return Grid(caption, head, rows, stacked=("printed", "computed", "verdict"))
 
     def _inputs(self) -> Markup:
         """Say what the table is computed from, each printed cell a link; nothing if it is not."""
@@ -245,68 +239,11 @@ class Table(Item):
             Markup("").join(listed)
         )
 
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the cells, computed beside printed, and what a reader needs beside them."""
-        yield f"{self.key}: {self.title}"
-        yield self.place
-        heads = ["cell", "printed", "computed", "unit", "verdict"]
-        heads += ["allowed or predicted", "probability"] if width >= WIDE else []
-        rows: list[tuple[str | Text, ...]] = []
-        for name, one in self._records.items():
-            value, ends = verdicts.computed(one), verdicts.interval(one)
-            word = Text(one.verdict, style=COLOURS[one.verdict])
-            row = (name, minus(one.printed), value, verdicts.unit(one), word)
-            wide = (ends, verdicts.probability(one))
-            rows.append(row + wide if width >= WIDE else row)
-        shown = columns(heads, rows, ruled=True, whole=range(1, 7))
-        for column in shown.columns[3:]:
-            column.justify = "left"
-        yield shown
-        yield from self._remarks()
-
-    def _remarks(self) -> Iterator[RenderableType]:
-        """Yield the joint probability, what the flags mean, the reasons and the readings."""
-        if joint := self._ledger.table(self.key):
-            yield (
-                f"The table as a whole: probability {verdicts.joint_chance(joint)}, from "
-                f"{joint.replicates:,} "
-                f"replicates; {joint.outside} of {joint.cells} cells outside, "
-                f"{joint.expected_outside:.1f} expected by chance."
-            )
-        for flag, meaning in verdicts.FLAG_MEANINGS.items():
-            if flagged := [name for name, one in self._records.items() if flag in one.flags]:
-                yield f"{flag} ({meaning}): {', '.join(flagged)}"
-        reasons: dict[str, list[str]] = {}
-        for name, one in self._records.items():
-            if one.verdict in {"differs", "blocked"}:
-                known = erratum(one.cell)
-                text = minus(reason(one.cell) or one.why) + (f" Erratum {known}." if known else "")
-                reasons.setdefault(f"{one.verdict}: {text}", []).append(name)
-        yield from (f"{text} ({', '.join(names)})" for text, names in reasons.items())
-        every = [(one, reading) for one in self._records.values() for reading in one.readings]
-        if not every:
-            return
-        names = dict.fromkeys(map(_named, (reading for _, reading in every)))
-        letters = {pair: chr(ord("A") + place) for place, pair in enumerate(names)}
-        legend = [(letters[pair], f"{pair[0]} ({pair[1]})") for pair in names]
-        yield columns(("", "readings of the text"), legend, words=2, whole=(0,))
-        yield ""
-        read: dict[str, list[str]] = {}
-        for one, reading in every:
-            letter = letters[_named(reading)]
-            told = f"{letter} {verdicts.read(one, reading)}"
-            read.setdefault(verdicts.name_of(one), []).append(told)
-        rows = [(name, "; ".join(told)) for name, told in read.items()]
-        yield columns(("cell", "under each reading"), rows, words=2, whole=(0,))
-        yield verdicts.fitting(self._ledger.whole_readings(self.key))
-
 
 def _cell(cell: PrintedCell, record: Record) -> Box:
-    parts = [_printed(cell)]
-    if cell.is_number:
-        parts += [_computed(record), _verdict(record)]
-    html = Markup("<br>").join(part for part in parts if part)
-    return Box(html, cell.anchor, f"rp-cell rp-{record.verdict}")
+    parts = (_printed(cell), _computed(record), _verdict(record))
+    shown = parts if cell.is_number else (parts[0], "", "")
+    return Box(shown, cell.anchor, f"rp-cell rp-{record.verdict}", cell.name)
 
 
 def _printed(cell: PrintedCell) -> Markup:
@@ -322,17 +259,16 @@ def _notes(cell: PrintedCell) -> dict[str, str]:
     return {word: text for word, text in notes.items() if text}
 
 
-def _noted(cells: Iterable[PrintedCell]) -> Markup:
-    """Return in full what stands beside the prints, once for all cells that share it."""
+def _noted(cells: Iterable[PrintedCell]) -> Iterator[Markup]:
+    """Yield in full what stands beside the prints, once for all cells that share it."""
     shared: dict[tuple[str, str], list[str]] = {}
     for cell in cells:
         for note in _notes(cell).items():
             shared.setdefault(note, []).append(cell.label)
-    line = Markup('<p class="rp-joint"><small>{}</small>, {}: {}</p>')
-    return Markup("").join(
-        line.format(word, "; ".join(labels) if len(labels) < FEW else f"{len(labels)} cells", text)
-        for (word, text), labels in shared.items()
-    )
+    line = Markup("<small>{}</small>, {}: {}")
+    for (word, text), labels in shared.items():
+        yield line.format(word, "; ".join(labels) if len(labels) < FEW else f"{len(labels)} cells",
+                          text)  # fmt: skip
 
 
 def _computed(record: Record) -> Markup:
@@ -343,16 +279,42 @@ def _computed(record: Record) -> Markup:
 def _verdict(record: Record) -> Markup:
     shown = {*verdicts.WEAK, "stand_in"}
     marks = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in shown)
-    flags = Markup('<span class="rp-flag">{}</span>').format(marks) if marks else ""
-    badge = Markup('<span class="rp-badge rp-badge-{0}">{0}</span>{1}')
-    return badge.format(record.verdict, flags)
+    return badge(record.verdict) + (
+        Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
+    )
+
+
+def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
+    """Yield how results were judged: cell by cell, then each reason and flag once."""
+    if not records:
+        return
+    details = list(map(_detail, records))
+    yield Grid(f"Details of {place}", DETAILS, details, kind="rp-small", spare=True)
+    reasons: dict[Entry, list[Record]] = {}
+    for one in records:
+        if one.verdict in {"differs", "blocked"}:
+            reasons.setdefault(_reason(one), []).append(one)
+    rows = [[_cells(some), some[0].verdict, why] for why, some in reasons.items()]
+    if rows:
+        yield Grid(f"Reasons, {place}", ("Cells", "Verdict", "Why"), rows, kind="rp-small", words=3)
+    for flag, meaning in verdicts.FLAG_MEANINGS.items():
+        if flagged := [one for one in records if flag in one.flags]:
+            said = Markup("{} ({}): {}")
+            yield said.format(flag.replace("_", " "), meaning, _cells(flagged))
+
+
+def _reason(record: Record) -> Entry:
+    why = minus(reason(record.cell) or record.why)
+    if known := erratum(record.cell):
+        return Markup('{0} <a href="#{1}">Erratum {1}</a>').format(why, known)
+    return why
+
+
+def _cells(records: Sequence[Record]) -> Markup:
+    return Markup(", ").join(map(_link, records))
 
 
 def _detail(record: Record) -> list[Entry]:
-    why: Entry = ". ".join(part for part in (minus(record.why), reason(record.cell)) if part)
-    if known := erratum(record.cell):
-        link = Markup('{} <a href="#{}">Erratum</a>')
-        why = link.format(why, known)
     return [
         _link(record),
         verdicts.cell_of(record).shown,
@@ -361,7 +323,6 @@ def _detail(record: Record) -> list[Entry]:
         verdicts.probability(record),
         "" if record.share is None else f"{record.share:.2f}",
         record.verdict,
-        why,
     ]
 
 
@@ -506,10 +467,6 @@ class Cell(Shown):
         ]
         return [(name, text) for name, text in lines if text]
 
-    def _repr_html_(self) -> str:
-        return Grid(self._cell.label, ("", self.address), self._lines())._repr_html_()
-
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the cell with all that is known of it, a line each."""
-        yield f"{self.address}: {self._cell.label}"
-        yield from (f"  {name}: {text}" for name, text in self._lines())
+    def blocks(self) -> Iterator[Block]:
+        """Yield all that is known of the cell, a line each."""
+        yield Grid(self._cell.label, ("", self.address), self._lines(), words=2)

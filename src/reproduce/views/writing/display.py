@@ -1,69 +1,105 @@
-"""How something shows itself: HTML in a page, aligned columns in a terminal."""
+"""What is shown, described once as blocks, and the writers: HTML for a page, text for a terminal.
+
+A block is a sentence, a `Grid`, a `Fold` around others, or `Html`, which only a page shows.
+"""
 
 from __future__ import annotations
 
+import codecs
 import io
+import re
+import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from markupsafe import Markup, escape
 from rich import box
 from rich.console import Console, RenderableType
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from reproduce.views.writing.numbers import powers_in_html
 
-__all__ = ["Box", "Display", "Entry", "Grid", "Html", "columns", "fits", "folded"]
-
 WIDTH = 80
+PLAIN = "reproduce-plain"  # how streams write what they cannot encode
 Entry = str | Markup
+# How a terminal shows the badge of a verdict.
+_COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
+_COLOURS |= {"input": "dim"}
+# What stands in for a sign that a stream cannot encode.
+_SIGNS = {"−": "-", "×": "x", "″": '"', "′": "'", "°": " deg", "±": "+/-", "µ": "u", "μ": "u"}
+_SIGNS |= {"→": "->", "↔": "<->", "≈": "~", "∞": "inf", "√": "sqrt", "∆": "Delta"}
+_SIGNS |= {"≤": "<=", "≥": ">=", "·": ".", "–": "-", "—": "-", "…": "...", "’": "'", "─": "-"}
+_SIGNS |= {"σ": "sigma", "τ": "tau", "χ": "chi", "κ": "kappa", "θ": "theta", "Δ": "Delta"}
+_SMALL = re.compile("<br><small>(.*?)</small>")
+_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"
+
+
+@dataclass(frozen=True)
+class Html:
+    """A piece of a page; a terminal shows `words` in its place."""
+
+    text: str
+    words: str = ""
+
+    def _repr_html_(self) -> str:
+        return powers_in_html(self.text)
+
+    def __repr__(self) -> str:
+        """Return the words, where it has some: the HTML is what counts."""
+        return self.words or "<HTML>"
+
+
+class Box(NamedTuple):
+    """An entry with an anchor, a class and a name of its own; it may hold several, stacked."""
+
+    content: Entry | tuple[Entry, ...]
+    identifier: str = ""
+    kind: str = ""
+    name: str = ""
+
+
+class Fold(NamedTuple):
+    """Blocks that a page shows when it is asked to; a terminal shows them."""
+
+    summary: Entry
+    blocks: tuple[Block, ...]
+    opened: bool = False
+
+
+class Section(NamedTuple):
+    """Blocks under one anchor."""
+
+    identifier: str
+    blocks: tuple[Block, ...]
 
 
 class Display(ABC):
-    """What shows itself in a terminal by its parts, without colour in a notebook's text."""
+    """What shows itself by its blocks, in a notebook and in a terminal."""
 
     @abstractmethod
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield what a terminal of this many columns shows."""
+    def blocks(self) -> Iterable[Block]:
+        """Return what is shown."""
+
+    def _repr_html_(self) -> str:
+        return html(self.blocks())
 
     def print(self, console: Console) -> None:
-        """Write the parts on a terminal."""
-        for part in self.parts(console.width):
+        """Write the blocks on a terminal."""
+        for part in terminal(self.blocks(), console.width):
             if isinstance(part, str):
                 console.print(part, markup=False, highlight=False)
             else:
                 console.print(part)
 
     def __repr__(self) -> str:
-        """Return the parts as text."""
+        """Return the blocks as text, without colour."""
         text = io.StringIO()
         self.print(Console(file=text, width=WIDTH, no_color=True, force_jupyter=False))
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
-
-
-@dataclass(frozen=True)
-class Html:
-    """A piece of a page; notebooks show it as HTML."""
-
-    text: str
-
-    def _repr_html_(self) -> str:
-        return powers_in_html(self.text)
-
-    def __repr__(self) -> str:
-        """Return nothing to read: the HTML is what counts."""
-        return "<HTML>"
-
-
-class Box(NamedTuple):
-    """An entry with an anchor and a class of its own."""
-
-    content: Entry
-    identifier: str = ""
-    kind: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,8 +120,16 @@ class Grid(Display):
         A further class of its HTML.
     anchors : sequence of str
         The anchor of each row, where rows have one.
+    names : sequence of str
+        What a terminal calls each row in place of its first entry.
     whole : collection of int
         Columns that a terminal does not wrap.
+    stacked : sequence of str
+        What the stacked entries of a box are; a terminal shows a row for each box.
+    words : int
+        So many columns are words, which a terminal aligns at the left.
+    spare : bool
+        Whether a terminal that is too narrow may leave it out.
     """
 
     caption: Entry
@@ -94,55 +138,143 @@ class Grid(Display):
     identifier: str = ""
     kind: str = ""
     anchors: Sequence[str] = ()
+    names: Sequence[str] = ()
     whole: Collection[int] = ()
+    stacked: Sequence[str] = ()
+    words: int = 1
+    spare: bool = False
+
+    def blocks(self) -> Iterator[Block]:
+        """Return itself."""
+        yield self
 
     @property
     def html(self) -> Markup:
         """The table as HTML that scrolls by itself where a page is narrow."""
-        th = '<th scope="{}">{}</th>'.format
-        head = "".join(th("col", escape(name)) for name in self.head)
-        marks = [f' id="{escape(name)}"' for name in self.anchors] or [""] * len(self.rows)
-        rows = "\n".join(
-            f"<tr{mark}>{th('row', escape(row[0]))}{''.join(map(_td, row[1:]))}</tr>"
-            for mark, row in zip(marks, self.rows, strict=True)
-        )
-        anchor = f' id="{escape(self.identifier)}"' if self.identifier else ""
-        label = escape(Markup(escape(self.caption)).striptags())
-        return Markup(
-            powers_in_html(
-                f'<div class="rp-scroll"{anchor} tabindex="0" role="region" aria-label="{label}">'
-                f'\n<table class="{f"rp-table {self.kind}".strip()}">'
-                f"<caption>{escape(self.caption)}</caption>"
-                f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
-            )
-        )
+        return Markup(powers_in_html(_table_html(self)))
 
-    def _repr_html_(self) -> str:
-        return str(self.html)
 
-    def parts(self, width: int) -> Iterator[RenderableType]:
-        """Yield the table and its caption."""
-        rows = (map(_text, row) for row in self.rows)
-        yield columns(map(_text, self.head), rows, whole=self.whole)
-        yield _text(self.caption)
+Block = str | Markup | Html | Grid | Fold | Section
+
+
+def html(blocks: Iterable[Block]) -> str:
+    """Write blocks as HTML."""
+    return powers_in_html(Markup("\n").join(map(_block_html, blocks)))
+
+
+def _block_html(block: Block) -> Markup:
+    if isinstance(block, Html):
+        return Markup(block.text)
+    if isinstance(block, Grid):
+        return _table_html(block)
+    if isinstance(block, Fold):
+        return folded(block.summary, Markup("\n").join(map(_block_html, block.blocks)),
+                      opened=block.opened)  # fmt: skip
+    if isinstance(block, Section):
+        inner = Markup("\n").join(map(_block_html, block.blocks))
+        return Markup('<div class="rp-item" id="{}">\n{}\n</div>').format(block.identifier, inner)
+    return Markup('<p class="rp-joint">{}</p>').format(block)
+
+
+def badge(word: str, text: str = "") -> Markup:
+    """Return a verdict, or a text in its look, as a badge."""
+    mark = Markup('<span class="rp-badge rp-badge-{}">{}</span>')
+    return mark.format(word, text or word)
+
+
+def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
+    """Return HTML that shows its content when it is asked to."""
+    fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
+    return Markup(fold).format(Markup(" open" if opened else ""), summary, content)
+
+
+def _table_html(grid: Grid) -> Markup:
+    th = '<th scope="{}">{}</th>'.format
+    head = "".join(th("col", escape(name)) for name in grid.head)
+    marks = [f' id="{escape(name)}"' for name in grid.anchors] or [""] * len(grid.rows)
+    rows = "\n".join(
+        f"<tr{mark}>{th('row', escape(row[0]))}{''.join(map(_td, row[1:]))}</tr>"
+        for mark, row in zip(marks, grid.rows, strict=True)
+    )
+    anchor = f' id="{escape(grid.identifier)}"' if grid.identifier else ""
+    label = escape(Markup(escape(grid.caption)).striptags())
+    return Markup(
+        f'<div class="rp-scroll"{anchor} tabindex="0" role="region" aria-label="{label}">'
+        f'\n<table class="{f"rp-table {grid.kind}".strip()}">'
+        f"<caption>{escape(grid.caption)}</caption>"
+        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
+    )
+
+
+def _td(entry: Entry | Box) -> str:
+    one = entry if isinstance(entry, Box) else Box(entry)
+    named = (("id", one.identifier), ("class", one.kind))
+    marks = "".join(f' {name}="{escape(value)}"' for name, value in named if value)
+    lines = one.content if isinstance(one.content, tuple) else (one.content,)
+    return f"<td{marks}>{Markup('<br>').join(line for line in lines if line)}</td>"
+
+
+def terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
+    """Write blocks as aligned text for a terminal of this many columns."""
+    for block in blocks:
+        if isinstance(block, Grid):
+            yield from _grid_lines(block, width)
+        elif isinstance(block, Fold):
+            yield f"\n{plain(block.summary)}"
+            yield from terminal(block.blocks, width)
+        elif isinstance(block, Section):
+            yield from terminal(block.blocks, width)
+        elif isinstance(block, Html):
+            yield from [block.words] * bool(block.words)
+        else:
+            yield plain(block)
+
+
+def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
+    """Yield a table and its caption; where it is too wide, a few lines for each row."""
+    head, rows, whole = list(grid.head), [list(row) for row in grid.rows], grid.whole
+    if grid.stacked:
+        boxes = [one for row in rows for one in row if isinstance(one, Box) and one.name]
+        head, rows = ["cell", *grid.stacked], [[one.name, *one.content] for one in boxes]
+        whole = range(1, len(head))
+    elif grid.names:
+        rows = [[name, *row[1:]] for name, row in zip(grid.names, rows, strict=True)]
+    texts = [list(map(_text, row)) for row in rows]
+    table = columns(map(plain, head), texts, whole=whole, words=grid.words)
+    wide = not fits(table, width)
+    if wide and grid.spare:
+        return
+    yield from [f"\n{plain(grid.caption)}"] * bool(grid.caption)
+    yield from _row_by_row(head, texts) if wide else [table]
+
+
+def _row_by_row(head: Sequence[Entry], rows: Sequence[Sequence[Text]]) -> Iterator[RenderableType]:
+    """Yield a few lines for each row; what heads say in small print is said once, before."""
+    names = [plain(_SMALL.sub("", name)) for name in head]
+    small = [(n, _SMALL.findall(text)) for n, text in zip(names, head, strict=True)]
+    yield from (f"{name}: {plain(Markup(found[0]))}" for name, found in small if found)
+    for row in rows:
+        yield row[0]
+        named = [(n, text) for n, text in zip(names[1:], row[1:], strict=False) if text.plain]
+        yield Padding(columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2))
 
 
 def columns(
     heads: Iterable[str],
     rows: Iterable[Iterable[str | Text]],
     *,
-    ruled: bool = False,
     words: int = 1,
     whole: Collection[int] = (),
-    **settings: Any,
+    show_header: bool = True,
 ) -> Table:
     """Return a table for a terminal: numbers to the right, after so many columns of words.
 
-    Columns that are to stay `whole` are not wrapped; without rules a table fits 80 columns.
+    Columns that are to stay `whole` are not wrapped.
     """
-    look: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0)}
-    look = {"box": box.SIMPLE_HEAD} if ruled else look
-    table = Table(pad_edge=False, **look, **settings)
+    table = Table(
+        pad_edge=False, box=box.SIMPLE_HEAD if show_header else None, padding=(0, 1, 0, 0),
+        show_header=show_header, show_edge=False,
+    )  # fmt: skip
     for i, name in enumerate(heads):
         table.add_column(name, no_wrap=i in whole, overflow="fold")
         table.columns[i].justify = "left" if i < words else "right"
@@ -152,24 +284,35 @@ def columns(
 
 
 def fits(table: Table, width: int) -> bool:
-    """Tell whether a terminal of this many columns shows a table without wrapping an entry."""
-    return Console(width=10_000).measure(table).maximum <= width
+    """Tell whether a terminal of this many columns shows a table without breaking a word."""
+    return Console(width=10_000).measure(table).minimum <= width
 
 
-def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
-    """Return HTML that shows its content when it is asked to."""
-    fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
-    return Markup(fold).format(Markup(" open" if opened else ""), summary, content)
+def plain(entry: Entry) -> str:
+    """Return an entry without its marks."""
+    return Markup(entry.replace("<br>", " ")).striptags() if isinstance(entry, Markup) else entry
 
 
-def _td(entry: Entry | Box) -> str:
-    one = entry if isinstance(entry, Box) else Box(entry)
-    named = (("id", one.identifier), ("class", one.kind))
-    marks = "".join(f' {name}="{escape(value)}"' for name, value in named if value)
-    return f"<td{marks}>{escape(one.content)}</td>"
+def _text(entry: Entry | Box) -> Text:
+    content = entry.content if isinstance(entry, Box) else entry
+    lines = content if isinstance(content, tuple) else (content,)
+    text = ", ".join(plain(line) for line in lines if line)
+    return Text(text, style=_COLOURS.get(text.partition(" ")[0], ""))
 
 
-def _text(entry: Entry | Box) -> str:
-    if isinstance(entry, Box):
-        return _text(entry.content)
-    return entry.striptags() if isinstance(entry, Markup) else entry
+def _encodable(error: UnicodeError) -> tuple[str, int]:
+    """Write what a stream cannot encode in plain signs."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    return "".join(map(_plain_sign, text)), error.end
+
+
+def _plain_sign(sign: str) -> str:
+    if sign in _RAISED:
+        return str(_RAISED.index(sign)).replace("10", "-")
+    letters = unicodedata.normalize("NFKD", sign)
+    return _SIGNS.get(sign) or letters.encode("ascii", "ignore").decode() or "?"
+
+
+codecs.register_error(PLAIN, _encodable)
