@@ -7,7 +7,8 @@ import pytest
 
 import reproduce as rp
 from reproduce.judge.studies import studies
-from reproduce.papers.study import Column, Fact
+from reproduce.papers.study import Fact
+from reproduce.papers.words import Column
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views.book import pages
 from reproduce.views.book.build import shipped, write_tables

@@ -3,55 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from reproduce.papers.words import Column, words
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["LEAST_DRAWS", "Column", "Fact", "Study", "first_line", "studied"]
-
 # Draws that must lie beyond a value before their count says how likely it is.
 LEAST_DRAWS = 20
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column of a study, and how its numbers are written.
-
-    Parameters
-    ----------
-    name : str
-        Its head, with the unit in brackets.
-    form : str
-        A format specification for numbers, such as ``.2f``; empty for words; ``±`` for two digits
-        of the error; ``chance`` for a probability, with the digits that its draws can tell.
-    zero : float
-        Numbers smaller than this are what rounding leaves of zero, and are shown as 0;
-        probabilities smaller than this are shown as a bound.
-    infinite : str
-        The word for a number without limit.
-    error : str
-        The name of the column that holds its standard error, shown behind ± in that column's form
-        or with one digit; that column is not shown on its own.
-    missing : str
-        What stands where there is no number.
-    draws : int
-        How many draws a probability is counted from; without them it is a power of ten.
-    bold : float
-        Numbers below this are bold.
-    """
-
-    name: str
-    form: str = ""
-    zero: float = 0.0
-    infinite: str = "any"
-    error: str = ""
-    missing: str = ""
-    draws: int = 0
-    bold: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -84,27 +46,27 @@ class Study:
         As many as a row has entries; the first names the row.
     caption : str
         What it shows, in one or two sentences.
-    given : tuple of str
-        Addresses of all printed cells that it reads.
     folded : str
         The name of a column by whose values a long table is shown in parts.
+    settings : mapping
+        Arguments of `function` that a reader may give, each with what it is; all are numbers.
+    given : tuple of str
+        Addresses of all printed cells that it reads.
     named : callable, optional
         Takes what `function` takes and returns the facts that sentences quote, by name.
     random : bool
         Whether it draws random numbers, with seeds from the door's root.
-    settings : mapping, optional
-        Arguments of `function` that a reader may give, each with what it is; all are numbers.
     """
 
     key: str
     function: Callable[..., Iterable[Sequence[Any]] | pd.DataFrame]
     columns: tuple[Column, ...]
     caption: str
+    folded: str
+    settings: Mapping[str, str]
     given: tuple[str, ...] = ()
-    folded: str = ""
     named: Callable[..., Mapping[str, Fact]] | None = None
     random: bool = False
-    settings: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -151,14 +113,19 @@ class Study:
 def studied(
     key: str,
     *,
-    columns: Sequence[Column],
-    caption: str,
     given: Sequence[str] = (),
-    folded: str = "",
     named: Callable[..., Mapping[str, Fact]] | None = None,
     random: bool = False,
+    columns: Sequence[Column] = (),
+    caption: str = "",
+    folded: str = "",
     settings: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[..., Any]], Study]:
-    """Declare that a function computes the study `key`; the arguments are those of `Study`."""
-    declared = (tuple(columns), caption, tuple(given), folded, named, random, settings or {})
-    return lambda function: Study(key, function, *declared)
+    """Declare that a function computes the study `key`; the arguments are those of `Study`.
+
+    Heads, caption, folding and settings are the texts of the key in the paper's file of words.
+    """
+    text = words(key)
+    shown = (tuple(columns or text.columns), caption or text.caption, folded or text.folded)
+    left = settings or text.settings
+    return lambda function: Study(key, function, *shown, left, tuple(given), named, random)

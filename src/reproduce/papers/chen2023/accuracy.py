@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Prediction, Results, draws, reproduces
 from reproduce.papers.sketch import sized
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.averaging import averaged_error, scatter_of_averages
 from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray

@@ -30,7 +30,8 @@ from reproduce.papers.sketch import (
     slim,
 )
 from reproduce.papers.space import View, seen_from, sense, triad
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
 from reproduce.physics.attitude.misalignment import misalignment_angles, stage_angles
 from reproduce.physics.attitude.rotations import rotation_from_vector, transpose

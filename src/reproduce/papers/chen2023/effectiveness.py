@@ -34,7 +34,8 @@ from reproduce.papers.declare import (
     reproduces,
 )
 from reproduce.papers.sketch import thin
-from reproduce.papers.study import Column, Fact, studied
+from reproduce.papers.study import Fact, studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.misalignment import stage_angle
 from reproduce.physics.optics.simulate import spawned_normals
 from reproduce.physics.validate import FloatArray

@@ -31,7 +31,8 @@ from scipy.stats import chi2, kstest
 
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution, satellite
 from reproduce.papers.declare import seed_of
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.averaging import moving_average
 from reproduce.physics.attitude.lasers import (
     emitted_directions,

@@ -22,7 +22,8 @@ from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.declare import Results, reproduces, seed_of
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.rotations import rotation_from_vector
 from reproduce.physics.ground.earth import earth_fixed, local_axes, satellite_from_inertial
 from reproduce.physics.ground.errors import circular_error, ellipse, ground_covariance

@@ -47,7 +47,8 @@ from reproduce.papers.declare import (
     seed_of,
 )
 from reproduce.papers.sketch import thin
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.averaging import attitude_accuracy
 from reproduce.physics.images.centroid_theory import CentroidError, centre_of_gravity_error
 from reproduce.physics.images.centroids import centre_of_gravity, windowed_centre

@@ -25,7 +25,8 @@ import numpy as np
 
 from reproduce.papers.chen2023 import platform, resolution
 from reproduce.papers.declare import Blocked, Results, reproduces
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
 from reproduce.physics.attitude.misalignment import (
     laser_transform,

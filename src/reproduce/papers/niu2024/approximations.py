@@ -20,7 +20,8 @@ from reproduce.papers.declare import Results, reproduces
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.registration import IMAGING, scale_factors
 from reproduce.papers.niu2024.simulation import OPTICS
-from reproduce.papers.study import Column, Fact, studied
+from reproduce.papers.study import Fact, studied
+from reproduce.papers.words import Column
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.registration.approximations import (
     EFFECTS,

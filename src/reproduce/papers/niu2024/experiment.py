@@ -44,7 +44,8 @@ from reproduce.papers.declare import (
 )
 from reproduce.papers.niu2024 import registration, simulation_angles
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
-from reproduce.papers.study import Column, Fact, studied
+from reproduce.papers.study import Fact, studied
+from reproduce.papers.words import words
 from reproduce.physics.optics.camera import Camera, angle_from_pixels
 from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
 from reproduce.physics.optics.simulate import (
@@ -174,12 +175,7 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     return channel_centroids(cameras(given), rotations(given), angles)
 
 
-# What the text leaves open, as options: each reading with its part of the name, its place, its day.
-SCALES = {
-    "factors": "the channels lie apart by the scale factors of Table 4",
-    "focal-lengths": "the channels lie apart by the focal lengths and distortions of Table 4",
-}
-AXES = {"one": "the axis that is named", "both": "both axes, as (26) counts them"}
+# What each option of the text stands for in a reading: its part of the name, its place, its day.
 POINTS: dict[str, tuple[str, Callable[[Given, FloatArray], FloatArray]]] = {
     "factors": ("scale factors", registered_points),
     "focal-lengths": ("focal lengths", _by_focal_lengths),
@@ -202,7 +198,7 @@ ADDED = {"factors": "2026-11-22", "focal-lengths": "2026-11-21"}
     ],
     equations=["17", "18", "21"],
     replicates=REPLICATES,
-    options={"scale": SCALES, "rmse": AXES},
+    options=words(OUTCOME).options,
 )
 def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
@@ -338,16 +334,6 @@ def _scale_facts(given: Given) -> dict[str, Fact]:
         f"{CALIBRATION}#scale.*",
         f"{OUTCOME}#rmse-after-*",
     ),
-    columns=(
-        Column("Channel"),
-        Column("Errors of the residuals"),
-        Column("Printed scale less ratio", ".5f"),
-        Column("Standard deviation in the twin", ".1e"),
-        Column("Distance (σ)", ".1f"),
-    ),
-    caption="The scale factors of Table 4 against the ratios of its focal lengths, and how far two "
-    "fits to the same stars differ in the twin, with centroid errors as large as the printed "
-    "residuals. The distance is the least that the rounding of the print allows.",
     named=_scale_facts,
     random=True,
 )

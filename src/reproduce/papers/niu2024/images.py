@@ -26,7 +26,8 @@ from scipy.spatial.distance import cdist
 
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.images.centroids import cut_windows, detect_spots
 from reproduce.physics.images.detector import Detector, electrons, expose
 from reproduce.physics.images.spectra import blackbody_band, channel_ratio, tabulated_star

@@ -19,7 +19,8 @@ from numpy.random import Generator, SeedSequence
 
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import experiment, images
-from reproduce.papers.study import Column, Fact, studied
+from reproduce.papers.study import Fact, studied
+from reproduce.papers.words import Column
 from reproduce.physics.images.centroids import centre_of_gravity
 from reproduce.physics.images.spot_fit import fitted_centre
 from reproduce.physics.images.spots import spot_windows, window_corners

@@ -35,7 +35,8 @@ from numpy.typing import NDArray
 from reproduce.inference.parts import Store, run_parts
 from reproduce.papers.niu2024 import simulation, simulation_angles
 from reproduce.papers.niu2024.calibration import precision
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
+from reproduce.papers.words import Column
 from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
 from reproduce.physics.registration.closed_form import rmse_per_axis
 from reproduce.physics.registration.fit import fit_registration

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from reproduce.inference.checks import Share
-    from reproduce.papers.study import Column, Fact
+    from reproduce.papers.study import Fact
+from reproduce.papers.words import Column
 
 __all__ = [
     *("between", "chance", "digits", "entry", "fact", "hyphen", "minus", "moments", "percent"),
@@ -69,7 +70,7 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
 
     Examples
     --------
-    >>> from reproduce.papers.study import Column
+    >>> from reproduce.papers.words import Column
     >>> entry(1.0, Column("RMSE (px)", "±"), (0.0423, "")), entry(2e-9, Column("p", "chance"))
     ('1.000 ± 0.042', '10⁻⁹')
     """
@@ -95,7 +96,7 @@ def fact(quoted: Fact) -> str:
     >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
     ('0.04\u202fpx', 'Table 2')
     """
-    from reproduce.papers.study import Column  # only now: a user's own stars need no paper
+    from reproduce.papers.words import Column  # only now: a user's own stars need no paper
 
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
     return f"{text}\u202f{quoted.unit}" if quoted.unit else text

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import draws, reproduces
-from reproduce.papers.study import Column, studied
+from reproduce.papers.study import studied
 from reproduce.physics.optics.camera import angle_from_pixels
 
 LENSES = "lamp2025/table-1"
@@ -29,12 +29,7 @@ def draw(figure, printed, door):
     figure.add_subplot().plot([1, 2], lengths * 1e3, "o", label="lenses")
 
 
-@studied(
-    "lamp2025/ratio",
-    given=[f"{LENSES}#focal-length.*"],
-    columns=(Column("lens"), Column("ratio", "g")),
-    caption="The lenses compared.",
-)
+@studied("lamp2025/ratio", given=[f"{LENSES}#focal-length.*"])
 def ratio(given):
     """How the focal lengths compare."""
     near, far = given.array(f"{LENSES}#focal-length.*")

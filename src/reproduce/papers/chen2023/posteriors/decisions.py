@@ -32,7 +32,8 @@ from reproduce.papers.chen2023.posteriors import (
 )
 from reproduce.papers.declare import draws
 from reproduce.papers.sketch import INK, again, ranges, sized
-from reproduce.papers.study import Column, Fact, studied
+from reproduce.papers.study import Fact, studied
+from reproduce.papers.words import Column
 from reproduce.physics.attitude.averaging import averaged_error
 from reproduce.physics.attitude.misalignment import stage_angle
 from reproduce.physics.ground.orbits import DAY

@@ -32,7 +32,8 @@ from reproduce.papers.niu2024.posteriors import (
 )
 from reproduce.papers.niu2024.posteriors.new_stars import ESTIMATES, RESULTS, pixel_angle
 from reproduce.papers.sketch import ranges
-from reproduce.papers.study import Column, Fact, studied
+from reproduce.papers.study import Fact, studied
+from reproduce.papers.words import Column
 from reproduce.physics.ground.errors import circular_error
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray

@@ -1,0 +1,38 @@
+"""The texts of our own tables and options: their files are checked, and hold nothing unused."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.words import parsed, words
+
+FOLDER = Path(__file__).parents[2] / "data" / "words"
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_text_belongs_to_a_table_or_to_an_item_with_options(path):
+    for name in tomllib.loads(path.read_text(encoding="utf-8")):
+        key = f"{path.stem}/{name}"
+        text = words(key)
+        if text.options:
+            given = [one.options for one in catalogue()[key].computations]
+            assert any(options.items() <= text.options.items() for options in given if options)
+        else:
+            assert studies()[key].columns == text.columns, key
+            assert studies()[key].caption == text.caption, key
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("[heat]\ncaption = 3", "heat.caption"),
+        ("[heat]\ncolumns = [{ name = 'K', from = '.2f' }]", "heat.columns.0.from"),
+        ("[heat", "Expected"),
+    ],
+)
+def test_a_file_that_is_wrong_is_refused_with_the_place(text, fault):
+    with pytest.raises(ValueError, match=r"chen2023\.toml") as refused:
+        parsed(text, Path("chen2023.toml"))
+    assert fault in str(refused.value)
