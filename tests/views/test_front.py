@@ -495,7 +495,7 @@ def test_a_wrong_platform_is_refused_in_one_line(tmp_path, text, message):
 def test_contradictions_give_the_register_and_the_relations():
     found = rp.contradictions("chen2023")
     assert "chen2023-table-5-motion" in found.frame().index
-    assert "contradicts" in set(found.relations()["outcome"])
+    assert "contradicts" in set(found["relations"].frame()["outcome"])
     assert len(repr(found).splitlines()) > 20
 
 

@@ -21,7 +21,8 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
-from reproduce.views.computed import item_ledger, whole_ledger
+from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
+from reproduce.views.objects.contradictions import errata_register
 from reproduce.views.writing import numbers, verdicts
 
 if TYPE_CHECKING:
@@ -63,9 +64,7 @@ def unsampled(*papers: str) -> dict[str, str]:
     causes = Counter(erratum(r.cell) for r in records if r.verdict in {"differs", "blocked"})
     found |= {f"erratum/{name} cells": str(count) for name, count in causes.items() if name}
     if not papers:
-        from reproduce.views.book.audit import audit_facts
-
-        found |= {f"audit#{label}": text for label, text in audit_facts().items()}
+        found |= {f"audit#{label}": text for label, text in _of_audits().items()}
         found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
     return {name: numbers.powers(text) for name, text in found.items()}
 
@@ -255,3 +254,41 @@ def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
     for row in rows:
         if row.published is not None:
             yield f"sbc-{row.name}-published", f"{100 * row.published.value:.0f}\u202f%"
+
+
+def _of_audits() -> dict[str, str]:
+    """Return what sentences may say of the audit: label to text.
+
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting`` (without those that
+    restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
+    ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
+    (relations that rest on a supposition of ours, in none of the other counts); the same of both
+    papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
+    conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart, of which
+    ``errata-supposed-standing``.
+    """
+    counts: dict[str, int] = {}
+    audits = [paper_audit(paper) for paper in PAPERS]
+    for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
+        for audit in group:
+            own, again = audit.tally(restating=False), audit.tally(restating=True)
+            found = dict(zip(("agreeing", "rounding", "contradicting"), own.values(), strict=True))
+            found |= {
+                "relations": sum(own.values()),
+                "restating": len(audit.restating),
+                "restating-contradicting": again["contradicts"],
+                "examined": len(audit.examined),
+                "numbers": len(audit.cells),
+                "groups": len(audit.groups),
+                "supposed": len(audit.supposed),
+            }
+            for name, count in found.items():
+                counts[start + name] = counts.get(start + name, 0) + count
+    read = [entry for entry in errata_register() if not entry.supposition]
+    counts["errata"] = len(read)
+    counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)
+    counts["errata-extraction"] = sum(entry.extraction for entry in read)
+    supposed = [entry for entry in errata_register() if entry.supposition]
+    counts["errata-supposed"] = len(supposed)
+    counts["errata-supposed-standing"] = sum(one.conclusion == "stands" for one in supposed)
+    return {label: str(count) for label, count in counts.items()}

@@ -12,10 +12,12 @@ import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import NamedTuple
 
 from markupsafe import Markup, escape
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console, RenderableType
 from rich.padding import Padding
 from rich.table import Table
@@ -24,6 +26,7 @@ from rich.text import Text
 from reproduce.views.writing.numbers import powers_in_html
 
 WIDTH = 80
+TOWER = 14  # columns that a wrapped sentence takes at least
 PLAIN = "reproduce-plain"  # how streams write what they cannot encode
 Entry = str | Markup
 # How a terminal shows the badge of a verdict.
@@ -63,11 +66,12 @@ class Box(NamedTuple):
 
 
 class Fold(NamedTuple):
-    """Blocks that a page shows when it is asked to; a terminal shows them."""
+    """Blocks that a page shows when it is asked to; of some a terminal says the summary alone."""
 
     summary: Entry
     blocks: tuple[Block, ...]
     opened: bool = False
+    page: bool = False
 
 
 class Section(NamedTuple):
@@ -100,6 +104,17 @@ class Display(ABC):
         text = io.StringIO()
         self.print(Console(file=text, width=WIDTH, no_color=True, force_jupyter=False))
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+
+@dataclass(frozen=True, repr=False)
+class Blocks(Display):
+    """Some blocks as one object."""
+
+    shown: tuple[Block, ...]
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return them."""
+        return self.shown
 
 
 @dataclass(frozen=True, repr=False)
@@ -221,7 +236,7 @@ def terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
             yield from _grid_lines(block, width)
         elif isinstance(block, Fold):
             yield f"\n{plain(block.summary)}"
-            yield from terminal(block.blocks, width)
+            yield from () if block.page else terminal(block.blocks, width)
         elif isinstance(block, Section):
             yield from terminal(block.blocks, width)
         elif isinstance(block, Html):
@@ -241,7 +256,8 @@ def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
         rows = [[name, *row[1:]] for name, row in zip(grid.names, rows, strict=True)]
     texts = [list(map(_text, row)) for row in rows]
     table = columns(map(plain, head), texts, whole=whole, words=grid.words)
-    wide = not fits(table, width)
+    lined = [[plain(name) for name in head], *([one.plain for one in row] for row in texts)]
+    wide = sum(_least(i in whole, column) + 1 for i, column in enumerate(_turned(lined))) > width
     if wide and grid.spare:
         return
     yield from [f"\n{plain(grid.caption)}"] * bool(grid.caption)
@@ -283,14 +299,24 @@ def columns(
     return table
 
 
-def fits(table: Table, width: int) -> bool:
-    """Tell whether a terminal of this many columns shows a table without breaking a word."""
-    return Console(width=10_000).measure(table).minimum <= width
+def _turned(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, ...]]:
+    yield from zip_longest(*rows, fillvalue="")
+
+
+def _least(whole: bool, texts: Sequence[str]) -> int:
+    """Return how narrow a column may be: no word is broken, and no sentence is a tower."""
+    longest = max(map(cell_len, texts))
+    words = [cell_len(word) for text in texts for word in text.split(" ")]
+    return longest if whole else max(*words, min(longest, TOWER))
 
 
 def plain(entry: Entry) -> str:
     """Return an entry without its marks."""
-    return Markup(entry.replace("<br>", " ")).striptags() if isinstance(entry, Markup) else entry
+    if not isinstance(entry, Markup):
+        return entry
+    # Markup would escape what stands in for a break.
+    text = str(entry).replace("<br><small>", " ").replace("<br>", "; ")
+    return Markup(text).striptags()
 
 
 def _text(entry: Entry | Box) -> Text:
