@@ -34,12 +34,11 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from reproduce.inference.evidence import exact_evidence
 
-from reproduce.inference.calibration import replicate
+from calibrations import REPLICATES, SEED, replicate
 from reproduce.inference.diagnostics import diagnose
 from reproduce.inference.model import Model
 from reproduce.inference.models.registration import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble, sample
-from reproduce.papers.calibrations import REPLICATES, SEED
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration.transforms import Registration
 

@@ -10,9 +10,10 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from reproduce.inference import posterior, sampling
-from reproduce.papers import calibrations, declare_posterior
+from reproduce.papers import declare_posterior
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
+from reproduce.store import studies
 from reproduce.views import computed
 from reproduce.views.book import posteriors as pages
 from reproduce.views.book.facts import of_posteriors
@@ -100,7 +101,6 @@ def test_users_spots_take_the_place_of_ours(tmp_path):
         (["posterior", "centroid-noise", "--data", __file__], "centroid-noise takes no file"),
         (["posterior", "registration", "--data", __file__], "line 1: missing column x, y, x_ref"),
         (["posterior", "registration", "--resume"], "--resume needs --out"),
-        (["calibrate", "nothing"], "unknown model"),
     ],
 )
 def test_bad_calls(arguments, message):
@@ -122,12 +122,6 @@ def test_stored_run_is_continued_only_on_request(tmp_path):
     assert run("posterior", "registration", "--steps", "600", "--out", out).exit_code == 2
     again = run("posterior", "registration", "--steps", "600", "--out", out, "--resume", "--json")
     assert again.output == first.output
-
-
-def test_calibrate_redoes_replicates():
-    result = run("calibrate", "registration", "--replicates", "3", "--workers", "1")
-    assert result.exit_code == 0, result.output
-    assert "3 replicates, 0 of them failed." in result.output
 
 
 @pytest.mark.parametrize("paper", sorted({one.paper for one in posteriors().values()}))
@@ -247,7 +241,8 @@ def test_facts_are_the_numbers_of_the_object():
             number, unit = found[f"posterior/frame-averaging#{label}-{what}"].split("\u202f")
             assert float(number) == pytest.approx(frame.loc[label, column], rel=0.06)
             assert unit == frame.loc[label, "unit"]
-    replicates = calibrations.load("frame-averaging").replicates
+    rows = studies.table("calibrations").query("posterior == 'frame-averaging'")
+    replicates = rows["replicates"].iloc[0]
     assert found["posterior/frame-averaging#sbc-replicates"] == f"{replicates:,}"
     printed = posteriors()["frame-averaging"].repeats(book_posterior("frame-averaging"))[0]
     assert found["posterior/frame-averaging#printed-count"] == str(len(printed))

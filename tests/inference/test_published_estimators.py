@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from reproduce.inference.calibration import LEVELS, intervals, simulated
+from calibrations import LEVELS, intervals, simulated
 from reproduce.inference.model import Estimated
 from reproduce.inference.models.joint import JointRegistration, joint_model
 from reproduce.inference.models.lasers import Quest, SpotStatistics

@@ -98,7 +98,7 @@ def check(*arguments):
     ),
 )
 def test_any_arguments(command, arguments):
-    if command in {"check", "audit", "calibrate"} and not arguments:
+    if command in {"check", "audit"} and not arguments:
         return  # the whole ledger, or a study: what they do is tested elsewhere
     if command == "audit" and set(arguments) <= {"--json", "--", "niu2024"}:
         return

@@ -25,7 +25,6 @@ from reproduce.views.cli_posteriors import (
     DATA,
     Spoken,
     bar,
-    calibrate,
     pairs,
     posterior,
 )
@@ -82,7 +81,6 @@ def main() -> None:
 
 
 main.add_command(posterior)
-main.add_command(calibrate)
 
 
 @main.command("list")

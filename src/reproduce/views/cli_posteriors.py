@@ -1,9 +1,8 @@
-"""The subcommands `posterior` and `calibrate`, and the bar of all long commands."""
+"""The subcommand `posterior`, and the bar of all long commands."""
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from importlib.util import find_spec
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from reproduce.views.objects.posterior import ENDINGS, Posterior, coverage_rows, file_formats
+from reproduce.views.objects.posterior import ENDINGS, Posterior, file_formats
 from reproduce.views.writing.display import Grid
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
     from reproduce.inference.parts import Progress
 
-__all__ = ["DATA", "Spoken", "bar", "calibrate", "pairs", "posterior"]
+__all__ = ["DATA", "Spoken", "bar", "pairs", "posterior"]
 
 
 class Spoken(click.Command):
@@ -72,9 +71,6 @@ _PLATFORM = click.option(
     "--platform",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Lights and tracker of your own, in TOML: the arguments of Platform.",
-)
-_OUT = click.option(
-    "--out", type=click.Path(file_okay=False, path_type=Path), help="Keep what is finished here."
 )
 _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed run left in --out.")
 
@@ -199,7 +195,7 @@ def _sample(
     from reproduce.inference.model import StartError
 
     try:
-        with _carried(workers, out, "sampling") as (executor, progress):
+        with _carried(workers, out) as (executor, progress):
             wanted.sample(executor, out, progress)
         # Consequences are held to the gates too, when they are first asked for.
         return wanted.record()
@@ -215,15 +211,13 @@ def _sample(
 
 
 @contextmanager
-def _carried(
-    workers: int | None, out: Path | None, what: str
-) -> Iterator[tuple[Executor | None, Progress | None]]:
+def _carried(workers: int, out: Path | None) -> Iterator[tuple[Executor | None, Progress | None]]:
     """Give an executor and a bar, and say in one line what is wrong with the folder."""
     from reproduce.inference.parts import ResumeError, processes
 
     pool = nullcontext(None) if workers == 1 else processes(workers)
     try:
-        with pool as executor, bar(what) as progress:
+        with pool as executor, bar("sampling") as progress:
             yield executor, progress
     except ResumeError as error:
         raise click.UsageError(str(error)) from error
@@ -261,52 +255,6 @@ def _known(model: str | None) -> str:
         hint = f"; did you mean {', '.join(near)}?" if near else ""
         raise click.UsageError(f"unknown model {model!r}{hint} (--list names them all)")
     return model
-
-
-@click.command()
-@click.argument("model")
-@click.option("--replicates", type=click.IntRange(min=1), default=1000, show_default=True)
-@click.option("--seed", type=int, default=20240105, show_default=True)
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; all processors by default.")
-@_RESUME
-@_OUT
-@click.option("--store", is_flag=True, help="Replace the stored study of this model.")
-@click.option(
-    "--intervals",
-    is_flag=True,
-    help="Redo the published estimator's intervals in the stored study; nothing is sampled.",
-)
-def calibrate(
-    model: str,
-    replicates: int,
-    seed: int,
-    workers: int | None,
-    resume: bool,
-    out: Path | None,
-    store: bool,
-    intervals: bool,
-) -> None:
-    """Run simulation-based calibration of MODEL: are its posteriors right?"""
-    from reproduce.papers import calibrations
-    from reproduce.store.studies import StudyError
-
-    name = _known(model)
-    _check_folder(out, resume)
-    if intervals:
-        try:
-            found = calibrations.renew(name)
-        except StudyError as error:
-            raise click.ClickException(str(error)) from error
-    else:
-        with _carried(workers or os.cpu_count(), out, "calibrating") as (executor, progress):
-            found = calibrations.run(
-                name, replicates, seed, executor=executor, folder=out, progress=progress
-            )
-        if store:
-            calibrations.store(name, found, seed)
-    heads = ("quantity", "evenness, p", "50 % covers", "95 % covers", "published, 95 %")
-    Grid("", heads, coverage_rows(found)).print(Console())
-    click.echo(f"{found.replicates} replicates, {int(found.failed.sum())} of them failed.")
 
 
 @contextmanager

@@ -241,19 +241,15 @@ def _of_aside(key: str, aside: Aside) -> dict[str, str]:
 
 
 def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
-    from reproduce.papers import calibrations
-
-    if not calibrations.stored(name):
+    rows = stored.table("calibrations").query("posterior == @name")
+    if rows.empty:
         return
-    ranks = calibrations.load(name)
-    rows = ranks.coverages()
-    yield "sbc-replicates", f"{ranks.replicates:,}"
-    yield "sbc-failed", str(int(ranks.failed.sum()))
-    yield "sbc-least-p", f"{min(row.chance.value for row in rows):.2g}"
+    yield "sbc-replicates", f"{rows['replicates'].iloc[0]:,}"
+    yield "sbc-failed", str(rows["failed"].iloc[0])
+    yield "sbc-least-p", f"{rows['even'].min():.2g}"
     yield "sbc-quantities", str(len(rows))
-    for row in rows:
-        if row.published is not None:
-            yield f"sbc-{row.name}-published", f"{100 * row.published.value:.0f}\u202f%"
+    for quantity, share in rows.set_index("quantity")["published_95"].dropna().items():
+        yield f"sbc-{quantity}-published", f"{100 * share:.0f}\u202f%"
 
 
 def _of_audits() -> dict[str, str]:

@@ -7,21 +7,22 @@ table for each paper.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
-from reproduce.inference.calibration import Ranks, banded, least_of_all, power
+from reproduce.inference.checks import Share
 from reproduce.inference.diagnostics import Gates
 from reproduce.inference.posterior import Summary
-from reproduce.papers import calibrations
 from reproduce.papers.niu2024.posteriors import decisions
 from reproduce.papers.niu2024.posteriors.new_stars import pixel_angle
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.given import given
 from reproduce.printed.units import UNITS, symbol
+from reproduce.store import studies
 from reproduce.views.computed import item_ledger
 from reproduce.views.objects.base import text_of
 from reproduce.views.objects.figure import pictured
@@ -55,8 +56,8 @@ __all__ = [
     ),
 ]
 
-# Shares by which a standard deviation may be too small, of which the power is told.
-NARROW = (0.1, 0.05)
+# Standard deviations too small by a share in %: columns of the calibrations that tell their power.
+NARROW = {"10": "narrow_10", "5": "narrow_5"}
 # The share of right curves that leave their own band.
 OUTSIDE = 0.05
 
@@ -244,11 +245,13 @@ def stars() -> Html:
 def diagnostics(paper: str) -> Html:
     """Show how far the posteriors of a paper can be trusted, a line each: chains, calibration."""
     names = [name for name, one in posteriors().items() if one.paper == paper]
-    stored = [calibrations.load(name) for name in names]
-    rows = [_trusted(name, one) for name, one in zip(names, stored, strict=True)]
-    least, count, expected = least_of_all(stored)
-    outside = sum(int((one.probabilities() < OUTSIDE).sum()) for one in stored)
-    found_out = (f"sd {100 * share:g} % too small leaves its band" for share in NARROW)
+    stored = studies.table("calibrations")
+    trials = stored.attrs["trials"]
+    stored = stored[stored["posterior"].isin(names)]
+    rows = [_trusted(name, one, trials) for name, one in stored.groupby("posterior", sort=False)]
+    least, count = stored["even"].min(), len(stored)
+    outside = (stored["even"] < OUTSIDE).sum()
+    found_out = (f"sd {share} % too small leaves its band" for share in NARROW)
     head = ("Model", "R-hat, largest", "steps / τ, fewest", "ESS, smallest", "acceptance",
             "replicates", "failed", "quantities", "least even, p", "95 % covers",
             *found_out)  # fmt: skip
@@ -260,23 +263,23 @@ def diagnostics(paper: str) -> Html:
         f"{gates.acceptance:g}. "
         f"Of {count} quantities {outside} leave their own band of {100 * (1 - OUTSIDE):g} %, where "
         f"chance alone makes {count * OUTSIDE:.2g}; the least even has p = {least:.2g}, and "
-        f"{expected:.2g} are expected to be as small."
+        f"{count * least:.2g} are expected to be as small."
     )
     return Html(_table(head, rows, caption))
 
 
-def _trusted(name: str, stored: Ranks) -> tuple[str, ...]:
+def _trusted(name: Any, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
     """Return the line of a posterior: its chains, then its calibration."""
     found = book_posterior(name)
-    least, wide = banded(float(stored.probabilities().min())), 100 * stored.coverage(0.95)
+    least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
     return (
         name, f"{max(one.rhat for one in found.diagnoses):.4f}",
         f"{min(one.times for one in found.diagnoses):.0f}",
         f"{min(min(one.bulk, one.tail) for one in found.diagnoses):,.0f}",
         f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}",
-        f"{stored.replicates:,}", str(int(stored.failed.sum())), str(len(stored.names)),
-        digits(least.value, least.error), f"{wide.min():.1f} to {wide.max():.1f} %",
-        *(percent(power(stored.replicates, 1 - share)) for share in NARROW),
+        f"{least['replicates']:,}", str(least["failed"]), str(len(stored)),
+        digits(least["even"], least["even_error"]), f"{wide.min():.1f} to {wide.max():.1f} %",
+        *(percent(Share.counted(least[column], trials)) for column in NARROW.values()),
     )  # fmt: skip
 
 

@@ -24,12 +24,11 @@ from reproduce.views.platforms import platform_of
 from reproduce.views.writing.cite import beside
 from reproduce.views.writing.display import Block, Fold, Grid, Html, folded
 from reproduce.views.writing.export import export_frame
-from reproduce.views.writing.numbers import digits, minus, moments, percent
+from reproduce.views.writing.numbers import digits, minus, moments
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reproduce.inference.calibration import Ranks
     from reproduce.inference.checks import PredictiveCheck, Repeat, Share
     from reproduce.inference.model import Model, Parameter
     from reproduce.inference.parts import Progress
@@ -587,20 +586,6 @@ def interval(row: Summary) -> tuple[str, str]:
     """Write mean ± standard deviation of a summary, and the ends of its 95 %."""
     _, _, low, high = spread(row)
     return moments(row.mean, row.deviation), minus(f"{low} to {high}")
-
-
-def coverage_rows(stored: Ranks) -> list[tuple[str, ...]]:
-    """Write evenness and coverage of every quantity, with binomial standard errors."""
-    return [
-        (
-            row.name,
-            digits(row.chance.value, row.chance.error),
-            percent(row.half),
-            percent(row.wide),
-            "none" if row.published is None else percent(row.published),
-        )
-        for row in stored.coverages()
-    ]
 
 
 def file_formats() -> list[tuple[str, str, str]]:

@@ -4,18 +4,25 @@ A parameter vector is drawn from the prior, data are simulated from it, the post
 and the true value is ranked among the draws. If model, likelihood and sampler are right, all ranks
 are equally probable, for every parameter and for any quantity computed from parameters and data;
 the log likelihood is such a quantity, and sees errors that no single parameter sees.
+``python tools/evidence/calibrations.py`` calibrates every posterior of the book, or those that are
+named, and stores its ranks; ``--table`` alone counts the stored ranks again. The book shows the
+table of all, `calibrations`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from concurrent.futures import Executor
+import argparse
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
+import pandas as pd
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import NDArray
 from scipy.special import ndtr
@@ -24,18 +31,23 @@ from scipy.stats import binom, norm
 from reproduce.inference.checks import Share
 from reproduce.inference.diagnostics import autocorrelation_time, thinned
 from reproduce.inference.model import Estimated, Model
-from reproduce.inference.parts import Progress, Store, run_parts
-from reproduce.inference.sampling import Job, Plan, fingerprint, run_ensemble
-from reproduce.physics.validate import FloatArray, whole_number
-
-__all__ = [
-    "DRAWS", "LEVELS", "Ranks", "banded", "calibrate", "intervals", "least_of_all",
-    "named", "power", "replicate", "simulated",
-]  # fmt: skip
+from reproduce.inference.sampling import Job, Plan, run_ensemble
+from reproduce.papers.posteriors import posteriors
+from reproduce.physics.validate import FloatArray
+from reproduce.store import studies
 
 Counts = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Covered = NDArray[np.int8]
+
+NAME = "calibrations"
+COMMAND = "python tools/evidence/calibrations.py"
+SEED, REPLICATES = 20_240_105, 1000
+# Points near the posterior of the book at which a model is recognised.
+POINTS = 8
+PACKAGES = ("numpy", "scipy", "emcee")
+# Shares by which a standard deviation may be too small, of which the power is told.
+NARROW = {"narrow_10": 0.1, "narrow_5": 0.05}
 
 # Ranks run from zero to this.
 DRAWS = 99
@@ -98,63 +110,10 @@ class Ranks:
         smaller = np.searchsorted(simulated, _least(self.counts()), side="right")
         return np.asarray((smaller + 1) / (len(simulated) + 1))
 
-    def coverages(self) -> list[Coverage]:
-        """Evenness and coverage of every quantity."""
-        chances, half, wide = self.probabilities(), self.coverage(0.5), self.coverage(0.95)
-        # Consequences and the log likelihood are no parameters.
-        theirs = self.estimator_coverage(0.95)
-        published = np.append(theirs, np.full(len(self.names) - len(theirs), np.nan))
-        rows = zip(self.names, chances, half, wide, published, strict=True)
-        return [
-            Coverage(
-                name,
-                banded(float(chance)),
-                Share.counted(float(inner), self.replicates),
-                Share.counted(float(outer), self.replicates),
-                None if np.isnan(theirs) else Share.counted(float(theirs), self.replicates),
-            )
-            for name, chance, inner, outer, theirs in rows
-        ]
-
     def counts(self) -> Counts:
         """Cumulated counts of ranks up to 0, 1, ..., shape (names, DRAWS + 1)."""
         table = [np.bincount(column, minlength=DRAWS + 1) for column in self.ranks.T]
         return np.cumsum(np.array(table), axis=1)
-
-
-@dataclass(frozen=True)
-class Coverage:
-    """How a quantity fares in a calibration.
-
-    - `name`: a parameter, or the test quantity.
-    - `chance`: probability of ranks at least as uneven.
-    - `half`, `wide`: how often central posterior intervals of 50 % and 95 % cover.
-    - `published`, optional: how often intervals of 95 % of the published estimator cover, where it
-      gives them.
-    """
-
-    name: str
-    chance: Share
-    half: Share
-    wide: Share
-    published: Share | None
-
-
-def banded(chance: float) -> Share:
-    """A probability counted among simulated bands, with the error that their number leaves."""
-    error = np.sqrt(chance * (1 - chance) / SIMULATIONS)
-    return Share(chance, float(min(error, chance / 5)), SIMULATIONS)
-
-
-def least_of_all(found: Sequence[Ranks]) -> tuple[float, int, float]:
-    """Return the least evenness of all quantities of all models, and how surprising it is.
-
-    How many of so many are expected to be as small by chance: their product. It holds though
-    quantities of one model depend on each other, and models with a seed in common too.
-    """
-    all_of_them = np.concatenate([one.probabilities() for one in found])
-    least, count = float(all_of_them.min()), len(all_of_them)
-    return least, count, count * least
 
 
 def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
@@ -237,27 +196,11 @@ def _covered(model: Model, truth: FloatArray) -> Covered:
     return np.where(np.isnan(centre), -1, inside).astype(np.int8)
 
 
-def calibrate(
-    model: Model,
-    seed: int,
-    replicates: int,
-    *,
-    executor: Executor | None = None,
-    folder: Path | None = None,
-    progress: Progress | None = None,
-) -> Ranks:
-    """Run simulation-based calibration; the model's own data play no part.
-
-    In a folder each finished replicate is kept; what lies there already is not run again.
-    """
-    count = whole_number("replicates", replicates)
-    # A longer calibration begins with the replicates of a shorter one, so their number may change.
-    note = {"model": model.name, "quantities": list(named(model)), "seed": seed,
-            "data": fingerprint(model)}  # fmt: skip
-    store = None if folder is None else Store(folder, note)
+def calibrate(model: Model, seed: int, replicates: int, executor: Executor | None = None) -> Ranks:
+    """Run simulation-based calibration, on any executor; the model's own data play no part."""
     run = partial(replicate, model, seed)
-    results = run_parts(run, range(count), executor, store, progress)
-    ranks, failed, covered = (np.array(column) for column in zip(*results, strict=True))
+    found = (map if executor is None else executor.map)(run, range(replicates))
+    ranks, failed, covered = (np.array(column) for column in zip(*found, strict=True))
     return Ranks(named(model), ranks, failed, covered)
 
 
@@ -298,3 +241,89 @@ def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -
     counts = np.array([np.bincount(one, minlength=DRAWS + 1) for one in ranks]).cumsum(axis=1)
     limit = np.quantile(band_statistics(replicates, seed), 1 - level)
     return Share.counted(float((_least(counts) < limit).mean()), TRIALS)
+
+
+def log_posteriors(key: str, points: FloatArray, seed: int) -> FloatArray:
+    """Return the fingerprint of a model, shape (2, POINTS): it knows data, likelihood and priors.
+
+    Log posterior of the book's data at fixed points, and of the truth of as many replicates, which
+    also knows how data are simulated.
+    """
+    model = posteriors()[key].model()
+    pairs = (simulated(model, seed, index) for index in range(len(points)))
+    return np.array(
+        [model.log_posterior(points), [float(fit.log_posterior(t[None])[0]) for t, fit in pairs]]
+    )
+
+
+def store(key: str, found: Ranks, seed: int, where: Path | None = None) -> None:
+    """Keep a calibration with what is needed to redo it."""
+    note: dict[str, str | int | float] = {
+        "command": f"{COMMAND} {key} --replicates {found.replicates} --seed {seed}",
+        "seed": seed,
+        "versions": ", ".join(f"{name} {version(name)}" for name in PACKAGES),
+        "names": "\t".join(found.names),
+    }
+    points = posteriors()[key].model().start(np.random.default_rng(0), POINTS)
+    arrays: dict[str, NDArray[Any]] = {
+        "points": points,
+        "log_posterior": log_posteriors(key, points, seed),
+        "ranks": found.ranks.astype(np.int16),
+        "failed": found.failed.astype(bool),
+        "covered": found.covered.astype(np.int8),
+    }
+    studies.write(f"sbc-{key}", arrays, note, where)
+
+
+def load(key: str, where: Path | None = None) -> Ranks:
+    """Return the stored calibration of a posterior."""
+    study = studies.read(f"sbc-{key}", where)
+    names = tuple(str(study.note["names"]).split("\t"))
+    ranks, failed, covered = (study.arrays[name] for name in ("ranks", "failed", "covered"))
+    return Ranks(names, ranks.astype(np.int64), failed.astype(np.bool_), covered)
+
+
+def table() -> pd.DataFrame:
+    """Return how every quantity fares, and how often a posterior too narrow would be found out.
+
+    `even`: probability of ranks at least as uneven, with the error that the number of simulated
+    bands leaves; `covers_95`: how often central posterior intervals of 95 % cover; `published_95`:
+    the same of the published estimator's, where it gives them; `narrow_10`: the share of
+    calibrations with as many replicates that find a standard deviation 10 % too small.
+    """
+    rows = []
+    for key in posteriors():
+        found = load(key)
+        theirs = found.estimator_coverage(0.95)
+        # Consequences and the log likelihood are no parameters.
+        published = np.append(theirs, np.full(len(found.names) - len(theirs), np.nan))
+        chances = found.probabilities()
+        errors = np.minimum(np.sqrt(chances * (1 - chances) / SIMULATIONS), chances / 5)
+        powers = [power(found.replicates, 1 - share).value for share in NARROW.values()]
+        columns = zip(found.names, chances, errors, found.coverage(0.95), published, strict=True)
+        failed = int(found.failed.sum())
+        rows += [(key, name, found.replicates, failed, *map(float, numbers), *powers)
+                 for name, *numbers in columns]  # fmt: skip
+    heads = ("posterior", "quantity", "replicates", "failed", "even", "even_error", "covers_95",
+             "published_95", *NARROW)  # fmt: skip
+    return pd.DataFrame(rows, columns=list(heads))
+
+
+def main() -> None:
+    """Calibrate what is asked for, and store ranks and table."""
+    parser = argparse.ArgumentParser(description="Calibrate posteriors of the book.")
+    parser.add_argument("posteriors", nargs="*")
+    parser.add_argument("--replicates", type=int, default=REPLICATES)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--table", action="store_true", help="store the table alone")
+    asked = parser.parse_args()
+    if not asked.table:
+        with ProcessPoolExecutor(mp_context=get_context("spawn")) as executor:
+            for key in asked.posteriors or posteriors():
+                model = posteriors()[key].model()
+                store(key, calibrate(model, asked.seed, asked.replicates, executor), asked.seed)
+    studies.write_table(NAME, table(), {"command": f"{COMMAND} --table", "trials": TRIALS})
+
+
+if __name__ == "__main__":
+    main()

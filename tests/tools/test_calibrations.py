@@ -1,32 +1,30 @@
 """Simulation-based calibration: a small run, the band, a broken model, the stored studies."""
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 import pytest
-from click.testing import CliRunner
-from scipy.stats import binomtest
 
-from reproduce.inference.calibration import (
+import calibrations as stored
+from calibrations import (
     DRAWS,
     LEVELS,
     Ranks,
     calibrate,
     intervals,
-    least_of_all,
     named,
     power,
     replicate,
     simulated,
 )
 from reproduce.inference.models.registration import GaussianRegistration
-from reproduce.papers import calibrations as stored
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 from reproduce.views.book import posteriors as pages
-from reproduce.views.cli import main
-from reproduce.views.objects.posterior import book_posterior, coverage_rows
+from reproduce.views.objects.posterior import book_posterior
 
 SMALL = 40
 # The main models have more replicates than the others.
@@ -141,8 +139,8 @@ def test_stored_calibrations(name):
     # One band per quantity: the smallest of so many probabilities, one false alarm in a thousand.
     assert found.probabilities().min() > 0.001 / len(found.names)
     assert found.failed.mean() < 0.02
-    note = studies.read(stored.study_name(name)).note
-    assert f"reproduce calibrate {name} " in str(note["command"])
+    note = studies.read(f"sbc-{name}").note
+    assert f"{stored.COMMAND} {name} " in str(note["command"])
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -165,7 +163,7 @@ def test_stored_calibrations_are_those_of_the_present_models(name):
 @pytest.mark.parametrize("name", STUDIES)
 def test_stored_calibrations_know_their_models(name):
     """To a billionth: data, priors, likelihood and simulation are those that were calibrated."""
-    kept = studies.read(stored.study_name(name)).arrays
+    kept = studies.read(f"sbc-{name}").arrays
     found = stored.log_posteriors(name, kept["points"], stored.SEED)
     np.testing.assert_allclose(found, kept["log_posterior"], rtol=1e-9)
 
@@ -214,57 +212,28 @@ def test_round_trip(tmp_path, small):
     assert again.names == found.names
 
 
-def test_only_intervals_are_renewed(tmp_path, monkeypatch, small):
-    """By the command: ranks and note stay, and the intervals come back."""
-    monkeypatch.setattr(studies, "folder", lambda: tmp_path)
-    stored.store("registration", with_parts(small), stored.SEED)
-    before = studies.read("sbc-registration")
-    result = CliRunner().invoke(main, ["calibrate", "registration", "--intervals"])
-    assert result.exit_code == 0, result.output
-    after = studies.read("sbc-registration")
-    np.testing.assert_array_equal(after.arrays["covered"], small.covered)
-    np.testing.assert_array_equal(after.arrays["ranks"], before.arrays["ranks"])
-    np.testing.assert_array_equal(after.arrays["failed"], before.arrays["failed"])
-    changed = {key for key in before.note if before.note[key] != after.note.get(key)}
-    assert changed == {"sha256"}
-    assert before.note.keys() == after.note.keys()
+def test_an_interval_is_missing_where_the_estimator_gives_nothing(small):
+    coverage = with_parts(small).estimator_coverage(0.95)
+    assert np.isnan(coverage).tolist() == [False, True, False, False, False]
+    assert coverage[0] == small.covered[:, LEVELS.index(0.95), 0].mean()
 
 
-def test_intervals_without_a_study_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(studies, "folder", lambda: tmp_path)
-    result = CliRunner().invoke(main, ["calibrate", "registration", "--intervals"])
-    assert result.exit_code == 1
-    assert "no such study" in result.output
-    assert isinstance(result.exception, SystemExit)
+def test_any_executor_finds_the_same(small):
+    with ThreadPoolExecutor(2) as executor:
+        model = posteriors()["registration"].model()
+        found = calibrate(model, stored.SEED, 5, executor)
+    np.testing.assert_array_equal(found.ranks, small.ranks[:5])
 
 
-def test_none_is_shown_where_there_is_no_estimate(small):
-    shown = {row[0]: row[-1] for row in coverage_rows(with_parts(small))}
-    share = 100 * small.covered[:, LEVELS.index(0.95), 0].mean()
-    assert shown["scale"].startswith(f"{share:.1f} ±")
-    assert shown["rotation"] == "none"
-    assert shown["shift-x"].endswith("%")
-    assert shown["log likelihood"] == "none"
-
-
-def test_least_of_all_models_is_weighed_by_their_number():
-    """Even ranks have a least that is to be expected among so many."""
-    chances = []
-    for seed in range(60):
-        found = [even(200, 100 * seed + i) for i in range(4)]
-        least, count, chance = least_of_all(found)
-        assert count == 12
-        assert least == min(one.probabilities().min() for one in found)
-        chances.append(chance)
-    # Independent quantities: less than 0.2 expected as small happens a little less often than so.
-    assert binomtest(int((np.array(chances) < 0.2).sum()), 60, 0.18).pvalue > 0.001
+def test_the_table_of_the_book_is_that_of_the_stored_ranks():
+    pd.testing.assert_frame_equal(stored.table(), studies.table(stored.NAME), rtol=1e-9)
 
 
 def test_the_least_even_quantity_is_the_one_that_the_page_of_diagnostics_names():
-    found = stored.of_all()
-    least = min(found, key=lambda name: found[name].probabilities().min())
-    assert least == "table-5"
-    assert found[least].names[found[least].probabilities().argmin()] == "log-reference-scatter"
+    table = studies.table(stored.NAME)
+    least = table.loc[table["even"].idxmin()]
+    assert least["posterior"] == "table-5"
+    assert least["quantity"] == "log-reference-scatter"
 
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
