@@ -8,7 +8,7 @@ from reproduce.papers.chen2023.posteriors.consequences import (
     OnTheGround,
     StageTest,
 )
-from reproduce.papers.niu2024.posteriors.new_stars import NoiseAlone
+from reproduce.papers.niu2024.posteriors import NoiseAlone
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude.averaging import scatter_of_averages
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -10,7 +10,7 @@ from reproduce.judge import ledger, rerun
 from reproduce.judge.ledger import build
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.niu2024 import readings, simulation_angles
+from reproduce.papers.niu2024 import readings, simulation
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 
@@ -204,10 +204,10 @@ def test_all_options_together_leave_nothing_open():
 def test_an_arrangement_gives_what_the_study_of_all_readings_gives(angles):
     """Two seeds: medians within a few of their errors; the first arrangement has no zero."""
     drawn = readings.simulate(DOOR, 400)
-    names = [one.name for one in simulation_angles.candidates(DOOR)]
+    names = [one.name for one in simulation.candidates(DOOR)]
     literal = readings.literal(DOOR)
     place = readings.readings(DOOR).index(
-        replace(literal, arrangement=names.index(simulation_angles.ARRANGEMENTS[angles]))
+        replace(literal, arrangement=names.index(simulation.ARRANGEMENTS[angles]))
     )
     found = cells(rerun.rerun("niu2024/table-3", chosen={"angles": angles}))
     for channel, row in (("red", 0), ("blue", 1)):
@@ -220,8 +220,8 @@ def test_an_arrangement_gives_what_the_study_of_all_readings_gives(angles):
 
 
 def test_the_names_of_the_arrangements_are_those_that_have_the_printed_count():
-    assert list(simulation_angles.ARRANGEMENTS.values()) == [
-        one.name for one in simulation_angles.candidates(DOOR)
+    assert list(simulation.ARRANGEMENTS.values()) == [
+        one.name for one in simulation.candidates(DOOR)
     ]
 
 

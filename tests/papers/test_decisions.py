@@ -10,7 +10,7 @@ from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.chen2023.posteriors import decisions as camera
 from reproduce.papers.chen2023.posteriors import frame_averaging
-from reproduce.papers.niu2024.posteriors import decisions as sensor
+from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.ground.errors import circular_error

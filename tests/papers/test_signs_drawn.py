@@ -8,9 +8,10 @@ from matplotlib.patches import FancyArrowPatch
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers import space
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.chen2023 import attitude
 from reproduce.papers.chen2023.figures import platform, satellite
-from reproduce.papers.niu2024.figures import calibration, registration
+from reproduce.papers.niu2024 import registration
 from reproduce.physics.attitude.lasers import emitted_directions
 from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
 from reproduce.physics.light.raytrace import mirror_train
@@ -172,7 +173,7 @@ def test_a_registered_spot_is_turned_stretched_and_shifted_as_drawn():
     assert turned - pivot == pytest.approx([cosine * x - sine * y, sine * x + cosine * y])
     assert stretched - pivot == pytest.approx(k * (turned - pivot))
     assert after == pytest.approx(stretched - registration.SHIFT)
-    axes = painted(registration.draw_registration)
+    axes = painted(drawings()["niu2024-registration"])
     assert holds_arrow(axes, turned, stretched)
     assert holds_arrow(axes, stretched, after)
     (curve,) = curves(axes)
@@ -183,7 +184,7 @@ def test_a_registered_spot_is_turned_stretched_and_shifted_as_drawn():
 def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     """Points fixed to the drawn green axes, as the drawn blue detector sees them."""
     origin, angle = registration.PRINCIPAL_POINTS, registration.PLANE_ANGLE
-    axes = painted(registration.draw_planes, {})
+    axes = painted(catalogue()["niu2024/fig-2"].draw, {})
     arrows = ends(axes)
     across = arrows[2, 1] - arrows[2, 0]
     assert np.arctan2(across[1], across[0]) == pytest.approx(angle)
@@ -196,7 +197,7 @@ def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
 
 
 def test_the_table_moves_the_star_as_drawn():
-    axes = painted(calibration.draw_table)
+    axes = painted(drawings()["niu2024-rotary-table"])
     said = words(axes)
     assert "$φ_1 > 0$: towards $+y$" in said
     assert "$φ_2 > 0$: towards $−x$" in said

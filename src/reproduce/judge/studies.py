@@ -15,7 +15,7 @@ JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reprod
 # The modules whose `recomputed` redoes a slow study, by the name of its files.
 SLOW = {
     "niu2024-readings": "reproduce.judge.readings",
-    "niu2024-fusion": "reproduce.papers.niu2024.images_fusion",
+    "niu2024-fusion": "reproduce.papers.niu2024.images",
 }
 
 

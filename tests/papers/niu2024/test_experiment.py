@@ -6,7 +6,7 @@ import pytest
 import reproduce as rp
 from reproduce.audit.report import audit_paper
 from reproduce.papers.declare import Blocked
-from reproduce.papers.niu2024 import experiment, simulation_angles
+from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import registration_bound
 from reproduce.physics.registration.transforms import Registration, similarity_between
@@ -155,7 +155,7 @@ def test_the_stand_in_is_the_noise_of_two_channels():
 
 def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     """Even with ten repeats averaged of the noise that the simulation has."""
-    door = given([*experiment.INSTRUMENT, *simulation_angles.READS])
+    door = given([*experiment.INSTRUMENT, *simulation.READS])
     seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
     fits = experiment.calibrated_cameras(door, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
@@ -167,11 +167,11 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
 
 def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     """As precisely as the bound says; so the printed scales contradict the focal lengths."""
-    door = given([*experiment.INSTRUMENT, *simulation_angles.READS, "niu2024/table-4#scale.*"])
+    door = given([*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"])
     error, replicates = 0.05 / np.sqrt(10), 400
     fits = experiment.registrations(door, np.random.SeedSequence(3), replicates, error)
     used, turns = experiment.cameras(door), experiment.rotations(door)
-    true = channel_centroids(used, turns, simulation_angles.literal(door).angles)
+    true = channel_centroids(used, turns, simulation.literal(door).angles)
     for place, channel in enumerate(("red", "blue"), start=1):
         implied = similarity_between(used[place], turns[place], used[0])
         found = fits[channel].parameters
@@ -184,7 +184,7 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
 
 def test_the_printed_residuals_leave_the_scale_close_to_the_focal_lengths():
     """What the page says of the fit: with centroid errors so large, blue would still be close."""
-    door = given([*experiment.INSTRUMENT, *simulation_angles.READS, "niu2024/table-4#scale.*"])
+    door = given([*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"])
     error = float(experiment.centroid_errors(DOOR).max())
     fits = experiment.registrations(door, np.random.SeedSequence(4), 400, error)
     for channel, times in (("red", 2), ("blue", 10)):

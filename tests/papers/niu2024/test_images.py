@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from reproduce.papers.niu2024 import experiment, images, images_fusion
+from reproduce.papers.catalogue import studies
+from reproduce.papers.niu2024 import experiment, images
 from reproduce.physics.images.centroid_theory import cramer_rao_variance
 from reproduce.physics.images.spots import window_corners
 from reproduce.physics.optics.simulate import channel_centroids
@@ -14,14 +15,14 @@ from reproduce.printed.given import given
 from reproduce.store.stars import spectra
 
 DOOR = given(images.READS)
-LIKELY = images_fusion.LIKELY
+LIKELY = images.LIKELY
 DARK = images.SENSOR.noise_electrons()
 ETA = images.SENSOR.quantum_efficiency
 
 
 @pytest.fixture(scope="module")
 def stored():
-    return images_fusion.stored().arrays
+    return images.stored().arrays
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +42,7 @@ def spots(place):
 
 
 def photons(magnitude, star="solar"):
-    return images_fusion.light_of(DOOR, star, magnitude)
-
-
-@pytest.fixture(scope="module")
-def frame():
-    return images.colours_of_a_frame()
+    return images.light_of(DOOR, star, magnitude)
 
 
 def test_a_magnitude_4_star_by_hand():
@@ -94,11 +90,11 @@ def test_bright_stars_saturate():
 
 
 def test_stars_are_blackbodies_cool_solar_and_hot_and_tables():
-    heats = [value for value in images_fusion.STARS.values() if not isinstance(value, str)]
+    heats = [value for value in images.STARS.values() if not isinstance(value, str)]
     assert min(heats) < 4000 < 5500 < 6000 < 10000 < max(heats)
-    assert sum(isinstance(value, str) for value in images_fusion.STARS.values()) == 2
+    assert sum(isinstance(value, str) for value in images.STARS.values()) == 2
     np.testing.assert_array_equal(
-        photons(2.5), images.star_photons(DOOR, [2.5], [images_fusion.TEMPERATURE])[:, 0]
+        photons(2.5), images.star_photons(DOOR, [2.5], [images.TEMPERATURE])[:, 0]
     )
 
 
@@ -124,8 +120,8 @@ def test_vega_has_the_colours_of_a_blackbody_hotter_than_itself():
 
 def test_green_alone_reaches_the_cramer_rao_bound(stored):
     """Root mean square over both axes, at the middle of the field, within the trials' luck."""
-    for i, star in enumerate(images_fusion.STARS):
-        for j, magnitude in enumerate(images_fusion.MAGNITUDES):
+    for i, star in enumerate(images.STARS):
+        for j, magnitude in enumerate(images.MAGNITUDES):
             offsets = np.random.default_rng(1).uniform(0, 1, (64, 2))
             at = 20 + offsets
             corners = window_corners(at, images.WINDOW)
@@ -139,22 +135,19 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
 
 def test_without_registration_the_centre_lies_between_the_spots(stored):
     """By hand: the mean of the three positions, weighted with their light; it knows the colour."""
-    for i, star in enumerate(images_fusion.STARS):
-        for j, place in enumerate(images_fusion.PLACES):
+    for i, star in enumerate(images.STARS):
+        for j, place in enumerate(images.PLACES):
             where, light = spots(place), photons(4.0, star)
             expected = np.hypot(*((light[:, None] * where).sum(axis=0) / light.sum() - where[0]))
             found = stored["bias"][i, j, :, 1, LIKELY]
             np.testing.assert_allclose(found, expected, rtol=0.12, err_msg=f"{star}, {place}")
     corner = stored["bias"][:, -1, :, 1, LIKELY].mean(axis=-1)
-    assert (
-        corner[list(images_fusion.STARS).index("cool")]
-        > 1.25 * corner[list(images_fusion.STARS).index("hot")]
-    )
+    assert corner[list(images.STARS).index("cool")] > 1.25 * corner[list(images.STARS).index("hot")]
 
 
 def test_with_registration_the_gain_is_the_root_of_the_light(stored):
     """Photon noise by hand, for every star; dark pixels take a little of it away."""
-    for i, star in enumerate(images_fusion.STARS):
+    for i, star in enumerate(images.STARS):
         light = photons(4.0, star)
         expected = np.sqrt(light.sum() / light[0])
         gain = stored["signal_to_noise"][i, ..., 2] / stored["signal_to_noise"][i, ..., 0]
@@ -172,42 +165,24 @@ def test_the_predicted_error_of_the_colour_is_the_one_found(stored):
     np.testing.assert_allclose(scatter, predicted, rtol=0.13)
 
 
-def test_every_star_of_a_frame_has_its_colour_and_an_honest_error(frame):
-    """The pulls follow the normal law; two ratios of one star share its green and are not free."""
-    assert frame.sent == 200
-    assert 170 < frame.measured.shape[1] <= 200
-    assert frame.measured.shape == frame.sigma.shape == frame.truth.shape
-    pulls, n = frame.pulls, frame.measured.shape[1]
-    np.testing.assert_allclose(pulls.mean(axis=1), 0, atol=4 / np.sqrt(n))
-    np.testing.assert_allclose(pulls.std(axis=1), 1, atol=4 / np.sqrt(2 * n))
-    bright = frame.magnitude < 4
-    assert frame.sigma[:, bright].max() < np.median(frame.sigma[:, frame.magnitude > 5])
-    assert np.corrcoef(frame.measured[0], frame.truth[0])[0, 1] > 0.9
-
-
-def test_stars_close_together_are_left_out():
-    positions = np.array([[100.0, 100.0], [108.0, 100.0], [300.0, 100.0]])
-    np.testing.assert_array_equal(images.isolated(positions), [False, False, True])
-
-
 @pytest.mark.parametrize("star", ["solar", "Vega"])
 def test_one_cell_is_recomputed_whole(stored, star):
-    row = list(images_fusion.STARS).index(star)
-    seed = np.random.SeedSequence(images_fusion.SEED, spawn_key=(row, 2, 3))
-    light = photons(images_fusion.MAGNITUDES[3], star)
-    found = images_fusion.cell(DOOR, images_fusion.PLACES[2], light, images_fusion.TRIALS, seed)
-    for name, array in zip(images_fusion.RESULTS, found, strict=True):
+    row = list(images.STARS).index(star)
+    seed = np.random.SeedSequence(images.SEED, spawn_key=(row, 2, 3))
+    light = photons(images.MAGNITUDES[3], star)
+    found = images.cell(DOOR, images.PLACES[2], light, images.TRIALS, seed)
+    for name, array in zip(images.RESULTS, found, strict=True):
         np.testing.assert_allclose(array, stored[name][row, 2, 3], atol=1e-9)
 
 
 def test_a_smaller_run_says_the_same(stored):
     """With a tenth of the trials, on threads: the same to within its own luck."""
     with ThreadPoolExecutor(2) as pool:
-        found = images_fusion.simulate(6, executor=pool)
-    seed = np.random.SeedSequence(images_fusion.SEED, spawn_key=(1, 2, 3))
-    place, light = images_fusion.PLACES[2], photons(images_fusion.MAGNITUDES[3])
-    cell = images_fusion.cell(DOOR, place, light, 6, seed)
-    for name, array in zip(images_fusion.RESULTS, cell, strict=True):
+        found = images.simulate(6, executor=pool)
+    seed = np.random.SeedSequence(images.SEED, spawn_key=(1, 2, 3))
+    place, light = images.PLACES[2], photons(images.MAGNITUDES[3])
+    cell = images.cell(DOOR, place, light, 6, seed)
+    for name, array in zip(images.RESULTS, cell, strict=True):
         np.testing.assert_array_equal(found[name][1, 2, 3], array)
     large = stored["error"][..., 1, LIKELY]
     np.testing.assert_allclose(found["error"][..., 1, LIKELY], large, rtol=0.1)
@@ -218,13 +193,13 @@ def test_a_smaller_run_says_the_same(stored):
 
 
 def test_the_tables_have_a_row_for_every_star():
-    stars, magnitudes = len(images_fusion.STARS), len(images_fusion.MAGNITUDES)
-    centroids, colours = images_fusion.centroids(), images_fusion.star_colours()
-    assert len(centroids) == stars * len(images_fusion.PLACES) * magnitudes * 3
+    stars, magnitudes = len(images.STARS), len(images.MAGNITUDES)
+    centroids, colours = studies()["niu2024/fusion"](), studies()["niu2024/star-colours"]()
+    assert len(centroids) == stars * len(images.PLACES) * magnitudes * 3
     assert len(colours) == stars * magnitudes
-    names = [images_fusion.named(star) for star in images_fusion.STARS]
+    names = [images.named(star) for star in images.STARS]
     assert list(centroids["Star"].unique()) == list(colours["Star"].unique()) == names
     row = centroids.query("Star.str.startswith('Vega') and Place == 'corner'").iloc[-1]
-    stored = images_fusion.stored().arrays
+    stored = images.stored().arrays
     assert row["Bias, maximum likelihood (px)"] == stored["bias"][-1, -1, -1, -1, LIKELY]
     assert row["Signal over noise"] == stored["signal_to_noise"][-1, -1, -1, -1]

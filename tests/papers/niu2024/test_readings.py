@@ -10,15 +10,18 @@ from scipy.stats import ks_2samp
 from reproduce.inference.parts import Store
 from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
+from reproduce.papers.catalogue import drawings, studies
 from reproduce.papers.declare import Reading
-from reproduce.papers.niu2024 import readings, simulation, simulation_angles
-from reproduce.papers.niu2024.figures import readings as drawings
+from reproduce.papers.niu2024 import readings, simulation
 from reproduce.papers.study import LEAST_DRAWS
+from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import channel_centroids
 from reproduce.physics.registration.calibration import (
     calibrate,
+    registration_bound,
     starting_values,
 )
+from reproduce.physics.registration.transforms import similarity_between
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 
@@ -93,9 +96,9 @@ def test_the_closed_form_is_the_end_of_the_papers_iteration():
     """Also where the zero position is not among the angles."""
     few = readings.numbers(DOOR, 2)
     every = readings.simulate(DOOR, 2)
-    names = [found.offset for found in simulation_angles.candidates(DOOR)]
+    names = [found.offset for found in simulation.candidates(DOOR)]
     for arrangement in (names.index("centred"), names.index("half a spacing along both")):
-        table = simulation_angles.candidates(DOOR)[arrangement].angles
+        table = simulation.candidates(DOOR)[arrangement].angles
         used = simulation.cameras(DOOR)
         true = channel_centroids(used, simulation.rotations(DOOR), table)
         measured = true + 0.05 * few.calibration
@@ -228,7 +231,7 @@ def test_no_reading_makes_the_printed_scales_likely(stored):
     """By hand: the scale's error is noise over the root of the spots' squared distances."""
     tails = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000)
     assert tails[..., judged.SCALE].max() < 1e-12
-    reach = np.square(simulation_angles.literal(DOOR).angles * 25e-3 / 3.45e-6).sum()
+    reach = np.square(simulation.literal(DOOR).angles * 25e-3 / 3.45e-6).sum()
     sd = 0.05 * np.sqrt(2) / np.sqrt(reach)
     assert 15 * sd < 0.9976 - 0.9973 - 0.00005
 
@@ -257,10 +260,10 @@ def test_correction_for_many_readings():
 
 
 def test_all_starts_end_at_one_point():
-    own, restarted = drawings.convergence()
+    own, restarted = readings.convergence()
     ends = np.broadcast_to(own.parameters, restarted.parameters.shape)
     np.testing.assert_allclose(restarted.parameters, ends, atol=1e-9)
-    distance = drawings.distance_to_end(restarted)
+    distance = readings.distance_to_end(restarted)
     assert (distance[0] > 10).all()
     assert (distance[-2] < 1e-6).all()
 
@@ -268,9 +271,9 @@ def test_all_starts_end_at_one_point():
 def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold():
     printed = dict(zip(readings.ADDRESSES, judged.printed_values(), strict=True))
     figure = Figure()
-    drawings.draw_distributions(figure, printed)
+    drawings()["niu2024-distributions"](figure, printed)
     levels = readings.stored().arrays["quantiles"]
-    chosen = list(drawings.chosen().values())
+    chosen = list(readings.chosen().values())
     assert len(set(chosen)) == len(chosen) == 10
     for channel, axes in enumerate(figure.axes):
         inside = {(int(x), int(y)) for x, y in axes.lines[0].get_xydata()}
@@ -292,7 +295,7 @@ def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold()
 def test_what_the_book_says_of_the_distributions():
     """Which bars hold the print, by the quantiles: scales none, rotations nearly all, and so on."""
     levels = readings.stored().arrays["quantiles"]
-    chosen = drawings.chosen()
+    chosen = readings.chosen()
     print_, inside = np.reshape(judged.printed_values(), (2, 6)), {}
     for name, (number, way) in chosen.items():
         bars = readings.counted(levels[number], way)
@@ -312,7 +315,7 @@ def test_every_reading_has_its_row_and_every_cell_its_probability(stored):
     assert table["Angles"].nunique() == 9
     first = table.iloc[0]
     assert (first["Angles"], first["RMSE of"]) == (
-        simulation_angles.literal(DOOR).name,
+        simulation.literal(DOOR).name,
         readings.COUNTED[0],
     )
     labels = [f"{n}, {c}" for c in ("red", "blue") for n in ("k", "θ", "Δx", "Δy")]
@@ -340,17 +343,8 @@ def test_the_closest_readings_stand_with_their_distance(stored):
         assert table[f"Distance, {group} (σ)"][row] == nearest
 
 
-def test_the_distribution_of_every_number_stands_for_every_reading(stored):
-    table = readings.distributions()
-    assert len(table) == len(READINGS)
-    quantiles = stored.arrays["quantiles"][LITERAL]
-    assert table["blue: Δy (px)"][LITERAL] == quantiles[2, 1, 3]
-    half = (quantiles[-1, 1, -1] - quantiles[0, 1, -1]) / 2
-    assert table["blue: after (px), half width"][LITERAL] == half
-
-
 def test_the_scheme_is_as_efficient_as_replicates_can_tell():
-    table = readings.scheme_precision()
+    table = studies()["niu2024/precision"]()
     assert list(table["Channel"]) == ["red"] * 4 + ["blue"] * 4
     off = (table["Efficiency"] - 1) / table["Efficiency, error"]
     assert (off.abs() < 5).all()
@@ -367,3 +361,31 @@ def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path, mon
     assert len(list(tmp_path.glob("part-*.npz"))) == 4
     (tmp_path / "part-2.npz").unlink()
     np.testing.assert_array_equal(readings.all_draws(4, None, store), drawn)
+
+
+def test_the_scheme_reaches_the_cramer_rao_bound():
+    """Within what 10,000 replicates can tell, for both channels and all parameters."""
+    stored = readings.stored()
+    literal = readings.readings(DOOR).index(readings.literal(DOOR))
+    used = simulation.cameras(DOOR)
+    turns = simulation.rotations(DOOR)
+    true = channel_centroids(used, turns, simulation.literal(DOOR).angles)
+    for position in (1, 2):
+        truth = similarity_between(used[position], turns[position], used[0])
+        bound = registration_bound(true[position], truth, 0.05, 0.05).diagonal()
+        variance = stored.arrays["sd"][literal, position - 1, :4] ** 2
+        np.testing.assert_allclose(variance / bound, 1, atol=5 * np.sqrt(2 / 10_000))
+
+
+@pytest.mark.parametrize("channel", simulation.REGISTERED)
+def test_only_unequal_distortions_bias_the_fit(channel, monkeypatch):
+    """With distortion the scale alone is moved; without it the fit finds the truth."""
+    bias = np.abs(readings.precision(DOOR, channel)[1])
+    assert bias[0] > 1e-6
+    assert bias[1:].max() < 1e-9
+    cameras = simulation.cameras
+    straight = [
+        Camera(one.focal_length, one.principal_point, 0.0, one.pixel_pitch) for one in cameras(DOOR)
+    ]
+    monkeypatch.setattr(simulation, "cameras", lambda *_: straight)
+    assert np.abs(readings.precision(DOOR, channel)[1]).max() < 1e-9

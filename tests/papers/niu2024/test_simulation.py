@@ -5,9 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from reproduce.judge import ledger
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Marks
-from reproduce.papers.niu2024 import simulation, simulation_angles
-from reproduce.papers.niu2024.figures import simulation as drawings
+from reproduce.papers.niu2024 import simulation
 from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.printed.cells import find, library
@@ -30,12 +30,12 @@ def prediction():
 
 
 def noiseless():
-    table = simulation_angles.literal(DOOR).angles
+    table = simulation.literal(DOOR).angles
     return channel_centroids(simulation.cameras(DOOR), simulation.rotations(DOOR), table)
 
 
 def test_the_arrangement_has_the_printed_count_and_the_zero_position():
-    found = simulation_angles.literal(DOOR).angles
+    found = simulation.literal(DOOR).angles
     assert len(found) == 137
     assert np.isclose(found, 0).all(axis=1).sum() == 1
     steps = np.degrees(np.diff(np.unique(found[:, 0].round(12))))
@@ -53,7 +53,8 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
     monkeypatch.setattr(simulation, "channel_centroids", seen)
     simulation.calibrations(DOOR, SEED, 1)
     figure = Figure()
-    simulation_angles.draw(figure, {})
+    draw = catalogue()["niu2024/fig-4"].draw
+    draw(figure)
     points = figure.axes[0].lines[0]
     drawn = np.column_stack([points.get_xdata(), points.get_ydata()])
     np.testing.assert_array_equal(drawn, np.degrees(used[0]))
@@ -76,9 +77,7 @@ def test_the_translations_of_table_2_carry_the_whole_calibration_along():
 
 def test_the_arrangements_with_137_angles():
     """Pencil and paper: lattice points in a circle of radius 6/0.9, and 11 x 7 + 10 x 6."""
-    names = [
-        (c.lattice.split(",")[0], c.offset, c.window) for c in simulation_angles.candidates(DOOR)
-    ]
+    names = [(c.lattice.split(",")[0], c.offset, c.window) for c in simulation.candidates(DOOR)]
     assert len(names) == 9
     assert names[0] == ("square", "centred", "circle of the smaller half range")
     lattice = [
@@ -92,13 +91,12 @@ def test_the_arrangements_with_137_angles():
 def test_no_full_rectangle_has_137_angles():
     assert all(137 % n for n in range(2, 12)), "137 is prime"
     assert all(
-        "rectangle" not in c.window or "quincunx" in c.lattice
-        for c in simulation_angles.candidates(DOOR)
+        "rectangle" not in c.window or "quincunx" in c.lattice for c in simulation.candidates(DOOR)
     )
 
 
 def test_the_iteration_ends_at_the_closed_form():
-    table = simulation_angles.literal(DOOR).angles
+    table = simulation.literal(DOOR).angles
     zero = np.flatnonzero(np.isclose(table, 0).all(axis=1)).item()
     noisy = noisy_centroids(noiseless(), 0.05, SEED, 20)
     found = simulation.calibrations(DOOR, SEED, 20)
@@ -113,7 +111,7 @@ def test_the_predictions_centre_is_the_fit_without_noise(prediction, channel):
     """The distortion biases the scale; noise of this size adds no bias of its own."""
     true = noiseless()
     position = ("green", "red", "blue").index(channel)
-    zero = np.flatnonzero(np.isclose(simulation_angles.literal(DOOR).angles, 0).all(axis=1)).item()
+    zero = np.flatnonzero(np.isclose(simulation.literal(DOOR).angles, 0).all(axis=1)).item()
     clean = fit_registration(true[position], true[0], true[position, zero]).parameters
     for row, value in zip(ROWS, clean, strict=True):
         draws = prediction[f"{row}.{channel}"].draws
@@ -181,7 +179,7 @@ def test_the_residual_before_registration_is_that_of_pencil_and_paper(
     """Shift, and scale and rotation over the mean squared radius; noise and distortion add less."""
     wide, high = np.radians([8, 6])
     over = (np.tan(wide) / wide - 1) + (np.tan(high) / high - 1)
-    among = np.square(np.tan(simulation_angles.literal(DOOR).angles)).sum(axis=1).mean()
+    among = np.square(np.tan(simulation.literal(DOOR).angles)).sum(axis=1).mean()
     per_radius = (slope[0] ** 2 + np.radians(slope[1]) ** 2) * (25e-3 / 3.45e-6) ** 2
     expected = {
         "shifts of Table 1, (26)": np.hypot(np.hypot(*table_1), np.sqrt(per_radius * over)),
@@ -215,25 +213,25 @@ def test_no_green_point_reconciles_tables_1_and_2():
 def test_the_drawing_of_table_3_shows_the_predictions_that_judge_it():
     """Bars are the ledger's intervals, one for each reading."""
     records = {record.cell: record for record in ledger.build(["niu2024/table-3"]).records}
-    rows = drawings.table_3()
-    assert {row.address for row in rows} == set(records)
-    for row in rows:
-        record = records[row.address]
+    rows = list(simulation.predicted_rows())
+    assert {address for address, *_ in rows} == set(records)
+    for address, _, (low, _, high) in rows:
+        record = records[address]
         factor = si_factor(library()["niu2024/table-3"][record.cell.partition("#")[2]].unit)
         predicted = [record.interval] if record.interval else [r.interval for r in record.readings]
         ends = np.array([one for one in predicted if one is not None]) * factor
-        assert np.isclose(ends, [row.low, row.high], rtol=1e-12, atol=0).all(axis=1).any()
-        np.testing.assert_allclose(row.scaled([row.low, row.high]), [-1, 1], atol=1e-9)
-    assert len({(row.address, row.low) for row in rows}) == len(rows) == 12
+        assert np.isclose(ends, [low, high], rtol=1e-12, atol=0).all(axis=1).any()
+    assert len({(address, ends[0]) for address, _, ends in rows}) == len(rows) == 12
 
 
-def test_a_far_print_is_an_arrow_at_its_side_and_a_near_one_keeps_its_rounding():
-    row = drawings.Row("a", "scale, red", 1.0, 2.0, 3.0)
-    far, near = Figure().add_subplot(), Figure().add_subplot()
-    drawings._printed(far, 0, row, Marks({"a": -50.0}, {"a": (-50.5, -49.5)}))
-    drawings._printed(near, 0, row, Marks({"a": 4.0}, {"a": (3.5, 4.5)}))
-    assert [one.get_text() for one in far.texts] == ["52 away"]
-    assert [one.get_marker() for one in far.lines] == ["<"]
-    np.testing.assert_allclose(near.lines[0].get_xdata(), [1.5, 2.5])
-    np.testing.assert_allclose(near.lines[-1].get_xdata(), [2.0])
-    assert not near.texts
+def test_a_far_print_is_an_arrow_at_its_side_and_a_near_one_keeps_its_rounding(monkeypatch):
+    rows = [("a", "scale, red", (1.0, 2.0, 3.0)), ("b", "scale, blue", (1.0, 2.0, 3.0))]
+    monkeypatch.setattr(simulation, "predicted_rows", lambda: rows)
+    figure, marks = Figure(), {"a": (-50.5, -49.5), "b": (3.5, 4.5)}
+    drawings()["niu2024-table-3"](figure, Marks({"a": -50.0, "b": 4.0}, marks))
+    [axes] = figure.axes
+    _, _, *far, _, _, interval, _, near, _ = axes.lines
+    assert [one.get_text() for one in axes.texts] == ["52 away"]
+    assert [one.get_marker() for one in far] == ["<"]
+    np.testing.assert_allclose(interval.get_xdata(), [1.5, 2.5])
+    np.testing.assert_allclose(near.get_xdata(), [2.0])

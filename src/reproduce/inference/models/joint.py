@@ -29,7 +29,7 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["CHANNELS", "JointRegistration", "joint_model"]
+__all__ = ["JointRegistration", "joint_model"]
 
 CHANNELS = ("red", "blue")
 ComplexArray = NDArray[np.complex128]

@@ -10,46 +10,48 @@ does not print; the stand-ins are ours:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import Results, reproduces
+from reproduce.papers.declare import Results, draws, reproduces
 from reproduce.papers.niu2024 import experiment, simulation
+from reproduce.papers.niu2024.index import LOOKS
 from reproduce.papers.niu2024.registration import IMAGING, scale_factors
-from reproduce.papers.niu2024.simulation import OPTICS
+from reproduce.papers.niu2024.simulation import NOISE, OPTICS, REGISTERED
+from reproduce.papers.sketch import INK, sized
 from reproduce.papers.study import Fact, studied
-from reproduce.papers.words import Column
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.registration.approximations import (
     EFFECTS,
     Channels,
-    analytic_bias,
     error_field,
     even_positions,
     second_term_from_share,
-    simulated_bias,
 )
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 
-__all__ = ["NOISE", "READS", "ROUNDING", "TABLES", "TITLES", "Cost", "costs", "facts"]
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 APPROXIMATIONS = "niu2024/text-approximations"
-SHARE = f"{APPROXIMATIONS}#first-term-share"
-TABLES = {"Table 1": simulation, "Table 4": experiment}
+_SHARE = f"{APPROXIMATIONS}#first-term-share"
+_TABLES = {"Table 1": simulation, "Table 4": experiment}
 READS = (
     *experiment.CAMERAS,
-    simulation.IMAGING,
+    IMAGING,
     f"{simulation.TRUTH}#rotation.*",
     f"{OPTICS}#pixels-*",
-    SHARE,
+    _SHARE,
 )
-NOISE = f"{simulation.SETTINGS}#noise"
-TITLES = {
+_TITLES = {
     "coefficients": "unequal coefficients",
     "cube": "k³ for k",
     "pivot": "green's pivot",
@@ -57,7 +59,7 @@ TITLES = {
     "second term": "second radial term",
 }
 # Lengths in px below this are what rounding leaves of zero.
-ROUNDING = 1e-9
+_ROUNDING = 1e-9
 
 
 @reproduces(
@@ -85,18 +87,6 @@ def parameter_count(given: Given) -> Results:
     return {"parameters": float(registered * per_channel)}
 
 
-@dataclass(frozen=True, eq=False)
-class Cost:
-    """What one approximation costs in one registration: lengths in px, biases in rad and px."""
-
-    labels: tuple[str, str, str]  # what is left out, whose parameters, what is registered
-    peak: float  # largest length of the error over the detector
-    rms: float  # its root mean square
-    left: float  # what a fit of the four parameters leaves of it
-    analytic: FloatArray  # what it adds to k, theta, shift x, shift y
-    simulated: FloatArray  # the same, by a fit
-
-
 def half_size(door: Given) -> FloatArray:
     """Return half the sides of the detector, shape (2,), in metres."""
     return door.array(f"{OPTICS}#pixels-?") * door[f"{OPTICS}#pixel-pitch-x"] / 2
@@ -105,34 +95,30 @@ def half_size(door: Given) -> FloatArray:
 def channels(door: Given, table: str, channel: str) -> Channels:
     """Return a channel beside green, with the printed parameters and our stand-ins."""
     place = simulation.CHANNELS.index(channel)
-    cameras: list[Camera] = TABLES[table].cameras(door)
-    source, green, rotation = cameras[place], cameras[0], TABLES[table].rotations(door)[place]
+    cameras: list[Camera] = _TABLES[table].cameras(door)
+    source, green, rotation = cameras[place], cameras[0], _TABLES[table].rotations(door)[place]
     corner, lean = np.hypot(*half_size(door)), float(np.tan(abs(rotation)))
-    second = [second_term_from_share(one, door[SHARE], corner) for one in (source, green)]
+    second = [second_term_from_share(one, door[_SHARE], corner) for one in (source, green)]
     x, y = (green.principal_point - source.principal_point).tolist()
     return Channels(source, green, rotation, (x, y), (lean, lean), (second[0], second[1]))
 
 
-def costs(door: Given, across: int = 200) -> list[Cost]:
-    """Return what every approximation costs, for both tables and both channels."""
-    sides = half_size(door)
-    positions = even_positions(sides, across)
-    found = []
-    for table, channel, effect in product(TABLES, simulation.REGISTERED, EFFECTS):
-        whole = channels(door, table, channel)
-        error = isolated(error_field, whole, effect, positions)
-        length = np.hypot(*error.T)
+@cache
+def costs(door: Given, across: int = 200) -> dict[tuple[str, str, str], FloatArray]:
+    """Return what every approximation costs, by effect, table and channel.
+
+    Largest length of the error over the detector, its root mean square, and the root mean square of
+    what a fit of the four parameters leaves of it: shape (3,), in px.
+    """
+    positions = even_positions(half_size(door), across)
+    found = {}
+    for table, channel, effect in product(_TABLES, REGISTERED, EFFECTS):
+        error = isolated(error_field, channels(door, table, channel), effect, positions)
         # The same projection that a fit makes: onto scale, rotation and shift of the positions.
         left = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0)).residuals
-        cost = Cost(
-            (TITLES[effect], table, channel),
-            float(length.max()),
-            float(np.sqrt(np.square(length).mean())),
-            float(np.sqrt(np.square(left).sum(axis=-1).mean())),
-            analytic_bias(whole, effect, sides),
-            isolated(simulated_bias, whole, effect, positions),
-        )
-        found.append(cost)
+        squares = [np.square(one).sum(axis=-1) for one in (error, left)]
+        peak = np.hypot(*error.T).max()
+        found[effect, table, channel] = np.array([peak, *np.sqrt(np.mean(squares, axis=1))])
     return found
 
 
@@ -147,51 +133,49 @@ def isolated(
     return found - measured(whole.only("cube"), positions) if effect == "coefficients" else found
 
 
-LABELS = (Column("Left out"), Column("Parameters of"), Column("Channel"))
-
-
-def facts(door: Given) -> dict[str, Fact]:
+def _facts(door: Given | None = None) -> dict[str, Fact]:
     """Return ``EFFECT-TABLE-CHANNEL-rms``, and the printed noise over both axes as they are."""
-    noise = Fact(np.sqrt(2.0) * given([NOISE])[NOISE], ".2g", "px")
-    names = product(TABLES, simulation.REGISTERED, EFFECTS)
     return {
-        f"{effect}-{table}-{channel}-rms".lower().replace(" ", "-"): Fact(
-            cost.rms, ".2g", "px", ROUNDING
-        )
-        for (table, channel, effect), cost in zip(names, costs(door), strict=True)
-    } | {"noise-rms": noise}
+        f"{'-'.join(names)}-rms".lower().replace(" ", "-"): Fact(cost[1], ".2g", "px", _ROUNDING)
+        for names, cost in costs(door or given(READS)).items()
+    } | {"noise-rms": Fact(np.sqrt(2.0) * given([NOISE])[NOISE], ".2g", "px")}
 
 
-@studied(
-    "niu2024/approximations",
-    columns=(
-        *LABELS,
-        *(Column(n, ".2g", ROUNDING) for n in ("Largest (px)", "RMS (px)", "RMS after a fit (px)")),
-    ),
-    caption="Errors of the approximations over the detector.",
-    given=READS,
-    named=facts,
-)
+@studied("niu2024/approximations", given=READS, named=_facts)
 def errors(door: Given) -> Iterator[tuple[object, ...]]:
     """How large each error is over the detector, and what a fit leaves of it."""
-    for cost in costs(door):
-        yield (*cost.labels, cost.peak, cost.rms, cost.left)
+    for (effect, table, channel), cost in costs(door).items():
+        yield (_TITLES[effect], table, channel, *cost.tolist())
 
 
-@studied(
-    "niu2024/approximation-biases",
-    columns=(
-        *LABELS,
-        *(
-            Column(f"{name}, {source}", ".2e", ROUNDING if "px" in name else 1e-12)
-            for name in ("k", "θ (rad)", "Δx (px)", "Δy (px)")
-            for source in ("analytic", "simulated")
-        ),
-    ),
-    caption="Biases that the approximations put on the parameters.",
-    given=READS,
-)
-def biases(door: Given) -> Iterator[tuple[object, ...]]:
-    """What each approximation adds to the parameters, analytic and simulated."""
-    for cost in costs(door):
-        yield (*cost.labels, *np.stack([cost.analytic, cost.simulated], axis=-1).ravel().tolist())
+@draws("niu2024-approximations", marks=[NOISE], named=_facts)
+def _draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Error of each approximation over the field, before and after a fit, for Tables 1 and 4."""
+    sized(figure, 4.9, 5.6, 6.0)
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    for axes, (table, rows) in zip(panels, errors().groupby("Parameters of"), strict=True):
+        _panel(axes, rows)
+        # A length in the plane, as the errors are.
+        noise = np.sqrt(2.0) * printed[NOISE]
+        axes.axvline(noise, color=INK, linestyle="--", linewidth=1, label="noise, both axes")
+        axes.set_title(f"cameras of {table}", fontsize=10)
+    panels[-1].set_xlabel("error over the field, RMS (px)", fontsize=9)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=9)
+
+
+def _panel(axes: Axes, costs: pd.DataFrame) -> None:
+    """Draw the costs of one table, a row for each approximation."""
+    for channel, beside in (("red", -0.15), ("blue", 0.15)):
+        look, own = LOOKS[channel], costs[costs["Channel"] == channel]
+        rows, left = np.arange(len(own)) + beside, own["RMS after a fit (px)"].to_numpy()
+        seen = left > _ROUNDING
+        for name, values, at, fill in (
+            (channel, own["RMS (px)"], rows, "full"),
+            (f"{channel}, after a fit", left[seen], rows[seen], "none"),
+        ):
+            axes.plot(values, at, look.marker, color=look.colour, fillstyle=fill, label=name)
+    axes.set_yticks(range(len(_TITLES)), list(_TITLES.values()), fontsize=9)
+    axes.set_ylim(len(_TITLES) - 0.5, -0.5)
+    axes.set_xscale("log")
+    axes.tick_params(axis="x", labelsize=9)

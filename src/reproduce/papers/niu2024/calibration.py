@@ -1,29 +1,77 @@
-"""What theory says of the calibration of niu2024: truth, bias by distortion, and least variance."""
+"""Figure 3 of niu2024, the calibration set-up, and the signs of the rotary table.
+
+Figure 3 is drawn from the caption and the text; the paper's own picture was not at hand. The turn
+and the field are drawn far too large, or nothing would be seen.
+"""
 
 from __future__ import annotations
 
-from reproduce.papers.niu2024 import simulation, simulation_angles
-from reproduce.physics.optics.simulate import channel_centroids
-from reproduce.physics.registration.calibration import registration_bound
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import similarity_between
-from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from typing import TYPE_CHECKING
 
-__all__ = ["precision"]
+import numpy as np
+
+from reproduce.papers.declare import draws
+from reproduce.papers.niu2024.registration import image_axes
+from reproduce.papers.sketch import INK, arc, arrow, beside, box, canvas, diagram, label, line
+from reproduce.physics.optics.camera import ideal_positions
+from reproduce.physics.optics.rotary import starlight
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
-def precision(door: Given, channel: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the theory of one channel's k, theta, shift x and shift y under the literal reading.
+_TURN, _FOCAL = float(np.radians(20.0)), 7.0
 
-    What the imaging parameters imply, distortion left aside; what the unequal distortions add to
-    the fit without noise; standard deviations of the Cramér-Rao bound.
-    """
-    place = simulation.CHANNELS.index(channel)
-    cameras, turns = simulation.cameras(door), simulation.rotations(door)
-    true = channel_centroids(cameras, turns, simulation_angles.literal(door).angles)
-    implied = similarity_between(cameras[place], turns[place], cameras[0])
-    fitted = fit_registration(true[place], true[0], cameras[place].principal_point)
-    sigma = door[f"{simulation.SETTINGS}#noise"]
-    bound = registration_bound(true[place], implied, sigma, sigma).diagonal() ** 0.5
-    return implied.parameters, fitted.parameters - implied.parameters, bound
+
+@draws("niu2024/fig-3")
+@diagram(17.4, 9.6)
+def _draw_calibration(axes: Axes) -> None:
+    """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
+    from matplotlib.patches import Ellipse
+
+    # The lamp, the collimator and the parallel light that leaves it.
+    axes.plot([0.9], [5.6], marker="*", markersize=11, color=INK)
+    label(axes, (0.9, 4.4), "point\nsource")
+    lens = Ellipse((4.6, 5.6), 0.55, 3.0, facecolor="none", edgecolor=INK, linewidth=1.3)
+    axes.add_patch(lens)
+    label(axes, (3.0, 7.9), "single-star simulator")
+    for height in (-1.1, 0.0, 1.1):
+        line(axes, [(0.9, 5.6), (4.6, 5.6 + height)], 0.8)
+        arrow(axes, (4.6, 5.6 + height), (9.2, 5.6 + height))
+    label(axes, (7.2, 7.2), "parallel light")
+    # The two frames of the table, and the sensor on the middle one.
+    box(axes, (12.8, 5.6), (6.6, 6.0), width=1.6)
+    box(axes, (12.8, 5.6), (5.6, 4.6), style="--")
+    label(axes, (12.8, 9.0), "external frame, $φ_1$")
+    label(axes, (12.8, 3.8), "middle frame, $φ_2$")
+    box(axes, (12.9, 5.5), (3.8, 2.0), "3CMOS\nstar sensor")
+    line(axes, [(10.5, 6.1), (11.0, 5.9)], 1.3)
+    line(axes, [(10.5, 4.9), (11.0, 5.1)], 1.3)
+    line(axes, [(16.9, 5.6), (16.1, 5.6)], 0.8, "-.")
+    line(axes, [(12.8, 7.0), (12.8, 8.3)], 0.8, "-.")
+    arc(axes, (12.8, 7.6), 0.45, (-150.0, 130.0), head=True)
+    arc(axes, (16.7, 5.6), 0.4, (-140.0, 140.0), head=True)
+    box(axes, (4.0, 1.3), (3.2, 1.2), "computer")
+    line(axes, [(12.2, 2.6), (12.2, 1.3), (6.2, 1.3)])
+    label(axes, (9.4, 0.6), "frame angles and spots")
+    arrow(axes, (6.3, 1.3), (5.6, 1.3))
+
+
+@draws("niu2024-rotary-table")
+def _draw_table(figure: Figure) -> None:
+    """Where the spot of the one star goes when a frame of the rotary table turns."""
+    axes = canvas(figure, 12.0, 7.6, 5.6)
+    centre = np.array([6.0, 3.0])
+    box(axes, centre, (9.6, 5.2))
+    label(axes, (10.6, 0.75), "detector", ha="right")
+    image_axes(axes, (1.7, 0.9), 1.0)
+    axes.plot(*centre, "*", color=INK, markersize=12)
+    label(axes, beside(centre, 0.4, -0.35), "both angles zero", ha="left")
+    for name, turn in {"φ_1": (_TURN, 0.0), "φ_2": (0.0, _TURN)}.items():
+        spot = ideal_positions([starlight(*turn)], _FOCAL)[0]
+        arrow(axes, centre, centre + spot, width=2.0)
+        axis = int(np.abs(spot).argmax())
+        towards = f"{'+' if spot[axis] > 0 else '−'}{'xy'[axis]}"
+        text = f"${name} > 0$: towards ${towards}$"
+        label(axes, centre + spot + ([0.0, 0.4] if axis else [0.2, 0.45]), text)

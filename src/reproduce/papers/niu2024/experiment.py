@@ -29,6 +29,7 @@ nothing is judged with them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -38,12 +39,15 @@ from reproduce.papers.declare import (
     Prediction,
     Reading,
     Results,
+    draws,
     reproduces,
     seed_of,
     split_seed,
 )
-from reproduce.papers.niu2024 import registration, simulation_angles
+from reproduce.papers.niu2024 import registration, simulation
+from reproduce.papers.niu2024.index import LOOKS, Place
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
+from reproduce.papers.sketch import arrow, box, diagram, joined, label, slim
 from reproduce.papers.study import Fact, studied
 from reproduce.papers.words import words
 from reproduce.physics.optics.camera import Camera, angle_from_pixels
@@ -61,16 +65,14 @@ from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = [
-    "CAMERAS", "INSTRUMENT", "OUTCOME", "calibrated_cameras",
-    "cameras", "centroid_errors", "half_field", "registered_points", "registrations",
-    "rotations",
-]  # fmt: skip
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
-REPLICATES = 10_000
-ARRANGEMENT = (
+_REPLICATES = 10_000
+_ARRANGEMENT = (
     f"{CALIBRATION}#rotation.*",
     f"{CALIBRATION}#translation-*",
     f"{OPTICS}#pixel-pitch-x",
@@ -79,7 +81,7 @@ ARRANGEMENT = (
 CAMERAS = (
     f"{CALIBRATION}#focal-length.*",
     f"{CALIBRATION}#radial-distortion.*",
-    *ARRANGEMENT,
+    *_ARRANGEMENT,
 )
 # The same, and how far the positions reach.
 INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
@@ -176,15 +178,15 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
 
 
 # What each option of the text stands for in a reading: its part of the name, its place, its day.
-POINTS: dict[str, tuple[str, Callable[[Given, FloatArray], FloatArray]]] = {
+_POINTS: dict[str, tuple[str, Callable[[Given, FloatArray], FloatArray]]] = {
     "factors": ("scale factors", registered_points),
     "focal-lengths": ("focal lengths", _by_focal_lengths),
 }
-COUNTED = {
+_COUNTED = {
     "one": ("one axis", "section 4.3, in the x and y directions", "2026-11-21"),
     "both": ("both axes", "(26), which section 4.3 does not replace", "2026-11-24"),
 }
-ADDED = {"factors": "2026-11-22", "focal-lengths": "2026-11-21"}
+_ADDED = {"factors": "2026-11-22", "focal-lengths": "2026-11-21"}
 
 
 @reproduces(
@@ -197,7 +199,7 @@ ADDED = {"factors": "2026-11-22", "focal-lengths": "2026-11-21"}
         f"{OUTCOME}#rmse-after-*",
     ],
     equations=["17", "18", "21"],
-    replicates=REPLICATES,
+    replicates=_REPLICATES,
     options=words(OUTCOME).options,
 )
 def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
@@ -207,7 +209,7 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     count = given.count(f"{OUTCOME}#test-points")
     angles = spawned_angles(for_positions, replicates, count, half_field(given))
     readings: dict[str, list[Reading]] = {}
-    for scale, (laid, points) in POINTS.items():
+    for scale, (laid, points) in _POINTS.items():
         true = points(given, angles)
         errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
         measured = true + errors
@@ -216,10 +218,10 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
             both = np.hypot(*per_axis.T)
             for place, axis in enumerate("xy"):
                 cell = readings.setdefault(f"rmse-before-{channel}-{axis}", [])
-                for rmse, (how, why, day) in COUNTED.items():
+                for rmse, (how, why, day) in _COUNTED.items():
                     draws = per_axis[:, place] if rmse == "one" else both
                     choices = {"scale": scale, "rmse": rmse}
-                    added = max(day, ADDED[scale])
+                    added = max(day, _ADDED[scale])
                     cell.append(Reading(f"{laid}, {how}", why, Prediction(draws), choices, added))
     return {name: Blocked(missing, readings=tuple(found)) for name, found in readings.items()}
 
@@ -305,15 +307,15 @@ def _twin(
     given: Given, seed: SeedSequence, replicates: int, error: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the angles of the simulation, and what the twin measures there."""
-    table = simulation_angles.literal(given).angles
+    table = simulation.literal(given).angles
     return table, noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
 
 
 # Replicates of both kinds of fit, and how much of a printed residual is the error of one centroid.
-FITS = 1000
+_FITS = 1000
 # Half the last digit of a scale factor; that of a focal length moves the ratio by far less.
-ROUNDING = 0.5e-4
-SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel": 1.0}
+_ROUNDING = 0.5e-4
+_SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel": 1.0}
 
 
 def _scale_facts(given: Given) -> dict[str, Fact]:
@@ -330,7 +332,7 @@ def _scale_facts(given: Given) -> dict[str, Fact]:
     "niu2024/scale-errors",
     given=(
         *CAMERAS,
-        *simulation_angles.READS,
+        *simulation.ANGLES,
         f"{CALIBRATION}#scale.*",
         f"{OUTCOME}#rmse-after-*",
     ),
@@ -347,12 +349,53 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
     residual = float(np.sqrt(np.square(given.array(f"{OUTCOME}#rmse-after-*")).mean()))
     printed = registration.scale_factors(given, CALIBRATION)
     rows = []
-    for name, share in SHARES.items():
-        cameras_found = calibrated_cameras(given, seed, FITS, share * residual)
-        found = registrations(given, seed, FITS, share * residual)
+    for name, share in _SHARES.items():
+        cameras_found = calibrated_cameras(given, seed, _FITS, share * residual)
+        found = registrations(given, seed, _FITS, share * residual)
         for channel in REGISTERED:
             lengths = (cameras_found[one].camera.focal_length for one in ("green", channel))
             sd = float(np.std(found[channel].parameters[:, 0] - np.divide(*lengths)))
             apart = given[f"{CALIBRATION}#scale.{channel}"] - printed[channel]
-            rows.append((channel, name, apart, sd, max(0.0, abs(apart) - ROUNDING) / sd))
+            rows.append((channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd))
     return rows
+
+
+@draws("niu2024/fig-5")
+@diagram(17.2, 10.0, narrow=(10.0, 12.4))
+def _draw_acquisition(axes: Axes) -> None:
+    """Data acquisition: simulated starlight of a chosen band and magnitude, three images."""
+    narrow = slim(axes)
+
+    def placed(
+        wide: Place, slender: Place, text: str = "", width: float = 1.3, style: str = "-"
+    ) -> Place:
+        """Draw a box where it stands on this page, and return its place."""
+        place = slender if narrow else wide
+        box(axes, *place, text, width=width, style=style)
+        return place
+
+    placed(((8.6, 6.45), (16.8, 6.5)), ((5.0, 7.6), (9.8, 9.4)), width=0.8)
+    label(axes, (0.4, 11.9) if narrow else (0.6, 9.2), "dark room", ha="left", style="italic")
+    star = placed(
+        ((2.9, 6.3), (4.9, 2.2)),
+        ((5.0, 10.5), (5.2, 1.8)),
+        "single-star simulator:\nband and magnitude\ncan be chosen",
+    )
+    table = placed(((10.0, 6.3), (5.0, 4.4)), ((2.8, 6.3), (4.8, 3.6)), width=1.5)
+    joined(axes, star, table)
+    label(axes, (5.0, 8.8) if narrow else (6.4, 6.75), "starlight")
+    label(axes, (2.8, 5.1) if narrow else (10.0, 8.95), "two-axis rotary table")
+    camera = "3CMOS camera on\nthe middle frame"
+    placed(((10.0, 6.3), (4.4, 2.0)), ((2.8, 6.6), (4.2, 1.6)), camera)
+    images = placed(((14.9, 6.3), (3.6, 4.8)), ((8.0, 6.3), (3.2, 4.6)), style=":", width=0.8)
+    (x, _), start = images[0], (5.2 if narrow else 12.5, 6.3)
+    for look, y in zip(LOOKS.values(), (7.9, 6.3, 4.7), strict=True):
+        box(axes, (x, y), (2.8, 1.0), f"{look.name} image", look)
+        axes.plot([x + 1.25], [y], look.marker, color=look.colour, markersize=4)
+        arrow(axes, start, (x - 1.4, y), look)
+    course = placed(((10.0, 1.5), (3.6, 1.5)), ((2.8, 1.3), (3.4, 1.3)), "trajectory\nof the table")
+    kept = placed(
+        ((14.9, 1.5), (4.0, 1.5)), ((8.0, 1.3), (3.4, 1.3)), "spots and angles\nare recorded"
+    )
+    for one, other in ((course, table), (course, kept), (images, kept)):
+        joined(axes, one, other)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Blocked, Reading, Results, reproduces
+from reproduce.papers.words import words
 from reproduce.physics.optics import camera
 from reproduce.printed.given import Given
-
-__all__ = ["centre_wavelengths", "middles"]
 
 OPTICS = "niu2024/text-optics"
 OUTCOME = "niu2024/text-experiment"
 # What a centre wavelength can be.
-CENTRES = {
-    "band": "the middle of the channel's band",
-    "third": "the middle of a third of the starlight's band",
-}
+_CENTRES = words(OPTICS).options
 # The days on which they came into the history.
-ADDED = ("2026-11-21", "2026-11-22")
+_ADDED = ("2026-11-21", "2026-11-22")
 
 
 @reproduces(
@@ -49,7 +45,7 @@ def middles(given: Given, band: str) -> tuple[float, float]:
     OPTICS,
     cells=["centre-wavelength-*"],
     given=[f"{OPTICS}#band-*", f"{OUTCOME}#simulator-band-*"],
-    options={"centre": CENTRES},
+    options=_CENTRES,
 )
 def centre_wavelengths(given: Given) -> Results:
     """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
@@ -60,7 +56,7 @@ def centre_wavelengths(given: Given) -> Results:
             readings=tuple(
                 Reading(what.removeprefix("the "), "section 4.3", middle, {"centre": way}, day)
                 for middle, (way, what), day in zip(
-                    middles(given, band), CENTRES.items(), ADDED, strict=True
+                    middles(given, band), _CENTRES["centre"].items(), _ADDED, strict=True
                 )
             ),
         )

@@ -1,9 +1,9 @@
-"""The numerical simulation: Table 3 and the four RMSE values (niu2024, sections 4.1 and 4.2).
+"""The numerical simulation: Figure 4, Table 3 and the four RMSE values (niu2024, 4.1 and 4.2).
 
 The text leaves several readings open. The literal one, written down some minutes before the first
 verdicts were:
 
-* the angles are those of `reproduce.papers.niu2024.simulation_angles.literal`;
+* the angles are those of `literal`;
 * centroids follow (21) to (23) with the imaging parameters of Table 1, principal points included,
   and the rotation angles of Table 2;
 * every coordinate of every channel gets its own Gaussian noise of the printed standard deviation,
@@ -13,6 +13,11 @@ verdicts were:
 * test points are directions at random, uniform over the printed range, imaged with the same noise;
 * the RMSE is (26): one number for both axes.
 
+Of the angles the text gives a count, a range and a step; no full rectangle has that count, which is
+a prime. The count therefore selects among those of `physics.optics.arrangements`, and so it is an
+input. The most literal of those that have it takes the step as the distance between neighbours of a
+square lattice and holds the zero position, which the starting values of section 3.2 need.
+
 Scales and rotations get one verdict under every reading of `reproduce.papers.niu2024.readings`, so
 the literal one judges them. The verdict on translations and residuals depends on the reading. These
 cells are blocked, with the readings that decide side by side; they were chosen after all of them
@@ -21,22 +26,30 @@ had been computed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
+from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.declare import (
     Blocked,
+    Marks,
     Prediction,
     Reading,
+    Result,
     Results,
+    draws,
     reproduces,
     split_seed,
 )
-from reproduce.papers.niu2024 import simulation_angles
-from reproduce.papers.niu2024.simulation_angles import SETTINGS
+from reproduce.papers.sketch import INK, sized, thin
+from reproduce.papers.study import Fact
+from reproduce.papers.words import words
+from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import (
     channel_centroids,
@@ -49,67 +62,80 @@ from reproduce.physics.registration.closed_form import rmse_per_axis
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
 
-__all__ = [
-    "CHANNELS", "IMAGING", "OPTICS", "READS", "REGISTERED", "SETTINGS", "TRUTH", "calibrations",
-    "cameras", "cameras_of", "rotations",
-]  # fmt: skip
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 IMAGING = "niu2024/table-1"
 TRUTH = "niu2024/table-2"
+RESULTS = "niu2024/table-3"
 OPTICS = "niu2024/text-optics"
+SETTINGS = "niu2024/text-simulation"
+NOISE = f"{SETTINGS}#noise"
 CHANNELS = ("green", "red", "blue")
 REGISTERED = ("red", "blue")
-REPLICATES = 2000
+ROWS = ("scale", "rotation", "translation-x", "translation-y")
+_REPLICATES = 2000
 # Replicates calibrated at once: enough to be fast, few enough to stay in the processor's memory.
-BATCH = 500
+_BATCH = 500
 # The days on which the literal reading and the others came into the history.
-FIRST, LATER = "2026-11-21", "2026-11-22"
+_FIRST, _LATER = "2026-11-21", "2026-11-22"
 # What the printed noise is multiplied by in green, red and blue.
-NOISY = {
+_NOISY = {
     "every-channel": (1.0, 1.0, 1.0),
     "red-and-blue": (0.0, 1.0, 1.0),
     "green": (1.0, 0.0, 0.0),
 }
-DRAWS = {"one": 1, "ten": 10}
-# What the text leaves open, as options of a rerun; the literal reading first.
-CALIBRATION = {
-    "angles": simulation_angles.ARRANGEMENTS,
-    "noise": {
-        "every-channel": "the printed noise in every channel",
-        "red-and-blue": "green, the reference, without noise",
-        "green": "red and blue without noise",
-    },
-    "repeats": {"one": "one draw of the noise", "ten": "the average of ten draws"},
-}
-TRANSLATIONS = {
-    "translations": {
-        "table-1": "principal points of Table 1",
-        "table-2": "principal points of green, and the translations of Table 2 from there",
-    }
-}
-TESTING = {
-    "tests": {
-        "range": "test points at random over the printed range",
-        "angles": "test points among the angles of the calibration",
-    },
-    "rmse": {
-        "both": "(26), which counts both axes",
-        "one": "one axis on average",
-        "x": "x alone",
-        "y": "y alone",
-    },
-}
-OPTIONS = CALIBRATION | TRANSLATIONS | TESTING
-LITERAL = {name: next(iter(ways)) for name, ways in OPTIONS.items()}
-READS = (
-    *simulation_angles.READS,
-    IMAGING,
-    f"{TRUTH}#rotation.*",
-    f"{OPTICS}#pixel-pitch-x",
-    f"{SETTINGS}#noise",
+# Ends of the central 99 %, which counts as consistent, and the median.
+_LEVELS = (0.005, 0.5, 0.995)
+_DRAWS = {"one": 1, "ten": 10}
+# What the text leaves open, as options of a rerun; of each the literal reading first.
+_OPTIONS = words(SETTINGS).options
+_CALIBRATION = {name: _OPTIONS[name] for name in ("angles", "noise", "repeats")}
+_TRANSLATIONS = {"translations": _OPTIONS["translations"]}
+_LITERAL = {name: next(iter(ways)) for name, ways in _OPTIONS.items()}
+# Every arrangement that has the printed count, by the name under which a reader asks for it.
+ARRANGEMENTS = _OPTIONS["angles"]
+ANGLES = (
+    f"{SETTINGS}#angle-count",
+    f"{SETTINGS}#range-x-*",
+    f"{SETTINGS}#range-y-*",
+    f"{SETTINGS}#step",
 )
+READS = (*ANGLES, IMAGING, f"{TRUTH}#rotation.*", f"{OPTICS}#pixel-pitch-x", NOISE)
+
+
+def half_ranges(door: Given) -> tuple[float, float]:
+    """Return half the printed range about x and about y, in radians."""
+    low, high = (door.array(f"{SETTINGS}#range-?-{end}") for end in ("low", "high"))
+    x, y = ((high - low) / 2).tolist()
+    return x, y
+
+
+@cache
+def candidates(door: Given) -> tuple[Arrangement, ...]:
+    """Return every arrangement that has the printed number of angles, in the family's order."""
+    count = door.count(f"{SETTINGS}#angle-count")
+    return tuple(arrangements_with(count, *half_ranges(door), door[f"{SETTINGS}#step"]))
+
+
+def _arrangement(door: Given, name: str) -> Arrangement:
+    """Return one arrangement."""
+    found = {candidate.name: candidate for candidate in candidates(door)}
+    if ARRANGEMENTS[name] not in found:
+        raise ValueError(
+            f"angles={name}: this arrangement does not have "
+            f"{door.count(f'{SETTINGS}#angle-count')} angles over the range; these do: "
+            f"{', '.join(n for n, full in ARRANGEMENTS.items() if full in found) or 'none'}"
+        )
+    return found[ARRANGEMENTS[name]]
+
+
+def literal(door: Given) -> Arrangement:
+    """Return the arrangement that the ledger uses."""
+    return _arrangement(door, next(iter(ARRANGEMENTS)))
 
 
 def cameras(given: Given, translations: str = "table-1") -> list[Camera]:
@@ -146,10 +172,10 @@ def calibrations(
     seed: SeedSequence,
     replicates: int,
     first: int = 0,
-    angles: str = LITERAL["angles"],
-    noise: str = LITERAL["noise"],
-    repeats: str = LITERAL["repeats"],
-    translations: str = LITERAL["translations"],
+    angles: str = _LITERAL["angles"],
+    noise: str = _LITERAL["noise"],
+    repeats: str = _LITERAL["repeats"],
+    translations: str = _LITERAL["translations"],
 ) -> dict[str, Registration]:
     """Simulate and calibrate both channels in every replicate.
 
@@ -159,14 +185,14 @@ def calibrations(
 
     Channel to its calibrated transforms, shape (replicates,).
     """
-    table = simulation_angles.arrangement(given, angles).angles
+    table = _arrangement(given, angles).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
     at_zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0))
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
     zero = at_zero.item() if at_zero.size else len(table)
     true = channel_centroids(cameras(given, translations), rotations(given), measured_at)
-    sigma = given[f"{SETTINGS}#noise"] * np.asarray(NOISY[noise])
-    measured = noisy_centroids(true, sigma, seed, replicates, repeats=DRAWS[repeats], first=first)
+    sigma = given[NOISE] * np.asarray(_NOISY[noise])
+    measured = noisy_centroids(true, sigma, seed, replicates, repeats=_DRAWS[repeats], first=first)
     pivots, spots = measured[..., zero, :], measured[..., : len(table), :]
     green = spots[:, 0]
     found = {}
@@ -185,7 +211,7 @@ def _in_batches(
 ) -> dict[str, FloatArray]:
     """Compute so many replicates from the first, part by part; by name, along the first axis."""
     parts = [
-        compute(first, min(BATCH, replicates - first)) for first in range(0, replicates, BATCH)
+        compute(first, min(_BATCH, replicates - first)) for first in range(0, replicates, _BATCH)
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
@@ -203,12 +229,12 @@ def _parameters(
 
 
 @reproduces(
-    "niu2024/table-3",
+    RESULTS,
     cells=["scale.*", "rotation.*"],
     given=READS,
     equations=["17", "18", "19", "20", "21", "22", "23", "24", "25"],
-    replicates=REPLICATES,
-    options=CALIBRATION,
+    replicates=_REPLICATES,
+    options=_CALIBRATION,
 )
 def calibrated_parameters(
     given: Given, seed: SeedSequence, replicates: int, **chosen: str
@@ -222,12 +248,12 @@ def calibrated_parameters(
 
 
 @reproduces(
-    "niu2024/table-3",
+    RESULTS,
     cells=["translation-*"],
     given=[*READS, f"{TRUTH}#translation-*"],
     equations=["14", "17", "18", "19", "20", "21", "22", "23", "24", "25"],
-    replicates=REPLICATES,
-    options=CALIBRATION | TRANSLATIONS,
+    replicates=_REPLICATES,
+    options=_CALIBRATION | _TRANSLATIONS,
 )
 def calibrated_translations(
     given: Given, seed: SeedSequence, replicates: int, **chosen: str
@@ -236,8 +262,8 @@ def calibrated_translations(
     missing = "which principal points the simulation used, those of Table 1 or of Table 2"
     found = _parameters(given, seed, replicates, **chosen | {"translations": "table-1"})
     ways = (
-        ("table-1", "principal points of Table 1", "section 4.1 with (21) to (23)", FIRST),
-        ("table-2", "translations of Table 2", "sections 4.1 and 4.2, the true values", LATER),
+        ("table-1", "principal points of Table 1", "section 4.1 with (21) to (23)", _FIRST),
+        ("table-2", "translations of Table 2", "sections 4.1 and 4.2, the true values", _LATER),
     )
     points = [[camera.principal_point for camera in cameras(given, way)] for way, *_ in ways]
     # A channel's principal point carries its spots, its pivot and so its translation along.
@@ -271,16 +297,16 @@ def _tested(
     _, for_angles, for_noise = split_seed(seed, 3)
     count = given.count(f"{SETTINGS}#test-points")
     if tests == "range":
-        half = simulation_angles.half_ranges(given)
+        half = half_ranges(given)
         points = spawned_angles(for_angles, replicates, count, half, first=first)
     else:
-        table = simulation_angles.arrangement(given, angles).angles
+        table = _arrangement(given, angles).angles
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),), first=first).argsort()
         points = table[order[:, :count]]
     true = channel_centroids(cameras(given, translations), rotations(given), points)
-    sigma = given[f"{SETTINGS}#noise"] * np.asarray(NOISY[noise])
-    return noisy_centroids(true, sigma, for_noise, replicates, repeats=DRAWS[repeats], first=first)
+    sigma = given[NOISE] * np.asarray(_NOISY[noise])
+    return noisy_centroids(true, sigma, for_noise, replicates, repeats=_DRAWS[repeats], first=first)
 
 
 def _residuals(
@@ -315,7 +341,7 @@ _SAME = "section 4.2, the same method as the calibration"
 _AXIS = "section 4.3, an RMSE per axis"
 # The readings that decide, before registration and after it: what the text does not say, the
 # options that they choose (the others stay literal), and of each the name, the place, the choices.
-DECIDING = {
+_DECIDING = {
     "before": (
         "the principal points and test points used, and which axes the RMSE counts",
         ("translations", "rmse", "tests"),
@@ -349,14 +375,14 @@ DECIDING = {
     cells=["rmse-*"],
     given=[*READS, f"{TRUTH}#translation-*", f"{SETTINGS}#test-points"],
     equations=["17", "18", "26"],
-    replicates=REPLICATES,
-    options=OPTIONS,
+    replicates=_REPLICATES,
+    options=_OPTIONS,
 )
 def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chosen: str) -> Results:
     """RMSE at test points before and after registration, under each reading that decides."""
     residuals = cache(partial(_residuals, given, seed, replicates))
     results = {}
-    for when, (missing, names, deciding) in DECIDING.items():
+    for when, (missing, names, deciding) in _DECIDING.items():
         left = []
         for name, place, ways in deciding:
             choices = dict(zip(names, ways.split(), strict=True))
@@ -366,9 +392,132 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
             readings = []
             # Without a reading that has all that is chosen, what is chosen is the only one.
             for name, place, choices in left or [("as chosen", "", {})]:
-                *setting, axes = (LITERAL | choices | chosen).values()
+                *setting, axes = (_LITERAL | choices | chosen).values()
                 found = _counted(residuals(when, *setting)[channel], axes)
-                added = LATER if choices.items() - LITERAL.items() else FIRST
+                added = _LATER if choices.items() - _LITERAL.items() else _FIRST
                 readings.append(Reading(name, place, Prediction(found), choices, added))
             results[f"rmse-{when}-{channel}"] = Blocked(missing, readings=tuple(readings))
     return results
+
+
+@draws("niu2024/fig-4", given=ANGLES)
+def _draw_angles(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Rotation angles of the rotary table in the simulation."""
+    angles = np.degrees(literal(door).angles)
+    axes = figure.add_subplot()
+    axes.plot(*angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation")
+    axes.plot(*_range(door), linestyle="--", linewidth=1, label="printed range")
+    axes.set(aspect="equal", xlabel="middle frame (°)", ylabel="external frame (°)")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+
+
+def _range(door: Given) -> FloatArray:
+    """Return the outline of the printed range, in degrees, shape (2, 5)."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+    return np.degrees(corners * half_ranges(door)).T
+
+
+def _arrangement_facts() -> dict[str, Fact]:
+    """Return how many arrangements have the printed count, and how many of them hold zero."""
+    found = candidates(given(ANGLES))
+    return {
+        "arrangements": Fact(len(found), "d"),
+        "angles": Fact(len(found[0].angles), "d"),
+        "with-zero": Fact(sum(map(_holds_zero, found)), "d"),
+    }
+
+
+def _holds_zero(one: Arrangement) -> bool:
+    return bool(np.isclose(one.angles, 0).all(axis=-1).any())
+
+
+@draws("niu2024-arrangements", given=ANGLES, named=_arrangement_facts)
+def _draw_arrangements(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Every arrangement of rotation angles that has the printed count."""
+    found, used = candidates(door), literal(door).name
+    columns = 2 if thin(figure) else 3
+    rows = -(-len(found) // columns)
+    sized(figure, 6.4, 1.85 * rows, narrow=1.7 * rows)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True).ravel()
+    for axes, one in zip(grid, found, strict=False):
+        axes.plot(*np.degrees(one.angles).T, "o", markersize=1.5)
+        axes.plot(*_range(door), color=INK, linewidth=0.6)
+        if _holds_zero(one):
+            axes.plot(0, 0, "o", markersize=6, fillstyle="none", color=INK)
+        name = one.name + (" (in use)" if one.name == used else "")
+        axes.set_title("\n".join(textwrap.wrap(name, 26)), fontsize=8)
+        axes.set(aspect="equal")
+    for axes in grid[len(found) :]:
+        axes.set_axis_off()
+    figure.supxlabel("middle frame (°)", fontsize=9)
+    figure.supylabel("external frame (°)", fontsize=9)
+
+
+# Half-widths of the prediction shown to either side; what lies further out is an arrow at the edge.
+_REACH = 12.0
+_PREDICTED = "#2E8BC0"
+
+
+def predicted_rows() -> Iterator[tuple[str, str, FloatArray]]:
+    """Yield address, label, and (low, median, high) of Table 3; of a translation under each table.
+
+    Low and high are the ends of the central 99 %.
+    """
+    results: dict[str, Result] = {}
+    for computation in (calibrated_parameters, calibrated_translations):
+        results |= computation(given(computation.given))
+    for row, channel in product(ROWS, REGISTERED):
+        result = results[f"{row}.{channel}"]
+        label = f"{row.replace('translation-', 'shift ')}, {channel}"
+        ways: dict[str, Result] = {label: result}
+        if isinstance(result, Blocked):
+            tables = ((one.choices["translations"], one.result) for one in result.readings)
+            ways = {f"{label}: {table.replace('table-', 'Table ')}": way for table, way in tables}
+        for name, way in ways.items():
+            if isinstance(way, Prediction):
+                yield f"{RESULTS}#{row}.{channel}", name, np.quantile(way.draws, _LEVELS)
+
+
+@draws("niu2024-table-3", marks=[RESULTS])
+def _draw_table_3(figure: Figure, printed: Marks) -> None:
+    """Table 3 printed against predicted: each prediction scaled to the same width."""
+    from matplotlib.lines import Line2D
+
+    rows = list(predicted_rows())
+    narrow = sized(figure, 4.9, 4.9, 5.2)
+    axes = figure.add_subplot()
+    for height, (address, _, (low, median, high)) in enumerate(rows):
+        ends = np.array([median, printed[address], *printed.intervals[address]])
+        middle, *mark = ((2 * ends - low - high) / (high - low)).tolist()
+        axes.plot([-1, 1], [height, height], color=_PREDICTED, linewidth=8, solid_capstyle="butt")
+        axes.plot(middle, height, "|", color=INK, markersize=13, markeredgewidth=1.2)
+        _mark_print(axes, height, *mark)
+    axes.set_yticks(range(len(rows)), [label for _, label, _ in rows], fontsize=9)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlim(-_REACH, _REACH)
+    axes.axvline(0, color=INK, linewidth=0.6, alpha=0.5, zorder=0)
+    axes.grid(visible=False, axis="y")
+    gap = "\n" if narrow else " "
+    axes.set_xlabel(f"distance from the median{gap}(half-widths)", fontsize=9)
+    axes.tick_params(axis="x", labelsize=9)
+    kinds = [
+        Line2D([], [], color=_PREDICTED, linewidth=8, label="predicted, central 99 %"),
+        Line2D([], [], color=INK, marker="|", markersize=13, linewidth=0, label="median"),
+        Line2D([], [], color=INK, marker="D", markersize=4.5, label="printed, with its rounding"),
+    ]
+    figure.legend(handles=kinds, loc="outside lower center", ncols=1 if narrow else 2, fontsize=9)
+
+
+def _mark_print(axes: Axes, height: int, place: float, low: float, high: float) -> None:
+    """Mark a printed value with its rounding, in half-widths; one far out by an arrow."""
+    if abs(place) < _REACH:
+        axes.plot([low, high], [height, height], color=INK, linewidth=1.3)
+        axes.plot([low, high], [height, height], "|", color=INK, markersize=7)
+        axes.plot(place, height, "D", color=INK, markersize=4.5)
+        return
+    side = float(np.sign(place))
+    axes.plot(0.97 * side * _REACH, height, "<" if side < 0 else ">", color=INK, markersize=7)
+    where = "left" if side < 0 else "right"
+    axes.text(
+        0.86 * side * _REACH, height, f"{abs(place):.0f} away", ha=where, va="center", fontsize=9
+    )

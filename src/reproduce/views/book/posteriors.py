@@ -16,8 +16,8 @@ from markupsafe import Markup
 from reproduce.inference.checks import Share
 from reproduce.inference.diagnostics import Gates
 from reproduce.inference.posterior import Summary
-from reproduce.papers.niu2024.posteriors import decisions
-from reproduce.papers.niu2024.posteriors.new_stars import pixel_angle
+from reproduce.papers.niu2024 import decisions
+from reproduce.papers.niu2024.posteriors import pixel_angle
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.given import given

@@ -13,27 +13,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from reproduce.inference.model import Model
 from reproduce.inference.models.closed_form import registration_posterior
 from reproduce.inference.models.new_stars import true_places
-from reproduce.inference.models.registration import GaussianRegistration, registration_model
-from reproduce.inference.models.variants import PointwiseRegistration, distortion_model
+from reproduce.inference.models.registration import registration_model
+from reproduce.inference.models.variants import distortion_model
 from reproduce.inference.posterior import Sampled
 from reproduce.inference.priors import Normal
 from reproduce.inference.quadrature import summed
 from reproduce.papers.declare import draws
-from reproduce.papers.niu2024 import simulation, simulation_angles
+from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.posteriors import (
+    ESTIMATES,
+    Registration,
     centroid_noise,
     centroids,
     pivot,
+    pixel_angle,
+    registration_of,
     true_centroids,
     truth,
 )
-from reproduce.papers.niu2024.posteriors.new_stars import ESTIMATES, RESULTS, pixel_angle
+from reproduce.papers.niu2024.simulation import NOISE, RESULTS
 from reproduce.papers.sketch import ranges
 from reproduce.papers.study import Fact, studied
-from reproduce.papers.words import Column
 from reproduce.physics.ground.errors import circular_error
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
@@ -45,27 +47,21 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = [
-    "COUNT", "ENDS", "MODELS", "READS", "designs", "edge_errors", "enough", "left_out",
-    "sampled_edge",
-]  # fmt: skip
-
 ENDS = (0.025, 0.5, 0.975)
 READS = simulation.READS
-WHOLE = (simulation.TRUTH, RESULTS)
-ERROR_READS = (*(one for one in READS if not one.startswith(WHOLE)), *WHOLE)
-STATED = f"{simulation.SETTINGS}#noise"
-COUNT = f"{simulation_angles.SETTINGS}#angle-count"
+_WHOLE = (simulation.TRUTH, RESULTS)
+_ERROR_READS = (*(one for one in READS if not one.startswith(_WHOLE)), *_WHOLE)
+COUNT = f"{simulation.SETTINGS}#angle-count"
 MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
-COUNTS = (10, 20, 50, 100, 200, 500, 1000)
+_COUNTS = (10, 20, 50, 100, 200, 500, 1000)
 # Steps of the derivatives: scale, rotation, two shifts, two distortions.
-STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
-MOST = 1e5
-TRIED = np.geomspace(4, MOST, 60)
+_STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
+_MOST = 1e5
+_TRIED = np.geomspace(4, _MOST, 60)
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class _Design:
     """A registration about its truth, as far as it is linear.
 
     - `information`, (p, p): of the transform's parameters, from all stars of the design.
@@ -89,40 +85,33 @@ class Design:
         return np.asarray(self.edge @ self.covariance(count) @ self.edge.T)
 
 
-def _outermost(likelihood: GaussianRegistration | PointwiseRegistration) -> int:
+def _outermost(likelihood: Registration) -> int:
     return int(np.hypot(*(likelihood.source - likelihood.pivot).T).argmax())
 
 
 @cache
-def designs(door: Given) -> dict[str, Design]:
+def designs(door: Given) -> dict[str, _Design]:
     """Return the printed design under both models of the transform."""
     green, red, _ = true_centroids(door)
     plain, true = registration_model(red, green, pivot(door, "red")), truth(door, ("red",))
     found = {}
     for name, model in zip(MODELS, (plain, distortion_model(plain)), strict=True):
-        likelihood = _registration(model)
+        likelihood = registration_of(model)
         extra = model.parameters[5:]
         centre = np.array([*(true[one] for one in (*ESTIMATES, "noise")), *[0.0] * len(extra)])
         free = np.delete(np.arange(len(centre)), 4)
-        steps = np.diag(np.insert(STEPS, 4, 0.0)[: len(centre)])[free]
+        steps = np.diag(np.insert(_STEPS, 4, 0.0)[: len(centre)])[free]
         ahead, behind = (true_places(likelihood, centre + sign * steps) for sign in (1, -1))
-        response = (ahead - behind) / (2 * STEPS[: len(free), None, None])
+        response = (ahead - behind) / (2 * _STEPS[: len(free), None, None])
         sigmas = [p.prior.sigma for p in extra if isinstance(p.prior, Normal)]
         flat = np.moveaxis(response, 0, -1).reshape(-1, len(free))
-        found[name] = Design(
+        found[name] = _Design(
             flat.T @ flat / true["noise"] ** 2,
             np.diag(np.append(np.zeros(4), np.power(sigmas, -2.0))),
             response[:, _outermost(likelihood)].T,
             len(red),
         )
     return found
-
-
-def _registration(model: Model) -> GaussianRegistration | PointwiseRegistration:
-    likelihood = model.likelihood
-    if not isinstance(likelihood, GaussianRegistration | PointwiseRegistration):
-        raise TypeError(f"model: expected a registration, got {type(likelihood).__name__}")
-    return likelihood
 
 
 def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
@@ -143,7 +132,7 @@ def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
 
 def sampled_edge(found: Sampled, off: FloatArray) -> FloatArray:
     """The same from the draws of a registration, off by (2,) in the mean, shape (3,), in px."""
-    likelihood = _registration(found.model)
+    likelihood = registration_of(found.model)
     outermost = _outermost(likelihood)
     places = true_places(likelihood.elsewhere(likelihood.source[[outermost]]), found.draws)[:, 0]
     return np.asarray(np.quantile(np.hypot(*(places - places.mean(axis=0) + off).T), ENDS))
@@ -160,22 +149,22 @@ def left_out(door: Given) -> FloatArray:
 def enough(door: Given, wanted: float) -> dict[str, float]:
     """Stars with which 97.5 % of calibrations misplace the outermost one less, by model.
 
-    Infinite where as many as `MOST` are not enough.
+    Infinite where as many as `_MOST` are not enough.
     """
-    places, target = np.log(TRIED), -np.log(wanted)
+    places, target = np.log(_TRIED), -np.log(wanted)
     return {
         name: float(np.ceil(np.exp(np.interp(target, -np.log(ends[2]), places, right=np.inf))))
-        for name, ends in edge_errors(door, TRIED).items()
+        for name, ends in edge_errors(door, _TRIED).items()
     }
 
 
-def star_facts(door: Given) -> dict[str, Fact]:
+def _star_facts(door: Given) -> dict[str, Fact]:
     """Return errors at the edge for the printed number of stars, and how many suffice."""
     count, angle = door.count(COUNT), pixel_angle(door)
     numbers = {"all": count, "quarter": round(count / 4)}
     found = {name: Fact(n, "d") for name, n in numbers.items()}
     errors = edge_errors(door, np.array(list(numbers.values())))
-    needed = enough(door, door[STATED])
+    needed = enough(door, door[NOISE])
     for name, ends in errors.items():
         kind = name.split()[0]
         found[f"{kind}-enough"] = Fact(needed[name], ".0f")
@@ -193,26 +182,11 @@ def star_facts(door: Given) -> dict[str, Fact]:
     return found
 
 
-@studied(
-    "niu2024/stars",
-    given=READS,
-    columns=(
-        Column("Stars", "d"),
-        *(Column(f"{name}{what}", ".3f") for name in MODELS
-          for what in (" (px)", ", 97.5 % (px)")),
-        *(Column(f"{name}, 97.5 % (arcsec)", ".2f") for name in MODELS),
-    ),
-    caption="How far a calibration misplaces the outermost star: the median of calibrations "
-    "with so many stars, and what 97.5 % of them stay below. For this to be {wanted:.3g} px, "
-    "{plain} enough for a similarity, {free} with the distortions free. Of the errors of a "
-    "similarity {left:.2g} px are what it leaves out of Table 1, at any number of stars.",
-    named=star_facts,
-    settings={"wanted": "the error wanted at the edge, in px", "stars": "a number of stars"},
-)  # fmt: skip
-def stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame:
+@studied("niu2024/stars", given=READS, named=_star_facts)
+def _stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame:
     """With how many stars to calibrate."""
-    wanted = wanted or door[STATED]
-    counts = sorted({*COUNTS, door.count(COUNT), *([round(stars)] if stars else [])})
+    wanted = wanted or door[NOISE]
+    counts = sorted({*_COUNTS, door.count(COUNT), *([round(stars)] if stars else [])})
     found, angle = edge_errors(door, np.array(counts)), pixel_angle(door)
     rows = np.concatenate([*(ends[1:] for ends in found.values()),
                            [ends[2] * angle for ends in found.values()]])  # fmt: skip
@@ -225,27 +199,11 @@ def stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame:
 
 
 def _as_words(count: float) -> str:
-    return f"not even {MOST:,.0f} stars are" if np.isinf(count) else f"{count:.0f} stars are"
+    return f"not even {_MOST:,.0f} stars are" if np.isinf(count) else f"{count:.0f} stars are"
 
 
-_stars = stars
-
-
-@studied(
-    "niu2024/instrument-errors",
-    given=ERROR_READS,
-    columns=(
-        Column("Error"),
-        Column("Data"),
-        Column("median (px)", ".2g"),
-        Column("low", ".2g"),
-        Column("high", ".2g"),
-        Column("as an angle (arcsec)", ".2g"),
-    ),
-    caption="Errors of a registered star, one sigma along one axis: median and central 95 % of the "
-    "posterior. After one calibration with {count:.0f} stars; at the edge of the field.",
-)
-def errors(door: Given) -> pd.DataFrame:
+@studied("niu2024/instrument-errors", given=_ERROR_READS)
+def _errors(door: Given) -> pd.DataFrame:
     """Every error of a registered star, and how well it is known."""
     green, red, _ = centroids(door)
     middle = pivot(door, "red")
@@ -276,14 +234,14 @@ def errors(door: Given) -> pd.DataFrame:
         ("All, distortions free, at the edge", "simulated"): apart * relative,
     }  # fmt: skip
     angle = pixel_angle(door)
-    return errors.frame(
+    return _errors.frame(
         ((*names, *ends[[1, 0, 2]].tolist(), float(ends[1] * angle))
          for names, ends in rows.items()), count=design.count,
     )  # fmt: skip
 
 
-@draws("niu2024-instrument-errors", given=ERROR_READS)
-def draw_errors(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@draws("niu2024-instrument-errors", given=_ERROR_READS)
+def _draw_errors(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Every error of a registered star with its interval, in px and as an angle."""
-    ranges(figure, errors(door), "one sigma, one axis (px)", "as an angle (arcsec)",
+    ranges(figure, _errors(door), "one sigma, one axis (px)", "as an angle (arcsec)",
            pixel_angle(door))  # fmt: skip

@@ -1,4 +1,4 @@
-"""Figure 1 of niu2024: the sensor's workflow.
+"""Figure 1 of niu2024, the sensor's workflow, and the looks of its channels in every drawing.
 
 Drawn from the caption and the text; the paper's own picture was not at hand.
 """
@@ -8,16 +8,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reproduce.papers.declare import draws
-from reproduce.papers.niu2024.figures.looks import LOOKS
-from reproduce.papers.sketch import INKED, Point, arrow, box, diagram, joined, label, slim
+from reproduce.papers.sketch import INKED, Look, Point, arrow, box, diagram, joined, label, slim
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+RED = Look("red", "#D55E00", "--", "s")
+GREEN = Look("green", "#009E73", "-.", "o")
+BLUE = Look("blue", "#0072B2", ":", "^")
+LOOKS = {look.name: look for look in (RED, GREEN, BLUE)}
+
 # Text, then centre and size: on a wide page and on a narrow one.
 Place = tuple[Point, Point]
-BOXES: dict[str, tuple[str, Place, Place]] = {
+_BOXES: dict[str, tuple[str, Place, Place]] = {
     "light": ("starlight", ((1.3, 6.2), (2.4, 1.2)), ((5.0, 12.4), (3.0, 0.8))),
     "prism": ("lens and\nprism", ((4.2, 6.2), (2.2, 1.6)), ((5.0, 10.8), (3.0, 1.3))),
     "red": ("red detector\nimage and spots", ((8.0, 8.4), (3.6, 1.5)), ((1.7, 8.1), (3.0, 1.6))),
@@ -37,18 +41,18 @@ BOXES: dict[str, tuple[str, Place, Place]] = {
     "star": ("star\nidentification", ((12.4, 1.1), (3.2, 1.5)), ((2.3, 2.9), (3.0, 1.4))),
     "attitude": ("attitude", ((15.8, 1.1), (2.2, 1.2)), ((2.3, 0.6), (2.4, 0.9))),
 }  # fmt: skip
-STEPS = ("light prism", "registration fusion", "fusion centroids", "centroids star",
+_STEPS = ("light prism", "registration fusion", "fusion centroids", "centroids star",
          "colour star", "star attitude")  # fmt: skip
 
 
 @draws("niu2024/fig-1")
 @diagram(17.0, 9.6, narrow=(10.0, 13.0))
-def draw_workflow(axes: Axes) -> None:
+def _draw_workflow(axes: Axes) -> None:
     """Workflow of a 3CMOS star sensor, from starlight to attitude."""
-    places = {name: layouts[slim(axes)] for name, (_, *layouts) in BOXES.items()}
-    for name, (text, *_) in BOXES.items():
+    places = {name: layouts[slim(axes)] for name, (_, *layouts) in _BOXES.items()}
+    for name, (text, *_) in _BOXES.items():
         box(axes, *places[name], text, LOOKS.get(name))
-    steps = [(step, INKED) for step in STEPS]
+    steps = [(step, INKED) for step in _STEPS]
     for name, look in LOOKS.items():
         steps += [(f"prism {name}", look), (f"{name} registration", look)]
     for step, look in steps:

@@ -1,1 +1,0 @@
-"""The drawings of niu2024, chapter by chapter."""
