@@ -194,13 +194,3 @@ def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     found = fit_registration(blue, green, pivot=origin["blue"]).parameters
     drawn_shift = arrows[2, 0] - arrows[0, 0]
     assert found == pytest.approx([1.0, angle, *drawn_shift])
-
-
-def test_the_table_moves_the_star_as_drawn():
-    axes = painted(drawings()["niu2024-rotary-table"])
-    said = words(axes)
-    assert "$φ_1 > 0$: towards $+y$" in said
-    assert "$φ_2 > 0$: towards $−x$" in said
-    external, middle = ends(axes)[-2:]
-    assert external[1] - external[0] == pytest.approx([0.0, 7.0 * np.tan(np.radians(20.0))])
-    assert middle[1] - middle[0] == pytest.approx([-7.0 * np.tan(np.radians(20.0)), 0.0])

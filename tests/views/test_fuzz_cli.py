@@ -91,7 +91,7 @@ def check(*arguments):
                 "--json --format --out --table --relations --set --seed --data --pivot --steps "
                 "--option --list --resume --model --robust --prior -- -h niu2024 csv bibtex 3 "
                 "registration niu2024/table-2 "
-                "chen2023/dichroic chen2023/dichroic#x niu2024-colours".split()
+                "chen2023/dichroic chen2023/dichroic#x niu2024-arrangements".split()
             ),
         ),
         max_size=4,

@@ -88,7 +88,7 @@ def drawings() -> Declared[Drawing]:
 
     Examples
     --------
-    >>> "niu2024-convergence" in drawings()
+    >>> "niu2024-arrangements" in drawings()
     True
     """
     return Declared(Drawing, _modules("DRAWINGS"))

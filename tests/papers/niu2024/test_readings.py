@@ -14,14 +14,8 @@ from reproduce.papers.catalogue import drawings, studies
 from reproduce.papers.declare import Reading
 from reproduce.papers.niu2024 import readings, simulation
 from reproduce.papers.study import LEAST_DRAWS
-from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import channel_centroids
-from reproduce.physics.registration.calibration import (
-    calibrate,
-    registration_bound,
-    starting_values,
-)
-from reproduce.physics.registration.transforms import similarity_between
+from reproduce.physics.registration.calibration import calibrate, starting_values
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 
@@ -361,31 +355,3 @@ def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path, mon
     assert len(list(tmp_path.glob("part-*.npz"))) == 4
     (tmp_path / "part-2.npz").unlink()
     np.testing.assert_array_equal(readings.all_draws(4, None, store), drawn)
-
-
-def test_the_scheme_reaches_the_cramer_rao_bound():
-    """Within what 10,000 replicates can tell, for both channels and all parameters."""
-    stored = readings.stored()
-    literal = readings.readings(DOOR).index(readings.literal(DOOR))
-    used = simulation.cameras(DOOR)
-    turns = simulation.rotations(DOOR)
-    true = channel_centroids(used, turns, simulation.literal(DOOR).angles)
-    for position in (1, 2):
-        truth = similarity_between(used[position], turns[position], used[0])
-        bound = registration_bound(true[position], truth, 0.05, 0.05).diagonal()
-        variance = stored.arrays["sd"][literal, position - 1, :4] ** 2
-        np.testing.assert_allclose(variance / bound, 1, atol=5 * np.sqrt(2 / 10_000))
-
-
-@pytest.mark.parametrize("channel", simulation.REGISTERED)
-def test_only_unequal_distortions_bias_the_fit(channel, monkeypatch):
-    """With distortion the scale alone is moved; without it the fit finds the truth."""
-    bias = np.abs(readings.precision(DOOR, channel)[1])
-    assert bias[0] > 1e-6
-    assert bias[1:].max() < 1e-9
-    cameras = simulation.cameras
-    straight = [
-        Camera(one.focal_length, one.principal_point, 0.0, one.pixel_pitch) for one in cameras(DOOR)
-    ]
-    monkeypatch.setattr(simulation, "cameras", lambda *_: straight)
-    assert np.abs(readings.precision(DOOR, channel)[1]).max() < 1e-9
