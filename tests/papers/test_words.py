@@ -7,6 +7,7 @@ import pytest
 
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.words import parsed, words
+from reproduce.printed.cells import library
 
 FOLDER = Path(__file__).parents[2] / "data" / "words"
 
@@ -16,9 +17,18 @@ def test_every_text_belongs_to_a_table_or_to_an_item_with_options(path):
     for name in tomllib.loads(path.read_text(encoding="utf-8")):
         key = f"{path.stem}/{name}"
         text = words(key)
-        if text.options:
-            given = [one.options for one in catalogue()[key].computations]
-            assert any(options.items() <= text.options.items() for options in given if options)
+        if text.options or text.readings:
+            made = catalogue()[key].computations
+            assert all(any(name in one.options for one in made) for name in text.options)
+            cells = [cell.name for cell in library()[key].cells]
+            assert text.readings.keys() == text.missing.keys()
+            for name, ways in text.readings.items():
+                assert any(cell.startswith(f"{name}-") for cell in cells)
+                chosen = [choice for way in ways for choice in way.choices.items()]
+                assert any(
+                    all(choice in one.options.get(option, ()) for option, choice in chosen)
+                    for one in made
+                )
         else:
             assert studies()[key].columns == text.columns, key
             assert studies()[key].caption == text.caption, key

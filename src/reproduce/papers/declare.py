@@ -14,16 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.papers.study import Fact, first_line
+from reproduce.papers.words import Way
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = [
-    "ROOT_SEED", "Blocked", "Computation", "Drawing", "Item", "Marks", "Prediction",
-    "Reading", "Result", "Results", "draws", "reproduces", "seed_of",
-    "split_seed",
-]  # fmt: skip
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
@@ -67,6 +62,11 @@ class Reading:
     result: float | Prediction
     choices: Mapping[str, str] = field(default_factory=dict)
     added: str = ""
+
+
+def read(way: Way, result: float | Prediction) -> Reading:
+    """Return what a number would be under one way to read the text."""
+    return Reading(way.name, way.place, result, way.choices, way.added)
 
 
 @dataclass(frozen=True)
@@ -170,11 +170,7 @@ class Computation:
         """Return a result with the readings that what is chosen leaves open; one alone decides."""
         if not self.chosen or not isinstance(result, Blocked) or not result.readings:
             return result
-        left = tuple(
-            reading
-            for reading in result.readings
-            if all(self.chosen.get(n, way) == way for n, way in reading.choices.items())
-        )
+        left = tuple(reading for reading in result.readings if agree(reading.choices, self.chosen))
         if not left:
             ways = (", ".join(f"{n}={w}" for n, w in r.choices.items()) for r in result.readings)
             raise ValueError(
@@ -182,6 +178,11 @@ class Computation:
                 f"{'; '.join(dict.fromkeys(ways))}"
             )
         return left[0].result if len(left) == 1 else replace(result, readings=left)
+
+
+def agree(choices: Mapping[str, str], chosen: Mapping[str, str]) -> bool:
+    """Tell whether a reading has all that is chosen, as far as it decides it."""
+    return all(chosen.get(name, way) == way for name, way in choices.items())
 
 
 def seed_of(name: str, root: int | None) -> np.random.SeedSequence:

@@ -56,12 +56,24 @@ class Column:
 
 
 @dataclass(frozen=True, config=_EXACT)
+class Way:
+    """One way to read what a text leaves open, as `reproduce.papers.declare.Reading` has it."""
+
+    name: str
+    place: str
+    added: str
+    choices: dict[str, str]
+
+
+@dataclass(frozen=True, config=_EXACT)
 class Words:
     """The texts of one key.
 
     - `caption`, `columns`, `folded`, `settings`: of a study, as `reproduce.papers.study.Study` has.
     - `options`: what the text of a paper leaves open: option to its alternatives, each with what
       it stands for.
+    - `readings`: every way tried to read it, the literal one first, by what they give.
+    - `missing`: what the text would have to say, by the same names.
     """
 
     caption: str = ""
@@ -69,6 +81,8 @@ class Words:
     folded: str = ""
     settings: dict[str, str] = field(default_factory=dict)
     options: dict[str, dict[str, str]] = field(default_factory=dict)
+    readings: dict[str, tuple[Way, ...]] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
 
 
 _FILE = TypeAdapter(dict[str, Words])

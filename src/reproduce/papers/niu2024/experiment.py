@@ -28,7 +28,8 @@ nothing is judged with them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,9 +38,9 @@ from numpy.random import SeedSequence
 from reproduce.papers.declare import (
     Blocked,
     Prediction,
-    Reading,
     Results,
     draws,
+    read,
     reproduces,
     seed_of,
     split_seed,
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
 
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
+_WORDS = words(OUTCOME)
 _REPLICATES = 10_000
 _ARRANGEMENT = (
     f"{CALIBRATION}#rotation.*",
@@ -177,18 +179,6 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     return channel_centroids(cameras(given), rotations(given), angles)
 
 
-# What each option of the text stands for in a reading: its part of the name, its place, its day.
-_POINTS: dict[str, tuple[str, Callable[[Given, FloatArray], FloatArray]]] = {
-    "factors": ("scale factors", registered_points),
-    "focal-lengths": ("focal lengths", _by_focal_lengths),
-}
-_COUNTED = {
-    "one": ("one axis", "section 4.3, in the x and y directions", "2026-11-21"),
-    "both": ("both axes", "(26), which section 4.3 does not replace", "2026-11-24"),
-}
-_ADDED = {"factors": "2026-11-22", "focal-lengths": "2026-11-21"}
-
-
 @reproduces(
     OUTCOME,
     cells=["rmse-before-*"],
@@ -200,30 +190,32 @@ _ADDED = {"factors": "2026-11-22", "focal-lengths": "2026-11-21"}
     ],
     equations=["17", "18", "21"],
     replicates=_REPLICATES,
-    options=words(OUTCOME).options,
+    options=_WORDS.options,
 )
 def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
-    missing = "what separates the channels, and on which axes the RMSE counts"
     for_positions, for_errors = split_seed(seed, 2)
     count = given.count(f"{OUTCOME}#test-points")
     angles = spawned_angles(for_positions, replicates, count, half_field(given))
-    readings: dict[str, list[Reading]] = {}
-    for scale, (laid, points) in _POINTS.items():
-        true = points(given, angles)
-        errors = centroid_errors(given) * spawned_normals(for_errors, replicates, true.shape[1:])
-        measured = true + errors
-        for position, channel in enumerate(REGISTERED, start=1):
-            per_axis = rmse_per_axis(measured[:, position], measured[:, 0])
-            both = np.hypot(*per_axis.T)
-            for place, axis in enumerate("xy"):
-                cell = readings.setdefault(f"rmse-before-{channel}-{axis}", [])
-                for rmse, (how, why, day) in _COUNTED.items():
-                    draws = per_axis[:, place] if rmse == "one" else both
-                    choices = {"scale": scale, "rmse": rmse}
-                    added = max(day, _ADDED[scale])
-                    cell.append(Reading(f"{laid}, {how}", why, Prediction(draws), choices, added))
-    return {name: Blocked(missing, readings=tuple(found)) for name, found in readings.items()}
+    errors = centroid_errors(given) * spawned_normals(for_errors, replicates, (3, count, 2))
+    measured = {
+        "factors": registered_points(given, angles) + errors,
+        "focal-lengths": _by_focal_lengths(given, angles) + errors,
+    }
+    [(name, ways)] = _WORDS.readings.items()
+    results = {}
+    for (position, channel), (place, axis) in product(enumerate(REGISTERED, 1), enumerate("xy")):
+        readings = []
+        for way in ways:
+            points = measured[way.choices["scale"]]
+            x_and_y = rmse_per_axis(points[:, position], points[:, 0])
+            one = way.choices["rmse"] == "one"
+            found = x_and_y[:, place] if one else np.hypot(*x_and_y.T)
+            readings.append(read(way, Prediction(found)))
+        results[f"{name}-{channel}-{axis}"] = Blocked(
+            _WORDS.missing[name], readings=tuple(readings)
+        )
+    return results
 
 
 @reproduces(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import Blocked, Reading, Results, reproduces
+from reproduce.papers.declare import Blocked, Results, read, reproduces
 from reproduce.papers.words import words
 from reproduce.physics.optics import camera
 from reproduce.printed.given import Given
@@ -10,9 +10,7 @@ from reproduce.printed.given import Given
 OPTICS = "niu2024/text-optics"
 OUTCOME = "niu2024/text-experiment"
 # What a centre wavelength can be.
-_CENTRES = words(OPTICS).options
-# The days on which they came into the history.
-_ADDED = ("2026-11-21", "2026-11-22")
+_WORDS = words(OPTICS)
 
 
 @reproduces(
@@ -45,20 +43,15 @@ def middles(given: Given, band: str) -> tuple[float, float]:
     OPTICS,
     cells=["centre-wavelength-*"],
     given=[f"{OPTICS}#band-*", f"{OUTCOME}#simulator-band-*"],
-    options=_CENTRES,
+    options=_WORDS.options,
 )
 def centre_wavelengths(given: Given) -> Results:
     """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
-    missing = "what a centre wavelength is: the middle of the band, or a nominal colour"
+    [(name, ways)] = _WORDS.readings.items()
     return {
-        f"centre-wavelength-{band}": Blocked(
-            missing,
-            readings=tuple(
-                Reading(what.removeprefix("the "), "section 4.3", middle, {"centre": way}, day)
-                for middle, (way, what), day in zip(
-                    middles(given, band), _CENTRES["centre"].items(), _ADDED, strict=True
-                )
-            ),
+        f"{name}-{band}": Blocked(
+            _WORDS.missing[name],
+            readings=tuple(map(read, ways, middles(given, band))),
         )
         for band in ("blue", "green", "red")
     }

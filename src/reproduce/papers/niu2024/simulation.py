@@ -39,16 +39,17 @@ from reproduce.papers.declare import (
     Blocked,
     Marks,
     Prediction,
-    Reading,
     Result,
     Results,
+    agree,
     draws,
+    read,
     reproduces,
     split_seed,
 )
 from reproduce.papers.sketch import INK, sized, thin
 from reproduce.papers.study import Fact
-from reproduce.papers.words import words
+from reproduce.papers.words import Way, words
 from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
 from reproduce.physics.optics.camera import Camera
 from reproduce.physics.optics.simulate import (
@@ -80,8 +81,6 @@ ROWS = ("scale", "rotation", "translation-x", "translation-y")
 _REPLICATES = 2000
 # Replicates calibrated at once: enough to be fast, few enough to stay in the processor's memory.
 _BATCH = 500
-# The days on which the literal reading and the others came into the history.
-_FIRST, _LATER = "2026-11-21", "2026-11-22"
 # What the printed noise is multiplied by in green, red and blue.
 _NOISY = {
     "every-channel": (1.0, 1.0, 1.0),
@@ -92,7 +91,8 @@ _NOISY = {
 _LEVELS = (0.005, 0.5, 0.995)
 _DRAWS = {"one": 1, "ten": 10}
 # What the text leaves open, as options of a rerun; of each the literal reading first.
-_OPTIONS = words(SETTINGS).options
+_WORDS = words(SETTINGS)
+_OPTIONS = _WORDS.options
 _CALIBRATION = {name: _OPTIONS[name] for name in ("angles", "noise", "repeats")}
 _TRANSLATIONS = {"translations": _OPTIONS["translations"]}
 _LITERAL = {name: next(iter(ways)) for name, ways in _OPTIONS.items()}
@@ -259,26 +259,18 @@ def calibrated_translations(
     given: Given, seed: SeedSequence, replicates: int, **chosen: str
 ) -> Results:
     """Translations calibrated from centroids simulated with the shifts of Table 1 or of Table 2."""
-    missing = "which principal points the simulation used, those of Table 1 or of Table 2"
     found = _parameters(given, seed, replicates, **chosen | {"translations": "table-1"})
-    ways = (
-        ("table-1", "principal points of Table 1", "section 4.1 with (21) to (23)", _FIRST),
-        ("table-2", "translations of Table 2", "sections 4.1 and 4.2, the true values", _LATER),
-    )
-    points = [[camera.principal_point for camera in cameras(given, way)] for way, *_ in ways]
+    text = words(RESULTS)
+    [(name, ways)] = text.readings.items()
+    tables = (cameras(given, way.choices["translations"]) for way in ways)
+    points = np.array([[camera.principal_point for camera in table] for table in tables])
     # A channel's principal point carries its spots, its pivot and so its translation along.
-    moved = np.array(points) - points[0]
+    moved = points - points[0]
     results = {}
-    for position, channel in enumerate(REGISTERED, start=1):
-        for place, axis in enumerate("xy"):
-            draws = found[channel][:, 2 + place]
-            readings = tuple(
-                Reading(name, text, Prediction(draws + more), {"translations": way}, day)
-                for (way, name, text, day), more in zip(
-                    ways, moved[:, position, place], strict=True
-                )
-            )
-            results[f"translation-{axis}.{channel}"] = Blocked(missing, readings=readings)
+    for (position, channel), (place, axis) in product(enumerate(REGISTERED, 1), enumerate("xy")):
+        draws = found[channel][:, 2 + place] + moved[:, position, place, None]
+        readings = tuple(map(read, ways, map(Prediction, draws)))
+        results[f"{name}-{axis}.{channel}"] = Blocked(text.missing[name], readings=readings)
     return results
 
 
@@ -337,39 +329,6 @@ def _counted(per_axis: FloatArray, axes: str) -> FloatArray:
     return found
 
 
-_SAME = "section 4.2, the same method as the calibration"
-_AXIS = "section 4.3, an RMSE per axis"
-# The readings that decide, before registration and after it: what the text does not say, the
-# options that they choose (the others stay literal), and of each the name, the place, the choices.
-_DECIDING = {
-    "before": (
-        "the principal points and test points used, and which axes the RMSE counts",
-        ("translations", "rmse", "tests"),
-        (
-            ("shifts of Table 1, (26)", "sections 4.1 and 4.2", "table-1 both range"),
-            ("shifts of Table 2, (26)", "sections 4.1 and 4.2", "table-2 both range"),
-            ("shifts of Table 2, (26), tests among the angles", _SAME, "table-2 both angles"),
-            ("shifts of Table 2, one axis", _AXIS, "table-2 one range"),
-            ("shifts of Table 2, one axis, tests among the angles", _SAME, "table-2 one angles"),
-        ),
-    ),
-    "after": (
-        "the noise of the reference, and which axes the RMSE counts",
-        ("noise", "repeats", "rmse"),
-        (
-            ("noise in all channels, (26)", "sections 4.1 and 4.2", "every-channel one both"),
-            (
-                "green without noise, (26)",
-                "section 4.2, green as reference",
-                "red-and-blue one both",
-            ),
-            ("ten draws averaged, (26)", "section 3.1, ten repeats", "every-channel ten both"),
-            ("noise in all channels, one axis", _AXIS, "every-channel one one"),
-        ),
-    ),
-}
-
-
 @reproduces(
     SETTINGS,
     cells=["rmse-*"],
@@ -381,22 +340,18 @@ _DECIDING = {
 def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chosen: str) -> Results:
     """RMSE at test points before and after registration, under each reading that decides."""
     residuals = cache(partial(_residuals, given, seed, replicates))
+    chosen_alone = Way("as chosen", "", "", {})
     results = {}
-    for when, (missing, names, deciding) in _DECIDING.items():
-        left = []
-        for name, place, ways in deciding:
-            choices = dict(zip(names, ways.split(), strict=True))
-            if all(chosen.get(n, way) == way for n, way in choices.items()):
-                left.append((name, place, choices))
-        for channel in REGISTERED:
-            readings = []
-            # Without a reading that has all that is chosen, what is chosen is the only one.
-            for name, place, choices in left or [("as chosen", "", {})]:
-                *setting, axes = (_LITERAL | choices | chosen).values()
-                found = _counted(residuals(when, *setting)[channel], axes)
-                added = _LATER if choices.items() - _LITERAL.items() else _FIRST
-                readings.append(Reading(name, place, Prediction(found), choices, added))
-            results[f"rmse-{when}-{channel}"] = Blocked(missing, readings=tuple(readings))
+    for when, channel in product(("before", "after"), REGISTERED):
+        name = f"rmse-{when}"
+        left = [way for way in _WORDS.readings[name] if agree(way.choices, chosen)]
+        readings = []
+        # Without a reading that has all that is chosen, what is chosen is the only one.
+        for way in left or [chosen_alone]:
+            *setting, axes = (_LITERAL | way.choices | chosen).values()
+            found = _counted(residuals(when, *setting)[channel], axes)
+            readings.append(read(way, Prediction(found)))
+        results[f"{name}-{channel}"] = Blocked(_WORDS.missing[name], readings=tuple(readings))
     return results
 
 
@@ -487,8 +442,8 @@ def _draw_table_3(figure: Figure, printed: Marks) -> None:
     narrow = sized(figure, 4.9, 4.9, 5.2)
     axes = figure.add_subplot()
     for height, (address, _, (low, median, high)) in enumerate(rows):
-        ends = np.array([median, printed[address], *printed.intervals[address]])
-        middle, *mark = ((2 * ends - low - high) / (high - low)).tolist()
+        values = np.array([median, printed[address], *printed.intervals[address]])
+        middle, *mark = ((values - (low + high) / 2) / ((high - low) / 2)).tolist()
         axes.plot([-1, 1], [height, height], color=_PREDICTED, linewidth=8, solid_capstyle="butt")
         axes.plot(middle, height, "|", color=INK, markersize=13, markeredgewidth=1.2)
         _mark_print(axes, height, *mark)
