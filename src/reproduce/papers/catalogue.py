@@ -11,8 +11,6 @@ from reproduce.locate import papers
 from reproduce.papers.declare import Computation, Drawing, Item
 from reproduce.papers.study import Study
 
-__all__ = ["Declared", "catalogue", "drawings", "studies"]
-
 Own = TypeVar("Own", bound=Item | Study | Drawing)
 
 

@@ -24,11 +24,6 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store.points import TableFileError, computing, read_table
 
-__all__ = [
-    "OWN_DATA", "Aside", "Declaration", "File", "Pivot", "Supplied", "published_cells",
-    "simulated",
-]  # fmt: skip
-
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
 STEPS = 270

@@ -8,8 +8,6 @@ from functools import cache
 from reproduce.locate import papers
 from reproduce.papers.declare_posterior import Declaration
 
-__all__ = ["posteriors"]
-
 
 @cache
 def posteriors() -> dict[str, Declaration]:

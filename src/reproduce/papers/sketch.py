@@ -6,7 +6,6 @@ Everything that carries no look of its own is drawn in `INK`, which follows the 
 from __future__ import annotations
 
 import functools
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,18 +17,11 @@ from numpy.typing import ArrayLike
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from reproduce.printed.given import Given
-
-__all__ = [
-    "INK", "INKED", "NARROW", "SIZE", "Look", "Point", "again", "arc", "arrow", "beside", "box",
-    "canvas", "diagram", "joined", "key", "label", "line", "path", "ranges", "sized", "slim",
-    "thin", "turned", "turning",
-]  # fmt: skip
 
 Point = tuple[float, float]
 Draw = Callable[..., None]
@@ -103,7 +95,7 @@ def diagram(
     return declare
 
 
-def pair(point: ArrayLike) -> Point:
+def _pair(point: ArrayLike) -> Point:
     """Return a point as two plain numbers, as matplotlib's annotations want them."""
     x, y = np.asarray(point, dtype=np.float64)
     return float(x), float(y)
@@ -127,7 +119,7 @@ def label(axes: Axes, place: ArrayLike, text: str, *, size: float = SIZE, **look
     size = min(size, LEAST) if slim(axes) else size
     settings = {"ha": "center", "va": "center", "fontsize": size, **look}
     # Matplotlib types every property of a text apart; here they are mixed in one mapping.
-    axes.text(*pair(place), text, **settings)  # type: ignore[arg-type]
+    axes.text(*_pair(place), text, **settings)  # type: ignore[arg-type]
 
 
 def line(axes: Axes, points: ArrayLike, width: float = 1.0, style: str = "-") -> None:
@@ -148,7 +140,7 @@ def arrow(
     from matplotlib.patches import FancyArrowPatch
 
     patch = FancyArrowPatch(
-        pair(start), pair(end), arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9
+        _pair(start), _pair(end), arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9
     )
     patch.set(color=look.colour, linestyle=look.line, linewidth=width)
     axes.add_patch(patch)
@@ -226,34 +218,6 @@ def key(axes: Axes, looks: Sequence[Look], place: Point) -> None:
         axes.plot([], [], color=look.colour, linestyle=look.line, label=look.name)
     size = LEAST if slim(axes) else SIZE
     axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=size)
-
-
-def ranges(figure: Figure, frame: pd.DataFrame, unit: str, other: str, factor: float) -> None:
-    """Draw medians and intervals on a logarithmic scale, line by line, in two units.
-
-    Columns of the frame: what it is, its data, median, low end, high end. Data of our own
-    simulation have marks of their own.
-    """
-    narrow = sized(figure, 6.4, 0.32 * len(frame) + 1.4, 0.42 * len(frame) + 1.6)
-    axes = figure.subplots()
-    _, _, middle, low, high = (frame.iloc[:, i].to_numpy() for i in range(5))
-    axes.set_xscale("log")
-    # An end that reaches to nothing leaves the picture.
-    least = middle.min() / 2
-    ours = (frame.iloc[:, 1] == "simulated").to_numpy()
-    looks = (Look("data as printed", INK, "-"), Look("simulated by us", "#D55E00", "-", "D"))
-    for look, chosen in zip(looks, (~ours, ours), strict=True):
-        rows = np.flatnonzero(chosen)
-        ends = np.maximum(low[rows], least / 2), high[rows]
-        axes.hlines(rows, *ends, color=look.colour, linewidth=2)
-        axes.plot(middle[rows], rows, look.marker, color=look.colour, label=look.name)
-    texts = [textwrap.fill(text, 22 if narrow else 40) for text in frame.iloc[:, 0]]
-    axes.set_yticks(range(len(frame)), texts, fontsize=LEAST if narrow else SIZE)
-    axes.set(xlim=(least, 2 * high.max()), ylim=(len(frame) - 0.5, -0.5), xlabel=unit)
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.grid(axis="y", visible=False)
-    again(axes, "x", other, factor)
-    figure.legend(loc="outside lower center", ncols=2, fontsize=LEAST if narrow else SIZE)
 
 
 def again(axes: Axes, which: Literal["x", "y"], label: str, factor: float) -> None:

@@ -16,8 +16,6 @@ from reproduce.physics.validate import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["View", "seen_from", "sense", "triad"]
-
 
 @dataclass(frozen=True, eq=False)
 class View:

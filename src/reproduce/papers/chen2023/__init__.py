@@ -47,6 +47,4 @@ STUDIES = _made(
 DRAWINGS = {f"chen2023-{what}": "attitude" for what in ("instruments", "misalignment", "stage")}
 DRAWINGS |= {"chen2023-focal-lengths": "figures.effectiveness"}
 DRAWINGS |= {"chen2023-arc-second": "figures.positioning"}
-DRAWINGS |= {
-    f"chen2023-{what}": "posteriors.decisions" for what in ("instrument-errors", "frames", "drift")
-}
+DRAWINGS |= {f"chen2023-{what}": "posteriors.decisions" for what in ("frames", "drift")}

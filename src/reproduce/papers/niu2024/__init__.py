@@ -34,11 +34,9 @@ STUDIES = {
 DRAWINGS = {
     "niu2024-registration": "registration",
     "niu2024-approximations": "approximations",
-    "niu2024-rotary-table": "calibration",
     "niu2024-arrangements": "simulation",
     "niu2024-table-3": "simulation",
     "niu2024-distributions": "readings",
     "niu2024-fusion-star": "images",
     "niu2024-fusion-errors": "images",
-    "niu2024-instrument-errors": "decisions",
 }

@@ -1,27 +1,17 @@
-"""Figure 3 of niu2024, the calibration set-up, and the signs of the rotary table.
+"""Figure 3 of niu2024: the calibration set-up.
 
-Figure 3 is drawn from the caption and the text; the paper's own picture was not at hand. The turn
-and the field are drawn far too large, or nothing would be seen.
+Drawn from the caption and the text; the paper's own picture was not at hand.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from reproduce.papers.declare import draws
-from reproduce.papers.niu2024.registration import image_axes
-from reproduce.papers.sketch import INK, arc, arrow, beside, box, canvas, diagram, label, line
-from reproduce.physics.optics.camera import ideal_positions
-from reproduce.physics.optics.rotary import starlight
+from reproduce.papers.sketch import INK, arc, arrow, box, diagram, label, line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-_TURN, _FOCAL = float(np.radians(20.0)), 7.0
 
 
 @draws("niu2024/fig-3")
@@ -56,22 +46,3 @@ def _draw_calibration(axes: Axes) -> None:
     line(axes, [(12.2, 2.6), (12.2, 1.3), (6.2, 1.3)])
     label(axes, (9.4, 0.6), "frame angles and spots")
     arrow(axes, (6.3, 1.3), (5.6, 1.3))
-
-
-@draws("niu2024-rotary-table")
-def _draw_table(figure: Figure) -> None:
-    """Where the spot of the one star goes when a frame of the rotary table turns."""
-    axes = canvas(figure, 12.0, 7.6, 5.6)
-    centre = np.array([6.0, 3.0])
-    box(axes, centre, (9.6, 5.2))
-    label(axes, (10.6, 0.75), "detector", ha="right")
-    image_axes(axes, (1.7, 0.9), 1.0)
-    axes.plot(*centre, "*", color=INK, markersize=12)
-    label(axes, beside(centre, 0.4, -0.35), "both angles zero", ha="left")
-    for name, turn in {"φ_1": (_TURN, 0.0), "φ_2": (0.0, _TURN)}.items():
-        spot = ideal_positions([starlight(*turn)], _FOCAL)[0]
-        arrow(axes, centre, centre + spot, width=2.0)
-        axis = int(np.abs(spot).argmax())
-        towards = f"{'+' if spot[axis] > 0 else '−'}{'xy'[axis]}"
-        text = f"${name} > 0$: towards ${towards}$"
-        label(axes, centre + spot + ([0.0, 0.4] if axis else [0.2, 0.45]), text)

@@ -20,7 +20,6 @@ from reproduce.inference.models.variants import distortion_model
 from reproduce.inference.posterior import Sampled
 from reproduce.inference.priors import Normal
 from reproduce.inference.quadrature import summed
-from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.posteriors import (
     ESTIMATES,
@@ -34,7 +33,6 @@ from reproduce.papers.niu2024.posteriors import (
     truth,
 )
 from reproduce.papers.niu2024.simulation import NOISE, RESULTS
-from reproduce.papers.sketch import ranges
 from reproduce.papers.study import Fact, studied
 from reproduce.physics.ground.errors import circular_error
 from reproduce.physics.registration.fit import fit_registration
@@ -42,10 +40,7 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import pandas as pd
-    from matplotlib.figure import Figure
 
 ENDS = (0.025, 0.5, 0.975)
 READS = simulation.READS
@@ -238,10 +233,3 @@ def _errors(door: Given) -> pd.DataFrame:
         ((*names, *ends[[1, 0, 2]].tolist(), float(ends[1] * angle))
          for names, ends in rows.items()), count=design.count,
     )  # fmt: skip
-
-
-@draws("niu2024-instrument-errors", given=_ERROR_READS)
-def _draw_errors(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Every error of a registered star with its interval, in px and as an angle."""
-    ranges(figure, _errors(door), "one sigma, one axis (px)", "as an angle (arcsec)",
-           pixel_angle(door))  # fmt: skip

@@ -31,7 +31,7 @@ from reproduce.papers.chen2023.posteriors import (
     under_floors,
 )
 from reproduce.papers.declare import draws
-from reproduce.papers.sketch import INK, again, ranges, sized
+from reproduce.papers.sketch import INK, again, sized
 from reproduce.papers.study import Fact, studied
 from reproduce.papers.words import Column
 from reproduce.physics.attitude.averaging import averaged_error
@@ -408,10 +408,3 @@ def errors(door: Given) -> pd.DataFrame:
         for names, ends in found.items()
     ]
     return errors.frame(rows, altitude=height / 1e3)
-
-
-@draws("chen2023-instrument-errors", given=ERROR_READS)
-def draw_errors(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Every error of the pointing with its interval, in arcsec and on the ground."""
-    ranges(figure, errors(door), "one sigma, one axis (arcsec)", "on the ground (m)",
-           satellite.altitude(door) / ARCSEC_PER_RADIAN)  # fmt: skip
