@@ -23,9 +23,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from skimage.transform import SimilarityTransform
 
 from reproduce.papers.niu2024 import experiment, images, readings
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.resample import fused_image
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import Registration, fit_registration, fused_image
 from reproduce.printed.given import given
 
 POINTS, RATIO = 137, 0.5

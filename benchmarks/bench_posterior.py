@@ -35,12 +35,11 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from reproduce.inference.evidence import exact_evidence
 
 from calibrations import REPLICATES, SEED, replicate
-from reproduce.inference.diagnostics import diagnose
-from reproduce.inference.model import Model
-from reproduce.inference.models.registration import registration_model
+from reproduce.inference import Model, diagnose
+from reproduce.inference.models import registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble, sample
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import Registration
 
 Points = NDArray[np.float64]
 

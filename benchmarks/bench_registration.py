@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.optimize import OptimizeResult, least_squares
 
-from reproduce.physics.optics.simulate import noisy_centroids
-from reproduce.physics.registration.calibration import calibrate
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.optics import noisy_centroids
+from reproduce.physics.registration import (
+    Registration,
+    RegistrationFit,
+    calibrate,
+    fit_registration,
+)
 
 Points = NDArray[np.float64]
 

@@ -18,10 +18,13 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from reproduce.papers.chen2023 import platform_twin, resolution
 from reproduce.papers.chen2023.resolution import monte_carlo
-from reproduce.physics.ground.earth import earth_fixed, satellite_from_inertial
-from reproduce.physics.ground.imaging import image_vectors, imaged_position
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.spots import spot_windows
+from reproduce.physics.ground import (
+    earth_fixed,
+    image_vectors,
+    imaged_position,
+    satellite_from_inertial,
+)
+from reproduce.physics.images import centre_of_gravity, spot_windows
 from reproduce.printed.given import given
 
 GIBIBYTE = 1024**3

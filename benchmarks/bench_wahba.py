@@ -14,7 +14,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.attitude.wahba import attitude
+from reproduce.physics.attitude import attitude
 
 FRAMES = 800
 METHODS = ("quest", "svd", "q-method")

@@ -17,7 +17,7 @@ ARROWS = {
         *{"papers", "inference", "physics", "store", "printed.given", "units"},
         *{"locate.papers", "locate.search_path"},
     },
-    "judge": {"judge", "papers", "printed", "locate", "inference.parts"},
+    "judge": {"judge", "papers", "printed", "locate", "inference.Store", "inference.run_parts"},
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
@@ -127,14 +127,15 @@ def test_forbidden_imports_are_seen(tmp_path, folder, line):
 
 def stands_on(files):
     """Return what each file imports of the others, wherever in it."""
-    names = {
-        ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts): path for path in files
-    }
+    parts = {path: path.relative_to(SOURCE.parent).with_suffix("").parts for path in files}
+    names = {".".join(one).removesuffix(".__init__"): path for path, one in parts.items()}
     found = {}
     for path in files:
-        parts = [name.split(".") for name in imports(path)]
-        taken = (".".join(part[:n]) for part in parts for n in range(2, len(part) + 1))
-        found[path] = {names[name] for name in taken if name in names} - {path}
+        split = [name.split(".") for name in imports(path)]
+        # The longest that is a file: what is taken at a door is the door's.
+        taken = ([".".join(one[:n]) for n in range(len(one), 1, -1)] for one in split)
+        nearest = (next((name for name in each if name in names), None) for each in taken)
+        found[path] = {names[name] for name in nearest if name} - {path}
     return found
 
 

@@ -1,6 +1,6 @@
-"""What each module offers: others take nothing else, nothing in it is idle.
+"""What is public: names without an underscore; a room's are listed at its door, and none is idle.
 
-What has no leading underscore is public, in modules that still have `__all__` what that lists.
+The door of a room of physics and of inference is its `__init__`; others import from there.
 """
 
 import ast
@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import reproduce
+from reproduce.judge.studies import SLOW
 
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "src" / "reproduce"
@@ -25,11 +26,28 @@ def module_name(path):
     return ".".join(part for part in parts if part != "__init__")
 
 
-# A package's own file only says what the package is.
-MODULES = {
-    module_name(path): path
-    for path in sorted(SOURCE.rglob("*.py"))
-    if path.name not in {"__init__.py", "__main__.py"}
+MODULES = {module_name(path): path for path in sorted(SOURCE.rglob("*.py"))}
+# Here a function without an underscore may still be one that no other module takes.
+LISTED = ("reproduce.views", "reproduce.papers.chen2023")
+
+
+def imported(path):
+    """Return name to module of what a file imports by name."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    return {alias.name: node.module for node in nodes for alias in node.names}
+
+
+ROOMS = {
+    name
+    for name, path in MODULES.items()
+    if path.name == "__init__.py" and re.search(r"\.physics\.|\.inference", name)
+}
+DOORS = {room: imported(MODULES[room]) for room in sorted(ROOMS)}
+# Not at the door: they load emcee, SciPy's splines, or SciPy at all before a star is registered.
+APART = {
+    *(f"reproduce.inference.{name}" for name in ("moves", "quadrature", "sampling")),
+    "reproduce.physics.attitude.diagnosis",
 }
 PAGES = [path for path in sorted(ROOT.glob("book/**/*.md")) if "_build" not in path.parts]
 OTHERS = [
@@ -40,7 +58,10 @@ OTHERS = [
 
 
 def taken(source):
-    """Yield module and name of what a source takes from the package, by import or attribute."""
+    """Yield module and name of what a source takes from the package, by import or attribute.
+
+    What is taken at a door is the door's: ("reproduce.physics.optics", "Camera").
+    """
     tree = ast.parse(source)
     modules = {}
     for node in ast.walk(tree):
@@ -72,10 +93,17 @@ def linked(path):
             yield module, link.removeprefix(f"{module}.").partition(".")[0]
 
 
+def home(module, name):
+    """Return the module that defines a name taken there or at a door."""
+    return DOORS.get(module, {}).get(name, module), name
+
+
 def used():
-    """Return who takes each name of each module: files, without the module itself."""
+    """Return who takes each name of each module: files, without the module itself and doors."""
     found = defaultdict(set)
     for path in OTHERS:
+        if path in {MODULES[door] for door in DOORS}:
+            continue
         for one in taken(path.read_text(encoding="utf-8")):
             if MODULES[one[0]] != path:
                 found[one].add(path)
@@ -89,77 +117,100 @@ def used():
 
 
 USED = used()
-# Where a function without an underscore is one that another module takes.
-WHOLE = re.compile(r"reproduce\.papers\.(niu2024\.)?\w+")
+TAKEN = defaultdict(set)
+for _one, _paths in USED.items():
+    TAKEN[home(*_one)] |= _paths
 
 
-def of_project(module, name):
-    """Tell whether a module defines a name itself, and does not pass it on."""
-    thing = getattr(import_module(module), name)
-    return not inspect.ismodule(thing) and getattr(thing, "__module__", module) == module
+def public(module):
+    """Return the functions and classes of a module that others may take, by name."""
+    if module.endswith("__main__"):
+        return {}
+    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
+    kinds = ast.FunctionDef | ast.ClassDef
+    found = {n.name: n for n in tree.body if isinstance(n, kinds) and not n.name.startswith("_")}
+    every = () if module.startswith(LISTED) else found
+    declared = getattr(import_module(module), "__all__", every)
+    return {name: node for name, node in found.items() if name in declared}
 
 
-def public_names(module):
-    """Return the public names that a module defines itself, at its top."""
-    if listed := getattr(import_module(module), "__all__", None):
-        return list(listed)
-    found = []
-    for node in ast.parse(MODULES[module].read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found.append(node.name)
-        elif isinstance(node, ast.Assign | ast.AnnAssign):
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            found += [one.id for top in targets for one in ast.walk(top) if type(one) is ast.Name]
-    return [name for name in found if not name.startswith("_")]
+def room(path):
+    """Return the folder below the package, and the one below physics or inference."""
+    parts = path.relative_to(SOURCE).parts[:-1]
+    return parts[:2] if parts[0] in {"physics", "inference"} else parts[:1]
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_others_take_what_is_public(module):
-    public = public_names(module)
-    assert len(set(public)) == len(public)
-    assert not [name for name in public if name.startswith("_")]
-    assert not [name for name in public if not hasattr(import_module(module), name)]
-    rooms = {path for path in OTHERS if path.is_relative_to(SOURCE)}
-    # Rooms, tools and pages take what is public; tests and rooms of physics may see a kernel.
+def test_nothing_private_is_taken_by_another_room(module):
+    """Tests and rooms of physics may see a kernel."""
     wrong = [
-        name
-        for (home, name), takers in USED.items()
-        if home == module and name not in public and not name.startswith("_")
-        if of_project(home, name) and takers
-    ]
-    assert wrong == []
-    kernels = [
         (name, path)
-        for (home, name), takers in USED.items()
-        for path in takers & rooms
-        if home == module and name.startswith("_") and not name.startswith("__")
+        for (place, name), takers in TAKEN.items()
+        for path in takers
+        if place == module and name.startswith("_") and not name.startswith("__")
+        if path.is_relative_to(SOURCE)
         if path.relative_to(SOURCE).parts[0] != MODULES[module].relative_to(SOURCE).parts[0]
     ]
-    assert kernels == []
+    assert wrong == []
+
+
+@pytest.mark.parametrize("module", sorted({m for door in DOORS.values() for m in door.values()}))
+def test_others_come_in_by_the_door(module):
+    """But for tests, links of pages, and kernels that rooms of physics share."""
+    wrong = [
+        (name, path)
+        for (place, name), takers in USED.items()
+        for path in takers
+        if place == module and module not in APART and not name.startswith("_")
+        if path.suffix == ".py" and not path.is_relative_to(ROOT / "tests")
+        if not (path.is_relative_to(SOURCE) and room(path) == room(MODULES[module]))
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_nothing_stands_at_the_door_in_vain(door):
+    """What others take, in code or on a page, stands there; types are met as results."""
+    idle = {
+        name
+        for name, module in DOORS[door].items()
+        if not inspect.isclass(getattr(import_module(module), name))
+        if not any(
+            not path.is_relative_to(SOURCE) or room(path) != room(MODULES[module])
+            for path in TAKEN[module, name]
+        )
+    }
+    assert idle == set()
 
 
 @pytest.mark.parametrize("module", MODULES)
 def test_nothing_public_is_idle(module):
-    """Types are met as results, and checks are called within physics."""
-    things = {name: getattr(import_module(module), name) for name in public_names(module)}
-    if not getattr(import_module(module), "__all__", None):
-        if not WHOLE.fullmatch(module):
-            return
-        # What is declared is found by its key, and what a constant of a module is, it says there.
-        things = {name: one for name, one in things.items() if inspect.isfunction(one)}
-        things.pop("recomputed", None)  # which judge.studies names by its module
-    idle = [n for n, one in things.items() if not inspect.isclass(one) and not USED[module, n]]
+    """Types are met as results, what is decorated by its decorator, slow studies by their name."""
+    idle = [
+        name
+        for name, node in public(module).items()
+        if not (name == "recomputed" and module in SLOW.values())
+        if isinstance(node, ast.FunctionDef) and not node.decorator_list
+        if not TAKEN[module, name]
+    ]
     assert idle == []
 
 
 @pytest.mark.parametrize("module", MODULES)
 def test_every_public_function_and_class_has_its_sentence(module):
-    for name in public_names(module):
-        thing = getattr(import_module(module), name)
-        if inspect.isclass(thing) or inspect.isfunction(thing):
-            first = (inspect.getdoc(thing) or "").partition("\n\n")[0].strip()
-            assert first.endswith((".", ":")), name
-            assert not first.startswith(f"{name}("), name  # what a dataclass gets by itself
+    for name, node in public(module).items():
+        first = (ast.get_docstring(node) or "").partition("\n\n")[0].strip()
+        assert first.endswith((".", ":")), name
+
+
+def test_only_the_front_door_and_views_have_a_list():
+    """An underscore says private; a door is its imports."""
+    left = {
+        path.relative_to(SOURCE).parts[0]
+        for path in MODULES.values()
+        if re.search(r"^__all__\b", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert left <= {"__init__.py", "papers", "views"}
 
 
 def test_a_private_name_is_seen():
@@ -169,14 +220,12 @@ def test_a_private_name_is_seen():
     assert list(taken(line)) == [("reproduce.physics.optics.camera", "_turned")]
 
 
-@pytest.mark.parametrize(
-    "module", [name for name in MODULES if ".physics." in name and "._" not in name]
-)
-def test_functions_of_physics_say_what_they_take_and_return_and_show_it(module):
+@pytest.mark.parametrize("door", [name for name in DOORS if ".physics." in name])
+def test_functions_of_physics_say_what_they_take_and_return_and_show_it(door):
     """In sections, in those of a like function, or with the shapes in the first line."""
-    for name in public_names(module):
+    for name, module in DOORS[door].items():
         function = getattr(import_module(module), name)
-        if inspect.isfunction(function) and not module.endswith(".validate"):
+        if inspect.isfunction(function):
             text = inspect.getdoc(function) or ""
             like = re.search(r"(those of|as)\s+`\w+`", text) or "(..." in text.splitlines()[0]
             assert like or "Parameters\n---" in text, name

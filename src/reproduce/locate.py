@@ -12,8 +12,6 @@ import re
 from functools import cache
 from pathlib import Path
 
-__all__ = ["data_folder", "data_folders", "papers", "search_path"]
-
 _ENTRY = re.compile(r"^@\w+\{([^,\s]+),", re.MULTILINE)
 
 

@@ -4,8 +4,6 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
-__all__ = ["RELEASED", "commit", "software"]
-
 __version__ = "0.1.0"
 RELEASED = "2026-11-21"
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from reproduce.inference.models.registration import registration_model
-from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.registration.transforms import Registration
+from reproduce.inference.models import registration_model
+from reproduce.physics.attitude import Platform
+from reproduce.physics.registration import Registration
 
 PIVOT = np.array([1030.0, 770.0])
 TRUTH = Registration.similarity(1.002, -0.001, (-0.4, -0.6), PIVOT)

@@ -11,11 +11,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from reproduce.inference.models.averaging import by_column
+from reproduce.inference.models import by_column
 from reproduce.inference.quadrature import summed
 from reproduce.papers.chen2023.posteriors import COLUMNS
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude.averaging import moving_average
+from reproduce.physics.attitude import moving_average
 
 RATIOS = np.linspace(0, 0.25, 26)
 BATCH, BATCHES = 2000, 60

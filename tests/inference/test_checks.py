@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from reproduce.inference.checks import Range, posterior_checks, two_sided
+from reproduce.inference import posterior_checks
+from reproduce.inference.checks import Range, two_sided
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(5, steps=500, warmup=200)

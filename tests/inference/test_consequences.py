@@ -10,7 +10,7 @@ from reproduce.papers.chen2023.posteriors.consequences import (
 )
 from reproduce.papers.niu2024.posteriors import NoiseAlone
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude.averaging import scatter_of_averages
+from reproduce.physics.attitude import scatter_of_averages
 from reproduce.units import ARCSEC_PER_RADIAN
 
 ALTITUDE = 500e3

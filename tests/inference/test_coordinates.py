@@ -4,8 +4,8 @@ import emcee
 import numpy as np
 import pytest
 
-from reproduce.inference import diagnostics
-from reproduce.inference.coordinates import Declared, Mirrored, Straightened, weighted
+from reproduce.inference import diagnostics, weighted
+from reproduce.inference.coordinates import Declared, Mirrored, Straightened
 from reproduce.inference.moves import mixture
 from reproduce.papers.posteriors import posteriors
 

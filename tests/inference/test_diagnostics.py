@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from arviz_stats.base import array_stats
 
-from reproduce.inference import diagnostics
-from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require, thinned
+from reproduce.inference import Gates, UnconvergedError, diagnose, diagnostics, thinned
+from reproduce.inference.diagnostics import require
 from reproduce.inference.moves import mixture
 from reproduce.views.writing.numbers import digits
 

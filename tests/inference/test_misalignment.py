@@ -5,22 +5,21 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from reproduce.inference import LogUniform
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
-from reproduce.inference.models.lasers import SpotStatistics
-from reproduce.inference.models.misalignment import (
-    misalignment_model,
-)
-from reproduce.inference.models.small_angle import (
+from reproduce.inference.models import (
+    SpotStatistics,
     errors_with_free_lasers,
+    misalignment_model,
     small_angle_posterior,
 )
-from reproduce.inference.priors import LogUniform
 from reproduce.inference.sampling import Plan, sample
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics.attitude import (
+    emitted_directions,
     laser_transform,
     misalignment,
     misalignment_angles,
+    received_directions,
 )
 from reproduce.units import ARCSEC_PER_RADIAN
 

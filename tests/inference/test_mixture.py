@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.inference.models.closed_form import registration_posterior
-from reproduce.inference.models.mixture import mixture_model, probability_false
-from reproduce.inference.models.registration import registration_model
+from reproduce.inference.models import (
+    mixture_model,
+    probability_false,
+    registration_model,
+    registration_posterior,
+)
 from reproduce.inference.sampling import Plan, sample
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import Registration
 
 FIELD = np.array([2064.0, 1544.0])
 PIVOT = FIELD / 2

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from reproduce.inference.parts import ResumeError, Store, processes, run_parts
+from reproduce.inference import ResumeError, Store, processes, run_parts
 from reproduce.inference.sampling import sample
 from reproduce.papers.posteriors import posteriors
 

@@ -261,7 +261,7 @@ def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path,
         assert book_repeats("frame-averaging") == repeated
         book_posterior.cache_clear()
         monkeypatch.setattr(sampling, "run_ensemble", None)
-        monkeypatch.setattr(posterior, "summarised", None)
+        monkeypatch.setattr(posterior, "_summarised", None)
         monkeypatch.setattr(declare_posterior, "repeats", None)
         read = book_posterior("frame-averaging")
         assert book_repeats("frame-averaging") == repeated

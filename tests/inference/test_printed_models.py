@@ -7,7 +7,7 @@ from scipy import integrate, stats
 from reproduce.inference.models import averaging, reference_angles, rounded
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude.averaging import scatter_of_averages
+from reproduce.physics.attitude import scatter_of_averages
 from reproduce.units import ARCSEC_PER_RADIAN
 
 COUNTS = (1, 4, 16, 25, 49, 100)

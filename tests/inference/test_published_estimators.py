@@ -7,14 +7,15 @@ import pytest
 from scipy.stats import binomtest
 
 from calibrations import LEVELS, intervals, simulated
-from reproduce.inference.model import Estimated
-from reproduce.inference.models.joint import JointRegistration, joint_model
-from reproduce.inference.models.lasers import Quest, SpotStatistics
-from reproduce.inference.models.misalignment import (
+from reproduce.inference import Estimated, Normal
+from reproduce.inference.models import (
+    JointRegistration,
+    SpotStatistics,
+    distortion_model,
+    joint_model,
     misalignment_model,
 )
-from reproduce.inference.models.variants import distortion_model
-from reproduce.inference.priors import Normal
+from reproduce.inference.models.lasers import Quest
 from reproduce.papers.posteriors import posteriors
 
 REPLICATES = 600

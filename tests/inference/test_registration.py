@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from reproduce.inference import LogUniform, Uniform
 from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
-from reproduce.inference.models import closed_form
-from reproduce.inference.models.joint import joint_model
-from reproduce.inference.models.least_squares import noise_growth
-from reproduce.inference.models.registration import registration_model
-from reproduce.inference.models.variants import distortion_model
-from reproduce.inference.priors import LogUniform, Uniform
+from reproduce.inference.models import (
+    closed_form,
+    distortion_model,
+    joint_model,
+    noise_growth,
+    registration_model,
+)
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.niu2024.posteriors import beside_the_registration
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration import fit_registration
 
 PIVOT = np.array([1030.0, 770.0])
 

@@ -6,17 +6,21 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.inference.checks import Published, Share, repeats, tail_share
-from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
-from reproduce.inference.models.closed_form import registration_posterior
-from reproduce.inference.models.new_stars import NewStars, rmse_at, true_places
+from reproduce.inference import Published, Sampled, Share, repeats
+from reproduce.inference.checks import tail_share
+from reproduce.inference.models import (
+    AveragingLikelihood,
+    NewStars,
+    averaging_model,
+    distortion_model,
+    registration_posterior,
+    rmse_at,
+    true_places,
+)
 from reproduce.inference.models.reference_angles import log_same_hypothesis
-from reproduce.inference.models.variants import distortion_model
-from reproduce.inference.posterior import Sampled
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import Registration, fit_registration
 
 PIVOT = np.array([1030.0, 770.0])
 # No paper prints what wrong matches, made on purpose, lead to.

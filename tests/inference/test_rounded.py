@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.inference.models import rounded
-from reproduce.inference.models.averaging import by_column
+from reproduce.inference.models import by_column, rounded
 from reproduce.papers.chen2023.posteriors import COLUMNS
 from reproduce.papers.posteriors import posteriors
 

@@ -12,10 +12,8 @@ import pytest
 import xarray
 from arviz_stats.base import array_stats
 
-from reproduce.inference import sampling
-from reproduce.inference.diagnostics import UnconvergedError
-from reproduce.inference.models.registration import registration_model
-from reproduce.inference.parts import ResumeError, processes
+from reproduce.inference import ResumeError, UnconvergedError, processes, sampling
+from reproduce.inference.models import registration_model
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(3, steps=600, warmup=200)

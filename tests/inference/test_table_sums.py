@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from reproduce.inference.diagnostics import mcse_deviation, mcse_quantile
-from reproduce.inference.models.averaging import by_column
-from reproduce.inference.models.table_sums import interchanged
+from reproduce.inference.models import by_column, interchanged
 from reproduce.inference.quadrature import summed
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors

@@ -7,7 +7,7 @@ import pytest
 
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude.misalignment import stage_angles
+from reproduce.physics.attitude import stage_angles
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
 from reproduce.views.book.posteriors import file_formats

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import reproduce as rp
-from reproduce.inference.models.small_angle import small_angle_posterior
+from reproduce.inference.models import small_angle_posterior
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.chen2023.posteriors import decisions as camera
@@ -13,8 +13,8 @@ from reproduce.papers.chen2023.posteriors import frame_averaging
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.ground.errors import circular_error
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.ground import circular_error
+from reproduce.physics.registration import fit_registration
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 

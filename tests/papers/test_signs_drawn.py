@@ -12,10 +12,9 @@ from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.chen2023 import attitude
 from reproduce.papers.chen2023.figures import platform, satellite
 from reproduce.papers.niu2024 import registration
-from reproduce.physics.attitude.lasers import emitted_directions
-from reproduce.physics.attitude.misalignment import misalignment, misalignment_angles
-from reproduce.physics.light.raytrace import mirror_train
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.attitude import emitted_directions, misalignment, misalignment_angles
+from reproduce.physics.light import mirror_train
+from reproduce.physics.registration import fit_registration
 from reproduce.printed.given import given
 
 LASERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * 0.1

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reproduce.physics import validate
-from reproduce.physics.attitude import averaging, lasers, misalignment, rotations, wahba
+from reproduce.physics.attitude import angles, averaging, lasers, rotations, wahba
 from reproduce.physics.ground import errors, imaging
 from reproduce.physics.validate import DegenerateGeometryError
 
@@ -34,48 +34,48 @@ GOOD = {
     lasers.received_directions: {"spots": POINTS, **TRACKER},
     lasers.received_spots: {"directions": [[0.0, 0.1, 1.0], [0.1, 0.0, 1.0]], **TRACKER},
     lasers.received_jacobian: {"spots": POINTS, **TRACKER},
-    misalignment.laser_transform: {
+    angles.laser_transform: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
         "weights": [1.0, 2, 3],
     },
-    misalignment.misalignment: {
+    angles.misalignment: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
         "tracker_from_camera_zero": EYE,
         "weights": [1.0, 2, 3],
     },
-    misalignment.misalignment_angles: {"camera_now_from_camera_zero": EYE},
-    misalignment.angle_jacobian: {
+    angles.misalignment_angles: {"camera_now_from_camera_zero": EYE},
+    angles.angle_jacobian: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
         "direction_jacobian": np.ones((3, 3, 2)),
         "weights": [1.0, 2, 3],
     },
-    misalignment.moved_laser_transform: {
+    angles.moved_laser_transform: {
         "tracker_from_camera_zero": EYE,
         "camera_now_from_camera_zero": EYE,
     },
-    misalignment.misalignment_between: {
+    angles.misalignment_between: {
         "tracker_from_camera_now": EYE,
         "tracker_from_camera_zero": EYE,
     },
-    misalignment.transform_error_printed: {
+    angles.transform_error_printed: {
         "tracker_from_camera": EYE,
         "tracker_from_camera_reference": EYE,
     },
-    misalignment.corrected_installation: {
+    angles.corrected_installation: {
         "camera_now_from_camera_zero": EYE,
         "camera_zero_from_tracker": EYE,
     },
-    misalignment.inertial_attitude: {"camera_from_tracker": EYE, "tracker_from_inertial": EYE},
-    misalignment.misalignment_in_tracker: {
+    angles.inertial_attitude: {"camera_from_tracker": EYE, "tracker_from_inertial": EYE},
+    angles.misalignment_in_tracker: {
         "camera_now_from_camera_zero": EYE,
         "tracker_from_camera_zero": EYE,
     },
-    misalignment.stage_angle: {"shift": 1e-5, "focal_length": 2.0},
-    misalignment.stage_angle_printed: {"shift": 1e-5, "focal_length": 2.0},
-    misalignment.stage_angles: {"shifts": [1e-5, 2e-5], "focal_length": 2.0},
+    angles.stage_angle: {"shift": 1e-5, "focal_length": 2.0},
+    angles.stage_angle_printed: {"shift": 1e-5, "focal_length": 2.0},
+    angles.stage_angles: {"shifts": [1e-5, 2e-5], "focal_length": 2.0},
     averaging.moving_average: {"series": np.arange(9.0), "count": 2},
     averaging.scatter_of_averages: {"series": np.arange(9.0), "counts": [1, 2]},
     averaging.averaged_error: {"count": 4.0, "single": 1.0, "floor": 0.1},
@@ -145,7 +145,7 @@ def spoilt(function, name, value):
 
 
 def test_every_public_function_is_tried():
-    modules = [wahba, rotations, lasers, misalignment, averaging, errors, imaging]
+    modules = [wahba, rotations, lasers, angles, averaging, errors, imaging]
     public = {
         function
         for module in modules
@@ -229,9 +229,9 @@ def test_batches_that_do_not_fit_together_are_refused(function, name):
 DIRECTIONS = [
     (wahba.attitude, "target_vectors"),
     (wahba.solve, "source_vectors"),
-    (misalignment.laser_transform, "camera_directions"),
-    (misalignment.misalignment, "tracker_directions"),
-    (misalignment.angle_jacobian, "tracker_directions"),
+    (angles.laser_transform, "camera_directions"),
+    (angles.misalignment, "tracker_directions"),
+    (angles.angle_jacobian, "tracker_directions"),
 ]
 
 

@@ -13,13 +13,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.random import SeedSequence, default_rng
 
-from reproduce.physics.attitude.wahba import attitude
-from reproduce.physics.images import centroids
-from reproduce.physics.images.spot_fit import fitted_centre
+from reproduce.physics.attitude import attitude
+from reproduce.physics.images import centroids, fitted_centre
 from reproduce.physics.optics import arrangements, camera, chromatic, rotary, simulate
-from reproduce.physics.registration import calibration, closed_form, transforms
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.resample import registered_image
+from reproduce.physics.registration import (
+    calibration,
+    closed_form,
+    fit_registration,
+    registered_image,
+    transforms,
+)
 from reproduce.physics.validate import DegenerateGeometryError
 
 SOURCE = np.array([[100.0, 200.0], [900.0, 300.0], [500.0, 1200.0], [40.0, 1000.0]])

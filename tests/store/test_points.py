@@ -8,7 +8,7 @@ import pint
 import pytest
 
 import reproduce as rp
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration import fit_registration
 from reproduce.store.points import TableFileError, read_table
 
 COLUMNS = ("x", "y")

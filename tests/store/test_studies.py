@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reproduce.inference.parts import Store, run_parts
+from reproduce.inference import Store, run_parts
 from reproduce.judge.studies import SLOW
 from reproduce.store import studies
 from reproduce.views import recompute as slow

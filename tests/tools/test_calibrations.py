@@ -20,7 +20,7 @@ from calibrations import (
     replicate,
     simulated,
 )
-from reproduce.inference.models.registration import GaussianRegistration
+from reproduce.inference.models import GaussianRegistration
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 from reproduce.views.book import posteriors as pages

@@ -15,7 +15,7 @@ from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare_posterior import File
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration.transforms import MODELS
+from reproduce.physics.registration import MODELS
 from reproduce.printed.cells import find
 from reproduce.views.cli import main
 

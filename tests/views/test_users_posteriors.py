@@ -12,16 +12,12 @@ import xarray
 from click.testing import CliRunner
 
 import reproduce as rp
-from reproduce.inference.models import registration
-from reproduce.inference.models.registration import registration_model
-from reproduce.inference.posterior import Sampled
-from reproduce.inference.priors import LogUniform
+from reproduce.inference import LogUniform, Sampled, leanings
+from reproduce.inference.models import registration, registration_model
 from reproduce.inference.sampling import Job, Plan, run_ensemble
-from reproduce.inference.sensitivity import leanings
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import Registration, fit_registration
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -28,9 +28,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import binom, norm
 
-from reproduce.inference.checks import Share
-from reproduce.inference.diagnostics import autocorrelation_time, thinned
-from reproduce.inference.model import Estimated, Model
+from reproduce.inference import Estimated, Model, Share, autocorrelation_time, thinned
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.validate import FloatArray

@@ -13,8 +13,6 @@ from reproduce.audit.rounding import Sheet, last_digit
 from reproduce.audit.solve import contract, printed_intervals, projection, propagate
 from reproduce.printed.number import Interval
 
-__all__ = ["Conflict", "apart", "conflicts", "groups"]
-
 
 def groups(cells: Sheet, relations: Sequence[Relation]) -> list[frozenset[str]]:
     """Sort the contradictions, by name, into groups that share cells or unknowns."""

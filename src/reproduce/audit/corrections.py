@@ -26,8 +26,6 @@ from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
-__all__ = ["Correction", "Search", "State", "corrections"]
-
 DEPTH = 3
 BREADTH = 30
 # In the order of search, a relation still wrong weighs as one digit, a newly broken one half: an

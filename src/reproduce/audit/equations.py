@@ -12,18 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from reproduce.audit.rounding import Sheet
-from reproduce.physics.attitude import lasers, misalignment
-from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
-from reproduce.physics.light import raytrace
-from reproduce.physics.optics import chromatic
-from reproduce.physics.optics.camera import detector_centre, turned_onto_detector
-from reproduce.physics.optics.rotary import rotary_matrix, rotary_matrix_printed
-from reproduce.physics.registration import calibration
-from reproduce.physics.registration.calibration import constraint, constraint_printed
+from reproduce.physics import attitude, light, optics, registration
+from reproduce.physics.attitude import rotation_from_vector, transpose
+from reproduce.physics.optics import (
+    detector_centre,
+    rotary_matrix,
+    rotary_matrix_printed,
+    turned_onto_detector,
+)
+from reproduce.physics.registration import constraint, constraint_printed
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.units import si_factor
-
-__all__ = ["STEPS", "Demonstration", "demonstrations"]
 
 # Far above the noise of double precision, far below any digit of print.
 _ZERO = 1e-9
@@ -62,7 +61,7 @@ class Demonstration:
 def _distortion_ratio(cells: Sheet) -> Demonstration:
     k = cells["niu2024/table-2#scale.red"].si
     ours, theirs = (cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red"))
-    right = float(chromatic.distortion_ratio(k, ours, theirs))
+    right = float(optics.distortion_ratio(k, ours, theirs))
     # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
     printed = k**2 * ours / theirs
     asked = "the ratio of distortions must be the same along x and y"
@@ -107,9 +106,9 @@ def _iteration(cells: Sheet) -> Demonstration:
     rows = ("scale", "rotation", "translation-x", "translation-y")
     truth = np.array([cells[f"niu2024/table-2#{row}.red"].si for row in rows])
     source, middle = _corners(cells)
-    target = calibration.model_points(truth, source, middle)
+    target = registration.model_points(truth, source, middle)
     errors = []
-    for step in (calibration.gauss_newton_step_printed, calibration.gauss_newton_step):
+    for step in (registration.gauss_newton_step_printed, registration.gauss_newton_step):
         found = np.array([1.0, 0.0, 0.0, 0.0])
         for _ in range(STEPS):
             found = step(found, source, target, middle)
@@ -126,17 +125,17 @@ def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
 
 
 def _unit_vectors(cells: Sheet) -> Demonstration:
-    length = float(np.linalg.norm(lasers.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
+    length = float(np.linalg.norm(attitude.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
     asked = "a direction must have length one"
     return Demonstration("unit-vectors", "(2), (3)", asked, length, length, 1.0, "length")
 
 
 def _chain(cells: Sheet) -> Demonstration:
     """Close the chain (4), (6), (7): the misalignment put in must come out."""
-    camera = lasers.emitted_directions(*_laser_geometry(cells))
+    camera = attitude.emitted_directions(*_laser_geometry(cells))
     zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
     turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
-    moved = misalignment.moved_laser_transform(zero, turned)
+    moved = attitude.moved_laser_transform(zero, turned)
     seen = camera @ moved.T  # w = T v, one row for each laser
     left = float(np.abs(camera - seen @ (turned @ transpose(zero)).T).max())
     asked = "the misalignment put in by (6) must make (7) vanish"
@@ -146,9 +145,9 @@ def _chain(cells: Sheet) -> Demonstration:
 def _retroreflector(cells: Sheet) -> Demonstration:
     """Turn the reflector of the satellite, read as a corner cube, about three axes."""
     beam, turn = np.array([0.0, 0.0, -1.0]), si_factor("arcsec")
-    straight = raytrace.mirror_train(raytrace.CORNER) @ beam
+    straight = light.mirror_train(light.CORNER) @ beam
     turns = [rotation_from_vector(turn * axis) for axis in np.eye(3)]
-    returned = [raytrace.mirror_train(raytrace.CORNER @ turned.T) @ beam for turned in turns]
+    returned = [light.mirror_train(light.CORNER @ turned.T) @ beam for turned in turns]
     moved = max(float(np.linalg.norm(one - straight)) / turn for one in returned)
     asked = "the returning beam must not turn with the retroreflector, about whatever axis"
     meaning = "arcseconds by which the beam turns for each of the reflector, about the worst axis"
@@ -167,9 +166,9 @@ def _roll_leak(cells: Sheet) -> Demonstration:
     reference = rotation_from_vector(np.array([-along, across, 0.0]))
     rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * si_factor("arcsec")]))
     errors = [
-        float(np.hypot(*misalignment.misalignment_angles(form(rolled, reference))[:2]))
+        float(np.hypot(*attitude.misalignment_angles(form(rolled, reference))[:2]))
         / si_factor("arcsec")
-        for form in (misalignment.transform_error_printed, misalignment.misalignment_between)
+        for form in (attitude.transform_error_printed, attitude.misalignment_between)
     ]
     asked = "a roll of the camera must not count as an error about X and Y"
     meaning = "arcseconds about X and Y for a roll of one arcminute"
@@ -183,7 +182,7 @@ def _stage_angle(cells: Sheet) -> Demonstration:
     arcsec = si_factor("arcsec")
     printed, right = (
         float(form(travel, focal)) / arcsec
-        for form in (misalignment.stage_angle_printed, misalignment.stage_angle)
+        for form in (attitude.stage_angle_printed, attitude.stage_angle)
     )
     asked = "a length moved behind a focal length must turn the beam by their ratio"
     wanted = -float(np.arctan(travel / focal)) / arcsec
@@ -196,13 +195,14 @@ def _stage_signs(cells: Sheet) -> Demonstration:
     places, focal = _laser_geometry(cells)
     shift = cells["chen2023/text-effectiveness#step"].si
     before, after = (
-        lasers.emitted_directions(places + np.array([0.0, moved]), focal) for moved in (0.0, shift)
+        attitude.emitted_directions(places + np.array([0.0, moved]), focal)
+        for moved in (0.0, shift)
     )
-    found = misalignment.misalignment(before, after, np.eye(3))
+    found = attitude.misalignment(before, after, np.eye(3))
     angles = (
-        misalignment.stage_angle(shift, focal),
-        misalignment.stage_angles([0.0, shift], focal)[0],
-        misalignment.misalignment_angles(found)[0],
+        attitude.stage_angle(shift, focal),
+        attitude.stage_angles([0.0, shift], focal)[0],
+        attitude.misalignment_angles(found)[0],
     )
     printed, right, wanted = (float(np.sign(float(angle))) for angle in angles)
     asked = "with right-handed axes (10) must have the sign that (7) measures about X"
@@ -220,7 +220,7 @@ def _misalignment_side(cells: Sheet) -> Demonstration:
     for axis in np.eye(2, 3):
         moved = rotation_from_vector(turn * axis)
         corrected = installed @ transpose(moved)  # (8), inverted
-        forms = transpose(moved), misalignment.misalignment_in_tracker(moved, installed)
+        forms = transpose(moved), attitude.misalignment_in_tracker(moved, installed)
         gaps.append([np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms])
     printed, right = (float(gap) for gap in np.max(gaps, axis=0) / si_factor("arcsec"))
     asked = (

@@ -14,8 +14,6 @@ from reproduce.audit.relation import Finder
 from reproduce.audit.report import Audit
 from reproduce.printed.cells import PAPERS
 
-__all__ = ["Erratum", "register"]
-
 Conclusion = Literal["stands", "moves", "open"]
 
 

@@ -20,19 +20,6 @@ from reproduce.audit.solve import NOISE, contract, printed_intervals, projection
 from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
-__all__ = [
-    "OUTCOMES",
-    "Agreement",
-    "Examined",
-    "RelationOutcome",
-    "agreements",
-    "by_value",
-    "contradicted",
-    "examine",
-    "rounding_votes",
-    "uniform",
-]
-
 RelationOutcome = Literal["agrees", "agrees only through rounding", "contradicts"]
 OUTCOMES: tuple[RelationOutcome, ...] = ("agrees", "agrees only through rounding", "contradicts")
 _NEAREST = frozenset({"half-up", "half-even"})

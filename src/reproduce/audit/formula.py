@@ -17,8 +17,6 @@ from typing import Any
 
 from reproduce.printed.units import UNITS, si_factor
 
-__all__ = ["Formula", "FormulaError", "Side", "functions", "read"]
-
 _SIGNS: dict[type[ast.cmpop], str] = {ast.Eq: "=", ast.LtE: "<=", ast.GtE: ">="}
 _OPERATORS: dict[type[ast.operator], str] = {
     ast.Add: "+",

@@ -19,8 +19,6 @@ from reproduce.audit.formula import functions
 from reproduce.audit.relation import Relation
 from reproduce.printed.number import Interval
 
-__all__ = ["EVERYTHING", "contractor", "meet"]
-
 _INF = math.inf
 EVERYTHING: Interval = (-_INF, _INF)
 _TARGETS: dict[str, Interval] = {"=": (0.0, 0.0), "<=": (-_INF, 0.0), ">=": (0.0, _INF)}

@@ -28,8 +28,6 @@ from reproduce.audit.rounding import Sheet
 from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor
 
-__all__ = ["Finder", "Relation", "Tolerance", "Unknown", "declared", "relations_of"]
-
 RelationKind = Literal[
     "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
 ]

@@ -22,8 +22,6 @@ from reproduce.audit.relation import Relation, declared, relations_of
 from reproduce.audit.rounding import Sheet, sheet
 from reproduce.printed.cells import PAPERS, Cell, library
 
-__all__ = ["Audit", "Group", "audit_paper", "audit_table", "paper_sheet"]
-
 
 @dataclass(frozen=True)
 class Group:

@@ -19,18 +19,6 @@ from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval, PrintedNumber
 from reproduce.printed.units import si_factor
 
-__all__ = [
-    "ROUNDINGS",
-    "RoundingRule",
-    "Sheet",
-    "allowed",
-    "last_digit",
-    "printed_cell",
-    "reprinted",
-    "rules_that_print",
-    "sheet",
-]
-
 RoundingRule = Literal["nearest", "truncation", "ceiling"]
 ROUNDINGS = {
     "half-up": ROUND_HALF_UP,

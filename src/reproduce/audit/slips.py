@@ -11,16 +11,6 @@ from typing import Literal
 from reproduce.audit.rounding import Sheet, reprinted
 from reproduce.printed.cells import Cell
 
-__all__ = [
-    "COSTS",
-    "Interchange",
-    "Slip",
-    "interchanges",
-    "of_cell",
-    "of_digits",
-    "readable",
-]
-
 SlipKind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
 
 # How large a slip is, in slips of one digit. Only the order matters: a mistake in one character

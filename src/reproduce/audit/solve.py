@@ -15,16 +15,6 @@ from reproduce.audit.relation import Relation
 from reproduce.audit.rounding import RoundingRule, Sheet, allowed
 from reproduce.printed.number import Interval
 
-__all__ = [
-    "NOISE",
-    "contract",
-    "enclosure",
-    "printed_intervals",
-    "projection",
-    "propagate",
-    "widened",
-]
-
 # Floating-point noise between the two sides of a relation, as a share of them.
 NOISE = 1e-9
 # Interval ends in binary may miss a decimal tie by one unit in the last place; without this the

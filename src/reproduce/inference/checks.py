@@ -16,11 +16,6 @@ from numpy.random import PCG64, Generator, SeedSequence
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray
 
-__all__ = [
-    "PredictiveCheck", "Published", "Range", "Repeat", "Share", "misfit",
-    "posterior_checks", "repeats", "tail_share", "two_sided",
-]  # fmt: skip
-
 # Repeats of an experiment, and simulated data sets of a predictive check.
 REPEATS, REPORTED = 4000, 1000
 # A misfit is told that is so improbable, shared among all numbers, by chance.
@@ -249,7 +244,7 @@ def repeats(
     chosen = draws[np.linspace(0, len(draws) - 1, min(replicates, len(draws))).astype(int)]
     generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(98,))))
     found = published.repeat(chosen, generator)
-    same = same_digits(found, published)
+    same = _same_digits(found, published)
     together = same.all(axis=1).astype(float)
     if published.whole is not None:
         together = np.exp(published.whole(chosen))
@@ -276,7 +271,7 @@ def _row(
     )
 
 
-def same_digits(found: FloatArray, published: Published) -> FloatArray:
+def _same_digits(found: FloatArray, published: Published) -> FloatArray:
     """Tell which numbers of repeats, shape (n, m), round to the printed digits."""
     # Numbers that come rounded lie in the middle of the interval, so its ends do not matter.
     return np.asarray(np.abs(found - published.printed) <= published.half_units)

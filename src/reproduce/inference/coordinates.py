@@ -15,11 +15,6 @@ from scipy.special import ndtr, ndtri
 
 from reproduce.physics.validate import FloatArray
 
-__all__ = [
-    "Coordinates", "Declared", "Mirrored", "Straightened", "from_scores", "log_slope",
-    "scores", "weighted",
-]  # fmt: skip
-
 
 class Coordinates(Protocol):
     """A smooth one-to-one map of the parameters; all arrays have one row per vector."""

@@ -15,12 +15,6 @@ from scipy.special import betaincinv, ndtri
 
 from reproduce.physics.validate import FloatArray
 
-__all__ = [
-    "Diagnosis", "Gates", "UnconvergedError", "autocorrelation", "autocorrelation_time",
-    "diagnose", "diagnosed", "effective_size", "integrated_time", "mcse_deviation",
-    "mcse_mean", "mcse_quantile", "require", "split_rhat", "thinned",
-]  # fmt: skip
-
 # Sokal's window: the sum stops at this many times the autocorrelation time found so far.
 WINDOW = 5.0
 TAILS = (0.05, 0.95)
@@ -84,12 +78,12 @@ def effective_size(chains: FloatArray) -> float:
     return chains.size / autocorrelation_time(chains)
 
 
-def rank_normalised(values: FloatArray) -> FloatArray:
+def _rank_normalised(values: FloatArray) -> FloatArray:
     """Normal scores of the ranks of all values together, same shape.
 
     Examples
     --------
-    >>> rank_normalised(np.array([3.0, 1.0, 2.0])).round(2)
+    >>> _rank_normalised(np.array([3.0, 1.0, 2.0])).round(2)
     array([ 0.87, -0.87,  0.  ])
     """
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
@@ -97,12 +91,12 @@ def rank_normalised(values: FloatArray) -> FloatArray:
     return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))[place].reshape(values.shape)
 
 
-def bulk_size(chains: FloatArray) -> float:
+def _bulk_size(chains: FloatArray) -> float:
     """Effective sample size of the rank-normalised draws."""
-    return effective_size(rank_normalised(chains))
+    return effective_size(_rank_normalised(chains))
 
 
-def tail_size(chains: FloatArray) -> float:
+def _tail_size(chains: FloatArray) -> float:
     """Smaller effective sample size of the two tail indicators, at 5 % and 95 %."""
     low, high = np.quantile(chains, TAILS)
     return min(effective_size((chains <= end).astype(float)) for end in (low, high))
@@ -123,7 +117,7 @@ def split_rhat(draws: FloatArray) -> float:
     half = draws.shape[1] // 2
     halves = np.concatenate([draws[:, :half], draws[:, -half:]])
     folded = np.abs(halves - np.median(halves))
-    return max(_rhat(rank_normalised(halves)), _rhat(rank_normalised(folded)))
+    return max(_rhat(_rank_normalised(halves)), _rhat(_rank_normalised(folded)))
 
 
 def _rhat(scores: FloatArray) -> float:
@@ -253,8 +247,8 @@ def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
         split_rhat(thinned(draws, time)),
         time,
         draws.shape[1] / time,
-        bulk_size(draws),
-        tail_size(draws),
+        _bulk_size(draws),
+        _tail_size(draws),
         float(draws.std() / np.sqrt(draws.size / time)),
     )
 

@@ -19,11 +19,6 @@ from reproduce.inference.coordinates import Coordinates, Declared, Straightened
 from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
 
-__all__ = [
-    "Consequence", "Derived", "Estimated", "Model", "Parameter", "StartError",
-    "UnsuitableModelError",
-]  # fmt: skip
-
 Kind = TypeVar("Kind")
 
 # A start is this many times wider than the posterior is expected to be.

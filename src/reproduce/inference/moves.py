@@ -17,8 +17,6 @@ from scipy.special import gammaln
 from reproduce.inference.coordinates import Coordinates, Declared, Mirrored
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["inward", "mixture"]
-
 # Two widths of the proposal: degrees of freedom of a Student-t, and its width over the ensemble's.
 # The near one fits a nearly Gaussian posterior; the far one, with its share, is heavier and wider
 # than any posterior that is met here, so that no walker is left behind in a tail.

@@ -19,8 +19,6 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ResumeError", "Store", "processes", "run_parts"]
-
 Part = TypeVar("Part")
 Result = tuple[NDArray[Any], ...]
 # Called with the parts done and all parts.

@@ -20,8 +20,6 @@ from reproduce.inference.diagnostics import (
 from reproduce.inference.model import Consequence, Model
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["Sampled", "Summary"]
-
 LEVEL = 0.95
 
 
@@ -93,7 +91,7 @@ class Sampled:
     def _rows(self) -> list[Summary]:
         known = self.diagnoses or diagnose(self.model.names, self.chain)
         return [
-            summarised(
+            _summarised(
                 parameter.name,
                 parameter.unit,
                 self.chain[..., column] * parameter.shown,
@@ -129,7 +127,7 @@ class Sampled:
         rows = []
         for name, quantity in found.items():
             values = quantity.values.reshape(chain.shape[:3])
-            row = summarised(name, quantity.unit, values, diagnosed(name, values))
+            row = _summarised(name, quantity.unit, values, diagnosed(name, values))
             rows.append((replace(row, time=stride * row.time), quantity))
         return rows
 
@@ -164,7 +162,7 @@ def _diagnosis(row: Summary, steps: int) -> Diagnosis:
     return Diagnosis(row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse)
 
 
-def summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
+def _summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
     """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
     ends = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     low, median, high = np.quantile(values, (ends[0], 0.5, ends[1]))

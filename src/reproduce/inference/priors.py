@@ -15,8 +15,6 @@ from numpy.random import Generator
 
 from reproduce.physics.validate import FloatArray, finite_array, positive
 
-__all__ = ["HalfNormal", "LogNormal", "LogUniform", "Normal", "Prior", "Uniform"]
-
 
 class Prior(ABC):
     """What a model needs of a prior; as text it is the distribution in words and numbers."""

@@ -17,8 +17,6 @@ from reproduce.inference.model import Model, UnsuitableModelError
 from reproduce.inference.priors import Prior
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["Summed", "summed"]
-
 # Nodes per parameter, and those of the coarse look.
 NODES = {1: 300, 2: 120}
 COARSE = {1: 60, 2: 24}

@@ -25,8 +25,6 @@ from reproduce.inference.parts import Progress, Store, run_parts
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray, whole_number
 
-__all__ = ["Job", "Plan", "fingerprint", "run_ensemble", "sample"]
-
 # Steps beyond which a chain that asks for more is refused.
 MOST = 20_000
 
@@ -148,10 +146,10 @@ def _note(model: Model, plan: Plan) -> dict[str, Any]:
     """Return what a folder of chains is for: the model, its data and how it is sampled."""
     settings = {key: value for key, value in asdict(plan).items() if key != "gates"}
     return {"model": model.name, "parameters": list(model.names), **settings,
-            "data": fingerprint(model)}  # fmt: skip
+            "data": _fingerprint(model)}  # fmt: skip
 
 
-def fingerprint(model: Model) -> str:
+def _fingerprint(model: Model) -> str:
     """Return a hash that changes with the data, the likelihood and the priors."""
     centre, spread = model.likelihood.start()
     points = np.concatenate([centre[None], model.start(Generator(PCG64(0)), 4)])

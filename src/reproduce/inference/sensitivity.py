@@ -17,8 +17,6 @@ from reproduce.inference.priors import (
 )
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["leanings"]
-
 # A Gaussian that an end cuts two standard deviations from its mean has so large a share of its
 # draws within so many standard deviations of the end; one that the end does not reach has none.
 BESIDE, LEANING = 0.1, 0.005

@@ -12,8 +12,6 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import data_folders
 from reproduce.printed.cells import find
 
-__all__ = ["Expectation", "erratum", "frozen", "reason", "surprises"]
-
 
 @dataclass(frozen=True)
 class Expectation:

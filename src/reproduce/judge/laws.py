@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import lsq_linear
 
-__all__ = ["fitted", "joint", "log_tails"]
-
 Array = NDArray[np.float64]
 # Logarithms stop here: beyond, the numbers underflow, and mean nothing anyway.
 FLOOR = -300.0

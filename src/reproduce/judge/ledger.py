@@ -33,17 +33,6 @@ from reproduce.printed.given import given
 from reproduce.printed.number import Interval
 from reproduce.printed.units import si_factor
 
-__all__ = [
-    "Ledger",
-    "ReadingRecord",
-    "Record",
-    "TableRecord",
-    "WholeReading",
-    "build",
-    "judge_result",
-    "reread",
-]
-
 Flag = Literal[
     "through_rounding",
     "repeated",

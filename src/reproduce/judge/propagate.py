@@ -11,8 +11,6 @@ from reproduce.printed.cells import Cell
 from reproduce.printed.given import Given
 from reproduce.printed.number import Interval
 
-__all__ = ["numbers", "plain_results", "reading_name", "result_intervals"]
-
 
 def result_intervals(computation: Computation, given: Given) -> dict[str, Interval]:
     """Propagate the rounding of the printed inputs through a deterministic computation.

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.inference.parts import Store, run_parts
+from reproduce.inference import Store, run_parts
 from reproduce.judge import laws
 from reproduce.judge.verdicts import CENTRAL, judge_prediction
 from reproduce.papers.niu2024 import readings, simulation
@@ -25,18 +25,6 @@ from reproduce.papers.words import Column
 from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
-
-__all__ = [
-    "GROUPS",
-    "LEAST",
-    "LEAST_CORRECTED",
-    "SCALE",
-    "compare",
-    "corrected",
-    "printed_values",
-    "resolved",
-    "stacked",
-]
 
 Array = NDArray[np.float64]
 RESIDUAL = np.array(["rmse" in address for address in readings.ADDRESSES])
@@ -130,31 +118,31 @@ def resolved(counted: Array, law: Array, replicates: int = readings.REPLICATES) 
     return np.asarray(np.where(counted * replicates >= LEAST_DRAWS, counted, 10.0**law))
 
 
-def stored() -> tuple[Array, Array, Array]:
+def _stored() -> tuple[Array, Array, Array]:
     """Return tails (readings, 4, 12), joint probabilities and distances (readings, 4, 4)."""
     arrays = readings.stored().arrays
     tails, joint = (resolved(arrays[name], arrays[f"law_{name}"]) for name in ("tails", "joint"))
     return tails, joint, arrays["distance"]
 
 
-def outside() -> NDArray[np.int64]:
+def _outside() -> NDArray[np.int64]:
     """Return how many cells lie outside the central part of their prediction, (readings, 4)."""
-    return np.asarray((stored()[0] < 1 - CENTRAL).sum(axis=-1))
+    return np.asarray((_stored()[0] < 1 - CENTRAL).sum(axis=-1))
 
 
-def fewest() -> list[tuple[int, int]]:
+def _fewest() -> list[tuple[int, int]]:
     """Return the readings that leave the fewest cells outside, the likeliest as a whole first."""
-    counts = outside()
+    counts = _outside()
     places = [(int(r), int(c)) for r, c in np.argwhere(counts == counts.min())]
     law = readings.stored().arrays["law_joint"][..., -1]
     return sorted(places, key=lambda place: -float(law[place]))
 
 
-def facts() -> dict[str, Fact]:
+def _facts() -> dict[str, Fact]:
     """Return how the print fares under the readings that come closest, and under the best ones."""
     note, door = readings.stored().note, given(readings.READS)
-    (tails, joint, distance), every, counts = stored(), readings.readings(door), outside()
-    least, groups = fewest(), {name: place for place, name in enumerate(GROUPS)}
+    (tails, joint, distance), every, counts = _stored(), readings.readings(door), _outside()
+    least, groups = _fewest(), {name: place for place, name in enumerate(GROUPS)}
     green = [place for place, reading in enumerate(every) if reading.noisy == "green"]
     whole, but_scales = joint[..., groups["all"]], joint[..., groups["all but the scales"]]
     residuals = groups["residuals"]
@@ -219,11 +207,11 @@ _CORRECTED = Column("p, all, corrected", "chance", LEAST_CORRECTED)
     ),
     caption="Probability of the print under every reading: of each number, and of several at once.",
     folded=readings.ARRANGEMENT,
-    named=facts,
+    named=_facts,
 )
 def probabilities() -> Iterator[tuple[object, ...]]:
     """How likely the printed numbers of the simulation are under every reading."""
-    (tails, joint, _), counts = stored(), outside()
+    (tails, joint, _), counts = _stored(), _outside()
     for row, labels in enumerate(readings.choices()):
         for column, axes in enumerate(readings.COUNTED):
             whole = corrected(joint[row, column, -1:], counts.size)
@@ -254,12 +242,12 @@ def probabilities() -> Iterator[tuple[object, ...]]:
 )
 def closest() -> Iterator[tuple[object, ...]]:
     """The literal reading beside those that come closest to the print."""
-    (_, joint, distance), counts = stored(), outside()
+    (_, joint, distance), counts = _stored(), _outside()
     door, labels = given(readings.READS), list(readings.choices())
     law = readings.stored().arrays["law_joint"]
     picked = {
         "the literal one": (readings.readings(door).index(readings.literal(door)), 0),
-        "fewest cells outside": fewest()[0],
+        "fewest cells outside": _fewest()[0],
     }
     for place, group in enumerate(GROUPS):
         picked[f"best for: {group}"] = divmod(int(law[..., place].argmax()), law.shape[1])

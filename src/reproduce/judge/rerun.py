@@ -33,11 +33,6 @@ from reproduce.printed.given import Given, given
 from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor, symbol
 
-__all__ = [
-    *("CannotChangeError", "ChangedCell", "Rerun", "by_name", "changeable", "check_randomness"),
-    *("checked_values", "in_si", "maker", "options", "refuse_strays", "rerun", "under"),
-]
-
 Replaced = dict[str, float]
 Made = TypeVar("Made")
 _VALUE = re.compile(

@@ -7,8 +7,6 @@ from functools import cache
 from reproduce.papers import catalogue
 from reproduce.papers.study import Study
 
-__all__ = ["SLOW", "studies"]
-
 # The modules of the tables that see printed answers, which no module of a paper may.
 JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")
 

@@ -11,18 +11,6 @@ from numpy.typing import NDArray
 
 from reproduce.printed.number import PrintedNumber
 
-__all__ = [
-    "CENTRAL",
-    "VERDICTS",
-    "Judgement",
-    "Verdict",
-    "central",
-    "joint_probability",
-    "judge_prediction",
-    "judge_value",
-    "tail_mid_p",
-]
-
 Verdict = Literal["input", "exact", "consistent", "differs", "blocked"]
 VERDICTS: tuple[Verdict, ...] = ("exact", "consistent", "differs", "blocked", "input")
 

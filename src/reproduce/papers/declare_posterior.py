@@ -14,12 +14,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.checks import Published, Repeat, Share, repeats
-from reproduce.inference.model import Model
-from reproduce.inference.posterior import Sampled
+from reproduce.inference import Model, Published, Repeat, Sampled, Share, repeats
 from reproduce.inference.sampling import Plan
 from reproduce.papers.declare import ROOT_SEED
-from reproduce.physics.attitude.platform import Platform
+from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store.points import TableFileError, computing, read_table

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.sketch import INKED, SIZE, Look, Point, arrow, label, slim, turning
-from reproduce.physics.attitude.rotations import rotation_from_vector, unit
+from reproduce.physics.attitude import rotation_from_vector, unit
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:

@@ -14,33 +14,6 @@ from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "DegenerateGeometryError",
-    "Direction",
-    "Directions",
-    "FloatArray",
-    "Image",
-    "MirroredPointsError",
-    "NonNegative",
-    "Number",
-    "Point",
-    "Points",
-    "Positive",
-    "Rotation",
-    "Size",
-    "Weights",
-    "checked",
-    "common_batch",
-    "finite_array",
-    "kernel",
-    "non_negative",
-    "number_array",
-    "positive",
-    "rotations",
-    "weights_for",
-    "whole_number",
-]
-
 FloatArray = NDArray[np.float64]
 Shape = tuple[int | str | None, ...]
 P = ParamSpec("P")

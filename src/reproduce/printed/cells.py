@@ -24,18 +24,6 @@ from reproduce.printed.schema import (
 )
 from reproduce.printed.units import si_factor, symbol
 
-__all__ = [
-    "PAPERS",
-    "Cell",
-    "PrintedTable",
-    "altered_files",
-    "anchor",
-    "build",
-    "find",
-    "library",
-    "read",
-]
-
 PAPERS = tuple(papers())
 # A no-break space keeps sign and digits on one line.
 _SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}

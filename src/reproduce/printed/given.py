@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from reproduce.printed.cells import Cell, find
 from reproduce.printed.units import si_factor
 
-__all__ = ["Given", "UndeclaredInputError", "given"]
-
 
 class UndeclaredInputError(LookupError):
     """A computation asked for a printed cell that it did not declare."""

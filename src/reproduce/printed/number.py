@@ -19,8 +19,6 @@ from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal, InvalidOperation
 from functools import cached_property
 
-__all__ = ["Interval", "PrintedNumber"]
-
 # Sums and products of decimal inputs leave a few units of the last binary place; without this
 # slack a computed value that lies exactly on a rounding tie would fall on a random side of it.
 _FLOAT_SLACK = 1e-9

@@ -9,17 +9,6 @@ from pydantic import BaseModel, ConfigDict, ValidationError, field_validator, mo
 from reproduce.printed.number import PrintedNumber
 from reproduce.printed.units import UNITS
 
-__all__ = [
-    "CellEntry",
-    "Line",
-    "PrintedFile",
-    "PrintedFileError",
-    "QuotedCell",
-    "Role",
-    "Traits",
-    "parse",
-]
-
 # What a number is in the paper (not what we do with it: that is up to each use).
 Role = Literal["setting", "specification", "measurement", "simulation", "derived", "citation"]
 Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]

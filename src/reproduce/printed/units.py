@@ -6,8 +6,6 @@ from math import pi
 
 from reproduce.units import RADIANS_PER_ARCSEC
 
-__all__ = ["UNITS", "si_factor", "symbol"]
-
 # Unit as written in the data files -> (its name in pint, how a page shows it, its SI value).
 # A count is exact; "1" is a pure number that was rounded when printed; pixels stay pixels. A test
 # holds the values against pint, whose import costs more than everything else in the package.

@@ -29,11 +29,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "LARGEST", "NAMED", "STARS", "Table", "TableFileError", "computing", "is_table", "measured",
-    "read_table", "table_of",
-]  # fmt: skip
-
 # Beyond this, squares of squares overflow; no length in px or angle in arcsec comes near.
 LARGEST = 1e30
 # What may stand between values, the likelier first, with its name in the plural.

@@ -24,8 +24,6 @@ from reproduce.store.points import (
     read_table,
 )
 
-__all__ = ["COLUMNS", "FRAMES", "images_of", "read_images"]
-
 COLUMNS = ("group", "laser", "x", "y")
 FRAMES = ("frame", "image")
 # What arrays of both groups are called.

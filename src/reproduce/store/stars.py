@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from reproduce.locate import data_folder
 
-__all__ = ["bright_stars", "spectra"]
-
 HEADER_BYTES = 28
 # One star: number, right ascension, declination, spectral type, 100 V, proper motions.
 RECORD = np.dtype(

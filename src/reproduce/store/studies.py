@@ -27,8 +27,6 @@ from reproduce.locate import data_folder
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Study", "StudyError", "folder", "read", "table", "write", "write_table"]
-
 Note = Mapping[str, str | int | float]
 
 

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
-from reproduce.physics.registration.transforms import MODELS
+from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
 from reproduce.views.cli_posteriors import (

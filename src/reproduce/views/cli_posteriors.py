@@ -18,7 +18,7 @@ from reproduce.views.writing.display import Grid
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from reproduce.inference.parts import Progress
+    from reproduce.inference import Progress
 
 __all__ = ["DATA", "Spoken", "bar", "pairs", "posterior"]
 
@@ -191,8 +191,7 @@ def _sample(
     wanted: Posterior, data: dict[str, Any], workers: int, out: Path | None
 ) -> dict[str, Any]:
     """Sample and return the record; say in one line what does not go."""
-    from reproduce.inference.diagnostics import UnconvergedError
-    from reproduce.inference.model import StartError
+    from reproduce.inference import StartError, UnconvergedError
 
     try:
         with _carried(workers, out) as (executor, progress):
@@ -213,7 +212,7 @@ def _sample(
 @contextmanager
 def _carried(workers: int, out: Path | None) -> Iterator[tuple[Executor | None, Progress | None]]:
     """Give an executor and a bar, and say in one line what is wrong with the folder."""
-    from reproduce.inference.parts import ResumeError, processes
+    from reproduce.inference import ResumeError, processes
 
     pool = nullcontext(None) if workers == 1 else processes(workers)
     try:

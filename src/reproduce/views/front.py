@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reproduce.physics.attitude.platform import Platform
+from reproduce.physics.attitude import Platform
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-    from reproduce.inference.priors import Prior
+    from reproduce.inference import Prior
     from reproduce.views.objects.check import Check
     from reproduce.views.objects.contents import Contents
     from reproduce.views.objects.contradictions import Contradictions

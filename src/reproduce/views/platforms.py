@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from reproduce.physics.attitude.platform import Platform
+from reproduce.physics.attitude import Platform
 from reproduce.store.points import TableFileError
 
 __all__ = ["platform_of"]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reproduce.inference.parts import processes
+from reproduce.inference import processes
 from reproduce.judge.studies import SLOW
 from reproduce.store import studies
 from reproduce.version import __version__

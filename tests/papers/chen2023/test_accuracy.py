@@ -7,7 +7,7 @@ from scipy.stats import ks_2samp
 
 from reproduce.papers.chen2023 import accuracy
 from reproduce.papers.chen2023.platform import scatter
-from reproduce.physics.attitude.averaging import attitude_accuracy
+from reproduce.physics.attitude import attitude_accuracy
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600

@@ -5,13 +5,14 @@ import pytest
 
 from reproduce.papers.chen2023 import attitude
 from reproduce.papers.chen2023.platform import SCATTER, scatter
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics.attitude import (
+    emitted_directions,
     laser_transform,
     misalignment_between,
+    received_directions,
     transform_error_printed,
+    vector_from_rotation,
 )
-from reproduce.physics.attitude.rotations import vector_from_rotation
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600

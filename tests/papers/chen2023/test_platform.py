@@ -16,14 +16,15 @@ from reproduce.papers.chen2023.platform import (
     scatter,
     tracker,
 )
-from reproduce.physics.attitude.averaging import scatter_of_averages
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics.attitude import (
+    emitted_directions,
     laser_transform,
+    mean_rotation,
     misalignment,
     misalignment_angles,
+    received_directions,
+    scatter_of_averages,
 )
-from reproduce.physics.attitude.wahba import mean_rotation
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600

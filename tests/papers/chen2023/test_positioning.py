@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from reproduce.papers.chen2023 import platform, positioning, satellite
-from reproduce.physics.ground.errors import circular_error
-from reproduce.physics.ground.imaging import ground_jacobian
+from reproduce.physics.ground import circular_error, ground_jacobian
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600

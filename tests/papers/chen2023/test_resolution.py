@@ -7,17 +7,18 @@ import pytest
 
 from reproduce.judge.ledger import build
 from reproduce.papers.chen2023 import resolution
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.detector import Detector, expose
-from reproduce.physics.images.phase_study import (
+from reproduce.physics.images import (
+    Detector,
     Light,
+    centre_of_gravity,
     even_phases,
+    expose,
     observed_scatter,
     predicted_errors,
     predicted_scatter,
     simulated_errors,
+    spot_windows,
 )
-from reproduce.physics.images.spots import spot_windows
 from reproduce.printed.given import given
 
 DOOR = given(resolution.READS)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from reproduce.papers.chen2023 import satellite
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.spots import spot_windows
+from reproduce.physics.images import centre_of_gravity, spot_windows
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600

@@ -7,11 +7,7 @@ from matplotlib.figure import Figure
 from reproduce.papers.catalogue import drawings
 from reproduce.papers.niu2024 import approximations
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.physics.registration.approximations import (
-    analytic_bias,
-    even_positions,
-    simulated_bias,
-)
+from reproduce.physics.registration import analytic_bias, even_positions, simulated_bias
 from reproduce.printed.given import given
 
 DOOR = given(approximations.READS)

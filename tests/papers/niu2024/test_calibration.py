@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from reproduce.papers.niu2024 import readings, simulation
-from reproduce.physics.optics.camera import Camera, ideal_positions
-from reproduce.physics.optics.rotary import starlight
-from reproduce.physics.optics.simulate import channel_centroids
-from reproduce.physics.registration.calibration import registration_bound
-from reproduce.physics.registration.transforms import similarity_between
+from reproduce.physics.optics import Camera, channel_centroids, ideal_positions, starlight
+from reproduce.physics.registration import registration_bound, similarity_between
 from reproduce.printed.given import given
 
 DOOR = given(readings.READS)

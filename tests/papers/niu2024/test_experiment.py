@@ -7,9 +7,8 @@ import reproduce as rp
 from reproduce.audit.report import audit_paper
 from reproduce.papers.declare import Blocked
 from reproduce.papers.niu2024 import experiment, simulation
-from reproduce.physics.optics.simulate import channel_centroids
-from reproduce.physics.registration.calibration import registration_bound
-from reproduce.physics.registration.transforms import Registration, similarity_between
+from reproduce.physics.optics import channel_centroids
+from reproduce.physics.registration import Registration, registration_bound, similarity_between
 from reproduce.printed.given import given
 
 DOOR = given([*experiment.rmse_before.given, *experiment.INSTRUMENT])

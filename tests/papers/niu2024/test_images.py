@@ -7,10 +7,9 @@ import pytest
 
 from reproduce.papers.catalogue import studies
 from reproduce.papers.niu2024 import experiment, images
-from reproduce.physics.images.centroid_theory import cramer_rao_variance
-from reproduce.physics.images.spots import window_corners
-from reproduce.physics.optics.simulate import channel_centroids
-from reproduce.physics.registration.resample import fused_image
+from reproduce.physics.images import cramer_rao_variance, window_corners
+from reproduce.physics.optics import channel_centroids
+from reproduce.physics.registration import fused_image
 from reproduce.printed.given import given
 from reproduce.store.stars import spectra
 

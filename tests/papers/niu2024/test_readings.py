@@ -7,15 +7,15 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
-from reproduce.inference.parts import Store
+from reproduce.inference import Store
 from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import drawings, studies
 from reproduce.papers.declare import Reading
 from reproduce.papers.niu2024 import readings, simulation
 from reproduce.papers.study import LEAST_DRAWS
-from reproduce.physics.optics.simulate import channel_centroids
-from reproduce.physics.registration.calibration import calibrate, starting_values
+from reproduce.physics.optics import channel_centroids
+from reproduce.physics.registration import calibrate, starting_values
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 

@@ -8,8 +8,8 @@ from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Marks
 from reproduce.papers.niu2024 import simulation
-from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.optics import channel_centroids, noisy_centroids
+from reproduce.physics.registration import fit_registration
 from reproduce.printed.cells import find, library
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from reproduce.physics.attitude.averaging import (
+from reproduce.physics.attitude import (
     attitude_accuracy,
     averaged_error,
     moving_average,

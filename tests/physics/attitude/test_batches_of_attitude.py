@@ -2,16 +2,9 @@
 
 import numpy as np
 
-from reproduce.physics.attitude.misalignment import angle_jacobian
-from reproduce.physics.attitude.rotations import rotation_from_vector
-from reproduce.physics.light.raytrace import (
-    CORNER,
-    ROOF,
-    mirror_train,
-    reflection,
-    turn_response,
-    turned_train,
-)
+from reproduce.physics.attitude import angle_jacobian, rotation_from_vector
+from reproduce.physics.light import CORNER, mirror_train, reflection, turn_response, turned_train
+from reproduce.physics.light.raytrace import ROOF
 
 DRAWS = np.random.default_rng(9)
 

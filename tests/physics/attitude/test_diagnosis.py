@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from reproduce.physics.attitude import Platform, monitored
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
-from reproduce.physics.attitude.monitoring import monitored
-from reproduce.physics.attitude.platform import Platform
 from reproduce.units import ARCSEC_PER_RADIAN
 
 CORNERS = 0.011 * np.array([[0.0, -1], [-1, 0], [1, 0], [0, 1]])

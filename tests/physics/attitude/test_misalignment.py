@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.attitude.averaging import attitude_accuracy
-from reproduce.physics.attitude.lasers import (
-    emitted_directions,
-    received_directions,
-    received_jacobian,
-    received_spots,
-)
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics.attitude import (
     angle_jacobian,
+    attitude_accuracy,
     corrected_installation,
+    emitted_directions,
     inertial_attitude,
     laser_transform,
     misalignment,
@@ -21,14 +16,17 @@ from reproduce.physics.attitude.misalignment import (
     misalignment_between,
     misalignment_in_tracker,
     moved_laser_transform,
+    received_directions,
+    received_jacobian,
+    received_spots,
+    rotation_from_vector,
+    solve,
     stage_angle,
     stage_angle_printed,
     stage_angles,
     transform_error_printed,
 )
-from reproduce.physics.attitude.rotations import rotation_from_vector
-from reproduce.physics.attitude.wahba import solve
-from reproduce.physics.optics.camera import angle_from_pixels
+from reproduce.physics.optics import angle_from_pixels
 from reproduce.physics.validate import DegenerateGeometryError
 
 ARCSEC = np.pi / 180 / 3600

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.attitude.monitoring import monitored
-from reproduce.physics.attitude.platform import Platform
+from reproduce.physics.attitude import Platform, monitored
 from reproduce.units import ARCSEC_PER_RADIAN
 
 SQUARE = 0.02 * np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])

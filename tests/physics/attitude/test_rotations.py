@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.attitude.rotations import (
-    _cofactors,
-    _determinant,
-    _rotation_from_quaternion,
+from reproduce.physics.attitude import (
     cross_matrix,
     rotation_from_vector,
     unit,
     vector_from_rotation,
 )
+from reproduce.physics.attitude.rotations import _cofactors, _determinant, _rotation_from_quaternion
 from reproduce.physics.validate import rotations
 
 RNG = np.random.default_rng(1)

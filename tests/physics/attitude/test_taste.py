@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest
 
-from reproduce.physics.attitude.wahba import METHODS, solve, taste
+from reproduce.physics.attitude import solve, taste
+from reproduce.physics.attitude.wahba import METHODS
 
 ROWS = np.array([[1, 0, 0.1], [0, 1, 0.2], [0.3, 0, 1], [0.5, -0.5, 0.7], [0.1, 0.2, -1.0]])
 ROWS /= np.linalg.norm(ROWS, axis=-1, keepdims=True)

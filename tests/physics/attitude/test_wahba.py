@@ -10,16 +10,17 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest
 
-from reproduce.physics.attitude import wahba_solvers
-from reproduce.physics.attitude.rotations import cross_matrix
-from reproduce.physics.attitude.wahba import attitude, mean_rotation, solve
-from reproduce.physics.attitude.wahba_solvers import (
-    _davenport_matrix,
-    _largest_component,
+from reproduce.physics.attitude import (
+    attitude,
     by_q_method,
     by_quest,
     by_svd,
+    cross_matrix,
+    mean_rotation,
+    solve,
+    wahba_solvers,
 )
+from reproduce.physics.attitude.wahba_solvers import _davenport_matrix, _largest_component
 from reproduce.physics.validate import DegenerateGeometryError
 
 METHODS = ("svd", "q-method", "quest", "direct")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.wahba import METHODS, attitude, solve
+from reproduce.physics.attitude import attitude, emitted_directions, received_directions, solve
+from reproduce.physics.attitude.wahba import METHODS
 from reproduce.physics.validate import DegenerateGeometryError
 
 EPSILON = np.finfo(float).eps

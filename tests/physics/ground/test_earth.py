@@ -7,27 +7,25 @@ import erfa
 import numpy as np
 import pytest
 
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics.attitude import (
     corrected_installation,
     inertial_attitude,
     misalignment_in_tracker,
+    rotation_from_vector,
 )
-from reproduce.physics.attitude.rotations import rotation_from_vector
-from reproduce.physics.ground.earth import (
+from reproduce.physics.ground import (
+    WGS84,
     EarthOrientation,
     earth_fixed,
     earth_from_inertial,
-    local_axes,
-    satellite_from_inertial,
-)
-from reproduce.physics.ground.imaging import (
-    WGS84,
-    Ellipsoid,
     ground_jacobian,
     image_vectors,
     imaged_position,
     imaging_chain,
+    local_axes,
+    satellite_from_inertial,
 )
+from reproduce.physics.ground.imaging import Ellipsoid
 
 DATA = Path(__file__).parents[1] / "data"
 ARCSEC = np.pi / 180 / 3600

@@ -5,18 +5,18 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.attitude.lasers import emitted_directions
-from reproduce.physics.attitude.misalignment import misalignment_in_tracker
-from reproduce.physics.ground.errors import altitude_for_resolution, ground_error, ground_resolution
-from reproduce.physics.ground.imaging import (
+from reproduce.physics.attitude import emitted_directions, misalignment_in_tracker
+from reproduce.physics.ground import (
     WGS84,
-    EarthMissedError,
-    Ellipsoid,
+    altitude_for_resolution,
     distance_to_ground,
+    ground_error,
+    ground_resolution,
     image_vectors,
     imaged_position,
     imaging_chain,
 )
+from reproduce.physics.ground.imaging import EarthMissedError, Ellipsoid
 
 DOWN = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # earth_from_camera above (1, 0, 0)
 SATELLITE = np.array([WGS84.equatorial_radius + 500e3, 0, 0])

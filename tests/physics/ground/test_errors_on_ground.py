@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.ground.errors import circular_error, ellipse, ground_covariance
+from reproduce.physics.ground import circular_error, ellipse, ground_covariance
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.7, 0.3, 0.05, 0.001])

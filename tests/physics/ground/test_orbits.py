@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.ground.orbits import (
+from reproduce.physics.ground import (
     Thermal,
     last_orbits,
     orbital_period,

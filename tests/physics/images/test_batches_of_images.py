@@ -3,13 +3,18 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.images.centroid_theory import centre_of_gravity_error, cramer_rao_variance
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.phase_study import Light, observed_scatter, simulated_errors
-from reproduce.physics.images.spots import render_frame, spot_windows
-from reproduce.physics.optics.camera import Camera, turned_onto_detector
-from reproduce.physics.optics.chromatic import reference_points_from_ideal
-from reproduce.physics.registration.calibration import gauss_newton_step
+from reproduce.physics.images import (
+    Light,
+    centre_of_gravity,
+    centre_of_gravity_error,
+    cramer_rao_variance,
+    observed_scatter,
+    render_frame,
+    simulated_errors,
+    spot_windows,
+)
+from reproduce.physics.optics import Camera, reference_points_from_ideal, turned_onto_detector
+from reproduce.physics.registration import gauss_newton_step
 
 DRAWS = np.random.default_rng(4)
 POINTS = DRAWS.normal(size=(2, 5, 2))

@@ -5,26 +5,22 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from reproduce.physics.images.centroid_theory import (
+from reproduce.physics.images import (
+    Detector,
+    centre_of_gravity,
     centre_of_gravity_error,
     cramer_rao_variance,
-    s_curve_bias,
-)
-from reproduce.physics.images.centroids import (
-    centre_of_gravity,
     cut_windows,
     detect_spots,
-    windowed_centre,
-)
-from reproduce.physics.images.detector import Detector, expose
-from reproduce.physics.images.spot_fit import fitted_centre
-from reproduce.physics.images.spots import (
-    _share_slopes,
-    _shares,
+    expose,
+    fitted_centre,
     render_frame,
+    s_curve_bias,
     spot_windows,
     window_corners,
+    windowed_centre,
 )
+from reproduce.physics.images.spots import _share_slopes, _shares
 from reproduce.physics.validate import DegenerateGeometryError
 
 ROW = np.array([0.3, 0.7, -1.0])  # a spot's place and radius, and the first pixel of a row

@@ -5,13 +5,8 @@ import pytest
 from scipy.constants import c, h, k
 from scipy.integrate import quad
 
-from reproduce.physics.images.spectra import (
-    _ZERO_MAGNITUDE,
-    _blackbody_photons,
-    blackbody_band,
-    channel_ratio,
-    tabulated_star,
-)
+from reproduce.physics.images import blackbody_band, channel_ratio, tabulated_star
+from reproduce.physics.images.spectra import _ZERO_MAGNITUDE, _blackbody_photons
 
 
 def planck(wavelength, temperature):

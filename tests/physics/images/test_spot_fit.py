@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, minimize
 
-from reproduce.physics.images.spot_fit import fitted_centre
-from reproduce.physics.images.spots import (
-    _gradient,
-    _share_curvatures,
-    _share_slopes,
-    spot_windows,
-)
+from reproduce.physics.images import fitted_centre, spot_windows
+from reproduce.physics.images.spots import _gradient, _share_curvatures, _share_slopes
 
 RADIUS, NOISE = 0.8, 10.0
 CENTRAL = float(spot_windows([0.0, 0.0], 1.0, RADIUS, [0, 0], 1)[0, 0])

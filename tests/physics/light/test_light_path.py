@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from reproduce.physics.attitude.lasers import (
+from reproduce.physics.attitude import (
     emitted_directions,
-    received_directions,
-    received_spots,
-)
-from reproduce.physics.attitude.misalignment import (
     laser_transform,
     misalignment,
     misalignment_angles,
+    received_directions,
+    received_spots,
+    rotation_from_vector,
+    solve,
 )
-from reproduce.physics.attitude.rotations import rotation_from_vector
-from reproduce.physics.attitude.wahba import solve
-from reproduce.physics.light.light_path import RETROREFLECTORS, Cone, Mirrors, light_path
-from reproduce.physics.light.raytrace import mirror_train, reflection
+from reproduce.physics.light import Mirrors, light_path, mirror_train, reflection
+from reproduce.physics.light.cone import RETROREFLECTORS, Cone
 from reproduce.physics.validate import DegenerateGeometryError
 
 CAMERA, TRACKER, BETWEEN = 2.0, 0.06, np.radians(120.0)

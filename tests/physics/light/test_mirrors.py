@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.light.raytrace import fold_mirror_tilt
+from reproduce.physics.light import fold_mirror_tilt
 
 
 @pytest.mark.parametrize("angle", [0.3, np.pi / 2, 2 * np.pi / 3, 3.0])

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.attitude.rotations import rotation_from_vector
-from reproduce.physics.light.raytrace import (
+from reproduce.physics.attitude import rotation_from_vector
+from reproduce.physics.light import (
     CORNER,
-    ROOF,
     cone_path,
     fold_mirror_tilt,
     mirror_train,
@@ -14,6 +13,7 @@ from reproduce.physics.light.raytrace import (
     turn_response,
     turned_train,
 )
+from reproduce.physics.light.raytrace import ROOF
 from reproduce.physics.validate import DegenerateGeometryError
 
 RNG = np.random.default_rng(4)

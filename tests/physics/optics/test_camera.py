@@ -5,24 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reproduce.physics.optics.camera import (
+from reproduce.physics.optics import (
     Camera,
     angle_from_pixels,
-    field_of_view,
-    ideal_positions,
-    image_points,
-    radial_displacements,
-    turned_onto_detector,
-)
-from reproduce.physics.optics.chromatic import (
     distortion_ratio,
     distortion_ratio_equal_coefficients,
     distortion_ratio_linear,
+    field_of_view,
+    ideal_positions,
+    image_points,
     offsets_from_principal_point,
+    radial_displacements,
     reference_ideal_positions,
     reference_points_from_ideal,
     reference_points_scaled,
     scale_factor,
+    turned_onto_detector,
 )
 from reproduce.units import ARCSEC_PER_RADIAN
 

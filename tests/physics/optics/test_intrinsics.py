@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from reproduce.physics.optics.camera import Camera, image_points
-from reproduce.physics.optics.intrinsics import fit_camera
+from reproduce.physics.optics import Camera, fit_camera, image_points
 from reproduce.physics.validate import DegenerateGeometryError
 
 PITCH = 3.45e-6

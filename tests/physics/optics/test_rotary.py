@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.optics.rotary import rotary_matrix, rotary_matrix_printed, starlight
+from reproduce.physics.optics import rotary_matrix, rotary_matrix_printed, starlight
 
 ANGLES = np.random.default_rng(1).uniform(-1.2, 1.2, (2, 20))
 

@@ -7,18 +7,18 @@ import pytest
 from numpy.random import PCG64, SeedSequence
 from scipy import stats
 
-from reproduce.physics.optics.camera import Camera, image_points
-from reproduce.physics.optics.rotary import starlight
-from reproduce.physics.optics.simulate import (
+from reproduce.physics.optics import (
+    Camera,
     channel_centroids,
+    image_points,
     noisy_centroids,
     spawned_angles,
     spawned_normals,
     spawned_streams,
+    starlight,
     table_starlight,
 )
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import similarity_between
+from reproduce.physics.registration import fit_registration, similarity_between
 
 CAMERAS = [
     Camera(25.1e-3, (1034.0, 774.0), 0.0, 4e-6),

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.optics.camera import Camera, image_points
-from reproduce.physics.registration.approximations import (
+from reproduce.physics.optics import Camera, image_points
+from reproduce.physics.registration import (
     EFFECTS,
     Channels,
-    _imaged,
     analytic_bias,
     error_field,
     even_positions,
     second_term_from_share,
     simulated_bias,
 )
+from reproduce.physics.registration.approximations import _imaged
 
 PITCH = 3.45e-6
 HALF = np.array([2064, 1544]) * PITCH / 2

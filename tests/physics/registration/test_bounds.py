@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.registration.calibration import jacobian, registration_bound
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration, as_points
+from reproduce.physics.registration import (
+    Registration,
+    as_points,
+    fit_registration,
+    jacobian,
+    registration_bound,
+)
 from reproduce.physics.validate import DegenerateGeometryError
 
 POINTS = np.random.default_rng(3).uniform(0, 2000, (9, 2))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reproduce.physics.registration.calibration import (
-    ConvergenceError,
-    Stopping,
+from reproduce.physics.registration import (
+    Registration,
     calibrate,
     calibrate_from_all,
     constraint,
     constraint_printed,
     deviations,
+    fit_registration,
     gauss_newton_step,
     gauss_newton_step_printed,
     jacobian,
@@ -21,8 +21,7 @@ from reproduce.physics.registration.calibration import (
     starting_values,
     two_line_rotation,
 )
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration.calibration import ConvergenceError, Stopping
 from reproduce.physics.validate import DegenerateGeometryError
 
 TRUTH = Registration.similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))

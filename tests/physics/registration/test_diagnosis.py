@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.registration import diagnosis
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import Registration, diagnosis, fit_registration
 
 PIVOT = np.array([1000.0, 1000.0])
 TRUE = {

@@ -7,10 +7,9 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 from skimage.transform import EuclideanTransform, SimilarityTransform
 
+from reproduce.physics.registration import MODELS, Registration, fit_registration
 from reproduce.physics.registration._robust import repeated_median
 from reproduce.physics.registration._steps import prepare
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import MODELS, Registration
 from reproduce.physics.validate import DegenerateGeometryError
 
 GENERATOR = np.random.default_rng(11)

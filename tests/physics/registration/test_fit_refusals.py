@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import DegenerateGeometryError
 
 SOURCE = np.random.default_rng(8).uniform(0, 1000, (6, 2))

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import Registration, fit_registration
 from reproduce.physics.validate import MirroredPointsError
 
 PIVOT = np.array([1031.0, 770.0])

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.spots import render_frame
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.resample import fused_image, registered_image
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.images import centre_of_gravity, render_frame
+from reproduce.physics.registration import (
+    Registration,
+    fit_registration,
+    fused_image,
+    registered_image,
+)
 
 TRANSFORM = Registration.similarity(1.01, 0.02, (1.3, -0.7), (30.0, 20.0))
 SPOT = np.array([[33.3, 27.8]])

@@ -5,9 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from reproduce.physics.registration import Registration, fit_registration
 from reproduce.physics.registration._robust import TUKEY
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
 
 PIVOT = np.array([1031.0, 770.0])
 TRUE = np.array([1.002, 0.01, -3.0, 2.0])

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from reproduce.physics.optics.camera import Camera, image_points
-from reproduce.physics.registration.closed_form import rmse, rmse_per_axis
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.transforms import (
+from reproduce.physics.optics import Camera, image_points
+from reproduce.physics.registration import (
     Registration,
+    RegistrationFit,
+    fit_registration,
     principal_point_shift,
+    rmse,
+    rmse_per_axis,
     similarity_between,
 )
 from reproduce.physics.validate import DegenerateGeometryError

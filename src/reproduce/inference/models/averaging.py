@@ -22,13 +22,10 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.model import Derived, Model, Parameter
-from reproduce.inference.priors import HalfNormal, LogUniform
-from reproduce.physics.attitude.averaging import scatter_of_averages
+from reproduce.inference import Derived, HalfNormal, LogUniform, Model, Parameter
+from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
-
-__all__ = ["AveragingLikelihood", "averaging_model", "by_column", "moments"]
 
 
 @lru_cache(maxsize=8)

@@ -14,12 +14,9 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.model import Model, Parameter
+from reproduce.inference import LogUniform, Model, Parameter
 from reproduce.inference.models.rounded import log_box, quasi_random
-from reproduce.inference.priors import LogUniform
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["CentroidNoiseLikelihood", "centroid_noise_model"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,8 @@ import numpy as np
 from numpy.random import Generator
 from scipy import stats
 
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["polar", "registration_posterior"]
 
 Flat = Literal["affine", "polar"]
 

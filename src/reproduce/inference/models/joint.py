@@ -17,7 +17,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Derived, Model
+from reproduce.inference import Derived, Model
 from reproduce.inference.models.least_squares import fit_checks
 from reproduce.inference.models.registration import (
     GaussianRegistration,
@@ -25,11 +25,8 @@ from reproduce.inference.models.registration import (
     triangular,
     with_priors,
 )
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration, as_complex
+from reproduce.physics.registration import Registration, as_complex, fit_registration
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["JointRegistration", "joint_model"]
 
 CHANNELS = ("red", "blue")
 ComplexArray = NDArray[np.complex128]

@@ -18,25 +18,19 @@ from functools import cached_property
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.physics.attitude.lasers import (
-    received_directions,
-    received_jacobian,
-)
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics.attitude import (
+    Platform,
     angle_jacobian,
+    cross_matrix,
     laser_transform,
     misalignment,
     misalignment_angles,
-)
-from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.attitude.rotations import (
-    cross_matrix,
+    received_directions,
+    received_jacobian,
     transpose,
     vector_from_rotation,
 )
 from reproduce.physics.validate import FloatArray, finite_array
-
-__all__ = ["Quest", "SpotStatistics", "none"]
 
 
 @dataclass(frozen=True, eq=False)

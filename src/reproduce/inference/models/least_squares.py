@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["fit_checks", "least_squares", "noise_growth"]
 
 
 def least_squares(

@@ -15,17 +15,12 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference import Derived, LogUniform, Model, Normal, Parameter, Prior
 from reproduce.inference.models.lasers import Quest, SpotStatistics, none
 from reproduce.inference.models.registration import with_priors
-from reproduce.inference.priors import LogUniform, Normal, Prior
-from reproduce.physics.attitude.platform import Platform
+from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
-
-__all__ = [
-    "AXES", "MOUNT", "SpotLikelihood", "misalignment_model",
-]  # fmt: skip
 
 AXES = "xyz"
 # Width of the prior of the zero attitude, in radians.

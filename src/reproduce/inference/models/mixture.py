@@ -15,18 +15,12 @@ import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.coordinates import from_scores, log_slope, scores
-from reproduce.inference.model import Model, Parameter
+from reproduce.inference import Model, Parameter, Sampled, Uniform, from_scores, log_slope, scores
 from reproduce.inference.models.least_squares import fit_checks, least_squares
 from reproduce.inference.models.registration import GaussianRegistration
 from reproduce.inference.models.variants import PointwiseRegistration
-from reproduce.inference.posterior import Sampled
-from reproduce.inference.priors import Uniform
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import as_complex
+from reproduce.physics.registration import as_complex, fit_registration
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["MixtureRegistration", "mixture_model", "probability_false"]
 
 # Draws that tell of the stars, and how many are worked on at once: bounds the memory.
 DRAWS, CHUNK = 4000, 500

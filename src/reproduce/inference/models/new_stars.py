@@ -14,11 +14,9 @@ import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Consequence
-from reproduce.physics.registration.transforms import as_complex, as_points
+from reproduce.inference import Consequence
+from reproduce.physics.registration import as_complex, as_points
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["NewStars", "StarModel", "Together", "rmse_at", "true_places"]
 
 # Parameter vectors that are worked on at once: bounds the memory.
 CHUNK = 10_000

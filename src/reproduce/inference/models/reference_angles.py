@@ -17,16 +17,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from reproduce.inference.model import Parameter
-from reproduce.inference.priors import LogNormal, Uniform
+from reproduce.inference import LogNormal, Parameter, Uniform
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
-
-__all__ = [
-    "FOCAL_SPREAD", "HYPOTHESES", "NODES", "WEIGHTS", "Printed", "ReferenceAngles",
-    "focal_parameter", "in_radians", "log_rounded", "log_same_hypothesis",
-    "scatter_parameter",
-]  # fmt: skip
 
 Indices = NDArray[np.int64]
 

@@ -20,20 +20,19 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Derived, Model, Parameter
+from reproduce.inference import Derived, LogUniform, Model, Parameter, Prior, Uniform
 from reproduce.inference.models.least_squares import fit_checks, least_squares
-from reproduce.inference.priors import LogUniform, Prior, Uniform
-from reproduce.physics.registration.closed_form import paired_points
-from reproduce.physics.registration.diagnosis import fits_exactly, robust_similarity
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.transforms import as_complex, as_points
+from reproduce.physics.registration import (
+    RegistrationFit,
+    as_complex,
+    as_points,
+    fit_registration,
+    fits_exactly,
+    paired_points,
+    robust_similarity,
+)
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
-
-__all__ = [
-    "GaussianRegistration", "free_priors", "registration_model",
-    "registration_parameters", "triangular", "with_priors",
-]  # fmt: skip
 
 
 def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -42,7 +41,7 @@ def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return np.asarray(factor)
 
 
-def squared_residuals(root: NDArray[np.complex128], weights: NDArray[np.complex128]) -> FloatArray:
+def _squared_residuals(root: NDArray[np.complex128], weights: NDArray[np.complex128]) -> FloatArray:
     """Squared length of root @ weights for every row of weights, shape (n,)."""
     residual = weights @ root.T
     return np.asarray((residual.real**2 + residual.imag**2).sum(axis=-1))
@@ -91,7 +90,7 @@ class GaussianRegistration:
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
         variance, count = self.variance(parameters), len(self.source)
-        squares = squared_residuals(self.root, self.weights(parameters))
+        squares = _squared_residuals(self.root, self.weights(parameters))
         return np.asarray(-count * np.log(2 * np.pi * variance) - squares / (2 * variance))
 
     def residuals(self, parameters: FloatArray) -> NDArray[np.complex128]:

@@ -14,8 +14,6 @@ from scipy.stats import qmc
 
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["log_box", "log_interval", "quasi_random"]
-
 # Below this a probability is not told from zero: the walker stands far outside.
 SMALLEST = 1e-300
 # A difference smaller than this share has lost too many digits.
@@ -31,7 +29,7 @@ def log_interval(low: FloatArray, high: FloatArray) -> FloatArray:
     >>> float(np.exp(log_interval(np.array(-1.0), np.array(1.0))).round(4))
     0.6827
     """
-    low, high, _ = lower_tail(low, high)
+    low, high, _ = _lower_tail(low, high)
     upper, lower = log_ndtr(high), log_ndtr(low)
     return np.asarray(upper + np.log(-np.expm1(np.minimum(lower - upper, -1e-16))))
 
@@ -68,11 +66,11 @@ def log_box(
     for i in range(size):
         centre = mean[:, i, None] + (normals[..., :i] @ root[:, i, :i, None])[..., 0]
         scale = root[:, i, i, None]
-        left, right, mirrored = lower_tail(
+        left, right, mirrored = _lower_tail(
             (low[:, i, None] - centre) / scale, (high[:, i, None] - centre) / scale
         )
         start, end = ndtr(left), ndtr(right)
-        total += log_difference(start, end, left, right)
+        total += _log_difference(start, end, left, right)
         if i + 1 < size:
             # Mirrored with the interval: else the result would jump where intervals change sides.
             share = np.where(mirrored, 1 - points[:, i], points[:, i])
@@ -86,7 +84,7 @@ def log_box(
         return np.asarray(safe[:, 0] + np.log(np.exp(total - safe).mean(axis=1)))
 
 
-def lower_tail(
+def _lower_tail(
     low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Mirror intervals of the upper tail, so that small numbers are subtracted, not those near one.
@@ -97,7 +95,7 @@ def lower_tail(
     return np.where(mirrored, -high, low), np.where(mirrored, -low, high), mirrored
 
 
-def log_difference(
+def _log_difference(
     start: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     """Log of end less start, distribution functions at the ends of intervals in the lower tail.

@@ -14,14 +14,9 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp
 
-from reproduce.inference.model import Model, UnsuitableModelError
+from reproduce.inference import Model, Normal, UnsuitableModelError
 from reproduce.inference.models.misalignment import SpotLikelihood
-from reproduce.inference.priors import Normal
 from reproduce.physics.validate import FloatArray
-
-__all__ = [
-    "errors_with_free_lasers", "small_angle_posterior",
-]  # fmt: skip
 
 # Points over the noise, and how many of its own errors they reach.
 POINTS, REACH = 401, 9.0

@@ -14,8 +14,16 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.coordinates import from_scores, log_slope, scores, weighted
-from reproduce.inference.model import Model, Parameter
+from reproduce.inference import (
+    LogUniform,
+    Model,
+    Normal,
+    Parameter,
+    from_scores,
+    log_slope,
+    scores,
+    weighted,
+)
 from reproduce.inference.models.reference_angles import (
     FOCAL_SPREAD,
     HYPOTHESES,
@@ -26,11 +34,8 @@ from reproduce.inference.models.reference_angles import (
     log_same_hypothesis,
     scatter_parameter,
 )
-from reproduce.inference.priors import LogUniform, Normal
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
-
-__all__ = ["StageTableLikelihood", "table_model"]
 
 # Ends of the prior of the noise, and the width of that of the biases, in radians.
 NOISE = (1e-3 / ARCSEC_PER_RADIAN, 1 / ARCSEC_PER_RADIAN)

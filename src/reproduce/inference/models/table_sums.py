@@ -15,13 +15,10 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.special import logsumexp
 
-from reproduce.inference.model import Model
+from reproduce.inference import LogUniform, Model, Normal, Uniform
 from reproduce.inference.models.reference_angles import NODES, WEIGHTS, in_radians, log_rounded
 from reproduce.inference.models.stage_table import StageTableLikelihood
-from reproduce.inference.priors import LogUniform, Normal, Uniform
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["TableResult", "interchanged"]
 
 # The printed columns that belong to motions along X and along Y.
 CROSSED = (1, 0)

@@ -13,13 +13,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Model, Parameter
+from reproduce.inference import Model, Normal, Parameter
 from reproduce.inference.models.registration import GaussianRegistration
-from reproduce.inference.priors import Normal
-from reproduce.physics.registration.transforms import as_complex, as_points
+from reproduce.physics.registration import as_complex, as_points
 from reproduce.physics.validate import FloatArray
-
-__all__ = ["PointwiseRegistration", "distortion_model"]
 
 # Steps of Newton's method for the inverse distortion; each doubles the digits.
 NEWTON_STEPS = 4

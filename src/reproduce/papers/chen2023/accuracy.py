@@ -28,8 +28,8 @@ from reproduce.papers.declare import Prediction, Results, draws, reproduces
 from reproduce.papers.sketch import sized
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.averaging import averaged_error, scatter_of_averages
-from reproduce.physics.optics.simulate import spawned_normals
+from reproduce.physics.attitude import averaged_error, scatter_of_averages
+from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC

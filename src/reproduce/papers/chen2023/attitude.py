@@ -32,10 +32,15 @@ from reproduce.papers.sketch import (
 from reproduce.papers.space import View, seen_from, sense, triad
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import misalignment_angles, stage_angles
-from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
-from reproduce.physics.ground.imaging import image_vectors
+from reproduce.physics.attitude import (
+    emitted_directions,
+    misalignment_angles,
+    received_directions,
+    rotation_from_vector,
+    stage_angles,
+    transpose,
+)
+from reproduce.physics.ground import image_vectors
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -36,8 +36,8 @@ from reproduce.papers.declare import (
 from reproduce.papers.sketch import thin
 from reproduce.papers.study import Fact, studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.misalignment import stage_angle
-from reproduce.physics.optics.simulate import spawned_normals
+from reproduce.physics.attitude import stage_angle
+from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC

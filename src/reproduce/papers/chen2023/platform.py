@@ -14,14 +14,15 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.papers.declare import Results, reproduces
-from reproduce.physics.attitude.lasers import (
+from reproduce.physics.attitude import (
+    Platform,
+    angle_jacobian,
     emitted_directions,
+    laser_transform,
     received_directions,
     received_jacobian,
 )
-from reproduce.physics.attitude.misalignment import angle_jacobian, laser_transform
-from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.optics.camera import angle_from_pixels, detector_centre
+from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -33,23 +33,29 @@ from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolut
 from reproduce.papers.declare import seed_of
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.averaging import moving_average
-from reproduce.physics.attitude.lasers import (
+from reproduce.physics.attitude import (
     emitted_directions,
-    received_directions,
-    received_spots,
-)
-from reproduce.physics.attitude.misalignment import (
     laser_transform,
+    mean_rotation,
     misalignment,
     misalignment_angles,
     moved_laser_transform,
+    moving_average,
+    received_directions,
+    received_spots,
+    rotation_from_vector,
+    solve,
+    taste,
+    transpose,
 )
-from reproduce.physics.attitude.rotations import rotation_from_vector, transpose
-from reproduce.physics.attitude.wahba import mean_rotation, solve, taste
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.detector import Detector, electrons, expose
-from reproduce.physics.images.spots import spot_windows, window_corners
+from reproduce.physics.images import (
+    Detector,
+    centre_of_gravity,
+    electrons,
+    expose,
+    spot_windows,
+    window_corners,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN

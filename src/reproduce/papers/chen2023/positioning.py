@@ -24,15 +24,21 @@ from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.declare import Results, reproduces, seed_of
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.rotations import rotation_from_vector
-from reproduce.physics.ground.earth import earth_fixed, local_axes, satellite_from_inertial
-from reproduce.physics.ground.errors import circular_error, ellipse, ground_covariance
-from reproduce.physics.ground.imaging import GroundJacobian, ground_jacobian, imaged_position
-from reproduce.physics.ground.orbits import (
+from reproduce.physics.attitude import rotation_from_vector
+from reproduce.physics.ground import (
     DAY,
+    GroundJacobian,
     Thermal,
+    circular_error,
+    earth_fixed,
+    ellipse,
+    ground_covariance,
+    ground_jacobian,
+    imaged_position,
     last_orbits,
+    local_axes,
     orbital_period,
+    satellite_from_inertial,
     thermal_series,
     trend_and_fourier,
 )

@@ -49,23 +49,27 @@ from reproduce.papers.declare import (
 from reproduce.papers.sketch import thin
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.averaging import attitude_accuracy
-from reproduce.physics.images.centroid_theory import CentroidError, centre_of_gravity_error
-from reproduce.physics.images.centroids import centre_of_gravity, windowed_centre
-from reproduce.physics.images.detector import Detector, expose
-from reproduce.physics.images.phase_study import (
+from reproduce.physics.attitude import attitude_accuracy
+from reproduce.physics.images import (
+    CentroidError,
+    Detector,
     Light,
     biased_bound,
     bound,
+    centre_of_gravity,
+    centre_of_gravity_error,
     even_phases,
+    expose,
+    fitted_centre,
     observed_scatter,
     predicted_errors,
     predicted_scatter,
     simulated_errors,
+    spot_windows,
+    window_corners,
+    windowed_centre,
 )
-from reproduce.physics.images.spot_fit import fitted_centre
-from reproduce.physics.images.spots import spot_windows, window_corners
-from reproduce.physics.optics.simulate import spawned_streams
+from reproduce.physics.optics import spawned_streams
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC

@@ -1,6 +1,6 @@
 """The satellite's camera and the monitoring system as designed, its light traced (chen2023, I-II).
 
-The light goes through `physics.light_path` from the focal plane of the ground platform's telescope
+The light goes through `physics.light` from the focal plane of the ground platform's telescope
 to the tracker's detector, and the spots are solved as the paper solves them. So every error is the
 turn of the camera, or its roll, that the system would believe. Where a third reflection mirrors the
 image, the designed pattern is mirrored too; nothing could be solved otherwise. What the paper does
@@ -27,20 +27,26 @@ from reproduce.papers.chen2023 import platform, resolution
 from reproduce.papers.declare import Blocked, Results, reproduces
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics import ground
+from reproduce.physics.attitude import (
+    emitted_directions,
     laser_transform,
     misalignment,
     misalignment_angles,
+    received_directions,
+    rotation_from_vector,
+    unit,
 )
-from reproduce.physics.attitude.rotations import rotation_from_vector, unit
-from reproduce.physics.ground import errors
-from reproduce.physics.images.centroid_theory import centre_of_gravity_error
-from reproduce.physics.images.centroids import centre_of_gravity
-from reproduce.physics.images.spots import spot_windows
-from reproduce.physics.light import raytrace
-from reproduce.physics.light.light_path import LightPath, Mirrors, light_path
-from reproduce.physics.optics.camera import field_of_view
+from reproduce.physics.images import centre_of_gravity, centre_of_gravity_error, spot_windows
+from reproduce.physics.light import (
+    LightPath,
+    Mirrors,
+    fold_mirror_tilt,
+    light_path,
+    reflection,
+    turn_response,
+)
+from reproduce.physics.optics import field_of_view
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
@@ -87,7 +93,7 @@ ADDED = 0.1
 
 def altitude(given: Given) -> float:
     """Return the altitude that the panchromatic line of Table I implies, in metres."""
-    return float(errors.altitude_for_resolution(*(given[address] for address in CAMERA)))
+    return float(ground.altitude_for_resolution(*(given[address] for address in CAMERA)))
 
 
 @reproduces(
@@ -99,7 +105,7 @@ def ground_resolution(given: Given) -> Results:
     """Multispectral ground resolution at the altitude that the panchromatic one implies."""
     camera = f"{SATELLITE}#multispectral"
     focal, pixel = given[f"{camera}-focal-length.value"], given[f"{camera}-pixel-size.value"]
-    resolution = errors.ground_resolution(focal, pixel, altitude(given))
+    resolution = ground.ground_resolution(focal, pixel, altitude(given))
     return {"multispectral-ground-resolution.value": float(resolution)}
 
 
@@ -113,7 +119,7 @@ def focal_ratio(given: Given) -> Results:
 @reproduces(TEXT, cells=["dihedral-angle"], given=[BORESIGHT])
 def dichroic_tilt(given: Given) -> Results:
     """Tilt of the dichroic mirror that folds the retro-reflected laser into the tracker."""
-    return {"dihedral-angle": float(raytrace.fold_mirror_tilt(given[BORESIGHT]))}
+    return {"dihedral-angle": float(fold_mirror_tilt(given[BORESIGHT]))}
 
 
 def _accuracy(given: Given) -> float:
@@ -213,12 +219,12 @@ def dichroic_response(boresight_angle: float) -> FloatArray:
     Shape (3, 3). Columns: about the axis in the mirror and in the plane of the light, about the one
     in the mirror across that plane, about the mirror's normal.
     """
-    tilt = float(raytrace.fold_mirror_tilt(boresight_angle))
+    tilt = float(fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.
     normal = rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ OUT
     across = np.array([1.0, 0.0, 0.0])
     axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
-    result: FloatArray = raytrace.turn_response(raytrace.reflection(normal), -OUT) @ axes
+    result: FloatArray = turn_response(reflection(normal), -OUT) @ axes
     return result
 
 

@@ -24,15 +24,15 @@ from reproduce.papers.niu2024.registration import IMAGING, scale_factors
 from reproduce.papers.niu2024.simulation import NOISE, OPTICS, REGISTERED
 from reproduce.papers.sketch import INK, sized
 from reproduce.papers.study import Fact, studied
-from reproduce.physics.optics.camera import Camera
-from reproduce.physics.registration.approximations import (
+from reproduce.physics.optics import Camera
+from reproduce.physics.registration import (
     EFFECTS,
     Channels,
     error_field,
     even_positions,
+    fit_registration,
     second_term_from_share,
 )
-from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 

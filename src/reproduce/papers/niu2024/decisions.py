@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from reproduce.inference.models.closed_form import registration_posterior
-from reproduce.inference.models.new_stars import true_places
-from reproduce.inference.models.registration import registration_model
-from reproduce.inference.models.variants import distortion_model
-from reproduce.inference.posterior import Sampled
-from reproduce.inference.priors import Normal
+from reproduce.inference import Normal, Sampled
+from reproduce.inference.models import (
+    distortion_model,
+    registration_model,
+    registration_posterior,
+    true_places,
+)
 from reproduce.inference.quadrature import summed
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.posteriors import (
@@ -34,8 +35,8 @@ from reproduce.papers.niu2024.posteriors import (
 )
 from reproduce.papers.niu2024.simulation import NOISE, RESULTS
 from reproduce.papers.study import Fact, studied
-from reproduce.physics.ground.errors import circular_error
-from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.ground import circular_error
+from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

@@ -51,18 +51,23 @@ from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SE
 from reproduce.papers.sketch import arrow, box, diagram, joined, label, slim
 from reproduce.papers.study import Fact, studied
 from reproduce.papers.words import words
-from reproduce.physics.optics.camera import Camera, angle_from_pixels
-from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
-from reproduce.physics.optics.simulate import (
+from reproduce.physics.optics import (
+    Camera,
+    CameraFit,
+    angle_from_pixels,
     channel_centroids,
+    fit_camera,
     noisy_centroids,
     spawned_angles,
     spawned_normals,
     table_starlight,
 )
-from reproduce.physics.registration.closed_form import rmse_per_axis
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import (
+    Registration,
+    RegistrationFit,
+    fit_registration,
+    rmse_per_axis,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

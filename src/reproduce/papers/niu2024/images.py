@@ -29,22 +29,30 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from reproduce.inference.parts import Store, run_parts
+from reproduce.inference import Store, run_parts
 from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.index import LOOKS
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.sketch import Look, sized
 from reproduce.papers.study import Fact, studied
-from reproduce.physics.images.centroids import centre_of_gravity, cut_windows, detect_spots
-from reproduce.physics.images.detector import Detector, electrons, expose
-from reproduce.physics.images.spectra import blackbody_band, channel_ratio, tabulated_star
-from reproduce.physics.images.spot_fit import fitted_centre
-from reproduce.physics.images.spots import render_frame, spot_windows, window_corners
-from reproduce.physics.optics.camera import Camera, detector_centre
-from reproduce.physics.optics.simulate import channel_centroids
-from reproduce.physics.registration.resample import registered_image
-from reproduce.physics.registration.transforms import Registration, similarity_between
+from reproduce.physics.images import (
+    Detector,
+    blackbody_band,
+    centre_of_gravity,
+    channel_ratio,
+    cut_windows,
+    detect_spots,
+    electrons,
+    expose,
+    fitted_centre,
+    render_frame,
+    spot_windows,
+    tabulated_star,
+    window_corners,
+)
+from reproduce.physics.optics import Camera, channel_centroids, detector_centre
+from reproduce.physics.registration import Registration, registered_image, similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reproduce.papers.declare import Blocked, Results, read, reproduces
 from reproduce.papers.words import words
-from reproduce.physics.optics import camera
+from reproduce.physics import optics
 from reproduce.printed.given import Given
 
 OPTICS = "niu2024/text-optics"
@@ -20,7 +20,7 @@ _WORDS = words(OPTICS)
 )
 def field_of_view(given: Given) -> Results:
     """Field of view from the detector's size and the estimated focal length."""
-    found = camera.field_of_view(
+    found = optics.field_of_view(
         given.array(f"{OPTICS}#pixels-?"),
         given.array(f"{OPTICS}#pixel-pitch-?"),
         given[f"{OPTICS}#focal-length"],

@@ -16,21 +16,26 @@ from functools import partial
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from reproduce.inference.checks import Published
-from reproduce.inference.model import Consequence, Model
-from reproduce.inference.models.centroid_noise import CentroidNoiseLikelihood, centroid_noise_model
-from reproduce.inference.models.joint import JointRegistration, joint_model
-from reproduce.inference.models.least_squares import noise_growth
-from reproduce.inference.models.mixture import MixtureRegistration, mixture_model
-from reproduce.inference.models.new_stars import NewStars, StarModel, Together, rmse_at
-from reproduce.inference.models.registration import (
+from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, Published, Uniform
+from reproduce.inference.models import (
+    CentroidNoiseLikelihood,
     GaussianRegistration,
+    JointRegistration,
+    MixtureRegistration,
+    NewStars,
+    PointwiseRegistration,
+    StarModel,
+    Together,
+    centroid_noise_model,
+    distortion_model,
     free_priors,
+    joint_model,
+    mixture_model,
+    noise_growth,
     registration_model,
+    rmse_at,
     with_priors,
 )
-from reproduce.inference.models.variants import PointwiseRegistration, distortion_model
-from reproduce.inference.priors import LogUniform, Normal, Prior, Uniform
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import (
     OWN_DATA,
@@ -50,12 +55,20 @@ from reproduce.papers.niu2024.simulation import (
     ROWS,
     SETTINGS,
 )
-from reproduce.physics.optics.camera import angle_from_pixels
-from reproduce.physics.optics.chromatic import scale_factor
-from reproduce.physics.optics.simulate import channel_centroids, noisy_centroids, spawned_angles
-from reproduce.physics.registration.diagnosis import checked_pivot, diagnose, rounded
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import similarity_between
+from reproduce.physics.optics import (
+    angle_from_pixels,
+    channel_centroids,
+    noisy_centroids,
+    scale_factor,
+    spawned_angles,
+)
+from reproduce.physics.registration import (
+    checked_pivot,
+    diagnose,
+    fit_registration,
+    rounded,
+    similarity_between,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.points import STARS, Table, TableFileError

@@ -33,25 +33,26 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from reproduce.inference.parts import Store, run_parts
+from reproduce.inference import Store, run_parts
 from reproduce.papers.declare import draws
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.index import LOOKS
 from reproduce.papers.sketch import sized
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.optics.simulate import channel_centroids, spawned_angles, spawned_normals
-from reproduce.physics.registration.calibration import (
+from reproduce.physics.optics import channel_centroids, spawned_angles, spawned_normals
+from reproduce.physics.registration import (
     Calibration,
     calibrate,
+    fit_registration,
     model_points,
     random_starts,
     registration_bound,
+    rmse,
+    rmse_per_axis,
+    similarity_between,
     starting_values,
 )
-from reproduce.physics.registration.closed_form import rmse, rmse_per_axis
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies

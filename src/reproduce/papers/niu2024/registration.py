@@ -24,8 +24,8 @@ from reproduce.papers.sketch import (
     line,
     turning,
 )
-from reproduce.physics.optics import chromatic
-from reproduce.physics.registration.transforms import Registration, principal_point_shift
+from reproduce.physics import optics
+from reproduce.physics.registration import Registration, principal_point_shift
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
@@ -42,7 +42,7 @@ def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
     """Return the ratio of green's focal length in a table to that of each channel."""
     green = given[f"{table}#focal-length.green"]
     lengths = {channel: given[f"{table}#focal-length.{channel}"] for channel in _CHANNELS}
-    return {c: float(chromatic.scale_factor(green, length)) for c, length in lengths.items()}
+    return {c: float(optics.scale_factor(green, length)) for c, length in lengths.items()}
 
 
 @reproduces(
@@ -142,7 +142,7 @@ def registration_steps() -> FloatArray:
 def _draw_registration(figure: Figure) -> None:
     """How a blue spot is laid over the green one: turn and stretch about the pivot, then shift."""
     axes = canvas(figure, 13.0, 8.4, 6.0)
-    image_axes(axes, (0.5, 0.5), 1.8)
+    _image_axes(axes, (0.5, 0.5), 1.8)
     before, turned, stretched, after = registration_steps()
     axes.plot(*PIVOT, "+", color="#000000", markersize=12)
     label(axes, beside(PIVOT, 0.3, -0.8), "pivot: blue\nprincipal point", ha="left")
@@ -161,7 +161,7 @@ def _draw_registration(figure: Figure) -> None:
     label(axes, beside(after, -0.35, -0.35), "laid over green", ha="right")
 
 
-def image_axes(axes: Axes, corner: Point, length: float) -> None:
+def _image_axes(axes: Axes, corner: Point, length: float) -> None:
     """Draw the x and y axes of an image from its corner."""
     start = np.array(corner)
     for tip, name in (([length, 0.0], "x"), ([0.0, length], "y")):

@@ -50,18 +50,22 @@ from reproduce.papers.declare import (
 from reproduce.papers.sketch import INK, sized, thin
 from reproduce.papers.study import Fact
 from reproduce.papers.words import Way, words
-from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
-from reproduce.physics.optics.camera import Camera
-from reproduce.physics.optics.simulate import (
+from reproduce.physics.optics import (
+    Arrangement,
+    Camera,
+    arrangements_with,
     channel_centroids,
     noisy_centroids,
     spawned_angles,
     spawned_normals,
 )
-from reproduce.physics.registration.calibration import calibrate, starting_values
-from reproduce.physics.registration.closed_form import rmse_per_axis
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration
+from reproduce.physics.registration import (
+    Registration,
+    calibrate,
+    fit_registration,
+    rmse_per_axis,
+    starting_values,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 

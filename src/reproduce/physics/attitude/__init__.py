@@ -1,0 +1,40 @@
+"""Attitude: rotations, Wahba's problem, and the misalignment that lasers show."""
+
+from reproduce.physics.attitude.angles import (
+    angle_jacobian,
+    corrected_installation,
+    inertial_attitude,
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+    misalignment_between,
+    misalignment_in_tracker,
+    moved_laser_transform,
+    stage_angle,
+    stage_angle_printed,
+    stage_angles,
+    transform_error_printed,
+)
+from reproduce.physics.attitude.averaging import (
+    attitude_accuracy,
+    averaged_error,
+    moving_average,
+    scatter_of_averages,
+)
+from reproduce.physics.attitude.lasers import (
+    emitted_directions,
+    received_directions,
+    received_jacobian,
+    received_spots,
+)
+from reproduce.physics.attitude.monitoring import monitored
+from reproduce.physics.attitude.platform import Platform
+from reproduce.physics.attitude.rotations import (
+    cross_matrix,
+    rotation_from_vector,
+    transpose,
+    unit,
+    vector_from_rotation,
+)
+from reproduce.physics.attitude.wahba import attitude, mean_rotation, solve, taste
+from reproduce.physics.attitude.wahba_solvers import by_q_method, by_quest, by_svd, by_turning

@@ -20,8 +20,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = ["attitude_accuracy", "averaged_error", "moving_average", "scatter_of_averages"]
-
 
 def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     """Return the averages over every run of `count` consecutive frames.

@@ -18,8 +18,6 @@ from scipy.special import fdtrc
 from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
-__all__ = ["Finding", "diagnose", "refuse", "seen"]
-
 # Clean spots are found fault with one time in so many, over all that is asked.
 ALARM = 1e-3
 # Asked: far spots, motion in two groups, the pattern against its design and against the zero point.

@@ -18,8 +18,6 @@ import numpy as np
 from reproduce.physics.attitude.rotations import _unit
 from reproduce.physics.validate import Directions, FloatArray, Point, Points, Positive, checked
 
-__all__ = ["emitted_directions", "received_directions", "received_jacobian", "received_spots"]
-
 
 @checked
 def emitted_directions(

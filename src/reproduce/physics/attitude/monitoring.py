@@ -11,19 +11,16 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
 
-from reproduce.physics.attitude.lasers import received_directions, received_jacobian
-from reproduce.physics.attitude.misalignment import (
+from reproduce.physics.attitude.angles import (
     angle_jacobian,
     laser_transform,
     misalignment,
     misalignment_angles,
 )
+from reproduce.physics.attitude.lasers import received_directions, received_jacobian
 from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import FloatArray, number_array
-
-__all__ = ["Monitoring", "monitored"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +102,8 @@ class Monitoring:
 
     def interval(self, share: float) -> FloatArray:
         """Return the central interval of the mean by Student's law, shape (2, 3)."""
+        from scipy.special import stdtrit  # only now: its import takes longer than most solutions
+
         reach = stdtrit(self.freedom, 0.5 + share / 2) if self.freedom else np.nan
         return self.mean + np.array([[-1.0], [1.0]]) * reach * self.error
 

@@ -11,12 +11,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.physics.attitude.angles import laser_transform
 from reproduce.physics.attitude.lasers import emitted_directions, received_directions
-from reproduce.physics.attitude.misalignment import laser_transform
 from reproduce.physics.attitude.rotations import rotation_from_vector
 from reproduce.physics.validate import FloatArray, finite_array, kernel, positive
-
-__all__ = ["Platform"]
 
 _rotation_from_vector = kernel(rotation_from_vector)
 # In metres: no pixel is that large, but one in micrometres or millimetres seems so.

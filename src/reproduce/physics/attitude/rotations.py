@@ -19,14 +19,6 @@ from reproduce.physics.validate import (
     kernel,
 )
 
-__all__ = [
-    "cross_matrix",
-    "rotation_from_vector",
-    "transpose",
-    "unit",
-    "vector_from_rotation",
-]
-
 # Below this a squared length loses digits to underflow; beyond its inverse it may overflow.
 _SHORTEST_SQUARE = 1e-200
 

@@ -34,8 +34,6 @@ from reproduce.physics.validate import (
     weights_for,
 )
 
-__all__ = ["METHODS", "Taste", "WahbaSolution", "attitude", "mean_rotation", "solve", "taste"]
-
 # From the profile matrix; "direct" takes the directions themselves.
 _SOLVERS = {
     "svd": wahba_solvers.by_svd,

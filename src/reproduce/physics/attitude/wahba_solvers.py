@@ -45,8 +45,6 @@ from reproduce.physics.attitude.rotations import (
 )
 from reproduce.physics.validate import FloatArray
 
-__all__ = ["by_q_method", "by_quest", "by_svd", "by_turning"]
-
 # Newton halves the distance to a double root at each step: enough for all 52 bits.
 _NEWTON_STEPS = 60
 _ROUNDING = 2e-16

@@ -1,0 +1,34 @@
+"""Positions on the ground: Earth, orbit, imaging and its errors."""
+
+from reproduce.physics.ground.earth import (
+    EarthOrientation,
+    earth_fixed,
+    earth_from_inertial,
+    local_axes,
+    satellite_from_inertial,
+)
+from reproduce.physics.ground.errors import (
+    altitude_for_resolution,
+    circular_error,
+    ellipse,
+    ground_covariance,
+    ground_error,
+    ground_resolution,
+)
+from reproduce.physics.ground.imaging import (
+    WGS84,
+    GroundJacobian,
+    distance_to_ground,
+    ground_jacobian,
+    image_vectors,
+    imaged_position,
+    imaging_chain,
+)
+from reproduce.physics.ground.orbits import (
+    DAY,
+    Thermal,
+    last_orbits,
+    orbital_period,
+    thermal_series,
+    trend_and_fourier,
+)

@@ -18,14 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from reproduce.physics.ground.imaging import WGS84, Ellipsoid
 from reproduce.physics.validate import Direction, FloatArray, checked
 
-__all__ = [
-    "EarthOrientation",
-    "earth_fixed",
-    "earth_from_inertial",
-    "local_axes",
-    "satellite_from_inertial",
-]
-
 # Beyond a second a value of UT1 - UTC is a mistake: leap seconds keep it below 0.9 s.
 _LARGEST_UT1_UTC = 1.0
 

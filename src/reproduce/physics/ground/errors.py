@@ -24,16 +24,6 @@ from reproduce.physics.validate import (
     finite_array,
 )
 
-__all__ = [
-    "Ellipse",
-    "altitude_for_resolution",
-    "circular_error",
-    "ellipse",
-    "ground_covariance",
-    "ground_error",
-    "ground_resolution",
-]
-
 # Strips over which a normal law in the plane is integrated; enough for five digits.
 _SECTORS = 256
 _HALVINGS = 60

@@ -33,19 +33,6 @@ from reproduce.physics.validate import (
     finite_array,
 )
 
-__all__ = [
-    "WGS84",
-    "EarthMissedError",
-    "Ellipsoid",
-    "GroundJacobian",
-    "ImagedPoint",
-    "distance_to_ground",
-    "ground_jacobian",
-    "image_vectors",
-    "imaged_position",
-    "imaging_chain",
-]
-
 
 class EarthMissedError(ValueError):
     """A line of sight does not meet the ellipsoid."""

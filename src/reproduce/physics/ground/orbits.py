@@ -22,8 +22,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = ["DAY", "Thermal", "last_orbits", "orbital_period", "thermal_series", "trend_and_fourier"]
-
 # Gravitational constant of the Earth, m^3/s^2 (WGS84).
 _EARTH_GM = 3.986004418e14
 DAY = 86400.0

@@ -23,8 +23,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = ["CentroidError", "centre_of_gravity_error", "cramer_rao_variance", "s_curve_bias"]
-
 
 @checked
 def s_curve_bias(phase: Number, radius: Positive, terms: int = 20) -> FloatArray:

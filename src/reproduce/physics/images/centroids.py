@@ -24,8 +24,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = ["centre_of_gravity", "cut_windows", "detect_spots", "windowed_centre"]
-
 # Steps after which every spot of sensible brightness has come to rest.
 _STEPS = 30
 

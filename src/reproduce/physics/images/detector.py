@@ -21,8 +21,6 @@ from reproduce.physics.validate import (
     positive,
 )
 
-__all__ = ["Detector", "electrons", "expose"]
-
 # What rounding to whole digital numbers adds: the variance of a number spread over one step.
 _ROUNDING_VARIANCE = 1.0 / 12.0
 

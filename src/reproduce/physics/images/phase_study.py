@@ -24,18 +24,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = [
-    "Light",
-    "Scatter",
-    "biased_bound",
-    "bound",
-    "even_phases",
-    "observed_scatter",
-    "predicted_errors",
-    "predicted_scatter",
-    "simulated_errors",
-]
-
 
 @dataclass(frozen=True)
 class Light:

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from reproduce.physics.validate import FloatArray, Number, Positive, checked, finite_array, positive
 
-__all__ = ["blackbody_band", "channel_ratio", "tabulated_star"]
-
 # Second radiation constant hc/k, in m K: exact since the SI of 2019.
 _SECOND_RADIATION = 1.438776877e-2
 # A star of V = 0 gives 3.631e-9 erg/(s cm^2 angstrom) at 550 nm (Bessell, Castelli and Plez 1998);

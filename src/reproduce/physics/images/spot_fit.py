@@ -22,8 +22,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = ["CentreFit", "fitted_centre"]
-
 _WEIGHTINGS = ("likelihood", "uniform")
 _STEPS = 200
 # Steps of scoring; fits that are not at rest by then, as between two spots, go on by Newton's.

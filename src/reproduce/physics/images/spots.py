@@ -25,8 +25,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = ["render_frame", "spot_windows", "window_corners"]
-
 IntArray = NDArray[np.int64]
 
 

@@ -23,17 +23,6 @@ from reproduce.physics.validate import (
     kernel,
 )
 
-__all__ = [
-    "CORNER",
-    "ROOF",
-    "cone_path",
-    "fold_mirror_tilt",
-    "mirror_train",
-    "reflection",
-    "turn_response",
-    "turned_train",
-]
-
 _Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
 CORNER = np.array([[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]])

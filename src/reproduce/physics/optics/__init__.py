@@ -1,0 +1,33 @@
+"""Cameras and channels: where a star falls on each detector, in ideal and distorted positions."""
+
+from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
+from reproduce.physics.optics.camera import (
+    Camera,
+    angle_from_pixels,
+    detector_centre,
+    field_of_view,
+    ideal_positions,
+    image_points,
+    radial_displacements,
+    turned_onto_detector,
+)
+from reproduce.physics.optics.chromatic import (
+    distortion_ratio,
+    distortion_ratio_equal_coefficients,
+    distortion_ratio_linear,
+    offsets_from_principal_point,
+    reference_ideal_positions,
+    reference_points_from_ideal,
+    reference_points_scaled,
+    scale_factor,
+)
+from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
+from reproduce.physics.optics.rotary import rotary_matrix, rotary_matrix_printed, starlight
+from reproduce.physics.optics.simulate import (
+    channel_centroids,
+    noisy_centroids,
+    spawned_angles,
+    spawned_normals,
+    spawned_streams,
+    table_starlight,
+)

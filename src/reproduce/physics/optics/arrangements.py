@@ -20,8 +20,6 @@ import numpy as np
 
 from reproduce.physics.validate import FloatArray, Size, checked, whole_number
 
-__all__ = ["Arrangement", "arrangements_with"]
-
 _EDGE = 1e-9
 _LARGEST_SIDE = 2000
 

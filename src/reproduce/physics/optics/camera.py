@@ -31,17 +31,6 @@ from reproduce.physics.validate import (
     positive,
 )
 
-__all__ = [
-    "Camera",
-    "angle_from_pixels",
-    "detector_centre",
-    "field_of_view",
-    "ideal_positions",
-    "image_points",
-    "radial_displacements",
-    "turned_onto_detector",
-]
-
 
 def detector_centre(pixels: ArrayLike) -> FloatArray:
     """The middle of a detector, (..., 2) in px; it stands in for an unprinted principal point.

@@ -13,17 +13,6 @@ import numpy as np
 
 from reproduce.physics.validate import FloatArray, Number, Point, Points, Positive, checked
 
-__all__ = [
-    "distortion_ratio",
-    "distortion_ratio_equal_coefficients",
-    "distortion_ratio_linear",
-    "offsets_from_principal_point",
-    "reference_ideal_positions",
-    "reference_points_from_ideal",
-    "reference_points_scaled",
-    "scale_factor",
-]
-
 
 @checked
 def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> FloatArray:

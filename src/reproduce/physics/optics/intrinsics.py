@@ -27,8 +27,6 @@ from reproduce.physics.validate import (
     checked,
 )
 
-__all__ = ["CameraFit", "fit_camera"]
-
 _PARAMETERS = 4
 
 

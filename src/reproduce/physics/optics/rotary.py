@@ -13,8 +13,6 @@ import numpy as np
 
 from reproduce.physics.validate import FloatArray, Number, checked, kernel
 
-__all__ = ["rotary_matrix", "rotary_matrix_printed", "starlight"]
-
 
 @checked
 def rotary_matrix(external: Number, middle: Number) -> FloatArray:

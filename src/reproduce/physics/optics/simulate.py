@@ -32,15 +32,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = [
-    "channel_centroids",
-    "noisy_centroids",
-    "spawned_angles",
-    "spawned_normals",
-    "spawned_streams",
-    "table_starlight",
-]
-
 _WORD = 2**32
 
 

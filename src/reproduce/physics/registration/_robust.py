@@ -27,8 +27,6 @@ from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED
 from reproduce.physics.registration.transforms import MODELS, as_complex, as_points
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
-__all__ = ["TUKEY", "outlier_weights", "repeated_median"]
-
 # Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
 # 92.9 % for the length of a residual in two.
 TUKEY = 4.685
@@ -54,7 +52,7 @@ def outlier_weights(problem: Problem) -> FloatArray:
     """
     closed = repeated_median(problem)
     if problem.model != "affine":
-        refuse_mirrored(problem, closed)
+        _refuse_mirrored(problem, closed)
     kept = _majority(problem, from_similarity(problem.model, closed))
     for _ in range(ROUNDS):
         before, kept = kept, _fitting(problem, kept)
@@ -131,7 +129,7 @@ def repeated_median(problem: Problem) -> FloatArray:
     return _median_similarity(problem, ratio)
 
 
-def refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
+def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     """Refuse a mirror image, wrong matches or not: by medians of what two similarities leave."""
     flip = np.array([-1.0, 1.0])
     across = replace(problem, source=problem.source * flip, pivot=problem.pivot * flip)

@@ -25,17 +25,6 @@ from reproduce.physics.registration.transforms import (
 )
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, finite_array
 
-__all__ = [
-    "Problem",
-    "combined_residuals",
-    "from_similarity",
-    "information",
-    "local_matrix",
-    "model_jacobian",
-    "prepare",
-    "solve",
-]
-
 STEPS = 60
 MOVEMENT = 1e-11  # px, root mean square: far below what a centroid can mean
 DEPENDENT = 1e-13

@@ -19,20 +19,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.optics.camera import Camera, _turned
+from reproduce.physics.optics import Camera
+from reproduce.physics.optics.camera import _turned
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray, Points, checked, positive
-
-__all__ = [
-    "EFFECTS",
-    "Channels",
-    "analytic_bias",
-    "error_field",
-    "even_positions",
-    "second_term_from_share",
-    "simulated_bias",
-]
 
 _NONE = np.zeros(())
 EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")

@@ -38,25 +38,6 @@ from reproduce.physics.validate import (
     whole_number,
 )
 
-__all__ = [
-    "Calibration",
-    "ConvergenceError",
-    "Stopping",
-    "calibrate",
-    "calibrate_from_all",
-    "constraint",
-    "constraint_printed",
-    "deviations",
-    "gauss_newton_step",
-    "gauss_newton_step_printed",
-    "jacobian",
-    "model_points",
-    "random_starts",
-    "registration_bound",
-    "starting_values",
-    "two_line_rotation",
-]
-
 BoolArray = NDArray[np.bool_]
 
 _PARAMETERS = 4

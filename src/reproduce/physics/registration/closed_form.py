@@ -26,8 +26,6 @@ from reproduce.physics.validate import (
     weights_for,
 )
 
-__all__ = ["paired_points", "rmse", "rmse_per_axis"]
-
 _ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # How often noise alone may be taken for a mirror image.
 _CHANCE = 1e-6

@@ -27,16 +27,6 @@ from reproduce.physics.validate import (
     number_array,
 )
 
-__all__ = [
-    "Finding",
-    "checked_pivot",
-    "diagnose",
-    "fits_exactly",
-    "robust_similarity",
-    "rounded",
-    "wrong_matches",
-]
-
 # Residuals below this share of the coordinates are rounding.
 ROUNDING = 1e-11
 # The chance that a richer model is named where the fitted one is right.

@@ -24,8 +24,6 @@ from reproduce.physics.registration.closed_form import (
 from reproduce.physics.registration.transforms import Registration, _parameter_names
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, number_array
 
-__all__ = ["RegistrationFit", "fit_registration"]
-
 
 @dataclass(frozen=True, eq=False)
 class RegistrationFit:

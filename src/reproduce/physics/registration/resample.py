@@ -11,13 +11,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.ndimage import affine_transform, map_coordinates
 
 from reproduce.physics.registration.fit import RegistrationFit
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray, finite_array
-
-__all__ = ["fused_image", "registered_image"]
 
 _ORDERS = (0, 1, 3)
 
@@ -86,6 +83,8 @@ def registered_image(
     enlarged = abs(float(np.linalg.det(transform.matrix)))
     # Source position of target pixel p: matrix (p + corner) + origin - corner; y before x below.
     offset = (matrix @ first + origin - first)[::-1]
+    from scipy.ndimage import affine_transform  # only now: registering stars needs no SciPy
+
     resampled = affine_transform(
         light, matrix[::-1, ::-1], offset, order=order, mode="constant", cval=0.0
     )
@@ -98,6 +97,8 @@ def _bent(
     """Return an image registered by a transform with a radial term."""
     y, x = np.indices(light.shape)
     points = transform.undo(np.stack([x.ravel(), y.ravel()], axis=-1) + first)
+    from scipy.ndimage import map_coordinates
+
     resampled = map_coordinates(
         light, (points - first).T[::-1], order=order, mode="constant", cval=0.0
     )

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.optics.camera import Camera
+from reproduce.physics.optics import Camera
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
@@ -35,18 +35,6 @@ from reproduce.physics.validate import (
     finite_array,
     kernel,
 )
-
-__all__ = [
-    "MODELS",
-    "UNITS",
-    "Chain",
-    "ComplexArray",
-    "Registration",
-    "as_complex",
-    "as_points",
-    "principal_point_shift",
-    "similarity_between",
-]
 
 ComplexArray = NDArray[np.complex128]
 

@@ -200,7 +200,7 @@ def _of_posterior(name: str) -> dict[str, str]:
     ``outside`` what repeats print; for printed data, ``check-...``, the tail probability of each
     predictive check.
     """
-    from reproduce.inference.checks import posterior_checks
+    from reproduce.inference import posterior_checks
     from reproduce.papers.posteriors import posteriors
     from reproduce.views.objects.posterior import book_posterior, book_repeats, spread
 

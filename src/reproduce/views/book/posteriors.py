@@ -13,9 +13,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from reproduce.inference.checks import Share
-from reproduce.inference.diagnostics import Gates
-from reproduce.inference.posterior import Summary
+from reproduce.inference import Gates, Share, Summary
 from reproduce.papers.niu2024 import decisions
 from reproduce.papers.niu2024.posteriors import pixel_angle
 from reproduce.papers.posteriors import posteriors

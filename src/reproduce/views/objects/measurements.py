@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.diagnosis import (
+from reproduce.physics.registration import (
+    UNITS,
     Finding,
+    RegistrationFit,
     checked_pivot,
     diagnose,
+    fit_registration,
     fits_exactly,
 )
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.transforms import UNITS
 from reproduce.store.points import (
     STARS,
     Table,

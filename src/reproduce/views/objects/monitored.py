@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+from reproduce.physics.attitude import Platform, monitored
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
-from reproduce.physics.attitude.monitoring import monitored
-from reproduce.physics.attitude.platform import Platform
 from reproduce.printed.given import given
 from reproduce.store.spots import read_images
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -29,14 +29,20 @@ from reproduce.views.writing.numbers import digits, minus, moments
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reproduce.inference.checks import PredictiveCheck, Repeat, Share
-    from reproduce.inference.model import Model, Parameter
-    from reproduce.inference.parts import Progress
-    from reproduce.inference.posterior import Sampled, Summary
-    from reproduce.inference.priors import Prior
+    from reproduce.inference import (
+        Model,
+        Parameter,
+        PredictiveCheck,
+        Prior,
+        Progress,
+        Repeat,
+        Sampled,
+        Share,
+        Summary,
+    )
     from reproduce.inference.sampling import Plan
     from reproduce.papers.declare_posterior import Declaration, Supplied
-    from reproduce.physics.attitude.platform import Platform
+    from reproduce.physics.attitude import Platform
     from reproduce.views.writing.figures import Picture
 
 # Rows that a page shows at once.
@@ -54,8 +60,7 @@ ENDINGS = (".nc", ".npz")
 @cache
 def book_posterior(name: str) -> Sampled:
     """Return the posterior of the book, sampled and summarised once in a build."""
-    from reproduce.inference import sampling
-    from reproduce.inference.posterior import Sampled
+    from reproduce.inference import Sampled, sampling
     from reproduce.papers.posteriors import posteriors
 
     def sampled() -> Sampled:
@@ -239,8 +244,7 @@ class Posterior(Shown):
     @property
     def warnings(self) -> list[str]:
         """The remarks, after the ends of priors that hold the posterior, and a misfit."""
-        from reproduce.inference.checks import misfit
-        from reproduce.inference.sensitivity import leanings
+        from reproduce.inference import leanings, misfit
 
         told = misfit(self.checks)
         return [*map(str, leanings(self.sampled)), *([told] if told else []), *self.remarks]
@@ -248,7 +252,7 @@ class Posterior(Shown):
     @cached_property
     def checks(self) -> list[PredictiveCheck]:
         """Numbers of the data beside those of data simulated from the posterior."""
-        from reproduce.inference.checks import posterior_checks
+        from reproduce.inference import posterior_checks
 
         return posterior_checks(self.sampled)
 
@@ -270,7 +274,7 @@ class Posterior(Shown):
     def _stars(self) -> pd.DataFrame | None:
         import pandas as pd
 
-        from reproduce.inference.models.mixture import MixtureRegistration, probability_false
+        from reproduce.inference.models import MixtureRegistration, probability_false
 
         likelihood = self.model.likelihood
         if not isinstance(likelihood, MixtureRegistration):
@@ -488,8 +492,7 @@ class Posterior(Shown):
 
     def record(self) -> dict[str, Any]:
         """Return everything of the summary for other programs."""
-        from reproduce.inference.checks import misfit
-        from reproduce.inference.sensitivity import leanings
+        from reproduce.inference import leanings, misfit
 
         found = self.sampled
         stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
@@ -620,7 +623,7 @@ def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
     """Return a reader's prior; two ends are in the unit shown."""
     if not isinstance(prior, tuple | list):
         return prior
-    from reproduce.inference.priors import HalfNormal, LogNormal, LogUniform, Uniform
+    from reproduce.inference import HalfNormal, LogNormal, LogUniform, Uniform
 
     low, high = prior
     if low < 0 and isinstance(parameter.prior, HalfNormal | LogNormal | LogUniform):

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from reproduce.inference.checks import Share
+    from reproduce.inference import Share
     from reproduce.papers.study import Fact
 from reproduce.papers.words import Column
 

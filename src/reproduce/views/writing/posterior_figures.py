@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Parameter
-from reproduce.inference.posterior import Sampled
+from reproduce.inference import Parameter, Sampled
 from reproduce.papers.sketch import again, sized, thin
 from reproduce.views.writing.figures import Picture
 from reproduce.views.writing.numbers import minus

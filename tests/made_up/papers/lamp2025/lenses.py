@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reproduce.papers.declare import draws, reproduces
 from reproduce.papers.study import studied
-from reproduce.physics.optics.camera import angle_from_pixels
+from reproduce.physics.optics import angle_from_pixels
 
 LENSES = "lamp2025/table-1"
 

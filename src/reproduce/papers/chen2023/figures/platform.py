@@ -32,12 +32,14 @@ from reproduce.papers.sketch import (
     slim,
     turned,
 )
-from reproduce.physics.attitude.averaging import moving_average
-from reproduce.physics.attitude.lasers import received_spots
-from reproduce.physics.attitude.misalignment import stage_angle, stage_angles
-from reproduce.physics.attitude.wahba import mean_rotation
-from reproduce.physics.images.detector import Detector, expose
-from reproduce.physics.images.spots import render_frame
+from reproduce.physics.attitude import (
+    mean_rotation,
+    moving_average,
+    received_spots,
+    stage_angle,
+    stage_angles,
+)
+from reproduce.physics.images import Detector, expose, render_frame
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.stars import bright_stars

@@ -33,10 +33,16 @@ from reproduce.papers.sketch import (
     turned,
 )
 from reproduce.papers.space import seen_from, sense, triad
-from reproduce.physics.attitude.lasers import emitted_directions
-from reproduce.physics.attitude.rotations import rotation_from_vector, transpose, unit
-from reproduce.physics.ground.earth import EarthOrientation, earth_fixed, earth_from_inertial
-from reproduce.physics.ground.imaging import WGS84, image_vectors, imaged_position, imaging_chain
+from reproduce.physics.attitude import emitted_directions, rotation_from_vector, transpose, unit
+from reproduce.physics.ground import (
+    WGS84,
+    EarthOrientation,
+    earth_fixed,
+    earth_from_inertial,
+    image_vectors,
+    imaged_position,
+    imaging_chain,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

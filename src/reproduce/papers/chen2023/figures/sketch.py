@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.sketch import INK, Look, line, turned
-from reproduce.physics.light.raytrace import reflection
+from reproduce.physics.light import reflection
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:

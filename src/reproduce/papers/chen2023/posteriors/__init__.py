@@ -12,19 +12,18 @@ from functools import partial
 
 import numpy as np
 
-from reproduce.inference.model import Model
-from reproduce.inference.models.averaging import AveragingLikelihood, averaging_model
-from reproduce.inference.models.lasers import SpotStatistics
-from reproduce.inference.models.misalignment import (
+from reproduce.inference import HalfNormal, Model
+from reproduce.inference.models import (
+    AveragingLikelihood,
+    ReferenceAngles,
     SpotLikelihood,
-    misalignment_model,
-)
-from reproduce.inference.models.reference_angles import ReferenceAngles
-from reproduce.inference.models.small_angle import (
+    SpotStatistics,
+    StageTableLikelihood,
+    averaging_model,
     errors_with_free_lasers,
+    misalignment_model,
+    table_model,
 )
-from reproduce.inference.models.stage_table import StageTableLikelihood, table_model
-from reproduce.inference.priors import HalfNormal
 from reproduce.inference.quadrature import Summed, summed
 from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE, as_designed
 from reproduce.papers.chen2023.posteriors import (
@@ -35,7 +34,7 @@ from reproduce.papers.chen2023.posteriors import (
 from reproduce.papers.chen2023.posteriors.consequences import Averaged, OnTheGround, StageTest
 from reproduce.papers.chen2023.posteriors.simulated_spots import images
 from reproduce.papers.declare_posterior import Aside, Declaration
-from reproduce.physics.ground.errors import altitude_for_resolution
+from reproduce.physics.ground import altitude_for_resolution
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.inference.model import Consequence
+from reproduce.inference import Consequence
 from reproduce.papers.chen2023.platform import SIGMAS
-from reproduce.physics.attitude.averaging import averaged_error
-from reproduce.physics.attitude.misalignment import stage_angles
-from reproduce.physics.ground.errors import ground_error
+from reproduce.physics.attitude import averaged_error, stage_angles
+from reproduce.physics.ground import ground_error
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 

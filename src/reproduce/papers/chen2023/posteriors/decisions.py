@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import norm
 
-from reproduce.inference.models.averaging import by_column
-from reproduce.inference.models.small_angle import small_angle_posterior
-from reproduce.inference.models.table_sums import TableResult, interchanged
+from reproduce.inference.models import TableResult, by_column, interchanged, small_angle_posterior
 from reproduce.inference.quadrature import Summed
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, positioning, satellite
 from reproduce.papers.chen2023.posteriors import (
@@ -34,9 +32,8 @@ from reproduce.papers.declare import draws
 from reproduce.papers.sketch import INK, again, sized
 from reproduce.papers.study import Fact, studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude.averaging import averaged_error
-from reproduce.physics.attitude.misalignment import stage_angle
-from reproduce.physics.ground.orbits import DAY
+from reproduce.physics.attitude import averaged_error, stage_angle
+from reproduce.physics.ground import DAY
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN

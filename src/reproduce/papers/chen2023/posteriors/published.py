@@ -7,10 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference.checks import Published
-from reproduce.inference.model import Model
-from reproduce.inference.models.averaging import AveragingLikelihood
-from reproduce.inference.models.stage_table import StageTableLikelihood
+from reproduce.inference import Model, Published
+from reproduce.inference.models import AveragingLikelihood, StageTableLikelihood
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare_posterior import OWN_DATA, published_cells, simulated
 from reproduce.physics.validate import FloatArray

@@ -10,7 +10,7 @@ from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
 from reproduce.papers.declare import ROOT_SEED
-from reproduce.physics.attitude.platform import Platform
+from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 

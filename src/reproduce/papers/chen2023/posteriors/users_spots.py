@@ -10,20 +10,19 @@ from functools import partial
 
 import numpy as np
 
-from reproduce.inference.model import Model
-from reproduce.inference.models.lasers import SpotStatistics
-from reproduce.inference.models.misalignment import (
+from reproduce.inference import LogUniform, Model, Normal, Prior
+from reproduce.inference.models import (
     AXES,
     MOUNT,
     SpotLikelihood,
+    SpotStatistics,
     misalignment_model,
+    with_priors,
 )
-from reproduce.inference.models.registration import with_priors
-from reproduce.inference.priors import LogUniform, Normal, Prior
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.declare_posterior import File
+from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
-from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import given
 from reproduce.store.points import Table, TableFileError

@@ -16,16 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.lasers import _spots, emitted_directions
-from reproduce.physics.attitude.rotations import rotation_from_vector, unit
+from reproduce.physics.attitude import emitted_directions, rotation_from_vector, unit
+from reproduce.physics.attitude.lasers import _spots
 from reproduce.physics.light.raytrace import CORNER, ROOF, cone_path, fold_mirror_tilt
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
     finite_array,
 )
-
-__all__ = ["RETROREFLECTORS", "Cone", "LightPath", "Mirrors", "light_path"]
 
 STILL = (0.0, 0.0, 0.0)
 # Planes nearer than this are those just left.

@@ -43,22 +43,6 @@ from reproduce.physics.validate import (
     weights_for,
 )
 
-__all__ = [
-    "angle_jacobian",
-    "corrected_installation",
-    "inertial_attitude",
-    "laser_transform",
-    "misalignment",
-    "misalignment_angles",
-    "misalignment_between",
-    "misalignment_in_tracker",
-    "moved_laser_transform",
-    "stage_angle",
-    "stage_angle_printed",
-    "stage_angles",
-    "transform_error_printed",
-]
-
 
 def laser_transform(
     camera_directions: ArrayLike,
