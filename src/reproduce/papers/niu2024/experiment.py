@@ -293,7 +293,7 @@ def registrations(
     Channel to its fits, batch shape (replicates,).
     """
     table, noisy = _twin(given, seed, replicates, error)
-    zero = np.flatnonzero(np.isclose(table, 0.0).all(axis=-1)).item()
+    [zero] = simulation.zero_places(table)
     return {
         channel: fit_registration(noisy[:, place], noisy[:, 0], noisy[:, place, zero])
         for place, channel in enumerate(REGISTERED, start=1)
@@ -317,12 +317,13 @@ _SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel":
 
 def _scale_facts(given: Given) -> dict[str, Fact]:
     """What sentences say of the scale factors: how far each lies from the ratio, at both noises."""
-    rows = _scale_errors(given)
+    found = _scale_errors(given)
+    far = found.groupby("Channel")["Distance (σ)"].agg(["min", "max"])
     return {
-        f"{channel}-{end}": Fact(pick(row[-1] for row in rows if row[0] == channel), ".1f")
-        for channel in REGISTERED
-        for end, pick in (("least", min), ("most", max))
-    } | {"sd": Fact(max(row[-2] for row in rows), ".1e")}
+        f"{channel}-{end}": Fact(value, ".1f")
+        for channel, ends in far.iterrows()
+        for end, value in zip(("least", "most"), ends, strict=True)
+    } | {"sd": Fact(found["Standard deviation in the twin"].max(), ".1e")}
 
 
 @studied(
@@ -336,12 +337,8 @@ def _scale_facts(given: Given) -> dict[str, Fact]:
     named=_scale_facts,
     random=True,
 )
-def scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
-    """How far scale factors and focal lengths fitted apart may differ."""
-    return _scale_errors(given)
-
-
 def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
+    """How far scale factors and focal lengths fitted apart may differ."""
     seed = seed_of("niu2024/scale-errors", given.root)
     residual = float(np.sqrt(np.square(given.array(f"{OUTCOME}#rmse-after-*")).mean()))
     printed = registration.scale_factors(given, CALIBRATION)

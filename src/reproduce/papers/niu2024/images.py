@@ -130,6 +130,11 @@ def similarities(door: Given) -> list[Registration]:
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 
 
+def _imaged(door: Given, angles: FloatArray) -> FloatArray:
+    """Return where the channels image stars, shape (3, n, 2)."""
+    return channel_centroids(cameras(door), experiment.rotations(door), angles)
+
+
 def star_photons(door: Given, magnitude: ArrayLike, star: ArrayLike | str) -> FloatArray:
     """Return the photons that stars send to each detector in one exposure, shape (3, ...).
 
@@ -165,7 +170,7 @@ def frames(
     door: Given, angles: ArrayLike, magnitude: ArrayLike, temperature: ArrayLike, seed: int
 ) -> _Frames:
     """Render and expose a full frame in all three channels."""
-    positions = channel_centroids(cameras(door), experiment.rotations(door), angles)
+    positions = _imaged(door, np.asarray(angles))
     photons = star_photons(door, magnitude, temperature)
     streams = SeedSequence(seed).spawn(len(photons))
     images = [
@@ -269,7 +274,7 @@ def cell(
     errors, signals, colours = [], [], []
     for _ in range(PHASES):
         angles = place * np.array(experiment.half_field(door)) + pitch * generator.uniform(-1, 1, 2)
-        spots = channel_centroids(used, experiment.rotations(door), angles[None])[:, 0]
+        spots = _imaged(door, angles[None])[:, 0]
         windows, corner = _exposures(spots, photons, trials, generator)
         made = _combinations(windows, corner, similarities(door))
         errors.append(_centres(made, corner) - spots[0])
@@ -431,7 +436,7 @@ def _spots() -> FloatArray:
     """Return where the star stands in green, red and blue, in px, near the corner of the field."""
     door = given(READS)
     angles = 0.95 * np.array(experiment.half_field(door))
-    return channel_centroids(cameras(door), experiment.rotations(door), angles[None])[:, 0]
+    return _imaged(door, angles[None])[:, 0]
 
 
 def _star_facts() -> dict[str, Fact]:

@@ -57,7 +57,6 @@ from reproduce.papers.niu2024.simulation import (
 )
 from reproduce.physics.optics import (
     angle_from_pixels,
-    channel_centroids,
     noisy_centroids,
     scale_factor,
     spawned_angles,
@@ -111,8 +110,7 @@ def centroids(given: Given) -> FloatArray:
 
 def true_centroids(given: Given) -> FloatArray:
     """Noise-free centroids of green, red and blue, shape (3, n, 2), in px."""
-    table = simulation.literal(given).angles
-    return channel_centroids(simulation.cameras(given), simulation.rotations(given), table)
+    return simulation.imaged(given, simulation.literal(given).angles)
 
 
 def truth(given: Given, channels: tuple[str, ...]) -> dict[str, float]:
@@ -230,7 +228,7 @@ def _test_points(given: Given) -> FloatArray:
     """Measured test points in green, red and blue, shape (3, points, 2), in px."""
     count, half_ranges = given.count(_TEST_POINTS), simulation.half_ranges(given)
     directions = spawned_angles(_ANGLES_SEED, 1, count, half_ranges)[0]
-    true = channel_centroids(simulation.cameras(given), simulation.rotations(given), directions)
+    true = simulation.imaged(given, directions)
     return np.asarray(noisy_centroids(true, given[NOISE], _NOISE_SEED, 1)[0])
 
 

@@ -175,7 +175,7 @@ def simulate_channel(door: Given, drawn: _Numbers, channel: str) -> Iterator[Flo
         true, zero = spots(found.angles), spots(np.zeros((1, 2)))
         at_random = np.moveaxis(spots(drawn.positions), -3, 1)
         tests = {TESTS[0]: at_random, TESTS[1]: np.moveaxis(true[:, drawn.chosen], 0, 1)}
-        at_zero = np.flatnonzero(np.isclose(found.angles, 0.0).all(axis=-1))
+        at_zero = simulation.zero_places(found.angles)
         for repeats, noisy in product(REPEATS, _NOISY):
             level = (sigma / np.sqrt(repeats) * np.array(_NOISY[noisy]))[:, None, None]
             green, source = np.moveaxis(true + level * drawn.calibration[:, pair], 1, 0)
@@ -272,7 +272,7 @@ def precision(door: Given, channel: str) -> tuple[FloatArray, FloatArray, FloatA
     """
     place = simulation.CHANNELS.index(channel)
     cameras, turns = simulation.cameras(door), simulation.rotations(door)
-    true = channel_centroids(cameras, turns, simulation.literal(door).angles)
+    true = simulation.imaged(door, simulation.literal(door).angles)
     implied = similarity_between(cameras[place], turns[place], cameras[0])
     fitted = fit_registration(true[place], true[0], cameras[place].principal_point)
     sigma = door[simulation.NOISE]
@@ -368,7 +368,7 @@ _RESTARTS = 20
 def _imaged(door: Given) -> tuple[FloatArray, FloatArray]:
     """Return the angles of the simulation, and where the channels image them."""
     table = simulation.literal(door).angles
-    return table, channel_centroids(simulation.cameras(door), simulation.rotations(door), table)
+    return table, simulation.imaged(door, table)
 
 
 def convergence() -> tuple[Calibration, Calibration]:
@@ -378,7 +378,7 @@ def convergence() -> tuple[Calibration, Calibration]:
     noise = numbers(door, 1).calibration[0]
     green, red, _ = true + door[simulation.NOISE] * noise
     still = np.isclose(table[:, 1], 0.0)
-    zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0)).item()
+    [zero] = simulation.zero_places(table)
     pivot, generator = red[zero], np.random.default_rng(SEED)
     start = starting_values(red[still], green[still], pivot, green[zero])
     starts = random_starts(start, _HALF_WIDTHS, _RESTARTS, generator)

@@ -34,6 +34,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
+from numpy.typing import NDArray
 
 from reproduce.papers.declare import (
     Blocked,
@@ -171,6 +172,16 @@ def rotations(given: Given) -> list[float]:
     return [0.0, *(given[f"{TRUTH}#rotation.{channel}"] for channel in REGISTERED)]
 
 
+def imaged(given: Given, angles: FloatArray, translations: str = "table-1") -> FloatArray:
+    """Return where green, red and blue image the star without noise, shape (..., 3, n, 2)."""
+    return channel_centroids(cameras(given, translations), rotations(given), angles)
+
+
+def zero_places(angles: FloatArray) -> NDArray[np.intp]:
+    """Return the places of the zero position among angles of shape (n, 2)."""
+    return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
+
+
 def calibrations(
     given: Given,
     seed: SeedSequence,
@@ -191,10 +202,10 @@ def calibrations(
     """
     table = _arrangement(given, angles).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
-    at_zero = np.flatnonzero(still & np.isclose(table[:, 0], 0.0))
+    at_zero = zero_places(table)
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
     zero = at_zero.item() if at_zero.size else len(table)
-    true = channel_centroids(cameras(given, translations), rotations(given), measured_at)
+    true = imaged(given, measured_at, translations)
     sigma = given[NOISE] * np.asarray(_NOISY[noise])
     measured = noisy_centroids(true, sigma, seed, replicates, repeats=_DRAWS[repeats], first=first)
     pivots, spots = measured[..., zero, :], measured[..., : len(table), :]
@@ -300,7 +311,7 @@ def _tested(
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),), first=first).argsort()
         points = table[order[:, :count]]
-    true = channel_centroids(cameras(given, translations), rotations(given), points)
+    true = imaged(given, points, translations)
     sigma = given[NOISE] * np.asarray(_NOISY[noise])
     return noisy_centroids(true, sigma, for_noise, replicates, repeats=_DRAWS[repeats], first=first)
 
@@ -387,7 +398,7 @@ def _arrangement_facts() -> dict[str, Fact]:
 
 
 def _holds_zero(one: Arrangement) -> bool:
-    return bool(np.isclose(one.angles, 0).all(axis=-1).any())
+    return len(zero_places(one.angles)) > 0
 
 
 @draws("niu2024-arrangements", given=ANGLES, named=_arrangement_facts)
