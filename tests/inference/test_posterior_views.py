@@ -212,7 +212,7 @@ def test_the_model_as_code_holds_declaration_data_priors_and_likelihood():
         assert f'"{name}"' in source.partition(")")[0]
         assert f"def {declared.build.__name__}(" in source
         assert "\ndef __call__(self, parameters" in source
-    shown = rp.posterior("table-5").setup.text
+    shown = rp.posterior("table-5").setup._repr_html_()
     assert "Data as printed." in shown
     for parameter in rp.posterior("table-5").model.parameters:
         assert parameter.prior.reason in shown

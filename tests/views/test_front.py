@@ -18,6 +18,7 @@ import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+from reproduce.physics.registration.resample import registered_image
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -588,3 +589,40 @@ def test_every_way_of_giving_stars_hears_the_same(tmp_path):
     assert file.remarks == [found.text.replace("rows 9, 3", "lines 11, 5")]
     assert file.record()["findings"][0]["rows"] == (9, 3)
     assert list(rp.posterior("registration", str(tmp_path / "stars.csv")).remarks) == file.remarks
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: rp.table(3), "expected a key such as"),
+        (lambda: rp.figure(None), "expected a key such as"),
+        (lambda: rp.table("niu2024/table-3").rerun(seed="a"), "seed: expected a whole number"),
+        (lambda: rp.posterior("registration", data=SQUARE), "data: expected a file, - or a Data"),
+        (lambda: rp.posterior("registration", steps=0), "steps: expected 1 or more"),
+        (lambda: rp.table("niu2024/table-3").sweep(STRANGER, "0.2 px"), "expected a list of val"),
+        (lambda: registered_image(np.ones((5, 5)), 3), "transform: expected a Registration"),
+    ],
+)
+def test_another_type_is_told_what_was_expected(call, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        call()
+
+
+def test_what_a_fit_of_ones_own_stars_returns_registers_an_image(tmp_path):
+    stars = written_stars(tmp_path / "stars.csv")
+    fit = rp.register(stars[:, :2], stars[:, 2:])
+    image = np.arange(1200.0).reshape(30, 40)
+    shown = registered_image(image, fit)
+    np.testing.assert_array_equal(shown, registered_image(image, fit.transform))
+
+
+def test_a_posterior_takes_a_dataframe_as_it_takes_its_file(tmp_path):
+    stars = written_stars(tmp_path / "stars.csv")
+    frame = pd.DataFrame(stars, columns=STAR_COLUMNS.split(","))
+    frame.to_csv(tmp_path / "exact.csv", index=False)
+    first, second = (
+        rp.posterior("registration", data=data, pivot=(500, 400), steps=400, seed=3)
+        for data in (frame, tmp_path / "exact.csv")
+    )
+    assert "your DataFrame, 60 rows" in first.told
+    pd.testing.assert_frame_equal(first.frame(), second.frame())

@@ -101,7 +101,7 @@ def test_figures_of_one_page_share_no_name():
 
 
 def test_the_index_adds_up():
-    html = rp.contents().index.html
+    html = rp.contents().index._repr_html_()
     rows = [
         re.findall(r"<td>(?:<span class=\"rp-zero\">)?([\d·]+)<", row)
         for row in html.split("<tr>")[2:]
@@ -222,5 +222,5 @@ def test_small_pieces():
     assert "<code>ledger.json</code>" in pages.downloads().text
     assert "scale" in pages.source("niu2024/table-2").text
     assert "Niu" in pages.citation("niu2024/table-3").text
-    assert "numpy" in pages.versions().text
+    assert "numpy" in pages.versions()._repr_html_()
     assert repr(pages.verdict_legend()) == "<HTML>"

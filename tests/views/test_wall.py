@@ -76,7 +76,7 @@ def test_contents_show_the_walls_of_their_papers():
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_the_index_leads_to_every_item_in_order_of_print(paper):
     keys = [key for key in catalogue() if key.startswith(f"{paper}/")]
-    leads = [a["href"] for a in Tags(str(rp.contents(paper).index.html)).all("a")]
+    leads = [a["href"] for a in Tags(str(rp.contents(paper).index._repr_html_())).all("a")]
     expected = [anchor(key) if key in library() else f"figure-{anchor(key)}" for key in keys]
     assert leads == [f"#{name}" for name in expected]
 

@@ -256,6 +256,9 @@ def check_randomness(
     key: str, random: bool, changes: Iterable[str], seed: int | None, replicates: int | None = None
 ) -> None:
     """Refuse a seed and replicates out of range, or where nothing draws random numbers."""
+    for name, number in (("replicates", replicates), ("seed", seed)):
+        if number is not None and not isinstance(number, int | np.integer):
+            raise CannotChangeError(f"{name}: expected a whole number, got {number!r}")
     if replicates is not None and not 2 <= replicates <= MOST_REPLICATES:
         raise CannotChangeError(
             f"replicates: expected from 2 to {MOST_REPLICATES:,}, got {replicates}"

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator
@@ -21,6 +22,9 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store.points import TableFileError, computing, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
@@ -144,17 +148,17 @@ class Declaration:
         seed: int | None = None,
     ) -> Plan:
         """Return how it is sampled in the book, or otherwise where something is given."""
-        steps = steps or self.steps
+        steps = self.steps if steps is None else steps
         return Plan(
             ROOT_SEED if seed is None else seed,
             ensembles=ensembles,
-            walkers=walkers or self.walkers,
+            walkers=self.walkers if walkers is None else walkers,
             steps=steps,
             warmup=max(100, steps // 4),
         )
 
     def from_file(
-        self, path: str | Path, pivot: Pivot = None, design: Platform | None = None
+        self, path: str | Path | pd.DataFrame, pivot: Pivot = None, design: Platform | None = None
     ) -> Supplied:
         """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
 
@@ -169,7 +173,7 @@ class Declaration:
         if design is not None and not file.platform:
             raise TableFileError(f"{self.key} takes no platform: only misalignments have one")
         more = {"design": design} if file.platform else {}
-        with computing(path):
+        with computing("the DataFrame" if hasattr(path, "iloc") else path):
             table = read_table(path, file.columns, (*UNUSED, *file.optional))
             model = file.read(table, pivot, **more)
             remarks = file.remarks(table, pivot, **more) if file.remarks else []

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
@@ -29,7 +28,8 @@ from reproduce.views.cli_posteriors import (
     posterior,
 )
 from reproduce.views.keys import check_address, check_key
-from reproduce.views.writing.display import PLAIN
+from reproduce.views.writing.display import Blocks
+from reproduce.views.writing.terminal import PLAIN
 
 _CHANGE, _CHOICE = "CELL=VALUE", "NAME=ALTERNATIVE"
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
@@ -91,8 +91,7 @@ def list_items(as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
     else:
-        for grid in contents.listed():
-            grid.print(Console())
+        Blocks(tuple(contents.listed())).print()
 
 
 @main.command()
@@ -111,7 +110,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
         for line in found.faults():
             click.echo(line, err=True)
     else:
-        found.print(Console())
+        found.print()
     if not found:
         sys.exit(1)
 
@@ -145,7 +144,7 @@ def show(
     again: dict[str, Any] = {n: value for n, value in numbers.items() if value is not None}
     again |= pairs("--option", _CHOICE, options)
     try:
-        (found.rerun(set_to, **again) if set_to or again else found).print(Console())
+        (found.rerun(set_to, **again) if set_to or again else found).print()
     except CannotChangeError as error:
         raise click.UsageError(str(error)) from error
 
@@ -217,7 +216,7 @@ def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path 
         if as_json:
             click.echo(json.dumps(found.as_json(), indent=2, ensure_ascii=False))
         else:
-            found.print(Console())
+            found.print()
     except (ValueError, OSError) as error:
         raise click.UsageError(str(error)) from error
 
@@ -266,4 +265,4 @@ def _told(file: Path, as_json: bool, measure: Callable[[], Any]) -> None:
     if as_json:
         click.echo(json.dumps(found.record(), indent=2))
     else:
-        found.print(Console())
+        found.print()

@@ -13,7 +13,8 @@ import click
 from rich.console import Console
 
 from reproduce.views.objects.posterior import ENDINGS, Posterior, file_formats
-from reproduce.views.writing.display import Grid
+from reproduce.views.writing.blocks import Grid
+from reproduce.views.writing.display import Blocks
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -149,7 +150,7 @@ def posterior(
     if as_json:
         click.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
-        wanted.print(Console())
+        wanted.print()
 
 
 def pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
@@ -235,10 +236,15 @@ def _list_models(as_json: bool) -> None:
         click.echo(json.dumps(titles, indent=2, ensure_ascii=False))
         return
     rows = [(name, known[name].paper, title) for name, title in titles.items()]
-    Grid("", ("model", "paper", "about"), rows, words=3, whole=(0, 1)).print(Console())
     files = [file for file in file_formats() if file[1]]
     told = "A CSV for --data has a line of column names, then numbers."
-    Grid(told, ("models", "columns", "what they hold"), files, words=3).print(Console())
+    heads = ("models", "columns", "what they hold")
+    Blocks(
+        (
+            Grid("", ("model", "paper", "about"), rows, words=3, whole=(0, 1)),
+            Grid(told, heads, files, words=3),
+        )
+    ).print()
 
 
 def _known(model: str | None) -> str:

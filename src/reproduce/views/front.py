@@ -67,10 +67,11 @@ def table(address: str) -> Table | Cell | StudyTable:
     'exact'
     """
     from reproduce.judge.studies import studies
+    from reproduce.views.keys import check_text
     from reproduce.views.objects.study import StudyTable
     from reproduce.views.objects.table import Cell, Table
 
-    if address in studies():
+    if check_text(address) in studies():
         return StudyTable(address)
     return Cell(address) if "#" in address else Table(address)
 
@@ -89,8 +90,10 @@ def figure(key: str) -> Figure | Panels:
         Drawn when it is looked at.
     """
     from reproduce.papers.catalogue import catalogue
+    from reproduce.views.keys import check_text
     from reproduce.views.objects.figure import Figure, Panels
 
+    key = check_text(key)
     panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
     return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
 

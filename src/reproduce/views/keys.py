@@ -15,9 +15,17 @@ __all__ = [
     "check_address",
     "check_key",
     "check_paper",
+    "check_text",
     "place",
     "title",
 ]
+
+
+def check_text(address: str) -> str:
+    """Return an address that is text."""
+    if not isinstance(address, str):
+        raise TypeError(f"expected a key such as 'niu2024/table-3', got {address!r}")
+    return address
 
 
 class UnknownKeyError(KeyError):

@@ -23,7 +23,7 @@ from reproduce.physics.registration._steps import (
     model_jacobian,
     solve,
 )
-from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED
+from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED, _Solution
 from reproduce.physics.registration.transforms import MODELS, as_complex, as_points
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 
@@ -35,6 +35,8 @@ MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
 ROUNDS = 30
 # The start takes all pairs of so many points, spread evenly over the rows.
 PAIRED = 600
+# The biweights settle on so many points at most, spread as evenly; each point is tested by itself.
+SETTLED = 5_000
 # The chance that any point of a field of right matches is taken for wrong.
 ALARM = 1e-3
 # Of the size of the field: a median residual below it is that of a fit, if not of a good one.
@@ -63,14 +65,18 @@ def outlier_weights(problem: Problem) -> FloatArray:
 
 def _majority(problem: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
     """Return the points that Tukey's biweights keep when they have settled, (..., n)."""
-    lengths = _lengths(problem, *_whitened(problem, parameters, problem.source))
+    some = problem.thinned(SETTLED)
+    lengths = _lengths(some, *_whitened(some, parameters, some.source))
     weights = _biweights(lengths)
     for _ in range(ROUNDS):
-        found = solve(problem.with_weights(weights))
-        lengths = _lengths(problem, *_whitened(problem, found.parameters, found.points))
+        found = solve(some.with_weights(weights))
+        lengths = _lengths(some, *_whitened(some, found.parameters, found.points))
         before, weights = weights, _biweights(lengths)
         if np.abs(weights - before).max() < 1e-9:
             break
+    if some is not problem:
+        lengths = _lengths(problem, *_whitened(problem, found.parameters, problem.source))
+        weights = _biweights(lengths)
     half = problem.source.shape[-2] // 2
     return (weights > 0) | (lengths <= np.partition(lengths, half)[..., half, None])
 
@@ -83,24 +89,51 @@ def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """
     found = solve(problem.with_weights(kept.astype(np.float64)))
     factor, residuals = _whitened(problem, found.parameters, found.points)
-    rows = factor @ model_jacobian(problem, found.parameters, found.points)
-    # With columns of length one the matrix can be inverted whatever the units.
-    rows = rows / np.sqrt(np.square(rows).sum(axis=(-3, -2)))[..., None, None, :]
-    counted = np.where(kept[..., None, None], rows, 0)
-    normal = np.einsum("...nij,...nik->...jk", counted, counted)
-    leverage = rows @ np.linalg.inv(normal)[..., None, :, :] @ rows.mT
-    sign = np.where(kept, -1.0, 1.0)[..., None, None]
-    spread = (1 + LEAST) * np.eye(2) + sign * leverage
-    square = (residuals * np.linalg.solve(spread, residuals[..., None])[..., 0]).sum(axis=-1)
+    square = _tested(problem, kept, factor, residuals, found)
     chi_square = np.where(kept[..., None], residuals**2, 0).sum(axis=(-2, -1))[..., None]
     own = np.ones(kept.shape, bool) if problem.weights is None else problem.weights > 0
-    count = 2 * (kept & own).sum(axis=-1, keepdims=True) - rows.shape[-1]
+    count = 2 * (kept & own).sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
     freedom = count - 2 * kept
     least = freedom * _rounding(problem, factor) ** 2
     rest = np.maximum(chi_square - np.where(kept, square, 0), np.maximum(least, _TINY))
     beyond = -0.5 * freedom * np.log1p(square / rest)
     alarm = np.log(ALARM / own.sum(axis=-1, keepdims=True))
     return np.asarray(np.where(freedom > 0, beyond > alarm, kept))
+
+
+def _tested(
+    problem: Problem,
+    kept: NDArray[np.bool_],
+    factor: FloatArray,
+    residuals: FloatArray,
+    found: _Solution,
+) -> FloatArray:
+    """Return the squares of whitened residuals over their expected share, (..., n).
+
+    A point that is kept has drawn the fit to itself by its leverage; another has not.
+    """
+    sign = np.where(kept, -1.0, 1.0)
+    if problem.model == "similarity" and not problem.errors_known:
+        own = np.ones(kept.shape) if problem.weights is None else problem.weights
+        leverage = own * _leverage(as_complex(problem.source), own * kept)
+        return np.square(residuals).sum(axis=-1) / (1 + LEAST + sign * leverage)
+    rows = factor @ model_jacobian(problem, found.parameters, found.points)
+    # With columns of length one the matrix can be inverted whatever the units.
+    rows = rows / np.sqrt(np.square(rows).sum(axis=(-3, -2)))[..., None, None, :]
+    counted = np.where(kept[..., None, None], rows, 0)
+    normal = np.einsum("...nij,...nik->...jk", counted, counted)
+    leverage = rows @ np.linalg.inv(normal)[..., None, :, :] @ rows.mT
+    spread = (1 + LEAST) * np.eye(2) + sign[..., None, None] * leverage
+    solved = np.linalg.solve(spread, residuals[..., None])[..., 0]
+    return np.asarray((residuals * solved).sum(axis=-1))
+
+
+def _leverage(points: NDArray[np.complex128], weights: FloatArray) -> FloatArray:
+    """Return the leverage of a point of weight one on a similarity, for both axes alike."""
+    total = weights.sum(axis=-1, keepdims=True)
+    offsets = points - (weights * points).sum(axis=-1, keepdims=True) / total
+    squares = np.square(np.abs(offsets))
+    return 1 / total + squares / (weights * squares).sum(axis=-1, keepdims=True)
 
 
 def repeated_median(problem: Problem) -> FloatArray:
@@ -183,7 +216,9 @@ def _whitened(
     """Return what makes residuals of variance one, (..., n, 2, 2), and the residuals so made."""
     carry = local_matrix(problem, parameters, points)
     left = combined_residuals(problem, parameters, points, carry)
-    factor = np.asarray(np.linalg.cholesky(information(problem, carry)).mT, dtype=np.float64)
+    factor = information(problem, carry)
+    if problem.errors_known:
+        factor = np.asarray(np.linalg.cholesky(factor).mT, dtype=np.float64)
     if problem.weights is not None:
         factor = np.sqrt(problem.weights)[..., None, None] * factor
     return factor, (factor @ left[..., None])[..., 0]

@@ -7,6 +7,7 @@ the transform f, its parameters u.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +56,20 @@ class Problem:
         """Return the same problem with these weights times its own."""
         own = 1.0 if self.weights is None else self.weights
         return replace(self, weights=own * weights)
+
+    def thinned(self, most: int) -> Problem:
+        """Return so many of the points at most, spread evenly over the rows."""
+        n = self.source.shape[-2]
+        if n <= most:
+            return self
+        some = np.linspace(0, n - 1, most).astype(int)
+        axes = {"source": -2, "target": -2, "weights": -1}
+        axes |= {"source_covariance": -3, "target_covariance": -3}
+        given = {name: getattr(self, name) for name in axes}
+        taken: dict[str, Any] = {
+            k: np.take(v, some, axes[k]) for k, v in given.items() if v is not None
+        }
+        return replace(self, **taken)
 
     def with_covariances(self, source: ArrayLike | None, target: ArrayLike | None) -> Problem:
         """Return the same problem with checked covariances, shape (..., n, 2, 2) in px^2."""
@@ -118,8 +133,11 @@ def solve(problem: Problem) -> _Solution:
     from e by weighted least squares, and s = x + Cx A^T (Cy + A Cx A^T)^-1 e from what is left.
 
     It starts from the closed form of a simpler model, and refuses points that leave a parameter
-    free.
+    free. A similarity of points without known errors is that closed form.
     """
+    if problem.model == "similarity" and not problem.errors_known:
+        given = (problem.source, problem.target, problem.pivot, problem.weights)
+        return _closed_similarity(*given)
     parameters = _starting_point(problem)
     points = problem.source
     limit = MOVEMENT * (1 + np.abs(problem.target).max())

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.registration.transforms import MODELS
@@ -40,6 +40,8 @@ RICHER = {
     "affine": (),
 }
 CALLED = {"similarity+radial": "similarity with a radial term"}
+# Models are compared by so many stars at most: more would tell a gain that no star shows.
+COMPARED = 20_000
 # Fewer stars tell one wrong match of a robust fit, not two.
 FEW = 8
 # Fewer degrees of freedom of the others tell no star to be wrong.
@@ -252,6 +254,7 @@ def _better_model(
 
     Both are fitted to those stars that the richer one keeps.
     """
+    source, target, settings = _thinned(source, target, settings)
     candidates = []
     for model in RICHER[settings.get("model", "similarity")]:
         rich = _robustly(source, target, pivot, **settings | {"model": model})
@@ -275,6 +278,19 @@ def _better_model(
         f"{called} fits the stars better than {CALLED.get(plain.model, plain.model)} (rms "
         f'{before:.3g} → {after:.3g} px): {cause}? take model="{model}"'
     )
+
+
+def _thinned(
+    source: FloatArray, target: FloatArray, settings: dict[str, Any]
+) -> tuple[FloatArray, FloatArray, dict[str, Any]]:
+    """Return so many stars at most, spread evenly over the rows, and what is said of each."""
+    n = len(source)
+    if n <= COMPARED:
+        return source, target, settings
+    some = np.linspace(0, n - 1, COMPARED).astype(int)
+    axes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
+    own = {k: np.asarray(v)[some] for k, v in settings.items() if axes.get(k) == np.ndim(v)}
+    return source[some], target[some], settings | own
 
 
 def _rms(fit: RegistrationFit, weights: FloatArray | None) -> float:
@@ -308,7 +324,7 @@ def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list
     if far or spans[0] < SMALL:
         found.append(f"the stars span {spans[0]:.4g}{far} (are these pixels?)")
     middle = [float(np.median(np.hypot(*(one - np.median(one, axis=0)).T)))
-              for one in (source, target)]  # fmt: skip
+              for one in _thinned(source, target, {})[:2]]  # fmt: skip
     if min(middle) > 0 and max(middle) > APART * min(middle):
         found.append(
             f"one image spans {max(middle) / min(middle):.3g} times the other (are both in pixels?)"
@@ -324,8 +340,7 @@ def _repeated(source: FloatArray, target: FloatArray, named: Named) -> list[Find
         ("shared", source, "share the star of the source with an earlier one"),
         ("shared", target, "share the star of the target with an earlier one"),
     ):
-        _, first, where = np.unique(stars, axis=0, return_index=True, return_inverse=True)
-        again = np.flatnonzero(first[where.ravel()] != np.arange(len(stars)))
+        again = _again(stars)
         if found and kind == "shared":
             again = np.setdiff1d(again, found[0].rows)
         if len(again):
@@ -333,6 +348,18 @@ def _repeated(source: FloatArray, target: FloatArray, named: Named) -> list[Find
             count = f"{len(rows)} of {len(stars)} stars {text} ({named(rows)})"
             found.append(Finding(kind, f"{count}: each counts as a star of its own", rows))
     return found
+
+
+def _again(stars: FloatArray) -> NDArray[np.intp]:
+    """Return the rows, in order, that repeat an earlier one."""
+    # Rows that are equal have equal sums; only these are compared.
+    sums = sum(column / prime for column, prime in zip(stars.T, (1, 3, 7, 13), strict=False))
+    order = np.argsort(sums)
+    alike = np.flatnonzero(np.diff(np.asarray(sums)[order]) == 0)
+    some = np.unique(order[np.concatenate([alike, alike + 1])])
+    order = some[np.lexsort(stars[some].T)]
+    same = (stars[order[1:]] == stars[order[:-1]]).all(axis=1)
+    return np.sort(order[1:][same])
 
 
 def _line(source: FloatArray) -> list[Finding]:
@@ -410,18 +437,18 @@ def rounded(stars: FloatArray) -> str:
     >>> rounded(np.hstack([field, field + 3]))
     '20 of 20 stars moved alike to the last digit, 1 px'
     """
-    source, target = stars[:, :2], stars[:, -2:]
-    decimals = None if len(stars) < ALIKE else _decimals(stars)
+    first, second, _ = _thinned(stars[:, :2], stars[:, -2:], {})
+    decimals = None if len(stars) < ALIKE else _decimals(np.hstack([first, second]))
     if decimals is None:
         return ""
     digit = 10.0**-decimals
-    scale, theta = robust_similarity(source, target, source.mean(axis=0)).parameters[:2]
-    apart = max(abs(scale - 1), abs(theta)) * float(np.ptp(source, axis=0).max())
-    moved = ((target - source) / digit).round()
+    scale, theta = robust_similarity(first, second, first.mean(axis=0)).parameters[:2]
+    apart = max(abs(scale - 1), abs(theta)) * float(np.ptp(first, axis=0).max())
+    moved = ((second - first) / digit).round()
     alike = int(np.unique(moved, axis=0, return_counts=True)[1].max())
-    if apart > STILL * digit or alike <= max(2, TIED * len(stars)):
+    if apart > STILL * digit or alike <= max(2, TIED * len(first)):
         return ""
-    return f"{alike} of {len(stars)} stars moved alike to the last digit, {digit:g} px"
+    return f"{alike} of {len(first)} stars moved alike to the last digit, {digit:g} px"
 
 
 def _decimals(stars: FloatArray) -> int | None:

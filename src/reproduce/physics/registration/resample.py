@@ -69,8 +69,10 @@ def registered_image(
         raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
     if order not in _ORDERS:
         raise ValueError(f"order: expected one of {_ORDERS}, got {order!r}")
-    if isinstance(transform, RegistrationFit):
-        transform = transform.transform
+    # A fit holds its transform, and so does what the front door returns for a user's stars.
+    transform = getattr(transform, "transform", transform)
+    if not isinstance(transform, Registration):
+        raise TypeError(f"transform: expected a Registration, got {type(transform).__name__}")
     if transform.batch:
         raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
     first = finite_array("corner", corner, shape=(2,))

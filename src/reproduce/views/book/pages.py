@@ -18,8 +18,9 @@ from reproduce.views.keys import check_key
 from reproduce.views.objects.base import text_of
 from reproduce.views.objects.figure import with_bar
 from reproduce.views.writing import numbers, verdicts
+from reproduce.views.writing.blocks import Grid, Html
 from reproduce.views.writing.cite import citation as citation_of
-from reproduce.views.writing.display import Grid, Html
+from reproduce.views.writing.display import Blocks
 from reproduce.views.writing.figures import declared, vectors
 
 __all__ = ["citation", "downloads", "figure", "source", "verdict_legend", "versions"]
@@ -65,9 +66,9 @@ def downloads() -> Html:
     return Html(Markup('<ul class="rp-downloads">{}</ul>').format(Markup("").join(items)))
 
 
-def versions() -> Html:
+def versions() -> Blocks:
     """Show what the book was built with."""
     names = ("numpy", "scipy", "matplotlib", "pandas", "emcee", "jupyter-book")
     rows = {"Python": platform.python_version(), "reproduce-pointing": __version__}
     rows |= {name: metadata.version(name) for name in names}
-    return Html(Grid("What the book was built with.", ("", "version"), list(rows.items())).html)
+    return Blocks((Grid("What the book was built with.", ("", "version"), list(rows.items())),))

@@ -6,7 +6,6 @@ table for each paper.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +30,8 @@ from reproduce.views.objects.posterior import (
 )
 from reproduce.views.objects.posterior import file_formats as formats
 from reproduce.views.writing import posterior_figures as figures
-from reproduce.views.writing.display import Entry, Grid, Html
+from reproduce.views.writing.blocks import Entry, Grid, Html
+from reproduce.views.writing.display import Blocks
 from reproduce.views.writing.numbers import (
     digits,
     minus,
@@ -123,7 +123,7 @@ SIMULATED = (
 )  # fmt: skip
 
 
-def said() -> Html:
+def said() -> Blocks:
     """Show what every posterior says, beside the print and its verdict."""
     rows = [summarised(one) for one in (*PRINTED, *SIMULATED)]
     head = ("Quantity", "Data", "Printed", "Posterior, mean ± sd", "95 % interval",
@@ -133,7 +133,7 @@ def said() -> Html:
         "where the paper's own are not published. Verdict: that of the printed cell; no posterior "
         "decides one."
     )
-    return Html(Grid(caption, head, rows, "posteriors").html)
+    return Blocks((Grid(caption, head, rows, "posteriors"),))
 
 
 def _summary(one: Said) -> Summary:
@@ -240,7 +240,7 @@ def stars() -> Html:
     return pictured(picture, alternative, caption, text_of(figures.edge_errors))
 
 
-def diagnostics(paper: str) -> Html:
+def diagnostics(paper: str) -> Blocks:
     """Show how far the posteriors of a paper can be trusted, a line each: chains, calibration."""
     names = [name for name, one in posteriors().items() if one.paper == paper]
     stored = studies.table("calibrations")
@@ -263,7 +263,7 @@ def diagnostics(paper: str) -> Html:
         f"chance alone makes {count * OUTSIDE:.2g}; the least even has p = {least:.2g}, and "
         f"{count * least:.2g} are expected to be as small."
     )
-    return Html(_table(head, rows, caption))
+    return Blocks((Grid(caption, head, rows),))
 
 
 def _trusted(name: Any, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
@@ -281,11 +281,7 @@ def _trusted(name: Any, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:
-    return str(Grid(caption, head, rows).html) if rows else ""
-
-
-def file_formats() -> Html:
+def file_formats() -> Blocks:
     """Show which columns a user's own file has, for every model that takes one."""
     rows = [(keys, names or "none", text) for keys, names, text in formats()]
-    return Html(_table(("Model", "Columns", "What they hold"), rows, "Files for --data"))
+    return Blocks((Grid("Files for --data", ("Model", "Columns", "What they hold"), rows),))

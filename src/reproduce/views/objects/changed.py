@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from reproduce.judge.rerun import Rerun
 from reproduce.printed.units import symbol
 from reproduce.views.objects.base import setting
-from reproduce.views.writing.display import Block, Display, Grid
+from reproduce.views.writing.blocks import Block, Grid
+from reproduce.views.writing.display import Display
 from reproduce.views.writing.numbers import minus
 from reproduce.views.writing.verdicts import joint_chance
 

@@ -21,7 +21,8 @@ from reproduce.printed.units import si_factor
 from reproduce.views import keys
 from reproduce.views.objects.contents import score_table
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.display import Block, Display
+from reproduce.views.writing.blocks import Block
+from reproduce.views.writing.display import Display
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,7 +18,8 @@ from reproduce.views.computed import item_ledger
 from reproduce.views.objects.base import by_row
 from reproduce.views.objects.wall import legend, wall
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.display import Block, Display, Entry, Fold, Grid, Html, badge
+from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html, badge
+from reproduce.views.writing.display import Blocks, Display
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,7 +84,7 @@ class Contents(Display):
             yield Grid("", ("our own tables", "what"), own, words=2, whole=(0,))
 
     @property
-    def index(self) -> Grid:
+    def index(self) -> Blocks:
         """Every item in order of print, with its cells by verdict; each leads to its place."""
         rows: list[list[Entry]] = []
         for key in self.keys:
@@ -95,7 +96,8 @@ class Contents(Display):
             what = Markup("{}<br><code>{}</code>").format(keys.title(key), key)
             rows.append([link, what, *counts])
         caption = "Tables, figures and quoted numbers, in order of print."
-        return Grid(caption, ["", "", *map(badge, VERDICTS)], rows, kind="rp-score rp-index")
+        grid = Grid(caption, ["", "", *map(badge, VERDICTS)], rows, kind="rp-score rp-index")
+        return Blocks((grid,))
 
     def blocks(self) -> Iterator[Block]:
         """Yield every number as a mark, and the same as lists: items, tables of our own, score."""

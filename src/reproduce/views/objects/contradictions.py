@@ -31,19 +31,11 @@ from reproduce.views.computed import item_ledger, paper_audit
 from reproduce.views.keys import check_paper
 from reproduce.views.objects.base import by_row, text_of
 from reproduce.views.objects.figure import pictured
-from reproduce.views.writing.display import (
-    Block,
-    Blocks,
-    Display,
-    Entry,
-    Fold,
-    Grid,
-    Html,
-    badge,
-    folded,
-)
+from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html, badge
+from reproduce.views.writing.display import Blocks, Display
 from reproduce.views.writing.figures import Picture
 from reproduce.views.writing.numbers import minus
+from reproduce.views.writing.page import folded
 from reproduce.views.writing.verdicts import quantity
 
 if TYPE_CHECKING:

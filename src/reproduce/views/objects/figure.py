@@ -18,7 +18,7 @@ from reproduce.views import computed, keys
 from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, Item, Shown, setting
 from reproduce.views.writing import figures
-from reproduce.views.writing.display import Block, Html
+from reproduce.views.writing.blocks import Block, Html
 
 if TYPE_CHECKING:
     import pandas as pd

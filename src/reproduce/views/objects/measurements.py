@@ -29,7 +29,8 @@ from reproduce.store.points import (
     read_table,
     table_of,
 )
-from reproduce.views.writing.display import Block, Display, Grid
+from reproduce.views.writing.blocks import Block, Grid
+from reproduce.views.writing.display import Display
 from reproduce.views.writing.numbers import between, moments
 
 if TYPE_CHECKING:

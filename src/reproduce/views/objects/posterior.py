@@ -17,12 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
+from reproduce.store.points import is_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.objects.base import Shown, by_row, text_of
 from reproduce.views.platforms import platform_of
+from reproduce.views.writing.blocks import Block, Fold, Grid, Html
 from reproduce.views.writing.cite import beside
-from reproduce.views.writing.display import Block, Fold, Grid, Html, folded
+from reproduce.views.writing.display import Blocks
 from reproduce.views.writing.export import export_frame
 from reproduce.views.writing.numbers import digits, minus, moments
 
@@ -89,8 +91,8 @@ class Posterior(Shown):
     ----------
     name : str
         Such as ``registration``.
-    data : str or Path, optional
-        A reader's CSV in place of the book's data.
+    data : str, Path or DataFrame, optional
+        A reader's CSV or table in place of the book's data.
     pivot : tuple of float, optional
         Principal point of these data, in px.
     priors : mapping, optional
@@ -105,7 +107,7 @@ class Posterior(Shown):
     def __init__(
         self,
         name: str,
-        data: str | Path | None = None,
+        data: str | Path | pd.DataFrame | None = None,
         pivot: tuple[float, float] | None = None,
         priors: Mapping[str, Prior | tuple[float, float]] | None = None,
         platform: Platform | str | Path | None = None,
@@ -125,8 +127,15 @@ class Posterior(Shown):
                 f"unknown {sorted(unknown)}: expected data, pivot, priors, steps, walkers, "
                 "ensembles or seed"
             )
+        if data is not None and not is_table(data):
+            raise TypeError(
+                f"data: expected a file, - or a DataFrame with named columns, got "
+                f"{type(data).__name__}; DataFrame(array, columns=[...]) names them"
+            )
+        # What is wrong is refused here, not when it is looked at.
+        _ = self.plan
         if self._priors:
-            _ = self.model  # so that a wrong one is refused here, not when it is looked at
+            _ = self.model
 
     @cached_property
     def declared(self) -> Declaration:
@@ -138,19 +147,19 @@ class Posterior(Shown):
     @property
     def reads(self) -> tuple[str, ...]:
         """Addresses of the printed cells that reach the model."""
-        return () if self.data else self.declared.given
+        return self.declared.given if self.data is None else ()
 
     @property
     def where(self) -> str:
         """Where the data come from: print, our simulation, or a reader's file."""
-        if self.data:
-            return f"data of {Path(self.data).name}"
+        if self._supplied:
+            return f"data of {Path(self._supplied.source).name}"
         simulated = self.declared.simulated
         return "data simulated by us from printed settings" if simulated else "data as printed"
 
     @cached_property
     def _supplied(self) -> Supplied | None:
-        if not self.data:
+        if self.data is None:
             return None
         design = None if self.platform is None else platform_of(self.platform)
         return self.declared.from_file(self.data, self.pivot, design)
@@ -179,7 +188,7 @@ class Posterior(Shown):
     @cached_property
     def sampled(self) -> Sampled:
         """The sampled posterior itself, for what this object does not offer."""
-        if not self.data and not self.settings and not self._priors:
+        if self.data is None and not self.settings and not self._priors:
             return book_posterior(self.name)
         return self.sample()
 
@@ -229,7 +238,9 @@ class Posterior(Shown):
                 for name, value in found["truth"].items()
             )
             return f"simulated by us with printed settings of {found['paper']}; truth: {shown}"
-        line = f"your file {found['file']}, {found['rows']} lines"
+        frame = hasattr(self.data, "iloc")
+        file = "DataFrame" if frame else f"file {found['file']}"
+        line = f"your {file}, {found['rows']} {'rows' if frame else 'lines'}"
         if "pivot" in found:
             places = dict.fromkeys("({:.6g}, {:.6g})".format(*one) for one in found["pivot"])
             line += f", pivot {' and '.join(places)} px"
@@ -313,14 +324,14 @@ class Posterior(Shown):
         return "\n\n".join((_declaration(self.declared), text_of(self.declared.build), likelihood))
 
     @property
-    def setup(self) -> Html:
+    def setup(self) -> Blocks:
         """What is sampled, from which data, under which priors and why; its code unfolds."""
         rows = list(self.priors.itertuples(name=None))
         rows = [(name, unit, prior.replace(" -", " −"), why) for name, unit, prior, why in rows]
         caption = f"What is sampled. {self.where.capitalize()}."
-        priors = Grid(caption, ("Parameter", "Unit", "Prior", "Why"), rows, kind="rp-small").html
+        priors = Grid(caption, ("Parameter", "Unit", "Prior", "Why"), rows, kind="rp-small")
         code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
-        return Html(priors + folded("The model as code", code))
+        return Blocks((priors, Fold("The model as code", (Html(code),))))
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the unit shown."""
@@ -353,7 +364,7 @@ class Posterior(Shown):
     @property
     def truth(self) -> dict[str, float]:
         """The parameters with which the data were simulated, in the unit shown; none otherwise."""
-        if self.data:
+        if self.data is not None:
             return {}
         factors = {one.name: one.shown for one in self.model.parameters}
         return {name: value * factors[name] for name, value in self.declared.true_values().items()}
@@ -406,7 +417,7 @@ class Posterior(Shown):
         from reproduce.views.objects.figure import captioned, pictured
         from reproduce.views.writing.figures import Vectors, drawn, inline, vector_of
 
-        if not self.data and not self.changes:
+        if self.data is None and not self.changes:
             return pictured(picture, alternative, caption, text_of(draw))
         wide, narrow = (vector_of(drawn(picture.paint, narrow=one)) for one in (False, True))
         name = f"figure-{picture.key}-own"
@@ -463,7 +474,7 @@ class Posterior(Shown):
 
     def rerun(
         self,
-        data: str | Path | None = None,
+        data: str | Path | pd.DataFrame | None = None,
         pivot: tuple[float, float] | None = None,
         priors: Mapping[str, Prior | tuple[float, float]] | None = None,
         platform: Platform | str | Path | None = None,
@@ -488,7 +499,8 @@ class Posterior(Shown):
         kept = {**self.settings, **settings}
         changed = {**self._priors, **(priors or {})}
         design = self.platform if platform is None else platform
-        return Posterior(self.name, data or self.data, pivot or self.pivot, changed, design, **kept)
+        given = self.data if data is None else data
+        return Posterior(self.name, given, pivot or self.pivot, changed, design, **kept)
 
     def record(self) -> dict[str, Any]:
         """Return everything of the summary for other programs."""
@@ -524,7 +536,7 @@ class Posterior(Shown):
         rows = [(_named(row), *marks.get(row.name, none), *interval(row)) for row in found]
         caption = f"Posterior {self.name}, {self.where}." + (f" Changed: {own}." if own else "")
         first = len(rows) if len(rows) <= SHORT else self.model.dimension
-        identifier = "" if self.data or own else f"posterior-{self.name}"
+        identifier = "" if self._supplied or own else f"posterior-{self.name}"
         yield Grid(caption, head, rows[:first], identifier, whole=range(1, len(head)))
         if rows[first:]:
             rest = Grid("What follows from the parameters.", head, rows[first:])
@@ -557,7 +569,7 @@ class Posterior(Shown):
     @property
     def lines(self) -> list[str]:
         """What is said below the summary: the likely false stars, and what to beware of."""
-        warnings = self.warnings if self.data or self.changes else []
+        warnings = self.warnings if self._supplied or self.changes else []
         false = [self.false_stars] if self.false_stars else []
         return [*false, *(f"Beware: {text}" for text in warnings)]
 

@@ -17,7 +17,7 @@ from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, setting, text_of
 from reproduce.views.objects.sweep import Moved, Sweep, of_study
 from reproduce.views.writing import numbers
-from reproduce.views.writing.display import Block, Entry, Fold, Grid, Html
+from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html
 from reproduce.views.writing.export import table_files
 
 if TYPE_CHECKING:

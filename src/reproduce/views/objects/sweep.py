@@ -16,7 +16,8 @@ from reproduce.papers.words import Column
 from reproduce.printed.cells import library
 from reproduce.printed.number import Interval
 from reproduce.printed.units import symbol
-from reproduce.views.writing.display import Block, Display, Grid, Html
+from reproduce.views.writing.blocks import Block, Grid, Html
+from reproduce.views.writing.display import Display
 from reproduce.views.writing.numbers import entry, minus
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ class Moved:
         ValueError
             If there is no value, or not one for each input.
         """
+        if isinstance(values, str):
+            raise ValueError(f"expected a list of values to move the cell to, got {values!r} alone")
         if not values:
             raise ValueError("expected at least one value to move the cell to, got none")
         moved = (names,) if isinstance(names, str) else tuple(names)

@@ -22,7 +22,7 @@ from reproduce.views.objects.base import Item, Shown, by_row, line_of, text_of
 from reproduce.views.objects.changed import Changed
 from reproduce.views.objects.sweep import Moved, Sweep, of_cells
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.display import Block, Box, Entry, Fold, Grid, Html, Section, badge
+from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, Section, badge
 from reproduce.views.writing.export import export, full_frame, table_files
 from reproduce.views.writing.numbers import minus
 

@@ -1,84 +1,13 @@
-"""What is shown, described once as blocks, and the writers: HTML for a page, text for a terminal.
-
-A block is a sentence, a `Grid`, a `Fold` around others, or `Html`, which only a page shows.
-"""
+"""What shows itself by its blocks, in a notebook and in a terminal."""
 
 from __future__ import annotations
 
-import codecs
-import io
-import re
-import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import zip_longest
-from typing import NamedTuple
 
-from markupsafe import Markup, escape
-from rich import box
-from rich.cells import cell_len
-from rich.console import Console, RenderableType
-from rich.padding import Padding
-from rich.table import Table
-from rich.text import Text
-
-from reproduce.views.writing.numbers import powers_in_html
-
-WIDTH = 80
-TOWER = 14  # columns that a wrapped sentence takes at least
-PLAIN = "reproduce-plain"  # how streams write what they cannot encode
-Entry = str | Markup
-# How a terminal shows the badge of a verdict.
-_COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
-_COLOURS |= {"input": "dim"}
-# What stands in for a sign that a stream cannot encode.
-_SIGNS = {"−": "-", "×": "x", "″": '"', "′": "'", "°": " deg", "±": "+/-", "µ": "u", "μ": "u"}
-_SIGNS |= {"→": "->", "↔": "<->", "≈": "~", "∞": "inf", "√": "sqrt", "∆": "Delta"}
-_SIGNS |= {"≤": "<=", "≥": ">=", "·": ".", "–": "-", "—": "-", "…": "...", "’": "'", "─": "-"}
-_SIGNS |= {"σ": "sigma", "τ": "tau", "χ": "chi", "κ": "kappa", "θ": "theta", "Δ": "Delta"}
-_SMALL = re.compile("<br><small>(.*?)</small>")
-_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"
-
-
-@dataclass(frozen=True)
-class Html:
-    """A piece of a page; a terminal shows `words` in its place."""
-
-    text: str
-    words: str = ""
-
-    def _repr_html_(self) -> str:
-        return powers_in_html(self.text)
-
-    def __repr__(self) -> str:
-        """Return the words, where it has some: the HTML is what counts."""
-        return self.words or "<HTML>"
-
-
-class Box(NamedTuple):
-    """An entry with an anchor, a class and a name of its own; it may hold several, stacked."""
-
-    content: Entry | tuple[Entry, ...]
-    identifier: str = ""
-    kind: str = ""
-    name: str = ""
-
-
-class Fold(NamedTuple):
-    """Blocks that a page shows when it is asked to; of some a terminal says the summary alone."""
-
-    summary: Entry
-    blocks: tuple[Block, ...]
-    opened: bool = False
-    page: bool = False
-
-
-class Section(NamedTuple):
-    """Blocks under one anchor."""
-
-    identifier: str
-    blocks: tuple[Block, ...]
+from reproduce.views.writing.blocks import Block
+from reproduce.views.writing.page import html
 
 
 class Display(ABC):
@@ -91,19 +20,17 @@ class Display(ABC):
     def _repr_html_(self) -> str:
         return html(self.blocks())
 
-    def print(self, console: Console) -> None:
-        """Write the blocks on a terminal."""
-        for part in terminal(self.blocks(), console.width):
-            if isinstance(part, str):
-                console.print(part, markup=False, highlight=False)
-            else:
-                console.print(part)
+    def print(self) -> None:
+        """Write the blocks on the terminal."""
+        from reproduce.views.writing import terminal  # only now: a fit needs no terminal
+
+        terminal.write(self.blocks())
 
     def __repr__(self) -> str:
         """Return the blocks as text, without colour."""
-        text = io.StringIO()
-        self.print(Console(file=text, width=WIDTH, no_color=True, force_jupyter=False))
-        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+        from reproduce.views.writing import terminal
+
+        return terminal.text(self.blocks())
 
 
 @dataclass(frozen=True, repr=False)
@@ -115,230 +42,3 @@ class Blocks(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return them."""
         return self.shown
-
-
-@dataclass(frozen=True, repr=False)
-class Grid(Display):
-    """A table of texts; the first entry of each row names it.
-
-    Parameters
-    ----------
-    caption : str
-        What it shows; also its name for a reader who cannot see it.
-    head : sequence of str
-        Names of the columns.
-    rows : sequence of sequences of str
-        Entries; those that are `markupsafe.Markup` are HTML already.
-    identifier : str
-        The anchor of the table on a page.
-    kind : str
-        A further class of its HTML.
-    anchors : sequence of str
-        The anchor of each row, where rows have one.
-    names : sequence of str
-        What a terminal calls each row in place of its first entry.
-    whole : collection of int
-        Columns that a terminal does not wrap.
-    stacked : sequence of str
-        What the stacked entries of a box are; a terminal shows a row for each box.
-    words : int
-        So many columns are words, which a terminal aligns at the left.
-    spare : bool
-        Whether a terminal that is too narrow may leave it out.
-    """
-
-    caption: Entry
-    head: Sequence[Entry]
-    rows: Sequence[Sequence[Entry | Box]]
-    identifier: str = ""
-    kind: str = ""
-    anchors: Sequence[str] = ()
-    names: Sequence[str] = ()
-    whole: Collection[int] = ()
-    stacked: Sequence[str] = ()
-    words: int = 1
-    spare: bool = False
-
-    def blocks(self) -> Iterator[Block]:
-        """Return itself."""
-        yield self
-
-    @property
-    def html(self) -> Markup:
-        """The table as HTML that scrolls by itself where a page is narrow."""
-        return Markup(powers_in_html(_table_html(self)))
-
-
-Block = str | Markup | Html | Grid | Fold | Section
-
-
-def html(blocks: Iterable[Block]) -> str:
-    """Write blocks as HTML."""
-    return powers_in_html(Markup("\n").join(map(_block_html, blocks)))
-
-
-def _block_html(block: Block) -> Markup:
-    if isinstance(block, Html):
-        return Markup(block.text)
-    if isinstance(block, Grid):
-        return _table_html(block)
-    if isinstance(block, Fold):
-        return folded(block.summary, Markup("\n").join(map(_block_html, block.blocks)),
-                      opened=block.opened)  # fmt: skip
-    if isinstance(block, Section):
-        inner = Markup("\n").join(map(_block_html, block.blocks))
-        return Markup('<div class="rp-item" id="{}">\n{}\n</div>').format(block.identifier, inner)
-    return Markup('<p class="rp-joint">{}</p>').format(block)
-
-
-def badge(word: str, text: str = "") -> Markup:
-    """Return a verdict, or a text in its look, as a badge."""
-    mark = Markup('<span class="rp-badge rp-badge-{}">{}</span>')
-    return mark.format(word, text or word)
-
-
-def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
-    """Return HTML that shows its content when it is asked to."""
-    fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
-    return Markup(fold).format(Markup(" open" if opened else ""), summary, content)
-
-
-def _table_html(grid: Grid) -> Markup:
-    th = '<th scope="{}">{}</th>'.format
-    head = "".join(th("col", escape(name)) for name in grid.head)
-    marks = [f' id="{escape(name)}"' for name in grid.anchors] or [""] * len(grid.rows)
-    rows = "\n".join(
-        f"<tr{mark}>{th('row', escape(row[0]))}{''.join(map(_td, row[1:]))}</tr>"
-        for mark, row in zip(marks, grid.rows, strict=True)
-    )
-    anchor = f' id="{escape(grid.identifier)}"' if grid.identifier else ""
-    label = escape(Markup(escape(grid.caption)).striptags())
-    return Markup(
-        f'<div class="rp-scroll"{anchor} tabindex="0" role="region" aria-label="{label}">'
-        f'\n<table class="{f"rp-table {grid.kind}".strip()}">'
-        f"<caption>{escape(grid.caption)}</caption>"
-        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
-    )
-
-
-def _td(entry: Entry | Box) -> str:
-    one = entry if isinstance(entry, Box) else Box(entry)
-    named = (("id", one.identifier), ("class", one.kind))
-    marks = "".join(f' {name}="{escape(value)}"' for name, value in named if value)
-    lines = one.content if isinstance(one.content, tuple) else (one.content,)
-    return f"<td{marks}>{Markup('<br>').join(line for line in lines if line)}</td>"
-
-
-def terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
-    """Write blocks as aligned text for a terminal of this many columns."""
-    for block in blocks:
-        if isinstance(block, Grid):
-            yield from _grid_lines(block, width)
-        elif isinstance(block, Fold):
-            yield f"\n{plain(block.summary)}"
-            yield from () if block.page else terminal(block.blocks, width)
-        elif isinstance(block, Section):
-            yield from terminal(block.blocks, width)
-        elif isinstance(block, Html):
-            yield from [block.words] * bool(block.words)
-        else:
-            yield plain(block)
-
-
-def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
-    """Yield a table and its caption; where it is too wide, a few lines for each row."""
-    head, rows, whole = list(grid.head), [list(row) for row in grid.rows], grid.whole
-    if grid.stacked:
-        boxes = [one for row in rows for one in row if isinstance(one, Box) and one.name]
-        head, rows = ["cell", *grid.stacked], [[one.name, *one.content] for one in boxes]
-        whole = range(1, len(head))
-    elif grid.names:
-        rows = [[name, *row[1:]] for name, row in zip(grid.names, rows, strict=True)]
-    texts = [list(map(_text, row)) for row in rows]
-    table = columns(map(plain, head), texts, whole=whole, words=grid.words)
-    lined = [[plain(name) for name in head], *([one.plain for one in row] for row in texts)]
-    wide = sum(_least(i in whole, column) + 1 for i, column in enumerate(_turned(lined))) > width
-    if wide and grid.spare:
-        return
-    yield from [f"\n{plain(grid.caption)}"] * bool(grid.caption)
-    yield from _row_by_row(head, texts) if wide else [table]
-
-
-def _row_by_row(head: Sequence[Entry], rows: Sequence[Sequence[Text]]) -> Iterator[RenderableType]:
-    """Yield a few lines for each row; what heads say in small print is said once, before."""
-    names = [plain(_SMALL.sub("", name)) for name in head]
-    small = [(n, _SMALL.findall(text)) for n, text in zip(names, head, strict=True)]
-    yield from (f"{name}: {plain(Markup(found[0]))}" for name, found in small if found)
-    for row in rows:
-        yield row[0]
-        named = [(n, text) for n, text in zip(names[1:], row[1:], strict=False) if text.plain]
-        yield Padding(columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2))
-
-
-def columns(
-    heads: Iterable[str],
-    rows: Iterable[Iterable[str | Text]],
-    *,
-    words: int = 1,
-    whole: Collection[int] = (),
-    show_header: bool = True,
-) -> Table:
-    """Return a table for a terminal: numbers to the right, after so many columns of words.
-
-    Columns that are to stay `whole` are not wrapped.
-    """
-    table = Table(
-        pad_edge=False, box=box.SIMPLE_HEAD if show_header else None, padding=(0, 1, 0, 0),
-        show_header=show_header, show_edge=False,
-    )  # fmt: skip
-    for i, name in enumerate(heads):
-        table.add_column(name, no_wrap=i in whole, overflow="fold")
-        table.columns[i].justify = "left" if i < words else "right"
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def _turned(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, ...]]:
-    yield from zip_longest(*rows, fillvalue="")
-
-
-def _least(whole: bool, texts: Sequence[str]) -> int:
-    """Return how narrow a column may be: no word is broken, and no sentence is a tower."""
-    longest = max(map(cell_len, texts))
-    words = [cell_len(word) for text in texts for word in text.split(" ")]
-    return longest if whole else max(*words, min(longest, TOWER))
-
-
-def plain(entry: Entry) -> str:
-    """Return an entry without its marks."""
-    if not isinstance(entry, Markup):
-        return entry
-    # Markup would escape what stands in for a break.
-    text = str(entry).replace("<br><small>", " ").replace("<br>", "; ")
-    return Markup(text).striptags()
-
-
-def _text(entry: Entry | Box) -> Text:
-    content = entry.content if isinstance(entry, Box) else entry
-    lines = content if isinstance(content, tuple) else (content,)
-    text = ", ".join(plain(line) for line in lines if line)
-    return Text(text, style=_COLOURS.get(text.partition(" ")[0], ""))
-
-
-def _encodable(error: UnicodeError) -> tuple[str, int]:
-    """Write what a stream cannot encode in plain signs."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    text = error.object[error.start : error.end]
-    return "".join(map(_plain_sign, text)), error.end
-
-
-def _plain_sign(sign: str) -> str:
-    if sign in _RAISED:
-        return str(_RAISED.index(sign)).replace("10", "-")
-    letters = unicodedata.normalize("NFKD", sign)
-    return _SIGNS.get(sign) or letters.encode("ascii", "ignore").decode() or "?"
-
-
-codecs.register_error(PLAIN, _encodable)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from reproduce.inference import Share
     from reproduce.papers.study import Fact
-from reproduce.papers.words import Column
+    from reproduce.papers.words import Column
 
 __all__ = [
     *("between", "chance", "digits", "entry", "fact", "hyphen", "minus", "moments", "percent"),

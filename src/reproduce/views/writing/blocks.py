@@ -1,0 +1,108 @@
+"""What is shown, described once as blocks: sentences, a `Grid`, a `Fold` around others, `Html`.
+
+`page` writes blocks as HTML, `terminal` as text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from markupsafe import Markup
+
+from reproduce.views.writing.numbers import powers_in_html
+
+Entry = str | Markup
+
+
+@dataclass(frozen=True)
+class Html:
+    """A piece of a page; a terminal shows `words` in its place."""
+
+    text: str
+    words: str = ""
+
+    def _repr_html_(self) -> str:
+        return powers_in_html(self.text)
+
+    def __repr__(self) -> str:
+        """Return the words, where it has some: the HTML is what counts."""
+        return self.words or "<HTML>"
+
+
+class Box(NamedTuple):
+    """An entry with an anchor, a class and a name of its own; it may hold several, stacked."""
+
+    content: Entry | tuple[Entry, ...]
+    identifier: str = ""
+    kind: str = ""
+    name: str = ""
+
+
+class Fold(NamedTuple):
+    """Blocks that a page shows when it is asked to; of some a terminal says the summary alone."""
+
+    summary: Entry
+    blocks: tuple[Block, ...]
+    opened: bool = False
+    page: bool = False
+
+
+class Section(NamedTuple):
+    """Blocks under one anchor."""
+
+    identifier: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table of texts; the first entry of each row names it.
+
+    Parameters
+    ----------
+    caption : str
+        What it shows; also its name for a reader who cannot see it.
+    head : sequence of str
+        Names of the columns.
+    rows : sequence of sequences of str
+        Entries; those that are `markupsafe.Markup` are HTML already.
+    identifier : str
+        The anchor of the table on a page.
+    kind : str
+        A further class of its HTML.
+    anchors : sequence of str
+        The anchor of each row, where rows have one.
+    names : sequence of str
+        What a terminal calls each row in place of its first entry.
+    whole : collection of int
+        Columns that a terminal does not wrap.
+    stacked : sequence of str
+        What the stacked entries of a box are; a terminal shows a row for each box.
+    words : int
+        So many columns are words, which a terminal aligns at the left.
+    spare : bool
+        Whether a terminal that is too narrow may leave it out.
+    """
+
+    caption: Entry
+    head: Sequence[Entry]
+    rows: Sequence[Sequence[Entry | Box]]
+    identifier: str = ""
+    kind: str = ""
+    anchors: Sequence[str] = ()
+    names: Sequence[str] = ()
+    whole: Collection[int] = ()
+    stacked: Sequence[str] = ()
+    words: int = 1
+    spare: bool = False
+
+
+Block = str | Markup | Html | Grid | Fold | Section
+
+
+def badge(word: str, text: str = "") -> Markup:
+    """Return a verdict, or a text in its look, as a badge."""
+    mark = Markup('<span class="rp-badge rp-badge-{}">{}</span>')
+    return mark.format(word, text or word)
