@@ -30,8 +30,10 @@ def test_every_text_belongs_to_a_table_or_to_an_item_with_options(path):
                     for one in made
                 )
         else:
-            assert studies()[key].columns == text.columns, key
-            assert studies()[key].caption == text.caption, key
+            # Heads and captions that say what a constant is are in code.
+            assert text.columns in ((), studies()[key].columns), key
+            assert text.caption in ("", studies()[key].caption), key
+            assert text.columns or text.caption, key
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,6 @@ from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Prediction, Results, draws, reproduces
 from reproduce.papers.sketch import sized
 from reproduce.papers.study import studied
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import averaged_error, scatter_of_averages
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -325,17 +324,6 @@ def _at(away: FloatArray, places: NDArray[np.intp]) -> FloatArray:
     "chen2023/floors",
     random=True,
     given=(*READS, *(f"{TABLE}#*.{matrix}-?" for matrix in MATRICES)),
-    columns=(
-        Column("Column"),
-        Column("best floor (arcsec, 3σ)", ".3f"),
-        Column("at most (95 %)", ".3f"),
-        Column("probability", ".3f"),
-        Column("in any of four columns", ".3f"),
-        Column("a floor is"),
-    ),
-    caption="Floors under the averages of Table IV, all its cells fitted jointly. A probability is "
-    "that of so strong a preference for a floor in a table that has none. A table without floors "
-    "is as far from its mean as the printed one with probability {without:.2f}.",
 )
 def floors(given: Given) -> pd.DataFrame:
     """Whether Table IV needs floors that averaging does not reduce, all cells together."""

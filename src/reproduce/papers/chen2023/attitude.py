@@ -31,7 +31,6 @@ from reproduce.papers.sketch import (
 )
 from reproduce.papers.space import View, seen_from, sense, triad
 from reproduce.papers.study import studied
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import (
     emitted_directions,
     misalignment_angles,
@@ -203,14 +202,6 @@ def draw_stage(figure: Figure) -> None:
 @studied(
     "chen2023/orders",
     given=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", PRINTED),
-    columns=(
-        Column("Principal point"),
-        Column("axes of the error"),
-        Column("about X (arcsec)", ".2f"),
-        Column("about Y (arcsec)", ".2f"),
-    ),
-    caption="Accuracy of the laser transform from one frame (3σ), by the scatter of Table III, for "
-    "two principal points of the tracker and both orders of the product.",
 )
 def orders(given: Given) -> list[tuple[str | float, ...]]:
     """Accuracy of a single frame in the axes of either instrument, for two principal points."""

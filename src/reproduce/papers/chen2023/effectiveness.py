@@ -35,7 +35,6 @@ from reproduce.papers.declare import (
 )
 from reproduce.papers.sketch import thin
 from reproduce.papers.study import Fact, studied
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -360,15 +359,6 @@ def implied_facts(given: Given) -> dict[str, Fact]:
 @studied(
     "chen2023/focal-lengths",
     given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
-    columns=(
-        Column("Angle"),
-        Column("with the motion of its own axis (mm)", ".1f", error="error with its own"),
-        Column("error with its own", ".1f"),
-        Column("χ²", ".1f"),
-        Column("with that of the other (mm)", ".1f", error="error with the other"),
-        Column("error with the other", ".1f"),
-        Column("χ² with the other", ".1f"),
-    ),
     caption="Focal length implied by Table V: by reference angles (± rounding of the print) and by "
     "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
     f"{len(MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
@@ -455,15 +445,6 @@ def _test_facts(given: Given) -> dict[str, Fact]:
         FRAMES,
         accuracy.SMOOTHED,
     ),
-    columns=(
-        Column("Noise of a monitored angle"),
-        Column("χ²", ".1f"),
-        Column("Degrees of freedom", "d"),
-        Column("Probability", "chance", LEAST),
-    ),
-    caption="The printed differences of Table V, all together, against white noise of the "
-    "monitored angles. The zero state is in all of them. No focal length and no order of columns "
-    "enters.",
     named=_test_facts,
 )
 def joint_test(given: Given) -> list[tuple[str, float, int, float]]:

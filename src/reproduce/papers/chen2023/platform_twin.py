@@ -205,16 +205,6 @@ def two_groups(twin: Bench, frames: int, generator: Generator) -> Series:
 @studied(
     "chen2023/misfit",
     given=(*BENCH, f"{effectiveness.TABLE}#[15].position-y", effectiveness.LAST),
-    columns=(
-        Column("Telescope (mm)", ".0f"),
-        Column("diagonal of the lasers (mm)", ".1f"),
-        Column("spots' size over theirs", ".3f"),
-        Column("distance (px, rms)", ".2f"),
-        Column("the same on the stage (mm)", ".2f"),
-    ),
-    caption="Printed spots against designed lasers after the best rotation: with the nominal "
-    "numbers as they stand, with the focal length that Table V asks for, and with the smallest "
-    "diagonal that prints as {diagonal:.0f} mm.",
 )
 def misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
@@ -239,13 +229,6 @@ REFUSED, NUDGE = 0.01, 0.1
     "chen2023/believable",
     random=True,
     given=READS,
-    columns=(
-        Column("Laser directions"),
-        Column("median of the statistic", ".3g"),
-        Column("expected", ".3g"),
-        Column("frames refused (%)", ".1f"),
-        Column("agrees with the law", ".2g"),
-    ),
     caption="The TASTE test of {frames} single frames of the twin, with {spots} spots and "
     f"{{freedom}} degrees of freedom. A frame is refused below a probability of {REFUSED:.0%}. The "
     "last column is the probability of a Kolmogorov–Smirnov test against the chi-square law.",
@@ -290,16 +273,6 @@ FULL = 0.5
     "chen2023/sensors",
     random=True,
     given=(*READS, accuracy.SMOOTHED),
-    columns=(
-        Column("Sensor"),
-        Column("light of a spot (electrons)", ".0f"),
-        Column("scatter of a spot (px, 3σ)", ".4f"),
-        Column("about X or Y (arcsec, 3σ)", ".3f"),
-        Column("averaged (arcsec, 3σ)", ".3f"),
-    ),
-    caption="The twin with other sensors, {frames} frames each, single and averaged over {many}. "
-    "Table III has a scatter of {printed:.4f} px in the mean square; the light is fitted to it in "
-    "all rows but the last.",
 )
 def sensors(given: Given) -> pd.DataFrame:
     """What the twin predicts with other sensors, the light fitted to Table III beside each."""
@@ -340,8 +313,6 @@ OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
         Column("about Z (arcsec, 3σ)", ".1f"),
         *(Column(f"{off / 1e3:g} km off centre (m)", ".2f") for off in OFF_CENTRE),
     ),
-    caption="Errors of the monitored misalignment with the spots of the ground platform, and the "
-    "three-sigma shift on the ground from {altitude:.0f} km altitude.",
 )
 def roll(given: Given) -> pd.DataFrame:
     """Roll error of the ground platform, and what it does on the ground away from the centre."""

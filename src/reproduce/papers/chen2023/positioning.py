@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -217,18 +216,6 @@ def simulated(
     "chen2023/budget",
     random=True,
     given=READS,
-    columns=(
-        Column("Term"),
-        Column("σ", ".3g"),
-        Column("unit"),
-        Column("Look"),
-        *(
-            Column(f"{size}, {source} (m)", ".2f")
-            for size, source in product(("CE90", "major", "minor"), ("formula", "draws"))
-        ),
-    ),
-    caption="Error on the ground: CE90 from the derivative and from draws, and the major and "
-    "minor semi-axes of the one-sigma ellipse from both. Altitude {altitude:.0f} km.",
 )
 def budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term: formula and simulation."""
@@ -329,7 +316,6 @@ def spans(given: Given) -> dict[str, slice]:
         Column("Amplitude (arcsec)", "g"),
         *(Column(f"{name} (m)", ".2f") for name in AGES),
     ),
-    caption="CE90 on the ground by thermal amplitude and age of the calibration.",
 )
 def ages(given: Given) -> list[tuple[str | float, ...]]:
     """Positioning error against the time since calibration, for every thermal amplitude."""
@@ -352,8 +338,6 @@ def ages(given: Given) -> list[tuple[str | float, ...]]:
         Column("limit (m)", ".2f"),
         *(Column(f"{name} (arcsec)", ".2g", missing="none") for name in (*AGES, WHOLE)),
     ),
-    caption="Largest amplitude of the first thermal harmonic at which CE90 on the "
-    "ground stays below a limit; none where noise alone exceeds it.",
 )
 def suffices(given: Given) -> list[tuple[str | float, ...]]:
     """Up to which thermal amplitude each correction suffices, by age of the calibration."""

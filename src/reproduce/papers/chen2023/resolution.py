@@ -419,12 +419,6 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
 @studied(
     "chen2023/readings",
     given=READS,
-    columns=(
-        Column("Reading"),
-        Column("optimum (arcsec)", ".0f"),
-        Column("error there (px)", ".4f"),
-        Column("limit of gain (arcsec)", ".0f"),
-    ),
     caption="The optimum of Figure 11 under every reading of the text that was tried; below the "
     f"first {len(CASES)}, the first with one thing changed. The limit of gain is that of "
     f"{CHOSEN:g} standard errors.",
@@ -467,8 +461,6 @@ def _fixed_travel(given: Given) -> FloatArray:
     "chen2023/errors",
     given=(*SPOT_READS, PHASES),
     columns=(Column("Quantity"), *(Column(f"{angle} arcsec", ".4f") for angle in TAKEN_APART)),
-    caption="The centre of gravity in the fixed window, in px, for pixels of the given angle, with "
-    "the light of the study and photon noise alone.",
 )
 def errors(given: Given) -> list[tuple[str | float, ...]]:
     """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
@@ -491,9 +483,6 @@ def errors(given: Given) -> list[tuple[str | float, ...]]:
     random=True,
     given=(*SPOT_READS, PHASES),
     columns=(Column("Estimator"), *(Column(f"{angle} arcsec", ".4f") for angle in COMPARED)),
-    caption="Root-mean-square error over all phases, in px, for pixels of the given angle. Light "
-    "{signal:.0f} electrons, read noise {read_noise:.1f} electrons: half of the "
-    "variance that Table III implies is read noise.",
 )
 def estimators(given: Given) -> pd.DataFrame:
     """Errors of four estimators over all phases, against the bound, by simulation."""

@@ -26,7 +26,6 @@ import numpy as np
 from reproduce.papers.chen2023 import platform, resolution
 from reproduce.papers.declare import Blocked, Results, reproduces
 from reproduce.papers.study import studied
-from reproduce.papers.words import Column
 from reproduce.physics import ground
 from reproduce.physics.attitude import (
     emitted_directions,
@@ -150,26 +149,9 @@ def believed(
     return misalignment_angles(misalignment(camera, now, laser_transform(camera, zero)))
 
 
-AXES = ("X (across the edge)", "Y (along the edge)", "Z (the beam)")
-
-
 @studied(
     "chen2023/retro-reflectors",
     given=(*LIGHT_PATH, platform.PIXEL),
-    columns=(
-        Column("Retro-reflector"),
-        *(
-            Column(f"{what} from a turn about {axis}", ".2f")
-            for axis in AXES
-            for what in ("tilt", "roll")
-        ),
-        Column("roll from a tilt of the camera", ".2f"),
-        Column("blur (px)", ".2f"),
-        Column("image"),
-    ),
-    caption="Tilt and roll of the camera that the system believes, for one unit of turn of the "
-    "retro-reflector, from traced spots. The edge of the two mirrors lies along Y; the beam goes "
-    "to and fro along X, to both sides of the axis of the cone.",
 )
 def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     """What turns of the retro-reflector make the system believe, for three kinds of it."""
@@ -192,14 +174,6 @@ def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
 @studied(
     "chen2023/dichroic",
     given=(BORESIGHT, ACCURACY, EXPANSION),
-    columns=(
-        Column("Turn of the mirror about"),
-        Column("error per unit of turn", ".3f", zero=NOISE),
-        Column("turn as large as the accuracy (arcsec)", ".3f"),
-        Column("difference of temperature that makes it (K)", ".2f"),
-    ),
-    caption="Tolerance of the dichroic mirror, for the three-sigma accuracy of a hundred frames. "
-    "The temperature is that between two sides of a support as high as it is wide.",
 )
 def dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
@@ -231,16 +205,6 @@ def dichroic_response(boresight_angle: float) -> FloatArray:
 @studied(
     "chen2023/heat",
     given=(CAMERA[0], *platform.TRACKER, platform.TELESCOPE, RATIO, PIXELS, ACCURACY),
-    columns=(
-        Column("Instrument"),
-        Column("spot moves less by the factor", ".1f"),
-        Column("tracker's focal length (mm)", ".0f"),
-        Column("field of Table II's detector behind it (°)", ".1f"),
-        Column("angle for 1 µm of all lasers (arcsec)", ".4f"),
-        Column("motion as large as the accuracy (µm)", ".1f"),
-    ),
-    caption="The reduction belongs to lengths on the detector. The angle depends on the camera "
-    "alone, and all lasers moving together are a misalignment.",
 )
 def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
     """What thermal motion of the lasers does, in flight and on the bench."""
@@ -261,16 +225,6 @@ def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
 @studied(
     "chen2023/thermal",
     given=(*LIGHT_PATH, EXPANSION, ACCURACY, CAMERA[0]),
-    columns=(
-        Column("Term"),
-        Column("unit of its motion"),
-        Column("tilt that one unit mimics (arcsec)", "#.3g", zero=NEGLIGIBLE),
-        Column("as large as the accuracy at (units)", ".3g"),
-        Column("which takes (K)", ".3g"),
-    ),
-    caption="Thermal terms of the flight camera, against the three-sigma accuracy of a hundred "
-    "frames. The last column takes the expansion coefficient that the paper prints, for a support "
-    "as long as the lasers' square, or the difference between two sides of a mirror's support.",
 )
 def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
     """Thermal terms: what each mimics, and how large it may be."""
@@ -319,15 +273,6 @@ def opened_angle(given: Given, kind: str) -> float:
 @studied(
     "chen2023/stray",
     given=(*resolution.SPOT_READS, f"{MIRROR}*.value", SEEN, ACCURACY),
-    columns=(
-        Column("Term"),
-        Column("at most (%)", ".1f"),
-        Column("at most (electrons per px)", ".2f"),
-    ),
-    caption="Stray light. Shares follow from the mean transmission and reflection of Table II, "
-    "which are limits; the width of the filter is ours. The last two take the light that Table III "
-    "implies by photon noise alone, {signal:.0f} electrons in a spot; the slope is from one px to "
-    "the next.",
 )
 def stray(given: Given) -> pd.DataFrame:
     """Stray terms: what the printed bands and scatters allow to be said of each."""

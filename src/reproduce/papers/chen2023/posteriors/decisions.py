@@ -31,7 +31,6 @@ from reproduce.papers.chen2023.posteriors import (
 from reproduce.papers.declare import draws
 from reproduce.papers.sketch import INK, again, sized
 from reproduce.papers.study import Fact, studied
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import averaged_error, stage_angle
 from reproduce.physics.ground import DAY
 from reproduce.physics.validate import FloatArray
@@ -176,16 +175,6 @@ def frame_facts(door: Given) -> dict[str, Fact]:
 @studied(
     "chen2023/frames",
     given=FRAME_READS,
-    columns=(
-        Column("Frames", "d"),
-        *(Column(f"{axis}{what}", ".3f") for axis in AXES
-          for what in (" (arcsec)", ", low", ", high")),
-        Column("X on the ground (m)", ".2f"),
-    ),
-    caption="Error of the misalignment that an average of frames leaves, one sigma: median and "
-    "central 95 % of the posterior of Table IV; beyond its frames it is extrapolation. One state "
-    "of Table V scatters as the white noise of {stops:.0f} frames, {excess:.2g} arcsec beyond a "
-    "mean of {state} frames.",
     named=frame_facts,
 )  # fmt: skip
 def frames(door: Given) -> pd.DataFrame:
@@ -286,20 +275,7 @@ def age_facts(door: Given) -> dict[str, Fact]:
 @studied(
     "chen2023/drift",
     given=AGE_READS,
-    columns=(
-        Column("Images", ".0f"),
-        Column("Time (s)", ".1f"),
-        Column("Taken as constant (arcsec)", ".3f"),
-        Column("low", ".3f"),
-        Column("high", ".3f"),
-        Column("On the ground (m)", ".2f"),
-        Column("Drift followed (arcsec)", ".3f"),
-    ),
-    caption="Error about X after a calibration, counted from its middle, at a drift of {rate:.3g} "
-    "arcsec an hour. Data simulated by us. A bias as large as the error of the calibration is "
-    "reached after {images:.3g} images.",
     named=age_facts,
-    settings={"drift": "in arcsec an hour, in place of the one found"},
 )
 def last(door: Given, drift: float = 0.0) -> pd.DataFrame:
     """When to calibrate again."""
@@ -361,16 +337,6 @@ def error_facts(door: Given) -> dict[str, Fact]:
 @studied(
     "chen2023/instrument-errors",
     given=ERROR_READS,
-    columns=(
-        Column("Error"),
-        Column("Data"),
-        Column("median (arcsec)", ".2g"),
-        Column("low", ".2g"),
-        Column("high", ".2g"),
-        Column("on the ground (m)", ".2g"),
-    ),
-    caption="Errors of the camera's pointing, one sigma about one axis: median and central 95 % of "
-    "the posterior, and the median on the ground from {altitude:.0f} km.",
     named=error_facts,
 )
 def errors(door: Given) -> pd.DataFrame:
