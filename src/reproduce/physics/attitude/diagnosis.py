@@ -103,7 +103,11 @@ def diagnose(
         *designed.findings("at the zero point", "as designed"),
         *since.findings("since the zero point", "as at the zero point"),
     ]
-    return [*found, *far, *_moving(dict(enumerate(kept[: 1 if drifts else 2])))]
+    found += [*far, *_repeated(images), *_moving(dict(enumerate(kept[: 1 if drifts else 2])))]
+    if not np.isfinite(freedom):
+        text = "no light is seen twice in a group, so nothing tells how large the errors are"
+        found.append(Finding("spare", text))
+    return found
 
 
 def refuse(findings: Iterable[Finding], source: str) -> None:
@@ -221,6 +225,24 @@ def _farthest(groups: list[FloatArray], alarm: float) -> tuple[int, int] | None:
     others = sum(float(np.nansum(one)) for one in left) - farthest
     variance = max(others / freedom, LEAST**2)
     return None if fdtrc(2, freedom, farthest / 2 / variance) >= alarm else (group, image)
+
+
+def _repeated(images: tuple[FloatArray, FloatArray]) -> Iterator[Finding]:
+    """Name images that repeat an earlier one of their group, as no two measurements do."""
+    for group, spots in enumerate(images):
+        flat = spots.reshape(len(spots), -1)
+        _, first, where = np.unique(
+            flat, axis=0, return_index=True, return_inverse=True, equal_nan=True
+        )
+        rows = np.flatnonzero(first[where.ravel()] != np.arange(len(flat)))
+        rows = rows[np.isfinite(flat[rows]).any(axis=1)]
+        if len(rows):
+            shown = ", ".join(map(str, rows[:NAMED] + 1)) + ", ..." * (len(rows) > NAMED)
+            text = (
+                f"{len(rows)} of {len(flat)} images of group {group} repeat an earlier one "
+                f"({shown}): each counts as an image of its own"
+            )
+            yield Finding("repeated", text, tuple(rows.tolist()))
 
 
 def _moving(groups: Mapping[int, FloatArray]) -> list[Finding]:
