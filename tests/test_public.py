@@ -46,7 +46,7 @@ ROOMS = {
 DOORS = {room: imported(MODULES[room]) for room in sorted(ROOMS)}
 # Not at the door: they load emcee, SciPy's splines, or SciPy at all before a star is registered.
 APART = {
-    *(f"reproduce.inference.{name}" for name in ("moves", "quadrature", "sampling")),
+    *(f"reproduce.inference.{name}" for name in ("quadrature", "sampling")),
     "reproduce.physics.attitude.diagnosis",
 }
 PAGES = [path for path in sorted(ROOT.glob("book/**/*.md")) if "_build" not in path.parts]

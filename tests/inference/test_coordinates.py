@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from reproduce.inference import diagnostics, weighted
-from reproduce.inference.coordinates import Declared, Mirrored, Straightened
-from reproduce.inference.moves import mixture
+from reproduce.inference.model import Declared, Mirrored, Straightened
+from reproduce.inference.sampling import mixture
 from reproduce.papers.posteriors import posteriors
 
 STRAIGHTENED = ["registration-mixture", "table-5"]

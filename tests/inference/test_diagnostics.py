@@ -7,7 +7,7 @@ from arviz_stats.base import array_stats
 
 from reproduce.inference import Gates, UnconvergedError, diagnose, diagnostics, thinned
 from reproduce.inference.diagnostics import require
-from reproduce.inference.moves import mixture
+from reproduce.inference.sampling import mixture
 from reproduce.views.writing.numbers import digits
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from reproduce.inference.models import averaging, reference_angles, rounded
+from reproduce.inference.models import averaging, centroid_noise, stage_table
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import scatter_of_averages
@@ -21,7 +21,7 @@ def test_interval_probability_in_both_tails():
     logs = stats.norm.logpdf(grid)
     top = logs.max(axis=0)
     expected = top + np.log(np.trapezoid(np.exp(logs - top), grid, axis=0))
-    np.testing.assert_allclose(rounded.log_interval(low, high), expected, rtol=1e-6)
+    np.testing.assert_allclose(centroid_noise.log_interval(low, high), expected, rtol=1e-6)
 
 
 def test_box_probability_against_counting():
@@ -30,7 +30,9 @@ def test_box_probability_against_counting():
     low, high = np.array([-0.5, -1.0, 0.0]), np.array([1.0, 0.5, 2.0])
     draws = generator.normal(size=(400_000, 3)) @ root[0].T
     share = ((draws > low) & (draws < high)).all(axis=1).mean()
-    found = np.exp(rounded.log_box(np.zeros((1, 3)), root, low, high, rounded.quasi_random(3)))
+    found = np.exp(
+        centroid_noise.log_box(np.zeros((1, 3)), root, low, high, centroid_noise.quasi_random(3))
+    )
     assert abs(found[0] - share) < 4 * np.sqrt(share / 400_000) + 2e-4
 
 
@@ -41,10 +43,10 @@ def test_quick_box_is_the_careful_one(monkeypatch, scale):
     root = np.linalg.cholesky(0.5 + 0.5 * np.eye(5))[None] * scale
     mean = scale * generator.normal(size=(40, 5)) * np.array([1, 1, 2, 5, 20])
     arguments = mean, np.repeat(root, 40, axis=0), np.zeros(5), np.ones(5)
-    points = rounded.quasi_random(5)
-    quick = rounded.log_box(*arguments, points)
-    monkeypatch.setattr(rounded, "PRECISE", 2.0)
-    careful = rounded.log_box(*arguments, points)
+    points = centroid_noise.quasi_random(5)
+    quick = centroid_noise.log_box(*arguments, points)
+    monkeypatch.setattr(centroid_noise, "PRECISE", 2.0)
+    careful = centroid_noise.log_box(*arguments, points)
     np.testing.assert_allclose(quick, careful, rtol=1e-10, atol=1e-10)
 
 
@@ -95,7 +97,7 @@ def test_doubly_rounded_probability_against_counting():
     noise, shift, angle, distance = 0.3, 0.4, 0.5, 0.6
     drawn = generator.uniform(-shift, shift, 400_000) + noise * generator.normal(size=400_000)
     share = (np.abs(drawn - distance) < angle).mean()
-    found = reference_angles.log_rounded(
+    found = stage_table.log_rounded(
         np.array([distance]), angle, np.array([shift]), np.array([noise])
     )
     assert abs(np.exp(found[0]) - share) < 4 * np.sqrt(share / 400_000)

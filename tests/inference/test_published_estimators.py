@@ -15,7 +15,7 @@ from reproduce.inference.models import (
     joint_model,
     misalignment_model,
 )
-from reproduce.inference.models.lasers import Quest
+from reproduce.inference.models.misalignment import Quest
 from reproduce.papers.posteriors import posteriors
 
 REPLICATES = 600

@@ -17,7 +17,7 @@ from reproduce.inference.models import (
     rmse_at,
     true_places,
 )
-from reproduce.inference.models.reference_angles import log_same_hypothesis
+from reproduce.inference.models.stage_table import log_same_hypothesis
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration

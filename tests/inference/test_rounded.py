@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.inference.models import by_column, rounded
+from reproduce.inference.models import by_column, centroid_noise
 from reproduce.papers.chen2023.posteriors import COLUMNS
 from reproduce.papers.posteriors import posteriors
 
@@ -59,7 +59,7 @@ def test_result_is_smooth_where_intervals_change_sides():
     low, high = np.array([-1.0, -2.0, -0.5]), np.array([2.0, 1.5, 1.0])
     mean = np.linspace(-1, 1, 2001)[:, None] * np.array([1.0, 0.7, 0.4])
     root = np.linalg.cholesky(np.repeat(covariance[None], len(mean), axis=0))
-    found = rounded.log_box(mean, root, low, high, rounded.quasi_random(3))
+    found = centroid_noise.log_box(mean, root, low, high, centroid_noise.quasi_random(3))
     # Bends of a smooth function are as small as the square of the step.
     assert np.abs(np.diff(found, 2)).max() < 10 * (mean[1, 0] - mean[0, 0]) ** 2
 
@@ -71,6 +71,6 @@ def test_independent_numbers_multiply(size):
     low = generator.normal(size=size)
     high = low + generator.uniform(0.05, 4, size)
     root = np.repeat(np.diag(scatter)[None], 4, axis=0)
-    found = rounded.log_box(mean, root, low, high, rounded.quasi_random(size))
-    exact = rounded.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
+    found = centroid_noise.log_box(mean, root, low, high, centroid_noise.quasi_random(size))
+    exact = centroid_noise.log_interval((low - mean) / scatter, (high - mean) / scatter).sum(axis=1)
     np.testing.assert_allclose(found, exact, atol=1e-10)

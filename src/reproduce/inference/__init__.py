@@ -1,6 +1,6 @@
 """Posteriors: model, priors, parts, diagnostics, checks.
 
-`sampling`, `moves` and `quadrature` stand apart: they load emcee and the splines of SciPy.
+`sampling` and `quadrature` stand apart: they load emcee and the splines of SciPy.
 """
 
 from reproduce.inference.checks import (
@@ -8,11 +8,11 @@ from reproduce.inference.checks import (
     Published,
     Repeat,
     Share,
+    leanings,
     misfit,
     posterior_checks,
     repeats,
 )
-from reproduce.inference.coordinates import from_scores, log_slope, scores, weighted
 from reproduce.inference.diagnostics import (
     Gates,
     UnconvergedError,
@@ -28,8 +28,11 @@ from reproduce.inference.model import (
     Parameter,
     StartError,
     UnsuitableModelError,
+    from_scores,
+    log_slope,
+    scores,
+    weighted,
 )
 from reproduce.inference.parts import Progress, ResumeError, Store, processes, run_parts
 from reproduce.inference.posterior import Sampled, Summary
 from reproduce.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
-from reproduce.inference.sensitivity import leanings

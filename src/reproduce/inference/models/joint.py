@@ -18,9 +18,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from reproduce.inference import Derived, Model
-from reproduce.inference.models.least_squares import fit_checks
 from reproduce.inference.models.registration import (
     GaussianRegistration,
+    fit_checks,
     registration_parameters,
     triangular,
     with_priors,

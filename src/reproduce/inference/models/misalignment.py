@@ -2,7 +2,25 @@
 
 The calibration group is data like any other: the zero attitude is a parameter, so its error is
 in the posterior of the misalignment. Angles in radians, right-handed about the camera's axes
-(`physics.misalignment` states the sign); spots in px.
+(`physics.attitude.angles` states the sign); spots in px.
+
+The posterior of a misalignment in the small-angle limit: exact, without a sampler.
+
+About its best fit the prediction of the spots is linear in the angles, in the scale and in the
+directions, all their priors are Gaussian, and only the noise is left: given it the posterior is
+Gaussian, and the noise itself has a density of one dimension. With a flat prior this would be the
+Student-t of the registration; here the priors are kept.
+
+Laser spots: what the likelihoods of the misalignment need of many images, and QUEST of them.
+
+A group is a run of images of the same lasers. While the camera stands still, the mean of every
+spot and the pooled scatter are sufficient; while it drifts evenly, the slope of every spot joins
+them. Times within a group run as u from -1 to 1. Spots have shape (groups, lasers, 2), in px;
+angles in radians; frames and signs are those of `physics.attitude`.
+
+chen2023 itself takes the camera for still within a group, the lasers for set as designed and the
+focal length for the nominal one; the standard errors of its method come from the scatter of single
+images. Pieces of its estimate have shape (2, m): estimates, then standard errors.
 """
 
 from __future__ import annotations
@@ -14,13 +32,202 @@ from typing import Self
 
 import numpy as np
 from numpy.random import Generator
+from scipy.special import logsumexp
 
-from reproduce.inference import Derived, LogUniform, Model, Normal, Parameter, Prior
-from reproduce.inference.models.lasers import Quest, SpotStatistics, none
+from reproduce.inference import (
+    Derived,
+    LogUniform,
+    Model,
+    Normal,
+    Parameter,
+    Prior,
+    UnsuitableModelError,
+)
 from reproduce.inference.models.registration import with_priors
-from reproduce.physics.attitude import Platform
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.attitude import (
+    Platform,
+    angle_jacobian,
+    cross_matrix,
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+    received_directions,
+    received_jacobian,
+    transpose,
+    vector_from_rotation,
+)
+from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import ARCSEC_PER_RADIAN
+
+
+@dataclass(frozen=True, eq=False)
+class SpotStatistics:
+    """Sufficient statistics of groups of images.
+
+    - `means`, `slopes`, (groups, lasers, 2): mean of each coordinate over the images, and its slope
+      against u; in px.
+    - `counts`, (groups,): images in each group.
+    - `levers`, (groups,): sum of the squared u of each group; zero where no slope was taken.
+    - `squares`: sum of all squared deviations from means (and slopes), in px^2.
+    """
+
+    means: FloatArray
+    slopes: FloatArray
+    counts: FloatArray
+    levers: FloatArray
+    squares: float
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of `squares`."""
+        per_group = self.counts - 1 - (self.levers > 0)
+        return int(per_group.sum() * self.means[0].size)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates measured."""
+        return int(self.counts.sum() * self.means[0].size)
+
+    @classmethod
+    def of(cls, images: list[FloatArray], drifts: tuple[bool, ...]) -> SpotStatistics:
+        """Reduce images (frames, lasers, 2) of each group, evenly spaced in time, in px.
+
+        `drifts` says within which groups the camera may drift.
+        """
+        means, slopes, levers, squares = [], [], [], 0.0
+        for group, (spots, drift) in enumerate(zip(images, drifts, strict=True)):
+            spots = finite_array(f"images of group {group + 1}", spots, shape=(None, None, 2))
+            if len(spots) < 3:
+                raise ValueError(
+                    f"images of group {group + 1}: expected three or more, got {len(spots)}; the "
+                    "scatter needs them"
+                )
+            times = np.linspace(-1, 1, len(spots))
+            lever = float(times @ times) if drift else 0.0
+            mean = spots.mean(axis=0)
+            slope = np.tensordot(times, spots - mean, axes=1) / lever if drift else 0 * mean
+            left = spots - mean - times[:, None, None] * slope
+            squares += float(np.square(left).sum())
+            means.append(mean)
+            slopes.append(slope)
+            levers.append(lever)
+        counts = np.array([float(len(spots)) for spots in images])
+        return cls(np.stack(means), np.stack(slopes), counts, np.array(levers), squares)
+
+    def log_likelihood(self, start: FloatArray, end: FloatArray, noise: FloatArray) -> FloatArray:
+        """Log likelihood of white Gaussian noise about paths that are straight in time.
+
+        The spots predicted at u = -1 and u = 1 have shape (n, groups, lasers, 2). Exact for
+        straight paths. A path that bends by b px changes it by less than size times b times the
+        misfit over noise^2: nothing near the posterior of a camera that turns by arc seconds.
+        """
+        off_mean = np.square(self.means - 0.5 * (start + end)).sum(axis=(-2, -1)) @ self.counts
+        off_slope = np.square(self.slopes - 0.5 * (end - start)).sum(axis=(-2, -1)) @ self.levers
+        squares = self.squares + off_mean + off_slope
+        return np.asarray(
+            -self.size * np.log(noise)
+            - squares / (2 * noise**2)
+            - 0.5 * self.size * np.log(2 * np.pi)
+        )
+
+    def simulate(
+        self, start: FloatArray, end: FloatArray, noise: float, generator: Generator
+    ) -> SpotStatistics:
+        """Draw as many images about other paths, (groups, lasers, 2), and reduce them."""
+        images = []
+        for first, last, count in zip(start, end, self.counts.astype(int), strict=True):
+            share = np.linspace(0, 1, count)[:, None, None]
+            path = first + share * (last - first)
+            images.append(path + noise * generator.standard_normal(path.shape))
+        return SpotStatistics.of(images, tuple(self.levers > 0))
+
+
+def _none(count: int) -> FloatArray:
+    """Return the piece for parameters of which the method gives no estimate, shape (2, count)."""
+    return np.full((2, count), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Quest:
+    """Angles of every group against the first one, and their errors.
+
+    - `platform`: the instrument, as designed.
+    - `statistics`: the data; the first group is the zero point.
+    """
+
+    platform: Platform
+    statistics: SpotStatistics
+
+    @property
+    def camera(self) -> FloatArray:
+        """Emitted directions in the camera frame, shape (lasers, 3)."""
+        return self.platform.directions
+
+    @cached_property
+    def received(self) -> FloatArray:
+        """Received directions of the mean spots in the tracker frame, shape (groups, lasers, 3)."""
+        return received_directions(self.statistics.means, *self.platform.tracker)
+
+    @cached_property
+    def zero(self) -> FloatArray:
+        """tracker_from_camera at the zero point, shape (3, 3)."""
+        return laser_transform(self.camera, self.received[0])
+
+    @cached_property
+    def angles(self) -> FloatArray:
+        """Misalignment of every group, shape (groups, 3), in radians; that of the first is zero."""
+        return misalignment_angles(misalignment(self.camera, self.received, self.zero))
+
+    @cached_property
+    def scatter(self) -> tuple[float, int]:
+        """Standard deviation of a coordinate within a group, in px, and degrees of freedom.
+
+        The scatter is about the mean of the group: whatever drifts counts as noise.
+        """
+        data = self.statistics
+        squares = data.squares + float(np.square(data.slopes).sum(axis=(-2, -1)) @ data.levers)
+        freedom = int((data.counts - 1).sum()) * data.means[0].size
+        return float(np.sqrt(squares / freedom)), freedom
+
+    @cached_property
+    def covariances(self) -> FloatArray:
+        """Covariance of the attitude of every group about the camera's axes, (groups, 3, 3)."""
+        moves = received_jacobian(self.statistics.means, *self.platform.tracker)
+        camera = np.broadcast_to(self.camera, self.received.shape)
+        response = angle_jacobian(camera, self.received, moves).reshape(len(moves), 3, -1)
+        variance = self.scatter[0] ** 2 / self.statistics.counts
+        return np.asarray(variance[:, None, None] * (response @ transpose(response)))
+
+    @property
+    def mount(self) -> FloatArray:
+        """Rotation vector of the zero attitude against the reference, in radians."""
+        vector = vector_from_rotation(self.platform.reference.T @ self.zero)
+        turn = _after(vector)
+        covariance = turn @ self.covariances[0] @ turn.T
+        return np.stack([vector, np.sqrt(np.diagonal(covariance))])
+
+    def turned(self, group: int) -> FloatArray:
+        """Misalignment angles of a group, in radians; the first group's error adds to its own."""
+        turn = _after(self.angles[group])
+        covariance = turn @ self.covariances[group] @ turn.T
+        covariance += turn.T @ self.covariances[0] @ turn  # (I - [v ×]) goes before the turn
+        return np.stack([self.angles[group], np.sqrt(np.diagonal(covariance))])
+
+    @property
+    def noise(self) -> FloatArray:
+        """Noise of a coordinate in one image, in px."""
+        scatter, freedom = self.scatter
+        return np.array([[scatter], [scatter / np.sqrt(2 * freedom)]])
+
+
+def _after(vector: FloatArray) -> FloatArray:
+    """Response of a rotation vector to a small turn after it, I + [v ×] / 2, shape (3, 3).
+
+    The pattern holds its roll hundreds of times worse than its tilts, so a vector of some arc
+    minutes already carries roll into the errors of the tilts.
+    """
+    return np.eye(3) + 0.5 * cross_matrix(vector)
+
 
 AXES = "xyz"
 # Width of the prior of the zero attitude, in radians.
@@ -93,7 +300,7 @@ class SpotLikelihood:
     def estimate(self) -> tuple[FloatArray, FloatArray]:
         """QUEST of both groups, and its standard errors; it knows no drift and no laser scale."""
         found = Quest(self.platform, self.statistics)
-        nothing = none(4 if self.drifts else 1)
+        nothing = _none(4 if self.drifts else 1)
         pieces = [found.mount, found.turned(1), nothing, found.noise]
         values, errors = np.concatenate(pieces, axis=1)
         return values, errors
@@ -201,3 +408,96 @@ def misalignment_model(
     likelihood = SpotLikelihood(platform, statistics, drifts)
     name = "misalignment-drift" if drifts else "misalignment"
     return Model(name, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
+
+
+# Points over the noise, and how many of its own errors they reach.
+POINTS, REACH = 401, 9.0
+
+
+@dataclass(frozen=True, eq=False)
+class SmallAnglePosterior:
+    """The posterior, as a mixture of Gaussians over the noise.
+
+    - `noise`, `weight`, (m,): values of the noise, in px, and their probabilities.
+    - `means`, (m, d - 1): means of all other parameters, given the noise; SI.
+    - `roots`, (m, d - 1, d - 1): roots of their covariances: any matrix whose product with its
+      transpose is the covariance.
+    """
+
+    noise: FloatArray
+    weight: FloatArray
+    means: FloatArray
+    roots: FloatArray
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean of all parameters, the noise last, shape (d,)."""
+        return np.append(self.weight @ self.means, self.weight @ self.noise)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of all parameters, shape (d, d)."""
+        rows = np.column_stack([self.means, self.noise]) - self.mean
+        total = np.einsum("m,mi,mj->ij", self.weight, rows, rows)
+        inner = np.einsum("m,mik,mjk->ij", self.weight, self.roots, self.roots)
+        total[:-1, :-1] += inner
+        return np.asarray(total)
+
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        """Independent draws, shape (count, d)."""
+        chosen = generator.choice(len(self.noise), count, p=self.weight)
+        normal = generator.normal(size=(count, self.means.shape[1]))
+        others = self.means[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
+        return np.column_stack([others, self.noise[chosen]])
+
+
+def small_angle_posterior(model: Model) -> SmallAnglePosterior:
+    """Return the posterior of a misalignment whose prediction is replaced by its tangent.
+
+    Exact in the limit of small angles; every prior but that of the noise has to be a `Normal`.
+    """
+    likelihood = model.likelihood_of(SpotLikelihood)
+    priors = [parameter.prior for parameter in model.parameters[:-1]]
+    if not all(isinstance(prior, Normal) for prior in priors):
+        raise UnsuitableModelError(
+            "model: expected Gaussian priors of all parameters but the noise"
+        )
+    sigma = np.array([prior.sigma for prior in priors if isinstance(prior, Normal)])
+    middle = np.array([prior.mean for prior in priors if isinstance(prior, Normal)])
+    centre, spread = likelihood.start()
+    scale = spread[:-1]
+    response, left = likelihood.linearised(centre, scale)
+    # In units of the errors, or the matrices cannot be inverted.
+    response, off = response * scale, (middle - centre[:-1]) / scale
+    held = np.square(scale / sigma)
+    noise = centre[-1] + spread[-1] * np.linspace(-REACH, REACH, POINTS)
+    precise = noise[:, None] ** -2
+    inverse = np.linalg.inv(response.T @ response * precise[..., None] + np.diag(held))
+    pull = response.T @ left * precise + held * off
+    means = np.einsum("mij,mj->mi", inverse, pull)
+    roots = np.linalg.cholesky(inverse)
+    statistics = likelihood.statistics
+    logs = -statistics.size * np.log(noise) + model.parameters[-1].prior.log_density(noise)
+    logs -= 0.5 * (statistics.squares + left @ left) / noise**2
+    logs += 0.5 * np.einsum("mi,mi->m", means, pull)
+    logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+    return SmallAnglePosterior(
+        noise,
+        np.exp(logs - logsumexp(logs)),
+        centre[:-1] + means * scale,
+        roots * scale[:, None],
+    )
+
+
+def errors_with_free_lasers(likelihood: SpotLikelihood) -> FloatArray:
+    """Standard errors of the misalignment if the direction of every laser were free, (3,), radians.
+
+    The first group then measures where each laser points, and only the motion of its spot from
+    group to group tells of the misalignment: the noise of both groups is in it, and no prior.
+    """
+    centre, spread = likelihood.start()
+    first, second = likelihood.statistics.counts
+    # Of the weighted means of the second group; the first does not answer to the misalignment.
+    response = likelihood.linearised(centre, spread[:-1])[0][:, 3:6]
+    covariance = np.linalg.inv(response.T @ response) * centre[-1] ** 2 * (1 + second / first)
+    return np.asarray(np.sqrt(np.diagonal(covariance)))

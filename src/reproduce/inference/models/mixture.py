@@ -16,8 +16,7 @@ from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
 from reproduce.inference import Model, Parameter, Sampled, Uniform, from_scores, log_slope, scores
-from reproduce.inference.models.least_squares import fit_checks, least_squares
-from reproduce.inference.models.registration import GaussianRegistration
+from reproduce.inference.models.registration import GaussianRegistration, fit_checks, least_squares
 from reproduce.inference.models.variants import PointwiseRegistration
 from reproduce.physics.registration import as_complex, fit_registration
 from reproduce.physics.validate import FloatArray

@@ -8,6 +8,15 @@ the columns (source, one, target): the cost of a likelihood does not grow with n
 The measured source points are the design: they are held, and the target (and the second channel)
 is random given them. With a flat prior on the true position of a star its noise then enters the
 residual as k times the source noise, exactly.
+
+The posterior of the registration in closed form: it needs no sampler.
+
+About the pivot the model is linear in beta = (k cos theta, k sin theta, shift x, shift y). With a
+flat prior in beta and one over the noise the posterior of beta is a Student-t about the
+least-squares solution, with 2n - 4 degrees of freedom; with known noise it is Gaussian. A prior
+flat in (k, theta) instead is flat in beta divided by k, since d(a) d(b) = k dk d(theta).
+
+What niu2024 itself makes of a registration: the least-squares similarity, and what it leaves.
 """
 
 from __future__ import annotations
@@ -19,9 +28,9 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from reproduce.inference import Derived, LogUniform, Model, Parameter, Prior, Uniform
-from reproduce.inference.models.least_squares import fit_checks, least_squares
 from reproduce.physics.registration import (
     RegistrationFit,
     as_complex,
@@ -33,6 +42,65 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
+
+
+def least_squares(
+    source: FloatArray, target: FloatArray, pivot: FloatArray, source_noise: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Return the least-squares (k, theta, shift x, shift y, noise) and their standard errors, (5,).
+
+    Those of the similarity take the residuals' own variance, whatever is in it; the noise is the
+    share of one coordinate in it.
+    """
+    fit = fit_registration(source, target, pivot)
+    freedom = float(fit.degrees_of_freedom)
+    residual = np.sqrt(fit.chi_square / freedom)
+    noise = residual / np.sqrt(1 + fit.parameters[0] ** 2 * source_noise)
+    errors = residual * np.sqrt(np.diagonal(fit.cofactor))
+    return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
+
+
+def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, float]:
+    """What predictive checks compare: the least-squares fit and what it leaves over, in px.
+
+    The mean residuals outwards and around in the outer half of the field are zero only if a
+    similarity is the right model.
+    """
+    fit = fit_registration(source, target, pivot)
+    offsets = source - pivot
+    radius = np.hypot(*offsets.T)
+    outer = radius >= np.median(radius)
+    unit = offsets[outer] / radius[outer, None]
+    left = fit.residuals[outer]
+    lengths = np.hypot(*fit.residuals.T)
+    return {
+        "residual, rms (px)": float(np.sqrt(np.square(fit.residuals).mean())),
+        "residual, largest (px)": float(np.abs(fit.residuals).max()),
+        # Free of the noise, which follows the size of the residuals, that of a wrong match too.
+        "star furthest off, over rms": float(lengths.max() / np.sqrt(np.square(lengths).mean())),
+        "outer residual, outwards (px)": float((left * unit).sum(axis=1).mean()),
+        "outer residual, around (px)": float(
+            (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()
+        ),
+    }
+
+
+def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> tuple[float, float]:
+    """Return how the logarithm of the noise grows from centre to edge, and its standard error.
+
+    The likeliest growth h of a noise sigma exp(h rho^2), rho being the distance from the pivot over
+    the largest one, in the residuals of the least-squares similarity.
+    """
+    squares = np.square(fit_registration(source, target, pivot).residuals).sum(axis=1)
+    rho = np.square(source - pivot).sum(axis=1)
+    rho = rho / rho.max()
+    off = rho - rho.mean()
+
+    def surprise(growth: float) -> float:
+        # Less the log likelihood over the count, sigma at its likeliest.
+        return float(np.log((squares * np.exp(-2 * growth * off)).mean()))
+
+    return float(minimize_scalar(surprise).x), float(0.5 / np.sqrt(off @ off))
 
 
 def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -259,3 +327,75 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
 def _residual(fit: RegistrationFit) -> float:
     """Standard deviation of a residual coordinate, in px."""
     return float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationPosterior:
+    """The exact posterior of one channel's registration.
+
+    - `mean`, (4,): of (k cos theta, k sin theta, shift x, shift y): the least-squares solution.
+    - `scale`, (4, 4): scale matrix of the Student-t, or covariance of the Gaussian.
+    - `freedom`: degrees of freedom; infinite where the noise is known.
+    - `squares`: sum of squared residuals of the least-squares solution, in px^2.
+    - `count`: number of points.
+    """
+
+    mean: FloatArray
+    scale: FloatArray
+    freedom: float
+    squares: float
+    count: int
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of (k cos theta, k sin theta, shift x, shift y), shape (4, 4)."""
+        if np.isinf(self.freedom):
+            return self.scale
+        return self.scale * self.freedom / (self.freedom - 2)
+
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        """Independent draws of (k, theta, shift x, shift y, noise), shape (count, 5).
+
+        The prior is flat in (k cos theta, k sin theta) and one over the noise.
+        """
+        if np.isinf(self.freedom):
+            raise ValueError("draw: expected an unknown noise, got a known one; draw the Gaussian")
+        noise = np.sqrt(self.squares / generator.chisquare(self.freedom, count))
+        root = np.linalg.cholesky(self.scale * self.freedom / self.squares)
+        beta = self.mean + noise[:, None] * (generator.normal(size=(count, 4)) @ root.T)
+        return np.column_stack([polar(beta), noise])
+
+
+def registration_posterior(
+    source: FloatArray, target: FloatArray, pivot: FloatArray, noise: float | None = None
+) -> RegistrationPosterior:
+    """Return the exact posterior of a registration, flat in (k cos theta, k sin theta, shift).
+
+    Student-t, or Gaussian where the noise of a residual coordinate is known, in px.
+
+    Examples
+    --------
+    >>> points = np.array([[-1.0, -1], [1, -1], [-1, 1], [1, 1]])
+    >>> exact = registration_posterior(points, points, (0, 0), noise=2.0)
+    >>> np.sqrt(np.diagonal(exact.covariance)).round(3)
+    array([0.707, 0.707, 1.   , 1.   ])
+    """
+    fit = fit_registration(source, target, pivot)
+    k, theta = fit.parameters[:2]
+    mean = np.array([k * np.cos(theta), k * np.sin(theta), *fit.parameters[2:]])
+    # Jacobian of (a, b) by (k, theta): carries the fit's cofactor over.
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(theta), -k * np.sin(theta)], [np.sin(theta), k * np.cos(theta)]]
+    cofactor = turn @ fit.cofactor @ turn.T
+    count = fit.residuals.shape[-2]
+    freedom, squares = 2.0 * count - 4, float(fit.chi_square)
+    if noise is not None:
+        return RegistrationPosterior(mean, noise**2 * cofactor, np.inf, squares, count)
+    return RegistrationPosterior(mean, squares / freedom * cofactor, freedom, squares, count)
+
+
+def polar(beta: FloatArray) -> FloatArray:
+    """Return (k, theta, shift) of (k cos theta, k sin theta, shift), shape (n, 4)."""
+    return np.column_stack(
+        [np.hypot(beta[:, 0], beta[:, 1]), np.arctan2(beta[:, 1], beta[:, 0]), beta[:, 2:]]
+    )

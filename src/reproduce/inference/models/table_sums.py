@@ -16,8 +16,13 @@ from scipy.interpolate import make_interp_spline
 from scipy.special import logsumexp
 
 from reproduce.inference import LogUniform, Model, Normal, Uniform
-from reproduce.inference.models.reference_angles import NODES, WEIGHTS, in_radians, log_rounded
-from reproduce.inference.models.stage_table import StageTableLikelihood
+from reproduce.inference.models.stage_table import (
+    NODES,
+    WEIGHTS,
+    StageTableLikelihood,
+    in_radians,
+    log_rounded,
+)
 from reproduce.physics.validate import FloatArray
 
 # The printed columns that belong to motions along X and along Y.
