@@ -18,7 +18,7 @@ import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
-from reproduce.physics.registration.resample import registered_image
+from reproduce.physics.registration import registered_image
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
