@@ -1,18 +1,10 @@
 """The mutants are drawn the same way each time, and from what computes."""
 
-import tomllib
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
-import mutation
-from mutant_runs import Outcome
 from mutants import Mutant, draw, left_out
-from reproduce.store import studies
-
-STUDY = studies.table("mutants")
-REASONS = tomllib.loads((studies.folder() / "mutants-survivors.toml").read_text(encoding="utf-8"))
 
 
 def made(file: str, count: int) -> list[Mutant]:
@@ -96,30 +88,3 @@ def test_the_folders_to_change_are_there() -> None:
 
     assert [(ROOT / PACKAGE / folder).is_dir() for folder in FOLDERS] == [True] * len(FOLDERS)
     assert Path(__file__).parents[2] == ROOT
-
-
-def test_the_sample_is_large_enough_and_most_of_it_is_killed() -> None:
-    assert len(STUDY) >= 300
-    assert STUDY["name"].is_unique
-    assert set(STUDY["outcome"]) <= {"killed", "timeout", "survived"}
-    assert (STUDY["outcome"] != "survived").mean() >= 0.85
-    assert set(STUDY.attrs["made"]) == set(STUDY["file"].str.partition("/")[0])
-
-
-def test_every_survivor_has_a_reason_in_the_order_of_the_study() -> None:
-    assert list(REASONS) == STUDY.loc[STUDY["outcome"] == "survived", "name"].tolist()
-    assert all(len(entry["reason"]) > 30 for entry in REASONS.values())
-    assert {type(entry["equivalent"]) for entry in REASONS.values()} == {bool}
-
-
-def test_only_what_was_killed_in_an_unchanged_file_still_stands(tmp_path: Path) -> None:
-    same, other = made("physics/a.py", 2), made("physics/b.py", 1)
-    ends = ["killed", "survived", "killed"]
-    outcomes = [Outcome(m, "", end, "t") for m, end in zip([*same, *other], ends, strict=True)]
-    sources = {"physics/a.py": "1", "physics/b.py": "2"}
-    studies.write_table("m", mutation.rows(outcomes), mutation.note(MANY, sources), tmp_path)
-    stored = studies.table("m", tmp_path)
-    pd.testing.assert_frame_equal(stored, mutation.rows(outcomes), check_dtype=False)
-    assert stored.attrs["made"] == {"physics": 900, "printed": 0, "audit": 99}
-    found = mutation.killed_before(stored, [*same, *other], {**sources, "physics/b.py": "3"})
-    assert found == outcomes[:1]
