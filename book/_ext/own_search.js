@@ -2,6 +2,8 @@
 (function () {
   "use strict";
   const SHOWN = 12;
+  // From a disk no page may be fetched: Sphinx would log an error for each summary.
+  if (location.protocol === "file:") DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
   // Names are compared without case, repeated spaces, quotes, and with one kind of minus sign.
   const normal = (text) =>
     text.toLowerCase().replace(/[−–]/g, "-").replace(/["'“”]/g, "").replace(/\s+/g, " ").trim();

@@ -4,7 +4,7 @@ from pathlib import Path
 from urllib.parse import quote, unquote, urldefrag
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 from reading import HTML
 
 from own_search import of_items, of_pages, of_studies, places, renumbered
@@ -93,3 +93,16 @@ def test_nonsense_finds_nothing_of_ours(page: Page) -> None:
     page.goto(f"{(HTML / 'search.html').as_uri()}?q=xyzzy")
     page.wait_for_load_state("load")
     assert page.locator(FOUND).count() == 0
+
+
+@pytest.mark.browser
+def test_no_search_from_the_disk_logs_an_error(browser: Browser) -> None:
+    """Sphinx fetches a summary of each result, which a browser refuses there."""
+    page, logged = browser.new_page(), []
+    page.on("console", lambda told: logged.append(told.text) if told.type == "error" else None)
+    page.on("pageerror", lambda error: logged.append(str(error)))
+    page.goto(f"{(HTML / 'search.html').as_uri()}?q=simulation")
+    page.wait_for_selector("#search-results ul.search li a", timeout=10_000)
+    page.wait_for_timeout(500)
+    page.close()
+    assert logged == []
