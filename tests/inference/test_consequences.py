@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023.posteriors.consequences import (
+from reproduce.papers.chen2023.posteriors import (
     Averaged,
     OnTheGround,
     StageTest,

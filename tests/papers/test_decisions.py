@@ -8,7 +8,7 @@ import reproduce as rp
 from reproduce.inference.models import small_angle_posterior
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
-from reproduce.papers.chen2023.posteriors import decisions as camera
+from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.chen2023.posteriors import frame_averaging
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids

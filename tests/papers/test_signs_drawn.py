@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from reproduce.papers import space
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.chen2023 import attitude
-from reproduce.papers.chen2023.figures import platform, satellite
+from reproduce.papers.chen2023 import attitude, satellite
+from reproduce.papers.chen2023 import platform_twin as platform
 from reproduce.papers.niu2024 import registration
 from reproduce.physics.attitude import emitted_directions, misalignment, misalignment_angles
 from reproduce.physics.light import mirror_train
@@ -132,9 +132,9 @@ def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
     share = np.linspace(0, 1, 60)[:, np.newaxis]
     # From the X axis of the stars, which lies so far to the west, eastwards to that of the Earth.
     away = np.squeeze(share * angle - angle)
-    expected = 0.6 * satellite.RADIUS * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
+    expected = 0.6 * satellite.EARTH * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
     # Precession since J2000 tilts the axis by a third of a degree at the most.
-    size = view.scale * satellite.RADIUS
+    size = view.scale * satellite.EARTH
     assert np.abs(sweep - view.point(expected)).max() < np.radians(0.35) * size
     assert angle < np.pi
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
-from reproduce.papers.chen2023.figures import platform as figures
+from reproduce.papers.chen2023 import platform_twin as figures
 from reproduce.papers.chen2023.platform import (
     SPOTS,
     angle_response,
@@ -242,7 +242,7 @@ def test_the_sensor_in_the_bench_rounds_and_clips(platform):
 @pytest.mark.parametrize("offset", [(5.0, -8.0, 0.0), (20.0, 15.0, 30.0)])
 def test_an_offset_moves_the_series_of_figure_9_and_leaves_its_scatter(offset):
     """The paper says that its angles are not near zero, and prints no number for it."""
-    door = given(figures.READS)
+    door = given(figures.SERIES_READS)
     platform, frames = platform_twin.bench(door), door.count(accuracy.FRAMES)
     generator = np.random.default_rng(3)
     light = platform.light

@@ -9,25 +9,25 @@ def _made(*modules: tuple[str, str]) -> dict[str, str]:
 # The modules that make and draw each item, in order of print; none for one that is only quoted.
 ITEMS = _made(
     ("", "text-context"),
-    ("figures.satellite", "fig-1a fig-1b"),
-    ("figures.platform", "fig-1c fig-1d"),
+    ("satellite", "fig-1a fig-1b"),
+    ("platform_twin", "fig-1c fig-1d"),
     ("satellite", "table-1"),
     ("positioning", "text-positioning"),
-    ("figures.satellite", "fig-2a fig-2b fig-3a fig-3b fig-3c"),
+    ("satellite", "fig-2a fig-2b fig-3a fig-3b fig-3c"),
     ("satellite", "text-satellite"),
-    ("figures.satellite", "fig-4 fig-5"),
-    ("figures.platform", "fig-6a fig-6b"),
+    ("satellite", "fig-4 fig-5"),
+    ("platform_twin", "fig-6a fig-6b"),
     ("", "text-hardware"),
     ("platform", "table-2"),
     ("effectiveness", "text-effectiveness"),
     ("platform", "text-platform"),
-    ("figures.platform", "fig-7"),
+    ("platform_twin", "fig-7"),
     ("", "table-3"),
     ("accuracy", "text-accuracy"),
-    ("figures.platform", "fig-8 fig-9"),
+    ("platform_twin", "fig-8 fig-9"),
     ("accuracy", "table-4"),
     ("effectiveness", "table-5"),
-    ("figures.platform", "fig-10a fig-10b fig-10c"),
+    ("platform_twin", "fig-10a fig-10b fig-10c"),
     ("resolution", "text-resolution fig-11a fig-11b"),
 )
 
@@ -40,11 +40,11 @@ STUDIES = _made(
     ("platform_twin", "misfit believable sensors roll"),
     ("effectiveness", "focal-lengths differences"),
     ("resolution", "readings errors estimators"),
-    ("posteriors.decisions", "instrument-errors frames drift"),
+    ("decisions", "instrument-errors frames drift"),
 )
 
 # The modules of our own drawings.
 DRAWINGS = {f"chen2023-{what}": "attitude" for what in ("instruments", "misalignment", "stage")}
-DRAWINGS |= {"chen2023-focal-lengths": "figures.effectiveness"}
-DRAWINGS |= {"chen2023-arc-second": "figures.positioning"}
-DRAWINGS |= {f"chen2023-{what}": "posteriors.decisions" for what in ("frames", "drift")}
+DRAWINGS |= {"chen2023-focal-lengths": "effectiveness"}
+DRAWINGS |= {"chen2023-arc-second": "positioning"}
+DRAWINGS |= {f"chen2023-{what}": "decisions" for what in ("frames", "drift")}

@@ -39,19 +39,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = [
-    "DURATION",
-    "FRAMES",
-    "RATE",
-    "READS",
-    "SMOOTHED",
-    "TABLE",
-    "fit",
-    "joint_model",
-    "preferences",
-    "simulated_accuracies",
-]
-
 TABLE = "chen2023/table-4"
 TEXT = "chen2023/text-accuracy"
 FRAMES = f"{TEXT}#frames"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.chen2023.figures.sketch import LASER, SCENE, lens
+from reproduce.papers.chen2023.looks import LASER, SCENE, lens
 from reproduce.papers.declare import draws
 from reproduce.papers.sketch import (
     INK,
@@ -47,8 +47,6 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["FOCAL", "POINT", "TURN", "WIDE", "towards", "turned_camera"]
 
 PRINTED = "chen2023/table-4#1.transform-?"
 NAMES = ("X", "Y", "Z")

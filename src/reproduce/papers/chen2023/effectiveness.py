@@ -33,7 +33,7 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
 )
-from reproduce.papers.sketch import thin
+from reproduce.papers.sketch import INK, Look, sized, thin
 from reproduce.papers.study import Fact, studied
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
@@ -44,20 +44,9 @@ from reproduce.units import RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "FRAMES",
-    "LAST",
-    "PLAN",
-    "STATES",
-    "TABLE",
-    "common_length",
-    "fitted_length",
-    "focal_lengths",
-    "monitoring_errors",
-    "shared_zero_chi_square",
-]
 
 TABLE = "chen2023/table-5"
 PLAN = "chen2023/text-effectiveness"
@@ -450,3 +439,58 @@ def _test_facts(given: Given) -> dict[str, Fact]:
 def joint_test(given: Given) -> list[tuple[str, float, int, float]]:
     """Whether the differences of Table V are noise: all of them tested together."""
     return _tested(given)
+
+
+_PRINTED = Look("columns as printed", "#0072B2", "none", "o")
+_EXCHANGED = Look("columns interchanged", "#D55E00", "none", "D")
+
+
+@draws("chen2023-focal-lengths", marks=(platform.TELESCOPE,), named=focal_lengths.facts)
+def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
+    """Focal length that each reference angle of Table V implies, under both readings."""
+    frame = focal_lengths()
+    frame = frame[frame["Angle"].str.startswith("reference")]
+    # Row by row: the two angles of a state stand together, the first state on top.
+    names = frame["Angle"].str.removeprefix("reference ").str.split(", ")
+    order = sorted(range(len(frame)), key=lambda i: (names.iloc[i][1], names.iloc[i][0]))
+    labels = [", ".join(reversed(names.iloc[i])) for i in order]
+    own, own_half, other, other_half = (frame.iloc[order, i].to_numpy() for i in (1, 2, 4, 5))
+
+    narrow = sized(figure, 5.2, 3.7, 4.6)
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(5, 3))
+    rows = np.arange(len(order))
+    left.hlines(rows, own, other, color="#777777", lw=0.8)
+    _points(left, _PRINTED, rows, own, own_half)
+    for axes in (left, right):
+        ends = (other - other_half).max(), (other + other_half).min()
+        colour = _EXCHANGED.colour
+        axes.axvspan(*ends, facecolor=(colour, 0.2), edgecolor=colour, linestyle=":", linewidth=0.8)
+        _points(axes, _EXCHANGED, rows, other, other_half)
+        axes.set_xlabel("focal length (mm)")
+    nominal = printed[platform.TELESCOPE] * 1e3
+    left.locator_params(axis="x", nbins=3 if narrow else 5)
+    left.axvline(nominal, color=INK, ls="--", lw=1, label="nominal")
+    left.set(yticks=rows, yticklabels=labels, ylim=(len(rows) - 0.5, -0.5))
+    right.set_title("enlarged" if narrow else "the same, enlarged", size=10)
+    right.set_xlim((other - other_half).min() - 0.5, (other + other_half).max() + 0.5)
+    entries = left.get_legend_handles_labels()
+    columns = 1 if narrow else 3
+    figure.legend(*entries, loc="outside lower center", ncols=columns, columnspacing=1.0)
+
+
+def _points(
+    axes: Axes, look: Look, rows: np.ndarray, lengths: np.ndarray, halves: np.ndarray
+) -> None:
+    """Mark lengths with bars as wide as the rounding of the print allows."""
+    filled = look is _EXCHANGED
+    axes.errorbar(
+        lengths,
+        rows,
+        xerr=halves,
+        fmt=look.marker,
+        color=look.colour,
+        markerfacecolor=look.colour if filled else "none",
+        label=look.name,
+        capsize=2,
+        zorder=2 if filled else 3,
+    )

@@ -26,31 +26,6 @@ from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-__all__ = [
-    "DIAGONAL",
-    "FOCAL_LENGTH",
-    "INSTRUMENT",
-    "PIXEL",
-    "PIXELS",
-    "PLATFORM",
-    "SCATTER",
-    "SIGMAS",
-    "SPOTS",
-    "TELESCOPE",
-    "TEXT",
-    "TRACKER",
-    "angle_of_one_pixel",
-    "angle_response",
-    "angle_sigma",
-    "as_designed",
-    "designed_positions",
-    "lasers",
-    "printed_spots",
-    "responses",
-    "scatter",
-    "tracker",
-]
-
 PLATFORM = "chen2023/table-2"
 SCATTER = "chen2023/table-3"
 TEXT = "chen2023/text-platform"

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
-from reproduce.papers.declare import Results, reproduces, seed_of
-from reproduce.papers.study import studied
+from reproduce.papers.declare import Results, draws, reproduces, seed_of
+from reproduce.papers.sketch import arrow, beside, box, canvas, label, line
+from reproduce.papers.study import Fact, studied
 from reproduce.papers.words import Column
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.ground import (
@@ -42,29 +43,15 @@ from reproduce.physics.ground import (
     trend_and_fourier,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.given import Given, given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from collections.abc import Mapping
 
-__all__ = [
-    "CORRECTIONS",
-    "DRAWS",
-    "LOOKS",
-    "READS",
-    "UNCORRECTED",
-    "YEAR_READS",
-    "analytic",
-    "largest_amplitude",
-    "look",
-    "residuals",
-    "simulated",
-    "spans",
-    "terms",
-    "together",
-    "year",
-]
+    import pandas as pd
+    from matplotlib.figure import Figure
+
 
 POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
 MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
@@ -147,8 +134,8 @@ def terms(given: Given) -> tuple[Term, ...]:
     """
     attitude = np.full(3, given[POINTING] / platform.SIGMAS)
     turns = (
-        Term(f"misalignment about {axis}, {label}", "turn", sigma * unit)
-        for frames, label in ((1, SINGLE), (given.count(accuracy.SMOOTHED), AVERAGED))
+        Term(f"misalignment about {axis}, {mean}", "turn", sigma * unit)
+        for frames, mean in ((1, SINGLE), (given.count(accuracy.SMOOTHED), AVERAGED))
         for sigma in [platform.angle_sigma(given, 2, frames)]
         for axis, unit in zip(("X", "Y", "Z (roll)"), np.eye(3), strict=True)
     )
@@ -164,8 +151,8 @@ def terms(given: Given) -> tuple[Term, ...]:
 def together(given: Given) -> dict[str, tuple[Term, ...]]:
     """Return the whole budget twice: monitoring with one frame, and with the average of many."""
     return {
-        f"all together, {label}": tuple(t for t in terms(given) if not t.name.endswith(other))
-        for label, other in ((SINGLE, AVERAGED), (AVERAGED, SINGLE))
+        f"all together, {mean}": tuple(t for t in terms(given) if not t.name.endswith(other))
+        for mean, other in ((SINGLE, AVERAGED), (AVERAGED, SINGLE))
     }
 
 
@@ -221,17 +208,17 @@ def budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term: formula and simulation."""
     rows = []
     lines = {term.name: (term,) for term in terms(given)} | together(given)
-    for label, errors in lines.items():
+    for term, errors in lines.items():
         scale, unit = UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
         sigma = errors[0].sigma.max() / scale
         for name, tilt, off in LOOKS:
             view = look(given, tilt, off)
             jacobian, drawn = ground_jacobian(*view), simulated(view, errors, name, given.root)
-            exact = sum((analytic(jacobian, term) for term in errors), np.zeros((2, 2)))
+            exact = sum((analytic(jacobian, error) for error in errors), np.zeros((2, 2)))
             radii = float(circular_error(exact)), _quantile(drawn)
             true, found = ellipse(exact), ellipse(np.cov(drawn.T))
             axes = (true.major, found.major, true.minor, found.minor)
-            rows.append((label, sigma, unit, name, *radii, *axes))
+            rows.append((term, sigma, unit, name, *radii, *axes))
     return budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
 
@@ -353,9 +340,9 @@ def suffices(given: Given) -> list[tuple[str | float, ...]]:
     rows: list[tuple[str | float, ...]] = []
     for name in CORRECTIONS:
         pairs = [(whole[name][s] - noise[name][s], noise[name][s]) for s in samples]
-        for label, limit in limits.items():
+        for what, limit in limits.items():
             amplitudes = (largest_amplitude(*pair, limit / height) for pair in pairs)
-            rows.append((name, label, limit, *amplitudes))
+            rows.append((name, what, limit, *amplitudes))
     return rows
 
 
@@ -372,3 +359,61 @@ def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> flo
         within = _quantile(middle * slope + noise) <= limit
         low, high = (middle, high) if within else (low, middle)
     return low
+
+
+_FRAMES = "chen2023/table-4#100.frames"
+_SCENE_READS = (*satellite.CAMERA, satellite.ACCURACY, _FRAMES)
+# Of the drawing: units to a metre of the ground.
+_METRE = 3.4
+
+
+def _on_the_ground(door: Given) -> tuple[float, float, float]:
+    """Return metres on the ground: an arc second, a pixel, the larger printed error (3σ)."""
+    height = satellite.altitude(door)
+    error = float(door.array(satellite.ACCURACY).max())
+    return (
+        height * float(np.tan(RADIANS_PER_ARCSEC)),
+        door[satellite.CAMERA[2]],
+        height * float(np.tan(error)),
+    )
+
+
+def ground_facts() -> Mapping[str, Fact]:
+    """Return what the drawing shows, in numbers."""
+    door = given(_SCENE_READS)
+    second, pixel, error = _on_the_ground(door)
+    return {
+        "height": Fact(satellite.altitude(door) / 1e3, ".0f", "km"),
+        "second": Fact(second, ".1f", "m"),
+        "pixel": Fact(pixel, ".2f", "m"),
+        "pixels": Fact(second / pixel, ".0f"),
+        "error": Fact(error, ".2f", "m"),
+        "frames": Fact(door.count(_FRAMES), "d"),
+    }
+
+
+@draws("chen2023-arc-second", given=_SCENE_READS, named=ground_facts)
+def draw_ground(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """An arc second on the ground, from the height of the paper's satellite, to scale."""
+    second, pixel, error = _on_the_ground(door)
+    axes = canvas(figure, 10.4, 8.2)
+    left, right, ground = 0.9, 0.9 + _METRE * second, 3.4
+    top = np.array([(left + right) / 2, 7.2])
+    box(axes, beside(top, 0.0, 0.45), (2.6, 0.9), "satellite")
+    for foot in (left, right):
+        line(axes, np.array([top, (foot, ground)]), 1.0)
+    label(axes, beside(top, 0.0, -1.6), "1″")
+    label(axes, (9.0, 5.6), f"{satellite.altitude(door) / 1e3:.0f} km up,\nnot to scale")
+    side = _METRE * pixel
+    for start in np.arange(left, right, side):
+        box(axes, (start + side / 2, ground - 0.5), (side, side), width=0.8)
+    for y, length, text in (
+        (1.9, second, f"an arc second: {second:.1f} m"),
+        (1.2, pixel, f"a pixel of the camera: {pixel:.2f} m"),
+        (0.4, error, f"misalignment, mean of {door.count(_FRAMES)} frames, 3σ: {error:.2f} m"),
+    ):
+        arrow(axes, (left, y), (left + _METRE * length, y), style="<|-|>")
+        if length is second:
+            label(axes, ((left + right) / 2, y + 0.28), text)
+        else:
+            label(axes, (left + _METRE * length + 0.3, y), text, ha="left")

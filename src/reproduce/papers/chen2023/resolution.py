@@ -81,27 +81,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "CASES",
-    "LITERAL",
-    "READS",
-    "SPOT_RADIUS",
-    "SPOT_READS",
-    "STUDY",
-    "TAKEN_APART",
-    "THRESHOLDS",
-    "curves",
-    "light_for_table",
-    "monte_carlo",
-    "radii",
-    "relative_error",
-    "replicated_scatter",
-    "resolutions",
-    "saturation",
-    "spot_laws",
-    "window",
-]
-
 STUDY = "chen2023/text-resolution"
 SPOT_RADIUS = f"{STUDY}#spot-radius"
 # The spot on pixels of any size, with the light that Table III implies.

@@ -18,8 +18,6 @@ from reproduce.physics.validate import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["LASER", "SCENE", "STAR", "lens", "mirror", "reflected"]
-
 LASER = Look("laser", "#D55E00", "--", "s")
 STAR = Look("starlight", "#009E73", "-.", "o")
 SCENE = Look("landscape", "#0072B2", ":", "^")

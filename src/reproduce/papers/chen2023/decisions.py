@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["AGE_READS", "FRAME_READS", "age", "averages", "stage"]
-
 ENDS = (0.025, 0.5, 0.975)
 REACH = np.asarray(norm.ppf(ENDS))  # the same in standard deviations
 AXES = {"X": "misalignment-x", "Y": "misalignment-y"}

@@ -1,1 +1,0 @@
-"""The drawings of chen2023, chapter by chapter."""
