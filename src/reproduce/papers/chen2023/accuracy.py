@@ -140,7 +140,7 @@ def pixel_angle(given: Given) -> Results:
 
 
 @cache
-def replicated_table(door: Given) -> FloatArray:
+def _replicated_table(door: Given) -> FloatArray:
     """Return the replicates of Table IV that its prediction rests on.
 
     Shape (replicates, columns, counts). Three standard deviations, in radians; X and Y of the laser
@@ -159,13 +159,13 @@ def _counts(given: Given) -> list[int]:
 
 
 @draws("chen2023/table-4", given=READS, random=True)
-def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Accuracy of the matrices against the number of averaged frames."""
     counts = _counts(door)
     narrow = sized(figure, 6.4, 4.0, 5.6)
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True)
     looks = (("o", "-"), ("s", "--")) * 2
-    columns = zip(COLUMNS, looks, replicated_table(door).transpose(1, 2, 0), strict=True)
+    columns = zip(COLUMNS, looks, _replicated_table(door).transpose(1, 2, 0), strict=True)
     for (matrix, axis), (marker, line), tables in columns:
         axes = panels[list(MATRICES).index(matrix)]
         low, middle, high = np.quantile(tables, [0.005, 0.5, 0.995], axis=1) * ARCSEC_PER_RADIAN
@@ -316,7 +316,7 @@ def floors(given: Given) -> pd.DataFrame:
     """Whether Table IV needs floors that averaging does not reduce, all cells together."""
     printed = np.stack([given.array(f"{TABLE}#*.{matrix}-{axis}") for matrix, axis in COLUMNS])
     # The door that the drawing is given, so that both share one simulation.
-    found = fit(printed, replicated_table(given.narrowed(READS)), DIGIT)
+    found = fit(printed, _replicated_table(given.narrowed(READS)), DIGIT)
     *single, anywhere = found["single"]
     best, most = found["floors"] * ARCSEC_PER_RADIAN, found["upper"] * ARCSEC_PER_RADIAN
     columns = zip(best, most, single, found["among"], found["among"], strict=True)

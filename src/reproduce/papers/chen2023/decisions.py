@@ -127,7 +127,7 @@ def _stops(door: Given) -> FloatArray:
     return _ends(*_with_stage(door, lambda a, b, noise: (a / noise) ** 2 + 0 * b, 1.0))
 
 
-def frame_facts(door: Given) -> dict[str, Fact]:
+def _frame_facts(door: Given) -> dict[str, Fact]:
     """Return the knees of averaging, where Table V stops, and errors that pages compare."""
     height, count, table = satellite.altitude(door), door.count(effectiveness.FRAMES), stage(door)
     excess = _ends(*_excess(door))
@@ -173,7 +173,7 @@ def frame_facts(door: Given) -> dict[str, Fact]:
 @studied(
     "chen2023/frames",
     given=FRAME_READS,
-    named=frame_facts,
+    named=_frame_facts,
 )  # fmt: skip
 def frames(door: Given) -> pd.DataFrame:
     """How many frames to average."""
@@ -188,7 +188,7 @@ def frames(door: Given) -> pd.DataFrame:
 
 
 @draws("chen2023-frames", given=FRAME_READS, marks=MARKS)
-def draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the misalignment against frames averaged, and the scatter of Table V."""
     counts, noise = np.geomspace(1, 1000, 40), np.quantile(stage(door).noises, ENDS)
     narrow = sized(figure, 6.4, 3.9, 6.0)
@@ -245,7 +245,7 @@ def age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, F
     return np.hypot(error, drifts * ages), np.hypot(error, spread / count * ages)
 
 
-def age_facts(door: Given) -> dict[str, Fact]:
+def _age_facts(door: Given) -> dict[str, Fact]:
     """Return when the bias of a drift is as large as the error of one calibration."""
     error, moved, spread = _drifting(door)
     count, time = door.count(accuracy.FRAMES), door[accuracy.DURATION]
@@ -273,9 +273,9 @@ def age_facts(door: Given) -> dict[str, Fact]:
 @studied(
     "chen2023/drift",
     given=AGE_READS,
-    named=age_facts,
+    named=_age_facts,
 )
-def last(door: Given, drift: float = 0.0) -> pd.DataFrame:
+def _last(door: Given, drift: float = 0.0) -> pd.DataFrame:
     """When to calibrate again."""
     error, moved, _ = _drifting(door)
     pace = door[accuracy.DURATION] / door.count(accuracy.FRAMES)
@@ -287,11 +287,11 @@ def last(door: Given, drift: float = 0.0) -> pd.DataFrame:
         constant[1] * satellite.altitude(door), followed * ARCSEC_PER_RADIAN, strict=True,
     )  # fmt: skip
     told = shown / pace * HOUR * ARCSEC_PER_RADIAN
-    return last.frame(rows, rate=told, images=error / abs(shown))
+    return _last.frame(rows, rate=told, images=error / abs(shown))
 
 
 @draws("chen2023-drift", given=AGE_READS)
-def draw_drift(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_drift(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error about X against the age of a calibration, while the camera drifts."""
     ages = np.geomspace(1, 800, 60)
     constant, followed = age(door, ages)
@@ -326,7 +326,7 @@ def _calibrated(door: Given) -> tuple[FloatArray, FloatArray]:
     return x, z
 
 
-def error_facts(door: Given) -> dict[str, Fact]:
+def _error_facts(door: Given) -> dict[str, Fact]:
     """Return the error of one calibration on the ground."""
     height = satellite.altitude(door)
     return {"calibrated-ground": Fact(float(_calibrated(door)[0][1] * height), ".2g", "m")}
@@ -335,7 +335,7 @@ def error_facts(door: Given) -> dict[str, Fact]:
 @studied(
     "chen2023/instrument-errors",
     given=ERROR_READS,
-    named=error_facts,
+    named=_error_facts,
 )
 def errors(door: Given) -> pd.DataFrame:
     """Every error of the pointing, and how well it is known."""

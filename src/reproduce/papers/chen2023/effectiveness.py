@@ -104,7 +104,7 @@ def common_length(given: Given, axis: str) -> float:
     return float(-_moved(given, STATES[-1], axis) / np.tan(given[LAST]))
 
 
-def expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
+def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
     """Return the angle of the stage in a state under every reading of Table V, in radians."""
     axis, exchanged = TURNS[turn], common_length(given, "y")
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
@@ -131,7 +131,7 @@ def reference_angle(given: Given) -> Results:
     results = {}
     for turn, state in product(TURNS, MOVED):
         if f"{TABLE}#{state}.reference-{turn}" != LAST:
-            angles = expected_angles(given, state, turn)
+            angles = _expected_angles(given, state, turn)
             # An angle under the other heading is one of the other motion.
             angles["references", "common"] = angles["motions", "common"]
             results[f"{state}.reference-{turn}"] = _blocked(COLUMNS, angles)
@@ -189,7 +189,7 @@ def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Result
     means = {"state": ("", "", 1.0), "ramp": (few, "; V-C on the ramps", fewer)}
     results: dict[str, Result] = {}
     for turn, state in product(TURNS, MOVED):
-        noise, angles = errors[:, state - 2, "xy".index(turn)], expected_angles(given, state, turn)
+        noise, angles = errors[:, state - 2, "xy".index(turn)], _expected_angles(given, state, turn)
         readings = []
         for images, (label, why, share) in means.items():
             for (columns, telescope), (name, place) in READINGS.items():
@@ -261,7 +261,7 @@ def bound(given: Given) -> Results:
 
 
 @draws("chen2023/table-5", given=monitored_angle.given)
-def draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion."""
     panels = figure.subplots(1, 2, sharey=True)
     sigma = platform.angle_sigma(door, 2, door.count(FRAMES))
@@ -312,7 +312,7 @@ def fitted_length(
     return 1.0 / slope, error, float(away @ inverse @ away)
 
 
-def implied_facts(given: Given) -> dict[str, Fact]:
+def _implied_facts(given: Given) -> dict[str, Fact]:
     """What sentences say of the implied focal lengths: their ends, and where all rows meet.
 
     Of the readings with interchanged columns, also the largest difference between a monitored and a
@@ -352,7 +352,7 @@ def implied_facts(given: Given) -> dict[str, Fact]:
     "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
     f"{len(MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
     "digit.",
-    named=implied_facts,
+    named=_implied_facts,
 )
 def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
@@ -436,7 +436,7 @@ def _test_facts(given: Given) -> dict[str, Fact]:
     ),
     named=_test_facts,
 )
-def joint_test(given: Given) -> list[tuple[str, float, int, float]]:
+def _joint_test(given: Given) -> list[tuple[str, float, int, float]]:
     """Whether the differences of Table V are noise: all of them tested together."""
     return _tested(given)
 
@@ -446,7 +446,7 @@ _EXCHANGED = Look("columns interchanged", "#D55E00", "none", "D")
 
 
 @draws("chen2023-focal-lengths", marks=(platform.TELESCOPE,), named=focal_lengths.facts)
-def draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
+def _draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Focal length that each reference angle of Table V implies, under both readings."""
     frame = focal_lengths()
     frame = frame[frame["Angle"].str.startswith("reference")]

@@ -346,7 +346,7 @@ OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
         *(Column(f"{off / 1e3:g} km off centre (m)", ".2f") for off in OFF_CENTRE),
     ),
 )
-def roll(given: Given) -> pd.DataFrame:
+def _roll(given: Given) -> pd.DataFrame:
     """Roll error of the ground platform, and what it does on the ground away from the centre."""
     many, height = given.count(accuracy.SMOOTHED), satellite.altitude(given)
     generator = default_rng(seed_of("chen2023/roll", given.root))
@@ -357,7 +357,7 @@ def roll(given: Given) -> pd.DataFrame:
         tilt, turn = spread / ARCSEC_PER_RADIAN
         moved = (np.hypot(np.sqrt(2) * tilt * height, turn * off) for off in OFF_CENTRE)
         rows.append((count, *spread, *moved))
-    return roll.frame(rows, altitude=height / 1e3)
+    return _roll.frame(rows, altitude=height / 1e3)
 
 
 DESIGN = "chen2023/text-satellite"
@@ -374,7 +374,7 @@ MARGIN = 12
 
 
 @draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
-def draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
     alpha, delta, turn = POINTING
     turns = [alpha + 90.0, 90.0 - delta, turn]
@@ -497,7 +497,7 @@ def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 @draws("chen2023/fig-7", given=SERIES_READS, marks=["chen2023/text-platform#spot-*"], random=True)
-def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
     twin = bench(door)
     corner = np.floor(twin.spots.min(axis=0)).astype(int) - MARGIN
@@ -527,7 +527,7 @@ def draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> Non
     marks=["chen2023/text-accuracy#transform-single-?"],
     random=True,
 )
-def draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the laser transform over the first group, single frames and smoothed."""
     _series(figure, door, groups(door).transform, printed, "error (arcsec)")
 
@@ -538,7 +538,7 @@ def draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) ->
     marks=["chen2023/text-accuracy#misalignment-single-?"],
     random=True,
 )
-def draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored misalignment over the second group, single frames and smoothed.
 
     The bench stood differently in the second group, and the paper prints no number for it. A
@@ -570,7 +570,7 @@ def _series(
 
 
 @draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])
-def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
+def _draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     """Motion pattern of the stage, its five states marked."""
     places = _pairs(printed) * 1e6
     axes = figure.add_subplot()
@@ -587,7 +587,7 @@ def draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     marks=["chen2023/table-5#[2-5].monitoring-y"],
     random=True,
 )
-def draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about Y while the stage moves along X."""
     _ridden(figure, door, "Y", printed)
 
@@ -598,13 +598,13 @@ def draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> N
     marks=["chen2023/table-5#[2-5].monitoring-x"],
     random=True,
 )
-def draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about X while the stage moves along Y."""
     _ridden(figure, door, "X", printed)
 
 
 @draws("chen2023/fig-1d", given=STAGE_READS, random=True)
-def draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """One move of the stage, close up: the average follows the reference after its own length."""
     sized(figure, 6.4, 3.2, 2.8)
     _ridden(figure, door, "Y", {})

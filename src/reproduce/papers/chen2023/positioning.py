@@ -204,7 +204,7 @@ def simulated(
     random=True,
     given=READS,
 )
-def budget(given: Given) -> pd.DataFrame:
+def _budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term: formula and simulation."""
     rows = []
     lines = {term.name: (term,) for term in terms(given)} | together(given)
@@ -219,7 +219,7 @@ def budget(given: Given) -> pd.DataFrame:
             true, found = ellipse(exact), ellipse(np.cov(drawn.T))
             axes = (true.major, found.major, true.minor, found.minor)
             rows.append((term, sigma, unit, name, *radii, *axes))
-    return budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
+    return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
 
 @lru_cache(maxsize=1)  # a year is large
@@ -378,7 +378,7 @@ def _on_the_ground(door: Given) -> tuple[float, float, float]:
     )
 
 
-def ground_facts() -> Mapping[str, Fact]:
+def _ground_facts() -> Mapping[str, Fact]:
     """Return what the drawing shows, in numbers."""
     door = given(_SCENE_READS)
     second, pixel, error = _on_the_ground(door)
@@ -392,8 +392,8 @@ def ground_facts() -> Mapping[str, Fact]:
     }
 
 
-@draws("chen2023-arc-second", given=_SCENE_READS, named=ground_facts)
-def draw_ground(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@draws("chen2023-arc-second", given=_SCENE_READS, named=_ground_facts)
+def _draw_ground(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """An arc second on the ground, from the height of the paper's satellite, to scale."""
     second, pixel, error = _on_the_ground(door)
     axes = canvas(figure, 10.4, 8.2)

@@ -229,7 +229,7 @@ def _still(given: Given) -> SpotStatistics:
     return SpotStatistics.of(spots, (False, False))
 
 
-def truth(given: Given, drift: bool = False) -> dict[str, float]:
+def _truth(given: Given, drift: bool = False) -> dict[str, float]:
     """The misalignment of the simulation, and how much it drifts through the group."""
     turns = {"angle": TRUTH, "drift": DRIFT} if drift else {"angle": TRUTH}
     return {f"{name}-{axis}": float(angle) for name, angles in turns.items()
@@ -293,7 +293,7 @@ def under_floors(model: Model) -> list[Summed]:
     return [replace(wide, model=one) for one in under]
 
 
-def reference_angles(given: Given) -> ReferenceAngles:
+def _reference_angles(given: Given) -> ReferenceAngles:
     """Positions and reference angles of Table V, in the blocks of print."""
     angles = np.stack([given.array(f"{STAGE}#*.reference-{a}") for a in "yx"], axis=-1)
     return ReferenceAngles(
@@ -308,7 +308,7 @@ def table_5(given: Given) -> Model:
     """Focal length, bias and noise from Table V."""
     monitored = np.stack([given.array(f"{STAGE}#*.monitoring-{a}") for a in "yx"], axis=-1)
     nominal = given[TELESCOPE]
-    model = table_model(StageTableLikelihood(reference_angles(given), monitored), nominal)
+    model = table_model(StageTableLikelihood(_reference_angles(given), monitored), nominal)
     consequences = StageTest(_ground(given).altitude, _last_motion(given), nominal)
     return replace(model, derived=consequences)
 
@@ -476,11 +476,11 @@ _CONSTANT_FILE, _DRIFT_FILE = (
 POSTERIORS = (
     Declaration(
         "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
-        _CONSTANT_FILE, truth, _published_scatter, asides=with_free_lasers,
+        _CONSTANT_FILE, _truth, _published_scatter, asides=with_free_lasers,
     ),
     Declaration(
         "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
-        _DRIFT_FILE, partial(truth, drift=True), _published_scatter, steps=330,
+        _DRIFT_FILE, partial(_truth, drift=True), _published_scatter, steps=330,
     ),
     Declaration(
         "frame-averaging", "White noise of one frame and the floor that averaging leaves",

@@ -277,7 +277,7 @@ def light_for_table(given: Given, case: Case = LITERAL) -> Light:
     return Light(float(case.brighter * signal), float(read))
 
 
-def setting(
+def _setting(
     given: Given, angles: FloatArray | None = None, case: Case = LITERAL
 ) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return phases, light, spot radii for pixels of the given angles or of all, and the window."""
@@ -303,7 +303,7 @@ def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Flo
     trials, in px.
     """
     trials = given.count(f"{STUDY}#trials")
-    laws = [predicted_errors(*setting(given, case=case)) for case in CASES]
+    laws = [predicted_errors(*_setting(given, case=case)) for case in CASES]
     bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
     deviation = np.sqrt(variance / trials)
     found, shape = [], bias.shape[1:]
@@ -329,7 +329,7 @@ def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) 
 
 def monte_carlo(given: Given) -> FloatArray:
     """Simulate the study as described: the error of all phases and trials at every resolution."""
-    (phases, light, radius, size), trials = setting(given), given.count(f"{STUDY}#trials")
+    (phases, light, radius, size), trials = _setting(given), given.count(f"{STUDY}#trials")
     streams = spawned_streams(seed_of("chen2023/fig-11a", given.root), len(radius))
     pairs = zip(radius, streams, strict=True)
     errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
@@ -343,7 +343,7 @@ def curves(door: Given) -> dict[str, FloatArray]:
     ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within`` (scatter
     without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
     """
-    study = setting(door)
+    study = _setting(door)
     law = predicted_scatter(predicted_errors(*study))
     return {
         "angles": resolutions(door),
@@ -356,7 +356,7 @@ def curves(door: Given) -> dict[str, FloatArray]:
 
 
 @draws("chen2023/fig-11a", given=READS, marks=OPTIMUM, random=True)
-def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Centroiding accuracy against the angular resolution of the tracker."""
     axes = _curves(figure, curves(door), 1.0)
     optimum, accuracy = (printed[address] for address in OPTIMUM)
@@ -367,7 +367,7 @@ def draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) ->
 
 
 @draws("chen2023/fig-11b", given=READS, marks=[SATURATION], random=True)
-def draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitoring accuracy against the angular resolution of the tracker."""
     content, lasers = curves(door), door.count(f"{STUDY}#lasers")
     scale = attitude_accuracy(1.0, lasers, content["angles"]) * ARCSEC_PER_RADIAN
@@ -405,15 +405,15 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
 def readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
     angles, relative = resolutions(given), relative_error(given)
-    studies = {case.name: setting(given, case=case) for case in CASES}
+    studies = {case.name: _setting(given, case=case) for case in CASES}
     for share in (0.25, 0.5, 0.75, 0.95):
-        noisy = setting(given, case=replace(LITERAL, read_share=share))
+        noisy = _setting(given, case=replace(LITERAL, read_share=share))
         studies[f"read noise is {share:.0%} of variance"] = noisy
     for factor in (0.5, 2.0):
-        lit = setting(given, case=replace(LITERAL, brighter=factor))
+        lit = _setting(given, case=replace(LITERAL, brighter=factor))
         studies[f"{factor:g} times the light"] = lit
     for size in (3, 7):
-        studies[f"window of {size} × {size} px"] = (*setting(given)[:3], size)
+        studies[f"window of {size} × {size} px"] = (*_setting(given)[:3], size)
     laws = {name: predicted_scatter(predicted_errors(*one)) for name, one in studies.items()}
     found = {name: law.total for name, law in laws.items()}
     found["spot within ±6.5 µm always"] = _fixed_travel(given)
@@ -428,7 +428,7 @@ def readings(given: Given) -> list[tuple[str, float, float, float]]:
 
 def _fixed_travel(given: Given) -> FloatArray:
     """Return the errors if the spot's travel is the tracker's pixel, whatever the pixel's size."""
-    phases, light, radius, size = setting(given)
+    phases, light, radius, size = _setting(given)
     travel = phases * given[platform.PIXEL] * (radius / given[SPOT_RADIUS])[:, np.newaxis]
     nearest = travel - np.floor(travel + 0.5)
     pairs = zip(nearest, radius, strict=True)
@@ -443,7 +443,7 @@ def _fixed_travel(given: Given) -> FloatArray:
 )
 def errors(given: Given) -> list[tuple[str | float, ...]]:
     """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
-    study = setting(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
+    study = _setting(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
     law = predicted_errors(*study)
     parts, least = predicted_scatter(law), bound(*study)
     lines = {
@@ -467,7 +467,7 @@ def estimators(given: Given) -> pd.DataFrame:
     """Errors of four estimators over all phases, against the bound, by simulation."""
     # Half of the variance at the tracker's own pixel from the readout: a middle case.
     case, angles = replace(LITERAL, read_share=0.5), np.array(COMPARED) * RADIANS_PER_ARCSEC
-    phases, light, radius, size = study = setting(given, angles, case)
+    phases, light, radius, size = study = _setting(given, angles, case)
     points = np.stack([phases, np.zeros_like(phases)], axis=-1)
     corner, noise = np.full(2, -(size // 2)), light.read_noise
     found: dict[str, list[float]] = {}

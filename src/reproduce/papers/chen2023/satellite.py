@@ -157,13 +157,13 @@ def _accuracy(given: Given) -> float:
     return float(given.array(ACCURACY).max())
 
 
-def bench_path(given: Given, kind: str) -> LightPath:
+def _bench_path(given: Given, kind: str) -> LightPath:
     """Return the light path of the ground platform with one kind of retro-reflector."""
     lengths = given[platform.TELESCOPE], given[platform.FOCAL_LENGTH]
     return light_path(kind, *lengths, given[BORESIGHT])
 
 
-def believed(
+def _believed(
     rest: LightPath, kind: str, points: FloatArray, shifts: FloatArray | float = 0.0, **changes: Any
 ) -> FloatArray:
     """Return the turn of the camera that the system believes when lasers or light path change.
@@ -190,13 +190,13 @@ def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     points = platform.lasers(given)
     rows: list[tuple[str | float, ...]] = []
     for kind, image in IMAGE.items():
-        rest = bench_path(given, kind)
+        rest = _bench_path(given, kind)
         shares: list[float] = []
         for turn in TURN * np.eye(3):
             turned = replace(rest.retroreflector, turn=turn)
-            x, y, z = believed(rest, kind, points, retroreflector=turned) / TURN
+            x, y, z = _believed(rest, kind, points, retroreflector=turned) / TURN
             shares += [np.hypot(x, y), abs(z)]
-        roll = abs(believed(rest, kind, points, camera_turn=[TURN, 0.0, 0.0])[2]) / TURN
+        roll = abs(_believed(rest, kind, points, camera_turn=[TURN, 0.0, 0.0])[2]) / TURN
         spots = rest.spots(points, APERTURE)
         blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
         rows.append((kind, *shares, roll, blur / given[platform.PIXEL], image))
@@ -207,7 +207,7 @@ def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     "chen2023/dichroic",
     given=(BORESIGHT, ACCURACY, EXPANSION),
 )
-def dichroic(given: Given) -> list[tuple[str, float, float, float]]:
+def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
     accuracy = _accuracy(given)
     axes = ("in the plane of the light", "across it", "its normal")
@@ -262,7 +262,7 @@ def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
     """Thermal terms: what each mimics, and how large it may be."""
     accuracy, points, expansion = _accuracy(given), platform.lasers(given), given[EXPANSION]
     # In angle only the camera's own focal length counts, so the flight camera is set in.
-    rest = replace(bench_path(given, PAIR), camera_focal_length=given[CAMERA[0]])
+    rest = replace(_bench_path(given, PAIR), camera_focal_length=given[CAMERA[0]])
     outward = points / np.linalg.norm(points, axis=1, keepdims=True)
     rows = []
     for name, moves in {
@@ -270,7 +270,7 @@ def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
         "one laser of four moves": np.eye(len(points), 2) * [1.0, 0.0],
         "the pattern grows evenly": outward,
     }.items():
-        angles = believed(rest, PAIR, points, STEP * np.asarray(moves))
+        angles = _believed(rest, PAIR, points, STEP * np.asarray(moves))
         tilt = np.hypot(*angles[:2])
         length = accuracy / tilt * STEP if tilt > NEGLIGIBLE * accuracy else np.inf
         kelvin = length / (expansion * given[platform.DIAGONAL])
@@ -278,27 +278,27 @@ def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
     response = dichroic_response(given[BORESIGHT])
     for name, factor in {
         "the dichroic mirror tilts": np.linalg.norm(response, axis=0).max(),
-        "the angle of the two mirrors opens": opened_angle(given, PAIR),
-        "one angle of a corner cube opens": opened_angle(given, "corner cube"),
+        "the angle of the two mirrors opens": _opened_angle(given, PAIR),
+        "one angle of a corner cube opens": _opened_angle(given, "corner cube"),
     }.items():
         turn = accuracy / factor
         rows.append((name, "arcsec", factor, turn / RADIANS_PER_ARCSEC, turn / expansion))
     return rows
 
 
-def opened_angle(given: Given, kind: str) -> float:
+def _opened_angle(given: Given, kind: str) -> float:
     """Return the tilt that is believed when one right angle of a retro-reflector opens.
 
     In radians per radian.
     """
-    rest = bench_path(given, kind)
+    rest = _bench_path(given, kind)
     if not isinstance(rest.retroreflector, Mirrors):
         raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")
     normals = unit("normals", rest.retroreflector.normals)
     # One mirror turns about its edge with the next one, away from it.
     normals[0] += TURN * normals[1]
     opened = replace(rest.retroreflector, normals=normals)
-    angles = believed(rest, kind, platform.lasers(given), retroreflector=opened)
+    angles = _believed(rest, kind, platform.lasers(given), retroreflector=opened)
     return float(np.hypot(*angles[:2])) / TURN
 
 
@@ -442,7 +442,7 @@ def _earth_frames(axes: Axes, earth_from_inertial: FloatArray) -> None:
 
 @draws("chen2023/fig-1b")
 @diagram(12.0, 7.2)
-def draw_system(axes: Axes) -> None:
+def _draw_system(axes: Axes) -> None:
     """The monitoring system: what the laser light couples, and what the stars add."""
     box(axes, (2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
     box(axes, (6.2, 0.8), (2.8, 1.1), "retro-reflector")
@@ -461,7 +461,7 @@ def draw_system(axes: Axes) -> None:
 
 @draws("chen2023/fig-2a")
 @diagram(12.6, 10.8)
-def draw_satellite(axes: Axes) -> None:
+def _draw_satellite(axes: Axes) -> None:
     """The system in the satellite: camera down, tracker up, retro-reflector between."""
     box(axes, (3.4, 5.4), (3.8, 5.2))
     label(axes, (3.4, 8.45), "camera")
@@ -492,7 +492,7 @@ def draw_satellite(axes: Axes) -> None:
 
 @draws("chen2023/fig-2b", given=[DETECTORS])
 @diagram(15.8, 8.2)
-def draw_focal_plane(axes: Axes, door: Given) -> None:
+def _draw_focal_plane(axes: Axes, door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
     from matplotlib.patches import Polygon
 
@@ -523,7 +523,7 @@ def draw_focal_plane(axes: Axes, door: Given) -> None:
 
 @draws("chen2023/fig-3a")
 @diagram(12.6, 9.2)
-def draw_tracker(axes: Axes) -> None:
+def _draw_tracker(axes: Axes) -> None:
     """Structure of the star and laser tracker."""
     box(axes, (5.0, 1.0), (3.6, 1.2), "processor")
     box(axes, (5.0, 2.2), (1.6, 0.3))
@@ -544,7 +544,7 @@ def draw_tracker(axes: Axes) -> None:
 
 
 @draws("chen2023/fig-3b", marks=[f"{TEXT}#dihedral-angle"])
-def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
+def _draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Paths of starlight and laser light into the tracker."""
     (tilt,) = np.degrees(list(printed.values())).tolist()
     axes = canvas(figure, 11.0, 8.2)
@@ -573,7 +573,7 @@ def draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
 
 
 @draws("chen2023/fig-3c", marks=[*BANDS, FILTER])
-def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
+def _draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
     """Transmission and reflection of the dichroic mirror and of the band-pass filter, idealised."""
     low, high, *reflecting, passed = (printed[a] * 1e9 for a in (*BANDS, FILTER))
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -597,7 +597,7 @@ def draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
 
 @draws("chen2023/fig-4")
 @diagram(15.0, 9.0, 6.8, (15.0, 13.0))
-def draw_route(axes: Axes) -> None:
+def _draw_route(axes: Axes) -> None:
     """Technical route: calibration, monitoring, correction."""
     steps = {
         "calibration": (
@@ -633,7 +633,7 @@ def draw_route(axes: Axes) -> None:
 
 @draws("chen2023/fig-5")
 @diagram(14.0, 8.4)
-def draw_transform(axes: Axes) -> None:
+def _draw_transform(axes: Axes) -> None:
     """Laser directions in the camera and in the tracker, joined by the laser transform."""
     for x, name, focal in ((3.0, "c", r"f_\mathrm{cam}"), (11.0, "s", r"f_\mathrm{s}")):
         line(axes, [(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
