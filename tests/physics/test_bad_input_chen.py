@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reproduce.physics import validate
-from reproduce.physics.attitude import angles, averaging, lasers, rotations, wahba
+from reproduce.physics.attitude import angles, monitoring, platform, rotations, wahba
 from reproduce.physics.ground import errors, imaging
 from reproduce.physics.validate import DegenerateGeometryError
 
@@ -26,14 +26,14 @@ GOOD = {
     rotations.cross_matrix: {"vectors": EYE},
     rotations.rotation_from_vector: {"rotation_vector": EYE},
     rotations.vector_from_rotation: {"rotation": EYE},
-    lasers.emitted_directions: {
+    platform.emitted_directions: {
         "points": POINTS,
         "focal_length": 1.0,
         "principal_point": (0.0, 0.0),
     },
-    lasers.received_directions: {"spots": POINTS, **TRACKER},
-    lasers.received_spots: {"directions": [[0.0, 0.1, 1.0], [0.1, 0.0, 1.0]], **TRACKER},
-    lasers.received_jacobian: {"spots": POINTS, **TRACKER},
+    platform.received_directions: {"spots": POINTS, **TRACKER},
+    platform.received_spots: {"directions": [[0.0, 0.1, 1.0], [0.1, 0.0, 1.0]], **TRACKER},
+    platform.received_jacobian: {"spots": POINTS, **TRACKER},
     angles.laser_transform: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
@@ -76,10 +76,10 @@ GOOD = {
     angles.stage_angle: {"shift": 1e-5, "focal_length": 2.0},
     angles.stage_angle_printed: {"shift": 1e-5, "focal_length": 2.0},
     angles.stage_angles: {"shifts": [1e-5, 2e-5], "focal_length": 2.0},
-    averaging.moving_average: {"series": np.arange(9.0), "count": 2},
-    averaging.scatter_of_averages: {"series": np.arange(9.0), "counts": [1, 2]},
-    averaging.averaged_error: {"count": 4.0, "single": 1.0, "floor": 0.1},
-    averaging.attitude_accuracy: {"centroid_sigma": 0.1, "count": 4.0, "pixel_angle": 1e-4},
+    monitoring.moving_average: {"series": np.arange(9.0), "count": 2},
+    monitoring.scatter_of_averages: {"series": np.arange(9.0), "counts": [1, 2]},
+    monitoring.averaged_error: {"count": 4.0, "single": 1.0, "floor": 0.1},
+    monitoring.attitude_accuracy: {"centroid_sigma": 0.1, "count": 4.0, "pixel_angle": 1e-4},
     errors.ground_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "altitude": 5e5},
     errors.altitude_for_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "resolution": 1.0},
     errors.ground_error: {"altitude": 5e5, "angle": 1e-6},
@@ -114,8 +114,10 @@ GOOD = {
     errors.ellipse: {"covariance": [[2.0, 0.0], [0.0, 1.0]]},
     errors.circular_error: {"covariance": [[2.0, 0.0], [0.0, 1.0]]},
 }
-# Helpers on arrays that are already checked, and the test that takes a solution.
+# Helpers on arrays that are already checked, the test that takes a solution, and what
+# test_monitoring tries.
 INNER = {
+    monitoring.monitored,
     wahba.taste,
     rotations.transpose,
 }
@@ -131,7 +133,7 @@ LENGTHS = {
 }
 SIGMAS = {"sigma", "centroid_sigma", "single", "floor", "weights"}
 # Integers: their own checks speak of whole numbers.
-COUNTS = {(averaging.moving_average, "count")}
+COUNTS = {(monitoring.moving_average, "count")}
 
 
 def spoilt(function, name, value):
@@ -145,7 +147,7 @@ def spoilt(function, name, value):
 
 
 def test_every_public_function_is_tried():
-    modules = [wahba, rotations, lasers, angles, averaging, errors, imaging]
+    modules = [wahba, rotations, platform, angles, monitoring, errors, imaging]
     public = {
         function
         for module in modules

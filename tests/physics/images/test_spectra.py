@@ -6,7 +6,7 @@ from scipy.constants import c, h, k
 from scipy.integrate import quad
 
 from reproduce.physics.images import blackbody_band, channel_ratio, tabulated_star
-from reproduce.physics.images.spectra import _ZERO_MAGNITUDE, _blackbody_photons
+from reproduce.physics.images.detector import _ZERO_MAGNITUDE, _blackbody_photons
 
 
 def planck(wavelength, temperature):

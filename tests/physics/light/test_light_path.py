@@ -17,7 +17,7 @@ from reproduce.physics.attitude import (
     solve,
 )
 from reproduce.physics.light import Mirrors, light_path, mirror_train, reflection
-from reproduce.physics.light.cone import RETROREFLECTORS, Cone
+from reproduce.physics.light.raytrace import RETROREFLECTORS, Cone
 from reproduce.physics.validate import DegenerateGeometryError
 
 CAMERA, TRACKER, BETWEEN = 2.0, 0.06, np.radians(120.0)

@@ -9,7 +9,7 @@ from skimage.transform import EuclideanTransform, SimilarityTransform
 
 from reproduce.physics.registration import MODELS, Registration, fit_registration
 from reproduce.physics.registration._robust import repeated_median
-from reproduce.physics.registration._steps import prepare
+from reproduce.physics.registration.closed_form import prepare
 from reproduce.physics.validate import DegenerateGeometryError
 
 GENERATOR = np.random.default_rng(11)

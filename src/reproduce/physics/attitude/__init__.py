@@ -15,20 +15,20 @@ from reproduce.physics.attitude.angles import (
     stage_angles,
     transform_error_printed,
 )
-from reproduce.physics.attitude.averaging import (
+from reproduce.physics.attitude.monitoring import (
     attitude_accuracy,
     averaged_error,
+    monitored,
     moving_average,
     scatter_of_averages,
 )
-from reproduce.physics.attitude.lasers import (
+from reproduce.physics.attitude.platform import (
+    Platform,
     emitted_directions,
     received_directions,
     received_jacobian,
     received_spots,
 )
-from reproduce.physics.attitude.monitoring import monitored
-from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.attitude.rotations import (
     cross_matrix,
     rotation_from_vector,

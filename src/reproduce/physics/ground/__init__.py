@@ -1,11 +1,17 @@
 """Positions on the ground: Earth, orbit, imaging and its errors."""
 
 from reproduce.physics.ground.earth import (
+    DAY,
     EarthOrientation,
+    Thermal,
     earth_fixed,
     earth_from_inertial,
+    last_orbits,
     local_axes,
+    orbital_period,
     satellite_from_inertial,
+    thermal_series,
+    trend_and_fourier,
 )
 from reproduce.physics.ground.errors import (
     altitude_for_resolution,
@@ -23,12 +29,4 @@ from reproduce.physics.ground.imaging import (
     image_vectors,
     imaged_position,
     imaging_chain,
-)
-from reproduce.physics.ground.orbits import (
-    DAY,
-    Thermal,
-    last_orbits,
-    orbital_period,
-    thermal_series,
-    trend_and_fourier,
 )

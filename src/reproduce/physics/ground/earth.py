@@ -5,6 +5,11 @@ J2000 frame of mean equator and equinox differs from it by two hundredths of an 
 Earth-fixed frame is the terrestrial one (ITRS), which WGS84 follows to centimetres. The models
 are those of IAU 2006/2000A, computed by pyerfa. What no model foretells, the length of the day
 and the wandering of the pole, is an argument; nothing is downloaded. Angles are in radians.
+
+A year of thermal misalignment, and four ways to correct it.
+
+Time is in days, misalignment angles in radians about X and Y of the camera, rows are samples:
+series have shape (samples, 2). The phase of an orbit runs from 0 to 1.
 """
 
 from __future__ import annotations
@@ -13,10 +18,19 @@ from dataclasses import dataclass
 
 import erfa
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.ground.imaging import WGS84, Ellipsoid
-from reproduce.physics.validate import Direction, FloatArray, checked
+from reproduce.physics.validate import (
+    Direction,
+    FloatArray,
+    Size,
+    checked,
+    finite_array,
+    positive,
+    whole_number,
+)
 
 # Beyond a second a value of UT1 - UTC is a mistake: leap seconds keep it below 0.9 s.
 _LARGEST_UT1_UTC = 1.0
@@ -218,3 +232,227 @@ def _julian(utc: ArrayLike) -> tuple[FloatArray, FloatArray]:
         "UTC", year, month, day, minutes // 60, minutes % 60, seconds - 60.0 * minutes
     )
     return first, second
+
+
+# Gravitational constant of the Earth, m^3/s^2 (WGS84).
+_EARTH_GM = 3.986004418e14
+DAY = 86400.0
+YEAR_DAYS = 365.25
+
+
+def orbital_period(altitude: ArrayLike) -> FloatArray:
+    """Return the period of a circular orbit.
+
+    Parameters
+    ----------
+    altitude : array_like
+        Above the equatorial radius, in metres.
+
+    Returns
+    -------
+    ndarray, in seconds
+
+    Examples
+    --------
+    A geostationary satellite needs a sidereal day.
+
+    >>> round(float(orbital_period(35786e3)) / 3600, 2)
+    23.93
+    """
+    radius = WGS84.equatorial_radius + positive("altitude", altitude)
+    return np.asarray(2.0 * np.pi * np.sqrt(radius**3 / _EARTH_GM))
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """How heat bends the camera against the tracker; all amplitudes scale with one.
+
+    Attributes
+    ----------
+    amplitude : float, of the first harmonic of the orbit, in radians
+    harmonics : tuple of float
+        Amplitudes of all harmonics of the orbit, relative to the first.
+    season : float
+        Share by which a year raises and lowers them.
+    wander : float
+        Standard deviation of what repeats with no orbit, relative to the amplitude.
+    wander_days : float
+        Time over which that forgets itself.
+    trend : float
+        Drift over a year, relative to the amplitude.
+    jumps : float
+        Jumps per year, each with a standard deviation of half the amplitude.
+    """
+
+    amplitude: float
+    harmonics: tuple[float, ...] = (1.0, 0.5, 0.25, 0.12, 0.06)
+    season: float = 0.3
+    wander: float = 0.1
+    wander_days: float = 0.2
+    trend: float = 0.5
+    jumps: float = 4.0
+
+    def __post_init__(self) -> None:
+        positive("amplitude", self.amplitude)
+        positive("wander_days", self.wander_days)
+
+
+@checked
+def thermal_series(
+    thermal: Thermal, period: Size, per_orbit: int, orbits: int, generator: Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return times and misalignment over many orbits.
+
+    Parameters
+    ----------
+    thermal : Thermal
+    period : float, of the orbit, in seconds
+    per_orbit : int
+        Samples in an orbit, evenly spaced.
+    orbits : int
+    generator : numpy.random.Generator
+        Draws phases, wander and jumps.
+
+    Returns
+    -------
+    times : ndarray, shape (samples,), in days
+    angles : ndarray, shape (samples, 2), in radians
+
+    Examples
+    --------
+    >>> times, angles = thermal_series(Thermal(1e-4), 5676.0, 8, 3, np.random.default_rng(1))
+    >>> times.shape, angles.shape
+    ((24,), (24, 2))
+    """
+    steps = whole_number("per_orbit", per_orbit) * whole_number("orbits", orbits)
+    phase = np.arange(steps) / per_orbit
+    times = phase * period / DAY
+    year = 2.0 * np.pi * times / YEAR_DAYS
+    angles = np.zeros((steps, 2))
+    for axis in range(2):
+        start = generator.uniform(0.0, 2.0 * np.pi, len(thermal.harmonics) + 1)
+        swing = 1.0 + thermal.season * np.sin(year + start[-1])
+        for order, share in enumerate(thermal.harmonics, start=1):
+            # The Sun moves through the year, and the hot part of the orbit with it.
+            turn = 2.0 * np.pi * order * phase + start[order - 1] + 0.5 * np.sin(year)
+            angles[:, axis] += share * swing * np.cos(turn)
+        angles[:, axis] += generator.normal(0.0, thermal.trend) * times / YEAR_DAYS
+        angles[:, axis] += thermal.wander * _wander(
+            steps, times[1] - times[0], thermal.wander_days, generator
+        )
+        angles[:, axis] += _jumps(times, thermal.jumps, generator)
+    return times, thermal.amplitude * angles
+
+
+def _wander(steps: int, step: float, days: float, generator: Generator) -> FloatArray:
+    """Return a stationary series of variance one that forgets itself exponentially."""
+    from scipy.signal import lfilter  # only now: its import takes a second
+
+    keep = float(np.exp(-step / days))
+    noise = generator.standard_normal(steps)
+    noise[1:] *= np.sqrt(1.0 - keep**2)
+    return lfilter([1.0], [1.0, -keep], noise)
+
+
+def _jumps(times: FloatArray, rate: float, generator: Generator) -> FloatArray:
+    count = int(generator.poisson(rate * times[-1] / YEAR_DAYS))
+    moments = generator.uniform(0.0, times[-1], count)
+    sizes = generator.normal(0.0, 0.5, count)
+    return (times[:, np.newaxis] >= moments) @ sizes
+
+
+def trend_and_fourier(
+    times: FloatArray, phase: FloatArray, measured: FloatArray, known: int, degree: int = 2
+) -> FloatArray:
+    """Return the misalignment that a linear trend plus a Fourier series foretells.
+
+    Parameters
+    ----------
+    times : ndarray, shape (samples,), in days
+    phase : ndarray, shape (samples,), in orbits
+    measured : ndarray, shape (samples, 2)
+        Misalignment as calibrated.
+    known : int
+        How many samples, the first ones, are fitted.
+    degree : int, of the Fourier series
+
+    Returns
+    -------
+    ndarray, shape (samples, 2)
+        The fitted function at all times.
+
+    Raises
+    ------
+    ValueError
+        If fewer samples are known than the function has terms.
+
+    Examples
+    --------
+    >>> t = np.arange(100.0)
+    >>> line = np.stack([t, -t], axis=-1)
+    >>> np.allclose(trend_and_fourier(t, t / 7, line, 50), line)
+    True
+    """
+    turns = finite_array("phase", phase, shape=(None,))
+    columns = np.hstack([times[:, np.newaxis], _fourier_columns(turns, degree)])
+    if not columns.shape[1] <= known <= len(times):
+        raise ValueError(
+            f"known: expected from {columns.shape[1]} samples, as many as the fit has terms, to "
+            f"{len(times)}, got {known}; calibrate longer or lower the degree"
+        )
+    fitted = np.linalg.lstsq(columns[:known], measured[:known], rcond=None)[0]
+    return columns @ fitted
+
+
+def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatArray:
+    """Return the misalignment that the three orbits before each orbit foretell.
+
+    Each orbit is fitted by a Fourier series; the coefficients of the three last orbits are
+    extrapolated to the next along a straight line, by least squares.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (orbits * per_orbit, 2)
+        Misalignment as calibrated throughout.
+    per_orbit : int
+        Samples in an orbit.
+    degree : int, of the Fourier series
+
+    Returns
+    -------
+    ndarray, shape (orbits * per_orbit, 2)
+        Not a number for the first three orbits.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than four orbits, or a part of one.
+
+    Examples
+    --------
+    A swing that repeats is foretold exactly.
+
+    >>> swing = np.tile(np.cos(2 * np.pi * np.arange(16) / 16), 5)
+    >>> np.allclose(last_orbits(np.stack([swing, swing], axis=-1), 16)[48:, 0], swing[48:])
+    True
+    """
+    if len(measured) % per_orbit or len(measured) < 4 * per_orbit:
+        raise ValueError(
+            f"measured: expected four whole orbits or more of {per_orbit} samples, got "
+            f"{len(measured)} samples; cut the series after a whole orbit"
+        )
+    orbits = measured.reshape(-1, per_orbit, 2)
+    columns = _fourier_columns(np.arange(per_orbit) / per_orbit, degree)
+    fits = np.einsum("kp,opa->oka", np.linalg.pinv(columns), orbits)
+    # The line through values at -3, -2, -1, taken at 0.
+    ahead = (-2.0 * fits[:-3] + fits[1:-2] + 4.0 * fits[2:-1]) / 3.0
+    foretold = np.full_like(orbits, np.nan)
+    foretold[3:] = np.einsum("pk,oka->opa", columns, ahead)
+    return foretold.reshape(-1, 2)
+
+
+def _fourier_columns(phase: FloatArray, degree: int) -> FloatArray:
+    """Return one, cosines and sines of an orbit's harmonics, shape (n, 2 degree + 1)."""
+    order = np.arange(1, whole_number("degree", degree) + 1)
+    angle = 2.0 * np.pi * phase[:, np.newaxis] * order
+    return np.hstack([np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)])

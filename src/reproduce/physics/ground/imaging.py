@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.lasers import _outward
+from reproduce.physics.attitude.platform import _outward
 from reproduce.physics.attitude.rotations import _cross_matrix, _unit
 from reproduce.physics.validate import (
     Direction,

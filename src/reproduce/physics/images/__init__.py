@@ -1,18 +1,23 @@
 """Images of stars: spots, detectors, centroids and their errors."""
 
-from reproduce.physics.images.centroid_theory import (
+from reproduce.physics.images.centroids import (
     CentroidError,
+    centre_of_gravity,
     centre_of_gravity_error,
     cramer_rao_variance,
-    s_curve_bias,
-)
-from reproduce.physics.images.centroids import (
-    centre_of_gravity,
     cut_windows,
     detect_spots,
+    s_curve_bias,
     windowed_centre,
 )
-from reproduce.physics.images.detector import Detector, electrons, expose
+from reproduce.physics.images.detector import (
+    Detector,
+    blackbody_band,
+    channel_ratio,
+    electrons,
+    expose,
+    tabulated_star,
+)
 from reproduce.physics.images.phase_study import (
     Light,
     biased_bound,
@@ -23,6 +28,4 @@ from reproduce.physics.images.phase_study import (
     predicted_scatter,
     simulated_errors,
 )
-from reproduce.physics.images.spectra import blackbody_band, channel_ratio, tabulated_star
-from reproduce.physics.images.spot_fit import fitted_centre
-from reproduce.physics.images.spots import render_frame, spot_windows, window_corners
+from reproduce.physics.images.spots import fitted_centre, render_frame, spot_windows, window_corners

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from reproduce.physics.images.centroid_theory import CentroidError, _error, _least_variance
+from reproduce.physics.images.centroids import CentroidError, _error, _least_variance
 from reproduce.physics.images.spots import _shares
 from reproduce.physics.validate import (
     DegenerateGeometryError,

@@ -4,9 +4,14 @@ Positions are in px, x before y, the centre of the first pixel at (0, 0): a pixe
 pixel to both sides of its number. Images and windows are arrays [..., y, x], rows from the first
 upwards. Leading axes are a batch (frames, spots, trials). The radius of a spot is the standard
 deviation of its Gaussian, in px. Light is in photons.
+
+Centres are fitted by the matched filter or maximum likelihood: to windows in electrons, without
+background; `corners` holds x and y of the first pixel of each.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +23,11 @@ from reproduce.physics.validate import (
     Point,
     Positive,
     checked,
+    common_batch,
     finite_array,
     kernel,
     non_negative,
+    number_array,
     positive,
     whole_number,
 )
@@ -217,3 +224,217 @@ def _edge_densities(
     size = radius[..., np.newaxis]
     offset = ((first - position)[..., np.newaxis] + (np.arange(count + 1) - 0.5)) / size
     return offset, np.exp(-0.5 * offset**2) / (np.sqrt(2 * np.pi) * size)
+
+
+_WEIGHTINGS = ("likelihood", "uniform")
+_STEPS = 200
+# Steps of scoring; fits that are not at rest by then, as between two spots, go on by Newton's.
+_SCORING = 20
+# A movement of the centre, in px, below which a fit has come to rest.
+_AT_REST = 1e-8
+# How far beyond the edge of its last pixel a spot may be centred, in px.
+_BEYOND = 1.0
+# Light below which a pixel's variance is not taken smaller, in electrons squared: a pixel that
+# should be dark must not count without limit.
+_DARKEST = 1e-3
+# Windows fitted at a time, so that what is computed of them stays in the processor's cache.
+_TOGETHER = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class CentreFit:
+    """Fitted centres, and which of the windows have one.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (..., 2)
+        In px; not a number where the fit did not converge.
+    light : ndarray, shape (...)
+        Light of the whole spot, in electrons; not a number where the fit did not converge.
+    converged : ndarray of bool, shape (...)
+        Whether the fit came to rest at an optimum inside the window or less than a pixel beyond
+        its edge. It does not in a window that is dark, flat, or holds a value that is not finite.
+    """
+
+    centre: FloatArray
+    light: FloatArray
+    converged: NDArray[np.bool_]
+
+
+def fitted_centre(
+    windows: ArrayLike,
+    corners: ArrayLike,
+    radius: ArrayLike,
+    read_noise: float = 0.0,
+    weighting: str = "likelihood",
+    steps: int = _STEPS,
+) -> CentreFit:
+    """Return the centre of the pixel-integrated Gaussian that fits each window best.
+
+    With weighting "likelihood" it is the maximum-likelihood estimate under photon and read noise
+    (the sum is taken as Poisson, shifted by the read noise's variance, which is exact without
+    read noise). With "uniform" it is least squares: the matched filter for noise that is the same
+    in every pixel. Where a window holds several spots, the one of the brightest pixel is fitted.
+
+    Parameters
+    ----------
+    windows : array_like, shape (..., height, width)
+        Light without background, in electrons.
+    corners : array_like, shape (..., 2)
+        First pixel of each window.
+    radius : array_like, shape (...)
+        Standard deviation of the spot, in px; known.
+    read_noise : float
+        Noise of a pixel without light, in electrons.
+    weighting : {"likelihood", "uniform"}
+        How pixels count.
+    steps : int
+        Most steps from the brightest pixel, each damped until it gains.
+
+    Returns
+    -------
+    CentreFit
+
+    Examples
+    --------
+    A spot spread evenly about the pixel (4, 7), and a dark window.
+
+    >>> spot = np.array([[0, 1, 0], [1, 6, 1], [0, 1, 0.0]])
+    >>> fit = fitted_centre([spot, 0 * spot], (3, 6), 0.6)
+    >>> fit.converged, fit.centre[0].round(6)
+    (array([ True, False]), array([4., 7.]))
+    """
+    if weighting not in _WEIGHTINGS:
+        raise ValueError(f"weighting: expected one of {_WEIGHTINGS}, got {weighting!r}; choose one")
+    light = number_array("windows", windows, shape=(None, None))
+    first = finite_array("corners", corners, shape=(2,))
+    width = positive("radius", radius)
+    batch = common_batch(windows=light.shape[:-2], corners=first.shape[:-1], radius=width.shape)
+    variance = float(non_negative("read_noise", read_noise)) ** 2
+    most = whole_number("steps", steps)
+    shape = light.shape[-2:]
+    flat = np.broadcast_to(light, (*batch, *shape)).reshape(-1, *shape)
+    widths = np.broadcast_to(width, batch).reshape(-1)
+    state = np.full((len(flat), 3), np.nan)
+    usable = np.flatnonzero(np.isfinite(flat).all(axis=(-2, -1)))
+    for begin in range(0, len(usable), _TOGETHER):
+        part = usable[begin : begin + _TOGETHER]
+        fit = _Fit(flat[part], widths[part], variance if weighting == "likelihood" else None)
+        state[part] = fit.optimum(most)
+    found = state.reshape(*batch, 3)
+    return CentreFit(found[..., :2] + first, found[..., 2], np.isfinite(found[..., 2]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Windows (n, height, width), radii (n,), and the variance of a dark pixel, if that counts."""
+
+    light: FloatArray
+    radius: FloatArray
+    variance: float | None
+
+    def optimum(self, steps: int) -> FloatArray:
+        """Return x, y and light of each spot, (n, 3); not a number where there is no optimum."""
+        found = np.full((len(self.light), 3), np.nan)
+        index, state = np.arange(len(found)), self.start()
+        cost, score, matrix = self.look(state, newton=False)
+        damping = np.full(len(found), 1e-3)
+        for taken in range(steps):
+            # Close to the optimum a gain is lost in the last digits of the cost.
+            blur = 1e-13 * np.abs(cost)
+            rest = (_movement(matrix, score) < _AT_REST) & np.isfinite(cost)
+            found[index[rest]] = state[rest]
+            kept = ~rest & np.isfinite(cost) & (damping < 1e12)
+            index, state, cost, blur = index[kept], state[kept], cost[kept], blur[kept]
+            score, matrix, damping = score[kept], matrix[kept], damping[kept]
+            if not len(index):
+                break
+            part = _Fit(self.light[index], self.radius[index], self.variance)
+            if taken == _SCORING:
+                _, score, matrix = part.look(state, newton=True)
+            trial = state + _step(matrix, score, damping)
+            then, pulled, turned = part.look(trial, newton=taken >= _SCORING)
+            nearer = _movement(turned, pulled) < _movement(matrix, score)
+            better = (then < cost - blur) | ((then <= cost + blur) & nearer)
+            state[better], cost[better] = trial[better], then[better]
+            score[better], matrix[better] = pulled[better], turned[better]
+            damping = np.maximum(damping * np.where(better, 0.1, 10.0), 1e-9)
+        return found
+
+    def start(self) -> FloatArray:
+        """Return the brightest pixel, and the light that fits best there."""
+        rows, columns = self.light.shape[-2:]
+        y, x = np.divmod(self.light.reshape(len(self.light), -1).argmax(axis=-1), columns)
+        state = np.stack([x, y, np.ones(len(x))], axis=-1)
+        shape, _ = _gradient(state, self.radius, columns, rows)
+        state[:, 2] = (self.light * shape).sum(axis=(-2, -1)) / (shape**2).sum(axis=(-2, -1))
+        return state
+
+    def look(self, state: FloatArray, *, newton: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the cost (n,), its fall (n, 3), and the matrix (n, 3, 3) of the next step.
+
+        The cost is infinite without light and far off. The matrix is the information, or for
+        Newton's step the second derivatives where these make a bowl.
+        """
+        rows, columns = self.light.shape[-2:]
+        last = np.array([columns, rows]) - 0.5 + _BEYOND
+        inside = ((state[:, :2] > -0.5 - _BEYOND) & (state[:, :2] < last)).all(axis=-1)
+        allowed = inside & (state[:, 2] > 0)
+        safe = np.where(allowed[:, np.newaxis], state, 1.0)
+        model, slopes = _gradient(safe, self.radius, columns, rows)
+        pull = self.light - model
+        trust = steep = np.ones_like(model)
+        if self.variance is None:
+            each = 0.5 * pull**2
+        else:
+            level, seen = model + self.variance, self.light + self.variance
+            bright = np.maximum(level, _DARKEST)
+            # Below the least variance, the parabola that goes on with the same slope.
+            low = np.minimum(level - _DARKEST, 0.0)
+            each = bright - seen * np.log(bright)
+            each += low * (_DARKEST - seen) / _DARKEST + low**2 / (2 * _DARKEST)
+            trust = 1.0 / bright
+            steep = np.where(low < 0, trust, seen * trust**2)
+        pull = pull * trust
+        score = np.einsum("nkyx,nyx->nk", slopes, pull)
+        matrix = _normal(slopes, trust)
+        if newton:
+            curved = _normal(slopes, steep) - self.bend(safe, pull)
+            bowl = np.linalg.eigvalsh(curved)[:, 0] > 0
+            matrix[bowl] = curved[bowl]
+        return np.where(allowed, each.sum(axis=(-2, -1)), np.inf), score, matrix
+
+    def bend(self, state: FloatArray, pull: FloatArray) -> FloatArray:
+        """Return the second derivatives of the spots, added up with `pull`, (n, 3, 3)."""
+        x, y = (
+            [form(state[:, axis], self.radius, np.zeros(len(state)), count)
+             for form in (_shares, _share_slopes, _share_curvatures)]
+            for axis, count in ((0, pull.shape[-1]), (1, pull.shape[-2]))
+        )  # fmt: skip
+        # Sums of the pull with the m-th derivative along x and the n-th along y.
+        sums = np.einsum("nyx,jny,inx->ijn", pull, np.stack(y), np.stack(x))
+        light = state[:, 2]
+        zero = np.zeros(len(light))
+        matrix = [[light * sums[2, 0], light * sums[1, 1], sums[1, 0]],
+                  [light * sums[1, 1], light * sums[0, 2], sums[0, 1]],
+                  [sums[1, 0], sums[0, 1], zero]]  # fmt: skip
+        return np.moveaxis(np.array(matrix), -1, 0)
+
+
+def _normal(slopes: FloatArray, weights: FloatArray) -> FloatArray:
+    flat = slopes.reshape(*slopes.shape[:2], -1)
+    return (flat * weights.reshape(len(flat), 1, -1)) @ flat.mT
+
+
+def _step(matrix: FloatArray, score: FloatArray, damping: FloatArray) -> FloatArray:
+    """Return the step, damped in each parameter's own size."""
+    size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    scaled = matrix / (size[..., :, np.newaxis] * size[..., np.newaxis, :])
+    scaled = scaled + (damping + 1e-12)[..., np.newaxis, np.newaxis] * np.eye(3)
+    return np.linalg.solve(scaled, (score / size)[..., np.newaxis])[..., 0] / size
+
+
+def _movement(matrix: FloatArray, score: FloatArray) -> FloatArray:
+    """Return how far a step without damping moves the centre along x or y, in px."""
+    step = _step(matrix, score, np.zeros(len(score)))
+    return np.abs(step[:, :2]).max(axis=-1, initial=0.0)

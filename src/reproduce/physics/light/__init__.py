@@ -1,10 +1,12 @@
 """The path of the light: mirrors, cones and how they turn it."""
 
-from reproduce.physics.light.cone import LightPath, Mirrors, light_path
 from reproduce.physics.light.raytrace import (
     CORNER,
+    LightPath,
+    Mirrors,
     cone_path,
     fold_mirror_tilt,
+    light_path,
     mirror_train,
     reflection,
     turn_response,

@@ -3,9 +3,11 @@
 from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
 from reproduce.physics.optics.camera import (
     Camera,
+    CameraFit,
     angle_from_pixels,
     detector_centre,
     field_of_view,
+    fit_camera,
     ideal_positions,
     image_points,
     radial_displacements,
@@ -21,13 +23,14 @@ from reproduce.physics.optics.chromatic import (
     reference_points_scaled,
     scale_factor,
 )
-from reproduce.physics.optics.intrinsics import CameraFit, fit_camera
-from reproduce.physics.optics.rotary import rotary_matrix, rotary_matrix_printed, starlight
 from reproduce.physics.optics.simulate import (
     channel_centroids,
     noisy_centroids,
+    rotary_matrix,
+    rotary_matrix_printed,
     spawned_angles,
     spawned_normals,
     spawned_streams,
+    starlight,
     table_starlight,
 )

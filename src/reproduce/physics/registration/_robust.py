@@ -14,8 +14,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.registration._steps import (
+from reproduce.physics.registration.closed_form import (
+    _CHANCE,
+    _MIRRORED,
     Problem,
+    _Solution,
     combined_residuals,
     from_similarity,
     information,
@@ -23,7 +26,6 @@ from reproduce.physics.registration._steps import (
     model_jacobian,
     solve,
 )
-from reproduce.physics.registration.closed_form import _CHANCE, _MIRRORED, _Solution
 from reproduce.physics.registration.transforms import MODELS, as_complex, as_points
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
 

@@ -3,17 +3,30 @@
 Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
 (0, 0); the leading axes are a batch. Parameters are in the order scale k, rotation theta (radians),
 shift x, shift y (px).
+
+The steps of a registration fit: what it is given, its Jacobian, Gauss-Newton to the minimum.
+
+Shapes, units and models are those of `fit` and `transforms`. Source points are x, target points y,
+the transform f, its parameters u.
 """
 
 from __future__ import annotations
 
 import cmath
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.registration.transforms import ComplexArray, as_complex, as_points
+from reproduce.physics.registration.transforms import (
+    MODELS,
+    ComplexArray,
+    Registration,
+    _linear_part,
+    as_complex,
+    as_points,
+)
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
@@ -22,6 +35,7 @@ from reproduce.physics.validate import (
     Points,
     Weights,
     checked,
+    finite_array,
     number_array,
     weights_for,
 )
@@ -279,3 +293,285 @@ def _refuse_vanished(
             "fixes scale and rotation, got one point or coincident points; add "
             "spots across the field of view and pair them row by row"
         )
+
+
+STEPS = 60
+MOVEMENT = 1e-11  # px, root mean square: far below what a centroid can mean
+DEPENDENT = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is fitted to what, checked; all arrays carry the full batch shape."""
+
+    source: FloatArray  # (..., n, 2), in px
+    target: FloatArray
+    pivot: FloatArray  # (..., 2), in px
+    model: str  # a key of `MODELS`
+    weights: FloatArray | None = None  # (..., n); None where every point counts alike
+    source_covariance: FloatArray | None = None  # (..., n, 2, 2), in px^2
+    target_covariance: FloatArray | None = None
+
+    @property
+    def errors_known(self) -> bool:
+        """Whether the covariance of either image is known."""
+        return self.source_covariance is not None or self.target_covariance is not None
+
+    def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
+        """Return points, shape (..., n, 2) in px, laid over the target with these parameters."""
+        return Registration._unchecked(self.model, parameters, self.pivot)._apply(points)
+
+    def with_weights(self, weights: FloatArray) -> Problem:
+        """Return the same problem with these weights times its own."""
+        own = 1.0 if self.weights is None else self.weights
+        return replace(self, weights=own * weights)
+
+    def thinned(self, most: int) -> Problem:
+        """Return so many of the points at most, spread evenly over the rows."""
+        n = self.source.shape[-2]
+        if n <= most:
+            return self
+        some = np.linspace(0, n - 1, most).astype(int)
+        axes = {"source": -2, "target": -2, "weights": -1}
+        axes |= {"source_covariance": -3, "target_covariance": -3}
+        given = {name: getattr(self, name) for name in axes}
+        taken: dict[str, Any] = {
+            k: np.take(v, some, axes[k]) for k, v in given.items() if v is not None
+        }
+        return replace(self, **taken)
+
+    def with_covariances(self, source: ArrayLike | None, target: ArrayLike | None) -> Problem:
+        """Return the same problem with checked covariances, shape (..., n, 2, 2) in px^2."""
+        n, batch = self.source.shape[-2], self.source.shape[:-2]
+        checked: list[FloatArray | None] = []
+        for name, value in (("source_covariance", source), ("target_covariance", target)):
+            if value is None:
+                checked.append(None)
+                continue
+            matrices = finite_array(name, value, shape=(2, 2))
+            try:
+                matrices = np.broadcast_to(matrices, (*batch, n, 2, 2))
+            except ValueError as error:
+                raise ValueError(
+                    f"{name}: expected one matrix or one for each of {n} points, got shape "
+                    f"{matrices.shape}; give shape (2, 2) or (n, 2, 2)"
+                ) from error
+            _refuse_no_covariance(name, matrices)
+            checked.append(matrices)
+        return replace(self, source_covariance=checked[0], target_covariance=checked[1])
+
+
+def prepare(
+    source: ArrayLike, target: ArrayLike, pivot: ArrayLike, weights: ArrayLike | None, model: str
+) -> Problem:
+    """Check the points and bring them to one batch shape; covariances are still to come."""
+    first, second, about, kept = _checked(source, target, pivot, weights)
+    n = first.shape[-2]
+    batch = np.broadcast_shapes(
+        first.shape[:-2],
+        second.shape[:-2],
+        about.shape[:-1],
+        () if kept is None else kept.shape[:-1],
+    )
+    return Problem(
+        np.broadcast_to(first, (*batch, n, 2)),
+        np.broadcast_to(second, (*batch, n, 2)),
+        np.broadcast_to(about, (*batch, 2)),
+        model,
+        None if kept is None else np.broadcast_to(kept, (*batch, n)),
+    )
+
+
+def _refuse_no_covariance(name: str, matrices: FloatArray) -> None:
+    lopsided = np.abs(matrices - matrices.mT).max()
+    positive = (np.linalg.eigvalsh(matrices)[..., 0] > 0).all()
+    if lopsided > 1e-12 * np.abs(matrices).max() or not positive:
+        raise ValueError(
+            f"{name}: expected symmetric matrices with variances above zero, got one that is not; "
+            "leave it out for an image without errors"
+        )
+
+
+def solve(problem: Problem) -> _Solution:
+    """Find the parameters that make chi-square least, by Gauss-Newton steps.
+
+    Where the source has errors, its true points s are unknowns beside the parameters u. Chi-square
+    is then the sum of (x - s)^T Cx^-1 (x - s) + (y - f(s; u))^T Cy^-1 (y - f(s; u)), and its least
+    value is the maximum of the likelihood. In each step the points are eliminated one by one: with
+    A = df/ds, e = y - f(s; u) - A (x - s) has the covariance Cy + A Cx A^T, the parameters follow
+    from e by weighted least squares, and s = x + Cx A^T (Cy + A Cx A^T)^-1 e from what is left.
+
+    It starts from the closed form of a simpler model, and refuses points that leave a parameter
+    free. A similarity of points without known errors is that closed form.
+    """
+    if problem.model == "similarity" and not problem.errors_known:
+        given = (problem.source, problem.target, problem.pivot, problem.weights)
+        return _closed_similarity(*given)
+    parameters = _starting_point(problem)
+    points = problem.source
+    limit = MOVEMENT * (1 + np.abs(problem.target).max())
+    for _ in range(STEPS):
+        carry = local_matrix(problem, parameters, points)
+        weight = information(problem, carry)
+        left = combined_residuals(problem, parameters, points, carry)
+        rows = model_jacobian(problem, parameters, points)
+        step, cofactor = _step(rows, _weighted(problem, weight), left)
+        moved = (rows @ step[..., None, :, None])[..., 0]
+        renewed = _true_points(problem, carry, weight, left - moved)
+        largest = np.maximum(_length(moved), _length(renewed - points)).max()
+        parameters, points = parameters + step, renewed
+        if largest < limit:
+            break
+    else:
+        raise DegenerateGeometryError(
+            f"expected the fit to settle within {STEPS} steps, got a last step of "
+            f"{float(largest):g} px; check the matches, or fit a simpler model"
+        )
+    carry = local_matrix(problem, parameters, points)
+    left = combined_residuals(problem, parameters, points, carry)
+    weight = _weighted(problem, information(problem, carry))
+    chi_square = np.asarray((left * (weight @ left[..., None])[..., 0]).sum(axis=(-2, -1)))
+    residuals = problem.target - problem.transformed(parameters, problem.source)
+    return _Solution(parameters, residuals, chi_square, cofactor, points)
+
+
+def _starting_point(problem: Problem) -> FloatArray:
+    """Return parameters near the minimum, shape (..., p), from a closed form."""
+    source, target, pivot = problem.source, problem.target, problem.pivot
+    if problem.model == "shift":
+        weights = np.ones(source.shape[:-1]) if problem.weights is None else problem.weights
+        shares = (weights / weights.sum(axis=-1)[..., None])[..., None]
+        offsets, targets = (
+            as_complex(side - (shares * side).sum(axis=-2, keepdims=True))
+            for side in (source, target)
+        )
+        _refuse_mirrored(offsets, targets, problem.weights)
+        return ((source - target) * shares).sum(axis=-2)
+    if problem.model == "affine":  # which may mirror, and is linear: any start will do
+        return np.broadcast_to([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (*source.shape[:-2], 6))
+    closed = _closed_similarity(source, target, pivot, problem.weights).parameters
+    return from_similarity(problem.model, closed)
+
+
+def from_similarity(model: str, closed: FloatArray) -> FloatArray:
+    """Return a model's parameters that do what a similarity (..., 4) does, or nearly so."""
+    if model == "rigid":
+        return closed[..., 1:]
+    if model == "shift":
+        return closed[..., 2:]
+    if model == "similarity+radial":
+        return np.concatenate([closed, np.zeros_like(closed[..., :1])], axis=-1)
+    if model == "affine":
+        matrix = _linear_part("similarity", closed)
+        flat = matrix.reshape(*matrix.shape[:-2], 4)
+        return np.concatenate([flat, closed[..., 2:]], axis=-1)
+    return closed
+
+
+def combined_residuals(
+    problem: Problem, parameters: FloatArray, points: FloatArray, carry: FloatArray
+) -> FloatArray:
+    """Return y - f(s; u) - A (x - s), shape (..., n, 2), in px: what both images leave over.
+
+    Without errors in the source the points s are the source, and this is target minus transformed
+    source.
+    """
+    left = problem.target - problem.transformed(parameters, points)
+    if problem.source_covariance is None:
+        return left
+    return left - (carry @ (problem.source - points)[..., None])[..., 0]
+
+
+def _true_points(
+    problem: Problem, carry: FloatArray, weight: FloatArray, left: FloatArray
+) -> FloatArray:
+    """Return where the source points truly are, as far as `left` tells, (..., n, 2), in px."""
+    if problem.source_covariance is None:
+        return problem.source
+    pulled = carry.mT @ (weight @ left[..., None])
+    return problem.source + (problem.source_covariance @ pulled)[..., 0]
+
+
+def model_jacobian(problem: Problem, parameters: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the derivatives of transformed points by the parameters, (..., n, 2, p)."""
+    q = points - problem.pivot[..., None, :]
+    names = MODELS[problem.model]
+    rows = np.zeros((*q.shape, len(names)))
+    start = names.index("shift-x")
+    rows[..., 0, start] = rows[..., 1, start + 1] = -1
+    if problem.model == "affine":
+        rows[..., 0, 0:2] = rows[..., 1, 2:4] = q
+        return rows
+    if problem.model == "shift":
+        return rows
+    turned = q @ _linear_part(problem.model, parameters).mT
+    if problem.model == "similarity+radial":
+        squared = np.square(q).sum(axis=-1, keepdims=True)
+        rows[..., -1] = turned * squared
+        turned = turned * (1 + parameters[..., -1][..., None, None] * squared)
+    if problem.model != "rigid":
+        rows[..., 0] = turned / parameters[..., 0][..., None, None]
+    turn = names.index("rotation")
+    rows[..., 0, turn], rows[..., 1, turn] = -turned[..., 1], turned[..., 0]
+    return rows
+
+
+def information(problem: Problem, carry: FloatArray) -> FloatArray:
+    """Return the inverse covariance of each combined residual, shape (..., n, 2, 2).
+
+    In px^-2 where covariances are known, else the unit matrix; weights are left aside.
+    """
+    if not problem.errors_known:
+        return np.broadcast_to(np.eye(2), (*problem.source.shape, 2))
+    total = np.zeros((*problem.source.shape, 2))
+    if problem.target_covariance is not None:
+        total = total + problem.target_covariance
+    if problem.source_covariance is not None:
+        total = total + carry @ problem.source_covariance @ carry.mT
+    return np.linalg.inv(total)
+
+
+def local_matrix(problem: Problem, parameters: FloatArray, points: FloatArray) -> FloatArray:
+    """Return A, how transformed points move with the points, shape (..., n, 2, 2)."""
+    matrix = _linear_part(problem.model, parameters)[..., None, :, :]
+    if problem.model != "similarity+radial":
+        return np.broadcast_to(matrix, (*points.shape, 2))
+    q = points - problem.pivot[..., None, :]
+    c = parameters[..., -1][..., None, None, None]
+    squared = np.square(q).sum(axis=-1)[..., None, None]
+    return matrix @ ((1 + c * squared) * np.eye(2) + 2 * c * q[..., None] * q[..., None, :])
+
+
+def _weighted(problem: Problem, information: FloatArray) -> FloatArray:
+    if problem.weights is None:
+        return information
+    return problem.weights[..., None, None] * information
+
+
+def _length(movement: FloatArray) -> FloatArray:
+    return np.sqrt(np.square(movement).mean(axis=(-2, -1)))
+
+
+def _step(
+    rows: FloatArray, weight: FloatArray, residuals: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the Gauss-Newton step (..., p) and the inverse normal matrix (..., p, p)."""
+    weighted = weight @ rows
+    normal = np.einsum("...nij,...nik->...jk", rows, weighted)
+    pull = np.einsum("...nij,...ni->...j", weighted, residuals)
+    size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
+    if not (size > 0).all():
+        _refuse_free()
+    # With columns of length one the smallest eigenvalue says how near to dependent they are.
+    scaled = normal / (size[..., :, None] * size[..., None, :])
+    if (np.linalg.eigvalsh(scaled)[..., 0] < DEPENDENT).any():
+        _refuse_free()
+    inverse = np.linalg.inv(scaled) / (size[..., :, None] * size[..., None, :])
+    return (inverse @ pull[..., None])[..., 0], inverse
+
+
+def _refuse_free() -> None:
+    raise DegenerateGeometryError(
+        "expected points that fix every parameter of the model, got too few, coincident or aligned "
+        "ones; add spots across the field, or fit a simpler model"
+    )

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.registration._robust import outlier_weights
-from reproduce.physics.registration._steps import prepare, solve
 from reproduce.physics.registration.closed_form import (
     _checked,
     _closed_similarity,
     _single,
     _Solution,
+    prepare,
+    solve,
 )
 from reproduce.physics.registration.transforms import Registration, _parameter_names
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray, number_array
