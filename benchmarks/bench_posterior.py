@@ -10,7 +10,7 @@ parameter:
 * both misalignments, at least 50 times emcee's own moves over the same likelihood, all walkers at
   once.
 
-And limits from the processor time that was used: all posteriors of the book, with their rivals,
+And limits from the processor time that was used: all posteriors of the book,
 and the calibration of a registration. No process may take a gibibyte, nor all of them together:
 the resident memory at its peak, as Linux counts it for each process. It does not depend on the
 number of cores or threads.
@@ -32,7 +32,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
-from reproduce.inference.evidence import exact_evidence
 
 from calibrations import REPLICATES, SEED, replicate
 from reproduce.inference import Model, diagnose
@@ -192,28 +191,20 @@ def bench_misalignment_posterior(benchmark: BenchmarkFixture, name: str) -> None
     assert ours > PROMISED_SPOTS * plain
 
 
-def sampled(name: str, rival: int | None) -> tuple[int, float, int]:
+def sampled(name: str) -> tuple[int, float, int]:
     """Sample one model of the book; returns process, its seconds and its peak memory so far."""
     before = time.process_time()
     declared = posteriors()[name]
-    model = declared.model()
-    sample(model if rival is None else declared.rivals[rival](model), declared.plan())
+    sample(declared.model(), declared.plan())
     return os.getpid(), time.process_time() - before, peak()
 
 
 def all_posteriors() -> tuple[dict[int, float], dict[int, int]]:
     """Sample all posteriors from nothing on two cores: seconds and peak memory of each process."""
-    tasks: list[tuple[str, int | None]] = [(name, None) for name in posteriors()]
-    tasks += [
-        (name, i)
-        for name, declared in posteriors().items()
-        for i, rival in enumerate(declared.rivals)
-        if exact_evidence(rival(declared.model()), declared.evidence) is None
-    ]
     seconds: dict[int, float] = defaultdict(float)
     memory: dict[int, int] = defaultdict(int)
     with ProcessPoolExecutor(CORES, mp_context=get_context("spawn")) as pool:
-        for process, spent, peak in pool.map(sampled, *zip(*tasks, strict=True)):
+        for process, spent, peak in pool.map(sampled, posteriors()):
             seconds[process] += spent
             memory[process] = max(memory[process], peak)
     return seconds, memory
@@ -221,7 +212,7 @@ def all_posteriors() -> tuple[dict[int, float], dict[int, int]]:
 
 @pytest.mark.benchmark(group="posterior")
 def bench_all_posteriors_of_the_book(benchmark: BenchmarkFixture) -> None:
-    """From fresh processes, every posterior and rival; the time is that of all processes."""
+    """From fresh processes, every posterior; the time is that of all processes."""
     seconds, memory = benchmark.pedantic(all_posteriors, rounds=1)
     print(
         f"\nall posteriors: {sum(seconds.values()):.0f} s of processor; "

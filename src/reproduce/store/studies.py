@@ -53,7 +53,7 @@ class Study:
     note: Note
 
 
-def folder() -> Path:
+def _folder() -> Path:
     """Return where the studies of the project lie."""
     return data_folder() / "studies"
 
@@ -67,7 +67,7 @@ def write(
     content = _packed(arrays)
     lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in note.items()]
     lines.append(f'sha256 = "{hashlib.sha256(content).hexdigest()}"')
-    target = where or folder()
+    target = where or _folder()
     target.mkdir(parents=True, exist_ok=True)
     (target / f"{name}.npz").write_bytes(content)
     (target / f"{name}.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -75,7 +75,7 @@ def write(
 
 def read(name: str, where: Path | None = None) -> Study:
     """Return a stored study after checking that its arrays are those of its note."""
-    source = where or folder()
+    source = where or _folder()
     try:
         content = (source / f"{name}.npz").read_bytes()
         note = tomllib.loads((source / f"{name}.toml").read_text(encoding="utf-8"))
@@ -106,14 +106,14 @@ def write_table(
     for key, value in note.items():
         if isinstance(value, dict):
             lines += [f"\n[{key}]\n", *(f'"{k}" = {_written(v)}\n' for k, v in value.items())]
-    ((where or folder()) / f"{name}.toml").write_text("".join(lines), encoding="utf-8")
+    ((where or _folder()) / f"{name}.toml").write_text("".join(lines), encoding="utf-8")
 
 
 def table(name: str, where: Path | None = None) -> pd.DataFrame:
     """Return a stored table after checking that it is the one of its note."""
     import pandas as pd
 
-    path = (where or folder()) / f"{name}.toml"
+    path = (where or _folder()) / f"{name}.toml"
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

@@ -88,7 +88,7 @@ def diagnose(
     >>> spots = np.array([[20.0, 0], [0, 20], [-20, 0], [0, -20]])
     >>> platform = Platform(lasers, 1.0, 0.05, 5e-6, np.zeros(2))
     >>> [one.kind for one in diagnose(platform, (spots[None], spots[None]))]
-    ['scale']
+    ['scale', 'spare']
     """
     lights = tuple(numbers) or tuple(range(1, len(platform.lasers) + 1))
     far, kept = _far(images, lights)
