@@ -55,7 +55,7 @@ _DATA_SEED = (ROOT_SEED, 2)
 _SPOT_READS = (*INSTRUMENT, SCATTER)
 
 
-def images(
+def _simulated_images(
     given: Given, turns: list[tuple[FloatArray, FloatArray]], frames: int, stream: int
 ) -> list[FloatArray]:
     """Simulate spots of groups of images.
@@ -225,7 +225,7 @@ def _ground(given: Given, first: int = 3) -> OnTheGround:
 def _still(given: Given) -> SpotStatistics:
     """A calibration group, and a group after a constant turn."""
     zero = np.zeros(3)
-    spots = images(given, [(zero, zero), (TRUTH, TRUTH)], given.count(FRAMES), 0)
+    spots = _simulated_images(given, [(zero, zero), (TRUTH, TRUTH)], given.count(FRAMES), 0)
     return SpotStatistics.of(spots, (False, False))
 
 
@@ -245,7 +245,7 @@ def drift(given: Given) -> Model:
     """A misalignment that drifts through the monitoring group."""
     zero = np.zeros(3)
     turns = [(zero, zero), (TRUTH - DRIFT / 2, TRUTH + DRIFT / 2)]
-    spots = images(given, turns, given.count(FRAMES), 1)
+    spots = _simulated_images(given, turns, given.count(FRAMES), 1)
     statistics = SpotStatistics.of(spots, (False, True))
     return misalignment_model(as_designed(given), statistics, drifts=True, derived=_ground(given))
 
@@ -313,7 +313,7 @@ def table_5(given: Given) -> Model:
     return replace(model, derived=consequences)
 
 
-def with_free_lasers(model: Model) -> dict[str, Aside]:
+def _with_free_lasers(model: Model) -> dict[str, Aside]:
     """How well the misalignment were known with the direction of every laser free."""
     likelihood = model.likelihood_of(SpotLikelihood)
     errors = errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
@@ -476,7 +476,7 @@ _CONSTANT_FILE, _DRIFT_FILE = (
 POSTERIORS = (
     Declaration(
         "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
-        _CONSTANT_FILE, _truth, _published_scatter, asides=with_free_lasers,
+        _CONSTANT_FILE, _truth, _published_scatter, asides=_with_free_lasers,
     ),
     Declaration(
         "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
