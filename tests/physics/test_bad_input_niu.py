@@ -151,7 +151,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         {"start": START, "half_widths": START, "count": 2, "generator": default_rng(1)},
     ),
     "calibrate": (calibration.calibrate, {**FIT, "start": START}),
-    "calibrate_from_all": (calibration.calibrate_from_all, {**FIT, "starts": START[None]}),
     "Stopping": (calibration.Stopping, {"movement": 1e-9, "steps": 9}),
     "constraint": (calibration.constraint, {"rotation": 0.1}),
     "constraint_printed": (calibration.constraint_printed, {"rotation": 0.1}),

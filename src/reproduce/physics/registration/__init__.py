@@ -12,7 +12,6 @@ from reproduce.physics.registration.approximations import (
 from reproduce.physics.registration.calibration import (
     Calibration,
     calibrate,
-    calibrate_from_all,
     constraint,
     constraint_printed,
     deviations,

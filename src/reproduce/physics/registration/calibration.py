@@ -14,7 +14,7 @@ holds by itself where the angle is the parameter, so no step needs to enforce it
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -31,7 +31,6 @@ from reproduce.physics.validate import (
     Point,
     Points,
     checked,
-    finite_array,
     kernel,
     non_negative,
     positive,
@@ -286,7 +285,7 @@ def random_starts(
     Returns
     -------
     ndarray, shape (count, ..., 4)
-        Starts for `calibrate_from_all`.
+        Starts, each one for `calibrate`.
 
     Examples
     --------
@@ -419,45 +418,6 @@ def calibrate(
 
 
 @checked
-def calibrate_from_all(
-    source: Points,
-    target: Points,
-    pivot: Point,
-    starts: _Vector,
-    stopping: Stopping | None = None,
-) -> Calibration:
-    """Calibrate from every start and keep, for each calibration, the end of lowest cost.
-
-    Arguments and errors are those of `calibrate`, with s starting vectors for each calibration,
-    shape (s, ..., 4), from `random_starts` for one. Ends that have not settled are never chosen; if
-    all ends of a calibration have not, a ConvergenceError says so.
-
-    Returns
-    -------
-    Calibration
-        The best of the s calibrations.
-
-    Examples
-    --------
-    >>> starts = [(1, 0, 0, 0), (3, 0.1, 5, 5)]
-    >>> best = calibrate_from_all([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0), starts)
-    >>> best.parameters.round(9) + 0.0
-    array([ 2.,  0., -3.,  0.])
-    """
-    finite_array("starts", starts, shape=(None, _PARAMETERS))
-    every = _two_stages(source, target, pivot, starts, stopping or Stopping())
-    if not every.converged.any(axis=0).all():
-        raise ConvergenceError(
-            f"expected one of {len(starts)} starts to settle, got none for some calibration; "
-            "start closer, or allow more steps"
-        )
-    final = np.where(every.converged, every.cost[-1], np.inf)
-    best = final.argmin(axis=0)[None]
-    history = np.take_along_axis(every.history, best[None, ..., None], axis=1)[:, 0]
-    settled = np.take_along_axis(every.converged, best, axis=0)[0]
-    return replace(every, history=history, converged=settled)
-
-
 @checked
 def constraint(rotation: Number) -> FloatArray:
     """The identity that ties cosine and sine: cos^2 + sin^2 - 1, zero at every angle.
