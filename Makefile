@@ -58,10 +58,12 @@ mutants: $(TESTS)  ## change the code in many places and see whether the tests n
 COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
 	--generate-hashes --no-emit-index-url --quiet
 
-lock: $(STAMP)  ## resolve environment.txt and tools/environment-test.txt again
+lock: $(STAMP)  ## resolve environment.txt and those of tests and notebooks again
 	@$(COMPILE) --extra book --group lock --upgrade --output-file environment.txt pyproject.toml
 	@$(COMPILE) --all-extras --group lock --constraint environment.txt --upgrade \
 		--output-file tools/environment-test.txt pyproject.toml
+	@$(COMPILE) --extra notebooks --constraint environment.txt --upgrade \
+		--output-file tools/environment-notebooks.txt pyproject.toml
 	@for platform in x86_64-unknown-linux-gnu aarch64-apple-darwin x86_64-pc-windows-msvc; do \
 		for version in 3.11 3.13; do \
 			$(PY) -m uv pip install --quiet --dry-run --only-binary :all: --require-hashes \

@@ -12,23 +12,32 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import nbformat
 from docutils import nodes
+from jupyter_cache import get_cache
+from markdown_it import MarkdownIt
+from markdown_it.renderer import RendererHTML
+from markdown_it.token import Token
+from myst_parser.config.main import MdParserConfig
+from myst_parser.parsers.mdit import create_md_parser
 from sphinx.application import Sphinx
 
 from equation_numbers import printed_number
 from fact_roles import FILE, facts, name_of
 
 FOLDER = "notebooks"
+CACHE = ".jupyter_cache"
 ROLE = re.compile(r"\{(?P<role>[a-z:]+)\}`(?P<text>[^`]+)`")
 TITLED = re.compile(r"(?P<title>.+?)\s*<(?P<target>[^>]+)>")
-LABEL_LINE = re.compile(r"^\([^)\s]+\)=\n", re.MULTILINE)
-EQUATION = re.compile(r"^\$\$ \((?P<label>[^)\s]+)\)$", re.MULTILINE)
-FENCE = re.compile(
-    r"^(`{3,}|:{3,})\{(?P<kind>[a-z-]+)\}.*\n(?P<body>(?:.*\n)*?)\1 *$", re.MULTILINE
-)
+# What a directive is told in its first lines, and those of which no reader misses the words.
+OPTION = re.compile(r"^:[\w-]+:.*\n?", re.MULTILINE)
+ADMONITIONS = {"admonition": "", "note": "Note", "warning": "Warning"}
+WRAPPERS = {"div"}
+EXTENSIONS = {"dollarmath", "colon_fence", "deflist", "fieldlist", "attrs_inline", "attrs_block"}
 Spoken = Callable[[str, str], str]
 
 
@@ -44,20 +53,44 @@ def plain(text: str, spoken: Spoken, number: Callable[[str], str]) -> str:
     x = 1
     \tag{17}
     $$
-    >>> print(plain(":::{note}\nBeware.\n:::", lambda role, text: text, str))
+    >>> print(plain(":::{admonition} Mind\n:class: x\nBeware.\n:::", lambda role, text: text, str))
+    > **Mind**
+    >
     > Beware.
     """
-    text = LABEL_LINE.sub("", text)
-    text = EQUATION.sub(lambda found: f"\\tag{{{number(found['label'])}}}\n$$", text)
-    text = FENCE.sub(_fence, text)
-    return ROLE.sub(lambda found: spoken(found["role"], found["text"]), text)
+    lines = text.splitlines()
+    for token in reversed([one for one in _parser().parse(text) if one.map and not one.level]):
+        first, last = token.map or (0, 0)
+        if token.type == "myst_target":
+            lines[first:last] = []
+        elif token.type == "math_block_label":
+            tag = f"\\tag{{{number(token.info)}}}"
+            lines[first:last] = ["$$", *token.content.strip("\n").splitlines(), tag, "$$"]
+        elif token.type in ("fence", "colon_fence") and token.info.startswith("{"):
+            lines[first:last] = _directive(token, spoken, number)
+    said = ROLE.sub(lambda found: spoken(found["role"], found["text"]), "\n".join(lines))
+    return said.strip("\n")
 
 
-def _fence(found: re.Match[str]) -> str:
-    """Return a note as a quotation; what only Sphinx can make is left out."""
-    if found["kind"] not in ("note", "warning"):
-        return ""
-    return "\n".join(f"> {line}".rstrip() for line in found["body"].splitlines())
+@cache
+def _parser() -> MarkdownIt:
+    """Return MyST's own parser, with what the book's pages use."""
+    return create_md_parser(MdParserConfig(enable_extensions=EXTENSIONS), RendererHTML)
+
+
+def _directive(token: Token, spoken: Spoken, number: Callable[[str], str]) -> list[str]:
+    """Return an admonition as a quotation with its title; a wrapper's words as they are."""
+    kind, _, title = token.info.strip().removeprefix("{").partition("}")
+    body = token.content
+    while option := OPTION.match(body):
+        body = body[option.end() :]
+    inner = plain(body, spoken, number)
+    if kind in WRAPPERS:
+        return inner.splitlines()
+    if kind not in ADMONITIONS:
+        raise ValueError(f"expected to know how {{{kind}}} reads in a notebook: say so here")
+    quoted = [f"**{title.strip() or ADMONITIONS[kind]}**", "", *inner.splitlines()]
+    return [f"> {line}".rstrip() for line in quoted]
 
 
 def spoken_in(app: Sphinx, page: str) -> Spoken:
@@ -113,13 +146,21 @@ def is_notebook(app: Sphinx, page: str) -> bool:
 
 def written(app: Sphinx, page: str) -> str:
     """Return the notebook of a page as a reader gets it."""
-    notebook = json.loads(executed(app, page).read_text(encoding="utf-8"))
+    text = executed(app, page).read_text(encoding="utf-8")
+    notebook: Any = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]  # has none
+    # Jupyter Book keeps what the cells show in its cache.
+    kept = get_cache(app.config.nb_execution_cache_path or Path(app.outdir).parent / CACHE)
+    _, notebook = kept.merge_match_into_notebook(notebook)
     spoken, prefixes = spoken_in(app, page), app.config.equation_prefixes
-    for cell in notebook["cells"]:
-        if cell["cell_type"] == "markdown":
-            text = "".join(cell["source"])
-            cell["source"] = plain(text, spoken, lambda label: str(printed_number(label, prefixes)))
-    notebook["metadata"] = {"kernelspec": notebook["metadata"]["kernelspec"]}
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            said = plain(cell.source, spoken, lambda label: str(printed_number(label, prefixes)))
+            cell.source = said
+        elif "hide-input" in cell.metadata.get("tags", []):
+            cell.metadata["jupyter"] = {"source_hidden": True}
+    notebook.cells = [cell for cell in notebook.cells if cell.source.strip()]
+    notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
+    nbformat.validate(notebook)
     return json.dumps(notebook, ensure_ascii=False, indent=1) + "\n"
 
 

@@ -4,12 +4,17 @@ import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
+import nbformat
 import pytest
+from bs4 import BeautifulSoup
 
 from notebook_downloads import FOLDER, plain, spoken_in
 
 BUILD = Path(__file__).resolve().parents[2] / "book" / "_build"
+# A number that begins no longer word: digits, with decimals.
+NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.]*\w)")
 NOTEBOOKS = sorted((BUILD / FOLDER).rglob("*.ipynb"))
 
 
@@ -61,6 +66,35 @@ def test_a_built_notebook_has_numbers_for_roles(path: Path) -> None:
     assert re.findall(r"\{[a-z:]+\}`|^\([^)\s]+\)=$|^`{3}\{", words, re.MULTILINE) == []
     links = re.findall(r"\]\(([^)#]+\.ipynb)\)", words)
     assert [link for link in links if not (path.parent / link).is_file()] == []
+
+
+def shown(path: Path) -> tuple[list[str], set[str]]:
+    """Return the headings of a page and the numbers in its words, without code and outputs."""
+    html = (BUILD / "html" / path.relative_to(BUILD / FOLDER)).with_suffix(".html")
+    article = BeautifulSoup(html.read_text(encoding="utf-8"), "html.parser").article
+    assert article is not None
+    for other in article.select(".cell, .headerlink, .prev-next-footer, .eqno, script, .rp-code"):
+        other.decompose()
+    heads = [head.get_text(" ", strip=True) for head in article.find_all(re.compile("h[1-4]"))]
+    return heads, set(NUMBER.findall(article.get_text(" ")))
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_says_all_that_its_page_says(path: Path) -> None:
+    """Its headings, every number of its sentences, its answer in short; and it has outputs."""
+    notebook: Any = nbformat.reads(path.read_text(encoding="utf-8"), as_version=4)
+    nbformat.validate(notebook)
+    words = "\n".join(cell.source for cell in notebook.cells)
+    heads, numbers = shown(path)
+    assert heads
+    told = " ".join(re.sub(r"[*`$]|^#+ ", "", words, flags=re.MULTILINE).split())
+    assert [head for head in heads if " ".join(head.split()) not in told] == []
+    assert sorted(number for number in numbers if number not in words) == []
+    assert all(cell.source.strip() for cell in notebook.cells)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert any(cell.outputs for cell in code)
+    assert all(cell.execution_count for cell in code)
 
 
 @pytest.mark.browser
