@@ -57,7 +57,7 @@ def rows_for(name):
 
 
 def test_every_model_takes_a_file_or_says_why_not():
-    shown = file_formats().text
+    shown = file_formats()._repr_html_()
     rows = re.findall(r'<th scope="row">(.*?)</th><td>(.*?)</td><td>(.*?)</td>', shown)
     told = {name: columns for names, columns, _ in rows for name in names.split(", ")}
     assert set(told) == set(posteriors())
