@@ -9,6 +9,7 @@ Last, the wheel is installed with the oldest packages that it allows.
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -23,6 +24,9 @@ from pack_book import ARCHIVE, readme
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "book" / "niu2024" / "context.md"
+# One notebook of each part, and the commands of the page that says how to run them.
+PAGES = ("niu2024/context", "chen2023/context", "posteriors/own", "audit/relations")
+COMMANDS = re.compile(r"^\.venv/bin/reproduce .*", re.MULTILINE)
 
 
 def run(*command: str | Path, folder: Path) -> None:
@@ -101,9 +105,14 @@ def check_archive(archive: Path, folder: Path) -> None:
     for line in install:
         run("sh", "-c", line.replace("python -m venv", f"{sys.executable} -m venv"), folder=inside)
     run("sh", "-c", f"{opened} --version", folder=inside)
-    name = f"notebooks/{PAGE.parent.name}/{PAGE.stem}.ipynb"
-    run(inside / ".venv/bin/python", "-m", "jupyter", "execute", name, folder=inside)
-    print(f"{archive.name}: {archive.stat().st_size / 2**20:.1f} MiB, {name} runs")
+    for name in PAGES:
+        run(inside / ".venv/bin/python", "-m", "jupyter", "execute", f"notebooks/{name}.ipynb",
+            folder=inside)  # fmt: skip
+    for line in COMMANDS.findall((ROOT / "book/run.md").read_text(encoding="utf-8")):
+        run("sh", "-c", line, folder=inside)
+    size = sum(path.stat().st_size for path in (inside / ".venv").rglob("*") if path.is_file())
+    print(f"{archive.name}: {archive.stat().st_size / 2**20:.1f} MiB, installed "
+          f"{size / 1e6:.0f} MB, {', '.join(PAGES)} run")  # fmt: skip
 
 
 if __name__ == "__main__":

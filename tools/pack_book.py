@@ -8,7 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
+from reproduce.store import studies
+
 ARCHIVE = "downloads/reproduce-book.zip"
+# The library and JupyterLab, without what builds the pages.
+LOCK = "tools/environment-notebooks.txt"
 INSTALL = (
     "python -m venv .venv",
     ".venv/bin/python -m pip install -r environment.txt",
@@ -26,13 +30,16 @@ Open the notebooks:
     {open}
 
 On Windows the programs lie in .venv\\Scripts in place of .venv/bin. environment.txt pins every
-package with its hash. Each notebook runs by itself, in any order.
+package with its hash: the library and JupyterLab, not what builds the book. They take {size} MB of disk.
+Each notebook runs by itself, in any order; `.venv/bin/reproduce` is the same on the command line.
 """
 
 
 def readme() -> str:
     """Return what the archive says of itself."""
-    return README.format(install="\n".join(f"    {line}" for line in INSTALL), open=OPEN)
+    install = "\n".join(f"    {line}" for line in INSTALL)
+    (taken,) = studies.table("installed").itertuples()
+    return README.format(install=install, open=OPEN, size=taken.megabytes)
 
 
 def build_wheel(root: Path, folder: Path) -> None:
@@ -47,7 +54,7 @@ def build_wheel(root: Path, folder: Path) -> None:
 def contents(root: Path, build: Path) -> Iterator[tuple[str, bytes]]:
     """Yield the files of the archive, by name."""
     yield "README.txt", readme().encode()
-    yield "environment.txt", (root / "environment.txt").read_bytes()
+    yield "environment.txt", (root / LOCK).read_bytes()
     (wheel,) = (build / "wheel").glob("*.whl")
     yield wheel.name, wheel.read_bytes()
     folder = build / "notebooks"

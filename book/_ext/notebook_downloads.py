@@ -24,6 +24,7 @@ from markdown_it.renderer import RendererHTML
 from markdown_it.token import Token
 from myst_parser.config.main import MdParserConfig
 from myst_parser.parsers.mdit import create_md_parser
+from pybtex.database import Entry, parse_file
 from sphinx.application import Sphinx
 
 from equation_numbers import printed_number
@@ -109,12 +110,33 @@ def spoken_in(app: Sphinx, page: str) -> Spoken:
         if role == "doc":
             return _link(app, page, title, target)
         if role.startswith("cite"):
-            return f"({text})" if role.endswith(":p") else text
+            return cited(app.config.bibtex_bibfiles[0], app, text, inside=role.endswith(":p"))
         return (
             title or f"`{target.lstrip('~!').rpartition('.')[2] if target[:1] == '~' else target}`"
         )
 
     return spoken
+
+
+def cited(file: str, app: Sphinx, keys: str, *, inside: bool) -> str:
+    """Return authors and years of references, all inside of brackets or the years alone."""
+    known = _references(Path(app.srcdir) / file)
+    named = [_called(known[key.strip()]) for key in keys.split(",")]
+    if inside:
+        return f"({'; '.join(f'{name}, {year}' for name, year in named)})"
+    return ", ".join(f"{name} ({year})" for name, year in named)
+
+
+@cache
+def _references(path: Path) -> dict[str, Entry]:
+    return dict(parse_file(str(path)).entries)
+
+
+def _called(entry: Entry) -> tuple[str, str]:
+    """Return the first author of a reference, or both of two, and its year."""
+    names = [" ".join(one.last_names) for one in entry.persons.get("author", [])]
+    many = names[0] + " et al." if len(names) > 2 else " and ".join(names)
+    return many or entry.fields["title"], entry.fields["year"]
 
 
 def _link(app: Sphinx, page: str, title: str, target: str) -> str:

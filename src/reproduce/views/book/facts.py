@@ -184,7 +184,11 @@ def _of_evidence() -> dict[str, str]:
         found[f"{name}-probability"] = f"{row.probability:.2f}"
         found[f"{name}-exact"] = str(row.exact)
     seconds = stored.table("page-times")["seconds"]
+    (taken,) = stored.table("installed").itertuples()
     return found | {
+        "notebooks-packages": str(taken.packages),
+        "notebooks-size": f"{taken.megabytes}\u202fMB",
+        "notebooks-minutes": f"{taken.minutes}\u202fmin",
         "pages": str(len(seconds)),
         "pages-quick": str((seconds < 10).sum()),
         "pages-longest": f"{seconds.max():.0f}\u202fs",
