@@ -59,7 +59,7 @@ COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strat
 	--generate-hashes --no-emit-index-url --quiet
 
 lock: $(STAMP)  ## resolve environment.txt and those of tests and notebooks again
-	@$(COMPILE) --extra book --group lock --upgrade --output-file environment.txt pyproject.toml
+	@$(COMPILE) --extra book --extra notebooks --group lock --upgrade --output-file environment.txt pyproject.toml
 	@$(COMPILE) --all-extras --group lock --constraint environment.txt --upgrade \
 		--output-file tools/environment-test.txt pyproject.toml
 	@$(COMPILE) --extra notebooks --constraint environment.txt --upgrade \

@@ -14,6 +14,7 @@ import yaml
 
 import reproduce
 from reproduce import units
+from reproduce.store import studies
 
 ROOT = Path(__file__).resolve().parents[1]
 # Hosts of package registries, and folders that exist on one machine only.
@@ -32,7 +33,11 @@ def project() -> dict:
     return tomllib.loads(read("pyproject.toml"))
 
 
-READERS, TESTS = LOCKS = ("environment.txt", "tools/environment-test.txt")
+READERS, TESTS, PAGES = LOCKS = (
+    "environment.txt",
+    "tools/environment-test.txt",
+    "tools/environment-notebooks.txt",
+)
 
 
 def locked(lock: str) -> dict[str, str]:
@@ -99,9 +104,11 @@ def test_locks_cover_every_dependency(project: dict) -> None:
         *project["project"]["dependencies"],
         *project["dependency-groups"]["lock"],
         *extras["book"],
+        *extras["notebooks"],
     ]
     for lock, wanted in (
         (READERS, reader),
+        (PAGES, project["project"]["dependencies"] + extras["notebooks"]),
         (TESTS, reader + [requirement for extra in extras.values() for requirement in extra]),
     ):
         names = {re.split(r"[^a-z0-9._-]", requirement)[0] for requirement in wanted}
@@ -112,6 +119,15 @@ def test_the_lock_of_the_tests_holds_that_of_the_reader() -> None:
     reader = locked(READERS)
     tests = locked(TESTS)
     assert {name: tests.get(name) for name in reader} == reader
+
+
+def test_who_runs_a_page_installs_a_part_of_what_builds_the_book() -> None:
+    """And is told how many packages that is."""
+    reader, pages = locked(READERS), locked(PAGES)
+    assert {name: reader.get(name) for name in pages} == pages
+    assert not {"sphinx", "jupyter-book", "myst-nb"} & set(pages)
+    (told,) = studies.table("installed")["packages"]
+    assert told == len(pages) < 0.8 * len(reader)
 
 
 def test_a_reader_installs_nothing_of_the_tests() -> None:

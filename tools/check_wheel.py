@@ -55,7 +55,7 @@ def main() -> None:
         venv.create(folder / "empty")
         python = folder / "empty" / "bin" / "python"
         run(*uv, "pip", "install", "--quiet", "--python", python,
-            "--constraint", ROOT / "environment.txt", f"{wheel}[book]", folder=folder)  # fmt: skip
+            "--constraint", ROOT / "environment.txt", f"{wheel}[book,notebooks]", folder=folder)  # fmt: skip
         run(python.with_name("reproduce"), "check", folder=folder)
         cited = {cite(one, folder) for one in (Path(sys.executable), python)}
         if len(cited) > 1:

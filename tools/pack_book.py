@@ -30,7 +30,7 @@ Open the notebooks:
     {open}
 
 On Windows the programs lie in .venv\\Scripts in place of .venv/bin. environment.txt pins every
-package with its hash: the library and JupyterLab, not what builds the book. They take {size} MB of disk.
+package with its hash: the library and JupyterLab, not what builds the book. They take {size} MB.
 Each notebook runs by itself, in any order; `.venv/bin/reproduce` is the same on the command line.
 """
 

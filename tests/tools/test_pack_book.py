@@ -5,13 +5,13 @@ from zipfile import ZipFile
 
 import pytest
 
-from pack_book import ARCHIVE, INSTALL, OPEN, pack, readme
+from pack_book import ARCHIVE, INSTALL, LOCK, OPEN, pack, readme
 
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
     for name in (
-        "environment.txt",
+        LOCK,
         "book/_build/wheel/reproduce_pointing-1.0-py3-none-any.whl",
         "book/_build/notebooks/niu2024/simulation.ipynb",
     ):
@@ -28,13 +28,13 @@ def test_archive_holds_wheel_lock_notebooks_and_how_to_install_them(root: Path) 
             "reproduce-book/reproduce_pointing-1.0-py3-none-any.whl",
             "reproduce-book/notebooks/niu2024/simulation.ipynb",
         ]
-        assert file.read("reproduce-book/environment.txt") == b"environment.txt"
+        assert file.read("reproduce-book/environment.txt") == LOCK.encode()
 
 
 def test_equal_files_give_an_equal_archive(root: Path) -> None:
     first = pack(root).read_bytes()
     assert pack(root).read_bytes() == first
-    (root / "environment.txt").write_text("other")
+    (root / LOCK).write_text("other")
     assert pack(root).read_bytes() != first
 
 
