@@ -54,8 +54,9 @@ def main() -> None:
         print(f"{wheel.name}: {wheel.stat().st_size / 2**20:.1f} MiB")
         venv.create(folder / "empty")
         python = folder / "empty" / "bin" / "python"
+        extras = f"{wheel}[book,notebooks]"
         run(*uv, "pip", "install", "--quiet", "--python", python,
-            "--constraint", ROOT / "environment.txt", f"{wheel}[book,notebooks]", folder=folder)  # fmt: skip
+            "--constraint", ROOT / "environment.txt", extras, folder=folder)  # fmt: skip
         run(python.with_name("reproduce"), "check", folder=folder)
         cited = {cite(one, folder) for one in (Path(sys.executable), python)}
         if len(cited) > 1:
