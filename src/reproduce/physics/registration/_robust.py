@@ -54,10 +54,11 @@ def outlier_weights(problem: Problem) -> FloatArray:
     A residual counts in standard deviations: those of the points' covariances where they are
     known, and times the root of the point's own weight. Only their ratios matter.
     """
-    closed = repeated_median(problem)
+    some = problem.thinned(SETTLED)
+    closed = repeated_median(some)
     if problem.model != "affine":
-        _refuse_mirrored(problem, closed)
-    kept = _majority(problem, from_similarity(problem.model, closed))
+        _refuse_mirrored(some, closed)
+    kept = _majority(problem, some, from_similarity(problem.model, closed))
     for _ in range(ROUNDS):
         before, kept = kept, _fitting(problem, kept)
         if (kept == before).all():
@@ -65,9 +66,8 @@ def outlier_weights(problem: Problem) -> FloatArray:
     return kept.astype(np.float64)
 
 
-def _majority(problem: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
-    """Return the points that Tukey's biweights keep when they have settled, (..., n)."""
-    some = problem.thinned(SETTLED)
+def _majority(problem: Problem, some: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
+    """Return the points that Tukey's biweights keep when they have settled on some, (..., n)."""
     lengths = _lengths(some, *_whitened(some, parameters, some.source))
     weights = _biweights(lengths)
     for _ in range(ROUNDS):
@@ -240,8 +240,9 @@ def _lengths(problem: Problem, factor: FloatArray, residuals: FloatArray) -> Flo
 
 def _rounding(problem: Problem, factor: FloatArray) -> FloatArray:
     """Return the spread of exact matches, (..., n), which is that of rounding."""
-    size = 1 + np.abs(problem.source).max() + np.abs(problem.target).max()
-    return np.asarray(1e-12 * size * np.abs(factor).max(axis=(-2, -1)))
+    # Without known errors a factor is so many times the unit matrix.
+    largest = np.abs(factor).max(axis=(-2, -1)) if problem.errors_known else factor[..., 0, 0]
+    return np.asarray(1e-12 * (1 + problem.reach) * largest)
 
 
 def _norm(vectors: FloatArray) -> FloatArray:

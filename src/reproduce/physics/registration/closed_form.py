@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import cmath
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -316,6 +317,11 @@ class Problem:
     def errors_known(self) -> bool:
         """Whether the covariance of either image is known."""
         return self.source_covariance is not None or self.target_covariance is not None
+
+    @cached_property
+    def reach(self) -> float:
+        """The largest coordinates of both images together, in px."""
+        return float(np.abs(self.source).max() + np.abs(self.target).max())
 
     def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
         """Return points, shape (..., n, 2) in px, laid over the target with these parameters."""

@@ -41,7 +41,7 @@ RICHER = {
 }
 CALLED = {"similarity+radial": "similarity with a radial term"}
 # Models are compared by so many stars at most: more would tell a gain that no star shows.
-COMPARED = 20_000
+COMPARED = 8_000
 # Fewer stars tell one wrong match of a robust fit, not two.
 FEW = 8
 # Fewer degrees of freedom of the others tell no star to be wrong.
@@ -134,6 +134,7 @@ def diagnose(
     target: FloatArray,
     pivot: ArrayLike,
     named: Named = lambda rows: f"rows {', '.join(map(str, rows))}",
+    fit: RegistrationFit | None = None,
     **settings: Any,
 ) -> list[Finding]:
     """Return what is doubtful in the stars of a registration.
@@ -146,6 +147,8 @@ def diagnose(
         As in `fit_registration`, in px.
     named : callable
         Turns rows into words: "lines 3, 4".
+    fit : RegistrationFit, optional
+        The same with these settings, where it is made already.
     **settings
         Those of `fit_registration`: model, robust, weights, covariances.
 
@@ -166,18 +169,23 @@ def diagnose(
     ['exact']
     """
     settings = {"model": "similarity", "robust": False, **settings}
-    fit = fit_registration(source, target, pivot, **settings)
+    fit = fit or fit_registration(source, target, pivot, **settings)
     found = [*_units(source, target, fit), *_repeated(source, target, named), *_line(source)]
     found += _size(fit, source, target)
     if fits_exactly(fit, source, target) or (told := rounded(np.hstack([source, target]))):
         if not fits_exactly(fit, source, target):
             found.append(Finding("rounded", f"{told}: their noise is lost in the rounding"))
         return found + _dropped(fit, settings, named)
-    return found + _misfits(source, target, pivot, named, settings)
+    return found + _misfits(source, target, pivot, named, settings, fit)
 
 
 def _misfits(
-    source: FloatArray, target: FloatArray, pivot: ArrayLike, named: Named, settings: dict[str, Any]
+    source: FloatArray,
+    target: FloatArray,
+    pivot: ArrayLike,
+    named: Named,
+    settings: dict[str, Any],
+    fit: RegistrationFit,
 ) -> list[Finding]:
     """Say what does not fit: the model, or single stars, or both."""
     model, found = settings["model"], []
@@ -185,10 +193,10 @@ def _misfits(
         model = better[0]
         found.append(Finding("model", better[1]))
     if settings["robust"] and not found:
-        fit = fit_registration(source, target, pivot, **settings)
         return _dropped(fit, settings, named)
     off = wrong_matches(source, target, pivot, **settings | {"model": model})
-    rows = tuple(np.argsort(-off)[: int((off > 0).sum())].tolist())
+    suspects = np.flatnonzero(off)
+    rows = tuple(suspects[np.argsort(-off[suspects])].tolist())
     if rows:
         of = f" of the {CALLED.get(model, model)}" if found else ""
         text = (
@@ -313,16 +321,13 @@ def _chance(plain: RegistrationFit, rich: RegistrationFit) -> float:
 
 def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list[Finding]:
     """Ask after the unit of stars that are small, far from their pivot, or unlike each other."""
-    pivot, spans = (
-        fit.transform.pivot,
-        [float(np.ptp(one, axis=0).max()) for one in (source, target)],
-    )
-    low, high = source.min(axis=0), source.max(axis=0)
-    outside = float(np.maximum(low - pivot, pivot - high).max())
-    far = f", and the pivot lies {outside:.4g} outside them" if outside > spans[0] else ""
+    pivot, columns = fit.transform.pivot, source.T
+    low, high = (np.array([end(one) for one in columns]) for end in (np.min, np.max))
+    span, outside = float((high - low).max()), float(np.maximum(low - pivot, pivot - high).max())
+    far = f", and the pivot lies {outside:.4g} outside them" if outside > span else ""
     found = []
-    if far or spans[0] < SMALL:
-        found.append(f"the stars span {spans[0]:.4g}{far} (are these pixels?)")
+    if far or span < SMALL:
+        found.append(f"the stars span {span:.4g}{far} (are these pixels?)")
     middle = [float(np.median(np.hypot(*(one - np.median(one, axis=0)).T)))
               for one in _thinned(source, target, {})[:2]]  # fmt: skip
     if min(middle) > 0 and max(middle) > APART * min(middle):
@@ -334,18 +339,27 @@ def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list
 
 def _repeated(source: FloatArray, target: FloatArray, named: Named) -> list[Finding]:
     """Name rows that repeat an earlier one, or that share a star of one image with it."""
-    found: list[Finding] = []
-    for kind, stars, text in (
-        ("repeated", np.hstack([source, target]), "repeat an earlier one"),
-        ("shared", source, "share the star of the source with an earlier one"),
-        ("shared", target, "share the star of the target with an earlier one"),
-    ):
-        again = _again(stars)
-        if found and kind == "shared":
-            again = np.setdiff1d(again, found[0].rows)
+    of_source, of_target = _again(source), _again(target)
+    # Who repeats a row repeats both of its stars.
+    some = np.union1d(of_source, of_target)
+    both = np.hstack([source, target])
+    alike = np.flatnonzero(np.isin(source[:, 0], source[some, 0])) if len(some) else some
+    repeats = alike[_again(both[alike])]
+    shared = {"source": of_source, "target": of_target}
+    told = [("repeated", repeats, "repeat an earlier one")]
+    told += [
+        (
+            "shared",
+            np.setdiff1d(rows, repeats),
+            f"share the star of the {image} with an earlier one",
+        )
+        for image, rows in shared.items()
+    ]
+    found = []
+    for kind, again, text in told:
         if len(again):
             rows = tuple(again.tolist())
-            count = f"{len(rows)} of {len(stars)} stars {text} ({named(rows)})"
+            count = f"{len(rows)} of {len(source)} stars {text} ({named(rows)})"
             found.append(Finding(kind, f"{count}: each counts as a star of its own", rows))
     return found
 

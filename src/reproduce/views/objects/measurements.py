@@ -108,7 +108,9 @@ class Registered(_Measured):
             middle = checked_pivot(pivot, source)
         with computing(table.path):
             self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
-            self.findings: list[Finding] = diagnose(source, target, middle, table.named, **settings)
+            self.findings: list[Finding] = diagnose(
+                source, target, middle, table.named, self.fit, **settings
+            )
             exact = not self.fit.errors_known and fits_exactly(self.fit, source, target)
             errors = self.fit.standard_errors
             self._errors: FloatArray = np.full_like(errors, np.nan) if exact else errors
