@@ -149,3 +149,8 @@ def test_a_formula_gives_what_python_gives(text, plain):
     formula = read(f"z = {text}")
     assert formula.left(values) == 2.0
     assert formula.right(values) == pytest.approx(plain(-1.7, 0.3), rel=1e-12)
+
+
+def test_a_power_without_end_is_refused_at_once():
+    with pytest.raises(OverflowError):
+        read("a = 9 ** 99999999").right({})

@@ -117,7 +117,7 @@ def _checked(node: ast.expr, text: str, names: dict[str, None]) -> str:
 
     match node:
         case ast.Constant(value=int() | float() as number):
-            return repr(number)
+            return repr(float(number))  # whole ones would grow without end in 9 ** 99999999
         case ast.Attribute(value=ast.Name(id="u"), attr=unit) if unit in UNITS:
             return f"unit({unit!r})"
         case ast.Name(id=name):

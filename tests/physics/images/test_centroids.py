@@ -242,3 +242,10 @@ def test_a_centre_that_runs_out_of_its_window_comes_back_to_the_edge_it_left_by(
     assert 2 < centre_of_gravity(line, (0, 0))[0] < 3
     stepped = [windowed_centre(one, (0, 0), 1.0, steps=1)[0] for one in (line, line[:, ::-1])]
     assert stepped == pytest.approx([4.5, -0.5])
+
+
+def test_dark_windows_of_a_batch_are_named():
+    windows = np.ones((1158, 5, 5))
+    windows[[77, 100]] = 0
+    with pytest.raises(ValueError, match=r"got 2 of 1158 with none in sum \(77, 100\); take"):
+        centre_of_gravity(windows, (0, 0))

@@ -233,9 +233,11 @@ def windowed_centre(
 def _refuse_dark(total: FloatArray) -> None:
     dark = total <= 0
     if dark.any():
+        places = [str(tuple(one) if len(one) > 1 else one[0]) for one in np.argwhere(dark).tolist()]
+        named = f" ({', '.join(places[:5])}{', ...' * (len(places) > 5)})" if dark.ndim else ""
         raise DegenerateGeometryError(
-            f"windows: expected light in every window, got {int(dark.sum())} of {dark.size} with "
-            "none in sum; take less background away, or drop these windows"
+            f"windows: expected light in every window, got {len(places)} of {dark.size} with none "
+            f"in sum{named}; take less background away, or drop these windows"
         )
 
 
