@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from reproduce.physics.attitude import Platform
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
     from reproduce.inference import Prior
+    from reproduce.physics.attitude import Platform as Platform
     from reproduce.views.objects.check import Check
     from reproduce.views.objects.contents import Contents
     from reproduce.views.objects.contradictions import Contradictions
@@ -32,6 +31,15 @@ __all__ = [
     *("Platform", "check", "cite", "contents", "contradictions", "figure", "item"),
     *("misalignment", "posterior", "register", "table"),
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what describes lights of one's own: a fit of stars needs no attitude."""
+    if name == "Platform":
+        from reproduce.physics.attitude import Platform
+
+        return Platform
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def contents(paper: str | None = None) -> Contents:
