@@ -239,7 +239,7 @@ class Posterior(Shown):
             )
             return f"simulated by us with printed settings of {found['paper']}; truth: {shown}"
         frame = hasattr(self.data, "iloc")
-        file = "DataFrame" if frame else f"file {found['file']}"
+        file = "DataFrame" if frame else f"file {Path(found['file']).name}"
         line = f"your {file}, {found['rows']} {'rows' if frame else 'lines'}"
         if "pivot" in found:
             places = dict.fromkeys("({:.6g}, {:.6g})".format(*one) for one in found["pivot"])
