@@ -30,7 +30,7 @@ lab: book  ## open JupyterLab on a copy of the book's notebooks, in lab/, which 
 	@mkdir -p lab && cp -Rn book/_build/notebooks/. lab
 	@$(PY) -m jupyter lab lab
 
-PARALLEL = --numprocesses auto --maxprocesses 4 --dist worksteal --benchmark-disable
+PARALLEL = --numprocesses auto --maxprocesses 4 --dist worksteal
 
 test: $(TESTS)  ## run the tests
 	@$(PY) -m pytest -m "not browser" $(PARALLEL)
@@ -46,8 +46,8 @@ check: $(TESTS)  ## lint, format, types
 browser-test: $(TESTS)  ## read the built pages in a headless Chromium
 	@$(PY) -m pytest -m browser tests/book
 
-bench: $(TESTS)  ## time what the project promises to be fast
-	@$(PY) -m pytest benchmarks --benchmark-only --benchmark-columns=min,median,rounds
+bench: $(TESTS)  ## time what should be fast, as ratios to work that runs beside it
+	@$(PY) -m pytest benchmarks --quiet -p no:cacheprovider
 
 same: $(TESTS)  ## compute every number of the book under other arithmetic, and compare
 	@$(PY) tools/same_numbers.py
@@ -65,7 +65,7 @@ lock: $(STAMP)  ## resolve environment.txt and those of tests and notebooks agai
 	@$(COMPILE) --extra notebooks --constraint environment.txt --upgrade \
 		--output-file tools/environment-notebooks.txt pyproject.toml
 	@for platform in x86_64-unknown-linux-gnu aarch64-apple-darwin x86_64-pc-windows-msvc; do \
-		for version in 3.11 3.13; do \
+		for version in 3.11 3.14; do \
 			$(PY) -m uv pip install --quiet --dry-run --only-binary :all: --require-hashes \
 				--python-platform $$platform --python-version $$version \
 				--target dist/nowhere --requirement environment.txt || exit 1; \
@@ -77,7 +77,7 @@ checksums:  ## record the checksums of the printed numbers, after both entries a
 		| xargs sha256sum > SHA256SUMS
 
 clean:  ## remove built pages and caches (not .venv)
-	@rm -rf book/_build book/_extra/* .coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks dist
+	@rm -rf book/_build book/_extra/* .coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis dist
 	@find src tests tools benchmarks book -name __pycache__ -prune -exec rm -rf {} +
 
 $(STAMP): environment.txt pyproject.toml

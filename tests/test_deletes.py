@@ -22,7 +22,7 @@ MAKE = [
     "@rm -f $(STAMP)  # so that an installation that is cut short is begun again",
     "@rm -f $(TESTS)",
     "@rm -rf book/_build book/_extra/* .coverage .pytest_cache .mypy_cache .ruff_cache "
-    ".hypothesis .benchmarks dist",
+    ".hypothesis dist",
 ]
 
 

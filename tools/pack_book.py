@@ -21,7 +21,7 @@ INSTALL = (
 OPEN = ".venv/bin/python -m jupyter lab notebooks"
 README = """The book "Pointing, reproduced", to run and to change.
 
-Install, once, with Python 3.11, 3.12 or 3.13:
+Install, once, with Python 3.11 to 3.14:
 
 {install}
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.optimize import lsq_linear
+from scipy.special import fdtrc, stdtr  # scipy.stats takes longer to import than a table to judge
 
 Array = NDArray[np.float64]
 # Logarithms stop here: beyond, the numbers underflow, and mean nothing anyway.
@@ -46,7 +46,9 @@ def fitted(columns: list[Array], squares: NDArray[np.bool_]) -> Law:
     """Estimate the law of a table from its draws."""
     values = np.stack(columns)
     # To first order, x^p has the skewness of x and 3 (p - 1) sd / mean besides.
-    flat = stats.skew(values, axis=1) * values.mean(axis=1) / (3 * values.std(axis=1))
+    mean, sd = values.mean(axis=1), values.std(axis=1)
+    skewness = ((values - mean[:, None]) ** 3).mean(axis=1) / sd**3
+    flat = skewness * mean / (3 * sd)
     power = np.where(squares, 1 - flat, np.ones(len(columns)))
     raised = _raised(values, power[:, None])
     mean, sd = raised.mean(axis=1), raised.std(axis=1, ddof=1)
@@ -75,10 +77,9 @@ def log_tails(law: Law, intervals: Array) -> Array:
     array([ -1., -12.])
     """
     edges = law.standardised(intervals).T / np.sqrt(1 + 1 / law.draws)
-    student = stats.t(law.draws - 1)
     with np.errstate(divide="ignore"):  # the logarithm of a tail that underflows
-        below = np.logaddexp(*student.logcdf(edges)) - np.log(2)
-        above = np.logaddexp(*student.logsf(edges)) - np.log(2)
+        below = np.logaddexp(*np.log(stdtr(law.draws - 1, edges))) - np.log(2)
+        above = np.logaddexp(*np.log(stdtr(law.draws - 1, -edges))) - np.log(2)
     smaller = (np.minimum(below, above) + np.log(2)) / np.log(10)
     return np.asarray(np.clip(smaller, FLOOR, 0.0))
 
@@ -115,5 +116,5 @@ def joint(
     n, p = law.draws, len(edges)
     hotelling = squared * (n - p) / (p * (n - 1) * (1 + 1 / n))
     with np.errstate(divide="ignore"):
-        log_law = stats.f.logsf(hotelling, p, n - p) / np.log(10)
+        log_law = np.log10(fdtrc(p, n - p, hotelling))
     return counted, float(np.clip(log_law, FLOOR, 0.0)), float(np.sqrt(squared))

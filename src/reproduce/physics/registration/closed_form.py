@@ -200,6 +200,8 @@ def _single(source: ArrayLike, target: ArrayLike, pivot: FloatArray) -> _Solutio
     count = rows.size
     centre = complex(np.add.reduce(rows)) / count
     target_centre = complex(np.add.reduce(landed)) / count
+    if not (cmath.isfinite(centre) and cmath.isfinite(target_centre)):
+        return None
     offsets, targets = rows - centre, landed - target_centre
     spread = float(np.vdot(offsets, offsets).real)
     if not spread > count * _ROUNDING**2 * abs(centre) ** 2:

@@ -1,0 +1,218 @@
+"""The numerical core: against SciPy, scikit-image, photutils, ERFA, and NumPy in a plain loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import erfa
+import numpy as np
+import pytest
+from numpy.random import SeedSequence, default_rng
+from numpy.typing import NDArray
+from photutils.centroids import centroid_com
+from scipy import ndimage
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+from skimage.transform import SimilarityTransform
+
+from reproduce.papers.chen2023 import platform_twin, resolution
+from reproduce.papers.niu2024 import experiment, images, readings
+from reproduce.physics.attitude import attitude
+from reproduce.physics.ground import (
+    earth_fixed,
+    image_vectors,
+    imaged_position,
+    satellite_from_inertial,
+)
+from reproduce.physics.images import centre_of_gravity, spot_windows
+from reproduce.physics.optics import noisy_centroids
+from reproduce.physics.registration import (
+    Registration,
+    calibrate,
+    fit_registration,
+    fused_image,
+)
+from reproduce.printed.given import given
+
+Array = NDArray[np.float64]
+Promise = Callable[..., None]
+
+POINTS = 137
+TRUTH = Registration.similarity(1.002, -0.001, (-1.0, -2.0), (1030.0, 770.0))
+START = (1.0, 0.0, 0.0, 0.0)
+SOURCE = default_rng(1).uniform((0, 0), (2064, 1544), (POINTS, 2))
+TARGET = TRUTH.apply(SOURCE) + 0.05 * default_rng(2).normal(size=(POINTS, 2))
+CHANNELS = np.stack([SOURCE, TRUTH.apply(SOURCE)])
+
+
+def residuals(u: Array, target: Array = TARGET) -> Array:
+    """The model as lean as NumPy makes it, so that SciPy's time is SciPy's own."""
+    cosine, sine = u[0] * np.cos(u[1]), u[0] * np.sin(u[1])
+    x, y = SOURCE[:, 0] - TRUTH.pivot[0], SOURCE[:, 1] - TRUTH.pivot[1]
+    left = np.empty(2 * POINTS)
+    left[:POINTS] = cosine * x - sine * y + (TRUTH.pivot[0] - u[2]) - target[:, 0]
+    left[POINTS:] = sine * x + cosine * y + (TRUTH.pivot[1] - u[3]) - target[:, 1]
+    return left
+
+
+def by_scipy() -> Array:
+    return least_squares(residuals, START).x
+
+
+def one_fit() -> Array:
+    return fit_registration(SOURCE, TARGET, TRUTH.pivot).parameters
+
+
+def bench_one_registration(promise: Promise) -> None:
+    """The fit against SciPy's solver; with its covariance, against scikit-image's fit alone."""
+    np.testing.assert_allclose(one_fit(), by_scipy(), rtol=1e-6, atol=1e-6)
+    promise(f"one registration of {POINTS} points, SciPy's solver", one_fit, by_scipy, 1 / 20)
+    promise(
+        "one registration with covariance, scikit-image's fit",
+        lambda: fit_registration(SOURCE, TARGET, TRUTH.pivot).covariance,
+        lambda: SimilarityTransform.from_estimate(SOURCE, TARGET),
+        0.5,
+    )
+
+
+@pytest.mark.parametrize(
+    "fit", [fit_registration, lambda *points: calibrate(*points, START)], ids=["closed", "stages"]
+)
+def bench_simulated_calibrations(
+    promise: Promise, request: pytest.FixtureRequest, fit: Callable[..., object]
+) -> None:
+    """Noise drawn and fitted in one call, against SciPy's solver in a loop."""
+    many, few = 1000, 20
+
+    def ours() -> object:
+        noisy = noisy_centroids(CHANNELS, 0.05, SeedSequence(3), many)
+        return fit(noisy[:, 0], noisy[:, 1], TRUTH.pivot)
+
+    def loop() -> None:
+        for seed in range(few):
+            target = TARGET + 0.05 * default_rng(seed).normal(size=TARGET.shape)
+            least_squares(residuals, START, args=(target,))
+
+    name = f"{many} simulated calibrations, {request.node.callspec.id}"
+    promise(name, ours, loop, 1 / 20, work=many / few)
+
+
+def four_spots(frames: int) -> tuple[Array, Array]:
+    """Four directions half a degree apart, seen many times with a microradian of noise."""
+    generator = default_rng(1)
+    source = np.array([[0, 5e-3, 1], [0, -5e-3, 1], [5e-3, 0, 1], [-5e-3, 0, 1]])
+    source /= np.linalg.norm(source, axis=-1, keepdims=True)
+    turn = Rotation.from_rotvec([0.3, -1.2, 2.0]).as_matrix()
+    target = source @ turn.T + 1e-6 * generator.standard_normal((frames, 4, 3))
+    return target / np.linalg.norm(target, axis=-1, keepdims=True), source
+
+
+@pytest.mark.parametrize(("method", "times"), [("quest", 30), ("svd", 15), ("q-method", 15)])
+def bench_wahba(promise: Promise, method: str, times: float) -> None:
+    """800 frames of four spots, against a loop over SciPy's solver."""
+    target, source = four_spots(800)
+
+    def loop() -> Array:
+        return np.array([Rotation.align_vectors(row, source)[0].as_matrix() for row in target])
+
+    np.testing.assert_allclose(attitude(target, source, None, method), loop(), atol=1e-8)
+    promise(f"Wahba, {method}", lambda: attitude(target, source, None, method), loop, 1 / times)
+
+
+def bench_centre_of_gravity(promise: Promise) -> None:
+    """20,000 spots at once, against photutils spot by spot."""
+    generator, many, few = default_rng(2), 20_000, 500
+    places = generator.uniform(-0.5, 0.5, (many, 2))
+    windows = generator.poisson(spot_windows(places, 2000.0, 0.6, [-2, -2], 5)).astype(float)
+
+    def theirs() -> Array:
+        return np.array([centroid_com(window) for window in windows[:few]])
+
+    np.testing.assert_allclose(centre_of_gravity(windows[:few], [0.0, 0.0]), theirs(), atol=1e-12)
+    ours = partial(centre_of_gravity, windows, [0.0, 0.0])
+    promise("centre of gravity, photutils", ours, theirs, 1 / 50, work=many / few)
+
+
+def bench_frames_of_the_bench(promise: Promise) -> None:
+    """800 frames of four spots rendered, extracted and solved; photutils only extracts."""
+    platform, frames = platform_twin.bench(given(platform_twin.READS)), 800
+    window = default_rng(1).uniform(size=(7, 7))
+
+    def ours() -> Array:
+        spots = platform_twin.centroids(
+            platform, platform.spots, platform.light[0], frames, default_rng(1)
+        )
+        return platform.transform(spots)
+
+    def theirs() -> None:
+        for _ in range(4 * frames):
+            centroid_com(window)
+
+    promise(f"{frames} frames of the laboratory bench", ours, theirs, 1)
+
+
+def bench_study_of_figure_11(promise: Promise) -> None:
+    """71 resolutions, 50 phases, 500 trials, against the photons of their pixels alone."""
+    door = given(resolution.READS)
+    size = len(resolution.resolutions(door)), door.count(resolution.PHASES)
+    trials = door.count(f"{resolution.STUDY}#trials")
+
+    def photons() -> None:
+        for row in range(size[0]):
+            default_rng(row).poisson(9.0, (size[1], trials, 5, 5))
+
+    promise("study of Figure 11", lambda: resolution.monte_carlo(door), photons, 4, rounds=3)
+
+
+def bench_lines_of_sight(promise: Promise) -> None:
+    """100,000 points on the ellipsoid, against ERFA's geodetic coordinates of as many."""
+    satellite = earth_fixed([0.3, 0.8, 5e5])
+    down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
+    vectors = image_vectors(default_rng(3).uniform(-0.3, 0.3, (100_000, 2)), 14.0)
+    places = satellite + 1e5 * vectors
+    ours = partial(imaged_position, vectors, satellite, down)
+    promise("100,000 lines of sight", ours, partial(erfa.gc2gd, 1, places), 4)
+
+
+def bench_simulation_study(promise: Promise) -> None:
+    """All readings of one channel, against linear least squares in a plain loop, one for each."""
+    door, few = given(readings.READS), 500
+
+    def ours() -> int:
+        drawn = readings.numbers(door, readings.CHUNK, 0)
+        return len(np.stack(list(readings.simulate_channel(door, drawn, "red"))))
+
+    count = ours()
+
+    def loop() -> None:
+        for seed in range(few):
+            x, y = (SOURCE[:52] + 0.05 * default_rng(seed).normal(size=(52, 2))).T
+            one, none = np.ones(52), np.zeros(52)
+            rows = np.vstack([np.c_[x, -y, one, none], np.c_[y, x, none, one]])
+            np.linalg.lstsq(rows, TARGET[:52].T.ravel(), rcond=None)
+
+    fits = count * readings.CHUNK
+    promise(f"simulation study, {count} readings", ours, loop, 0.5, rounds=3, work=fits / few)
+
+
+def bench_whole_frame(promise: Promise) -> None:
+    """Rendered in three channels, registered, fused, extracted; SciPy resamples two and filters."""
+    door, generator, stars = given(images.READS), default_rng(1), 200
+    half = np.array(experiment.half_field(door))
+    angles = generator.uniform(-0.98 * half, 0.98 * half, (stars, 2))
+    magnitude = generator.uniform(2, 6, stars)
+
+    def ours() -> Array:
+        sky = images.frames(door, angles, magnitude, np.full(stars, 5800.0), seed=3)
+        return fused_image(images.register(sky.images, images.similarities(door)))
+
+    frame = ours()
+    assert len(images.extract(frame, 3)) > 0.95 * stars
+
+    def theirs() -> None:
+        for _ in range(2):
+            moved = ndimage.affine_transform(frame, np.eye(2), offset=0.3)
+            ndimage.maximum_filter(moved, 5)
+
+    promise("whole frame of 200 stars", lambda: images.extract(ours(), 3), theirs, 3, rounds=3)

@@ -1,0 +1,62 @@
+"""Fresh processes: the first use of the package, everything judged, a long file of one's own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+# What any program imports that shows and judges tables with these packages.
+PACKAGES = "import click, jinja2, numpy, pandas, pydantic, rich, scipy.optimize, scipy.special"
+# The same, and about as many random numbers as all verdicts need, from as many streams.
+NUMBERS = (
+    f"{PACKAGES}\nfor one in numpy.random.SeedSequence(1).spawn(20_000):"
+    "\n    numpy.random.default_rng(one).standard_normal(2_500)"
+)
+FIT = "rp.register([[0, 0], [9, 0], [4, 5]], [[0, 1], [9, 1], [4, 6]])"
+STARS = 1_000_000
+
+
+def python(*arguments: str) -> str:
+    """Run Python on its own and return what it writes."""
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "ours", "reference", "at_most"),
+    [
+        ("import", ["-c", "import reproduce"], "import numpy", 0.7),
+        ("first registration", ["-c", f"import reproduce as rp; {FIT}"], "import numpy", 2.5),
+        ("first table", ["-m", "reproduce", "show", "niu2024/table-1"], PACKAGES, 1.5),
+        ("first simulated table", ["-m", "reproduce", "show", "niu2024/table-3"], PACKAGES, 2.5),
+        ("check", ["-m", "reproduce", "check"], NUMBERS, 4),
+        ("audit", ["-m", "reproduce", "audit"], NUMBERS, 4),
+    ],
+    ids=lambda value: value if isinstance(value, str) and len(value) < 24 else "",
+)
+def bench_a_fresh_process(
+    promise: Callable[..., None], name: str, ours: list[str], reference: str, at_most: float
+) -> None:
+    """Nothing is kept from one round to the next."""
+    promise(name, partial(python, *ours), partial(python, "-c", reference), at_most)
+
+
+def bench_a_million_stars(promise: Callable[..., None], tmp_path: Path) -> None:
+    """Read, registered, diagnosed: against pandas, which only reads."""
+    path, generator = tmp_path / "stars.csv", np.random.default_rng(1)
+    source = generator.uniform(0, 4000, (STARS, 2))
+    target = 1.001 * source + generator.normal(0, 0.05, source.shape)
+    header = "x_source,y_source,x_target,y_target"
+    rows = np.hstack([source, target])
+    np.savetxt(path, rows, fmt="%.4f", delimiter=",", header=header, comments="")
+    memory = "import resource; {}; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    ours = memory.format(f"import reproduce as rp; repr(rp.register({str(path)!r}))")
+    theirs = memory.format(f"import pandas; pandas.read_csv({str(path)!r})")
+    promise(f"{STARS:,} stars", partial(python, "-c", ours), partial(python, "-c", theirs), 6.5)
+    assert int(python("-c", ours)) < 3 * int(python("-c", theirs))
