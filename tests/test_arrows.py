@@ -15,7 +15,7 @@ ARROWS = {
     "inference": {"inference", "physics", "units"},
     "papers": {
         *{"papers", "inference", "physics", "store", "printed.given", "units"},
-        *{"locate.papers", "locate.search_path"},
+        *{"locate.papers", "locate.search_path", "locate.words_files"},
     },
     "judge": {"judge", "papers", "printed", "locate", "inference.Store", "inference.run_parts"},
     "audit": {"audit", "printed", "physics"},

@@ -65,7 +65,7 @@ def in_order(tasks: Iterable[Task], workers: int) -> Iterator[tuple[Task, Future
 
 def compute_ledger(downloads: Path) -> None:
     """Judge every cell, and write the tables that readers download."""
-    from reproduce.views.book.build import write_tables
+    from book_facts import write_tables
 
     write_tables(downloads)
 
@@ -86,7 +86,7 @@ def compute_posterior(name: str) -> None:
 
 def compute_facts(path: Path) -> None:
     """Write what the sentences say."""
-    from reproduce.views.book.build import write_facts
+    from book_facts import write_facts
 
     write_facts(path)
 

@@ -125,7 +125,7 @@ def arithmetic() -> dict[str, Any]:
 def computed(pages: list[str]) -> dict[str, Any]:
     """Return the ledger and what the given pages show, computed in this process."""
     shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}
-    from reproduce.views.book.facts import of_posteriors, unsampled
+    from book_facts import of_posteriors, unsampled
     from reproduce.views.computed import whole_ledger
 
     if pages:

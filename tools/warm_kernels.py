@@ -25,11 +25,7 @@ IMPORTED = (
     *("matplotlib.backends.backend_svg", "matplotlib.pyplot", "pandas", "pandas.io.formats.style"),
     *("scipy.optimize", "scipy.stats", "scipy.spatial", "scipy.linalg", "scipy.special"),
     *("emcee", "erfa", "pydantic", "rich.table", "jupyter_cache.cache.main", "nbclient"),
-    *(
-        "reproduce.views.book.pages",
-        "reproduce.views.book.posteriors",
-        "reproduce.views.book.audit",
-    ),
+    *("reproduce.views.objects.posteriors", "reproduce.views.objects.contradictions"),
     *("reproduce.views.front", "reproduce.views.objects.measurements"),
 )
 # Where processes cannot be forked each starts cold: slower, and the same otherwise.

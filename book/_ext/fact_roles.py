@@ -3,7 +3,7 @@
 ``{printed}`niu2024/table-3#scale.red``` shows what the paper prints, ``{computed}`` what the
 project computes, ``{verdict}`` what comes of it; ``{fact}`niu2024/readings#best-joint``` shows a
 number that a study names, ``{fact}`niu2024/table-3 differs``` a count. The roles only look up what
-`reproduce.views.book.build` has written beside the pages; a name that is not there fails the build.
+`tools/book_facts.py` has written beside the pages; a name that is not there fails the build.
 """
 
 import json

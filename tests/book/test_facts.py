@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from sphinx.application import Sphinx
 
+import book_facts as facts
 import reproduce as rp
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.study import Study
 from reproduce.views import computed
-from reproduce.views.book import build, facts
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
 ROLE = re.compile(r"\{(printed|computed|verdict|fact)\}`([^`]+)`")
@@ -77,11 +77,11 @@ def test_a_build_computes_ledger_and_studies_once(tmp_path, monkeypatch):
 def test_facts_are_computed_once_until_something_changes(tmp_path, monkeypatch):
     monkeypatch.setattr(facts, "facts", lambda: {"a": "1"})
     path = tmp_path / "new" / "facts.json"
-    assert build.write_facts(path)
-    assert not build.write_facts(path)
+    assert facts.write_facts(path)
+    assert not facts.write_facts(path)
     assert json.loads(path.read_text())["facts"] == {"a": "1"}
     monkeypatch.setattr(computed, "fingerprint", lambda: "another")
-    assert build.write_facts(path)
+    assert facts.write_facts(path)
 
 
 def built(folder: Path, text: str) -> tuple[str, str]:

@@ -9,21 +9,19 @@ import pytest
 from click.testing import CliRunner
 
 import reproduce as rp
+from book_facts import of_posteriors
 from reproduce.inference import posterior, sampling
 from reproduce.papers import declare_posterior
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.store import studies
 from reproduce.views import computed
-from reproduce.views.book import posteriors as pages
-from reproduce.views.book.facts import of_posteriors
 from reproduce.views.cli import main
+from reproduce.views.objects import posteriors as pages
 from reproduce.views.objects.posterior import book_posterior, book_repeats
 from reproduce.views.writing.numbers import shared
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
-# A single parameter has no corner plot: its histogram stands on the first page.
-ALONE = {"centroid-noise"}
 PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]
 
 
@@ -127,7 +125,7 @@ def test_stored_run_is_continued_only_on_request(tmp_path):
 @pytest.mark.parametrize("paper", sorted({one.paper for one in posteriors().values()}))
 def test_every_paper_with_posteriors_has_its_page_of_diagnostics(paper):
     text = (FOLDER / f"diagnostics-{paper}.md").read_text(encoding="utf-8")
-    assert text.count(f'posteriors.diagnostics("{paper}")') == 1
+    assert text.count(f'rp.posterior().diagnostics("{paper}")') == 1
 
 
 def test_traces_have_a_line_for_each_ensemble_and_a_panel_for_each_parameter():
@@ -149,7 +147,7 @@ def test_the_predictive_checks_of_printed_data_are_facts():
 def test_a_page_shows_every_posterior_with_its_model(name):
     (page,) = (text for text in PAGES if f'\nrp.posterior("{name}")\n' in text)
     assert page.count(f'rp.posterior("{name}").setup\n') == 1
-    assert page.count(f'rp.posterior("{name}").corner(') == (posteriors()[name].key not in ALONE)
+    assert page.count(f'rp.posterior("{name}").corner(') == 1
 
 
 def test_every_quantity_that_is_said_exists_in_the_unit_of_its_print():

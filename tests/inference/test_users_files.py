@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
+import reproduce as rp
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import stage_angles
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
-from reproduce.views.book.posteriors import file_formats
 
 READERS = {key: one.file for key, one in posteriors().items() if not isinstance(one.file, str)}
 
@@ -57,7 +57,7 @@ def rows_for(name):
 
 
 def test_every_model_takes_a_file_or_says_why_not():
-    shown = file_formats()._repr_html_()
+    shown = rp.posterior().models._repr_html_().partition("</table>")[2]
     rows = re.findall(r'<th scope="row">(.*?)</th><td>(.*?)</td><td>(.*?)</td>', shown)
     told = {name: columns for names, columns, _ in rows for name in names.split(", ")}
     assert set(told) == set(posteriors())

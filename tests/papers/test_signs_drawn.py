@@ -172,7 +172,7 @@ def test_a_registered_spot_is_turned_stretched_and_shifted_as_drawn():
     assert turned - pivot == pytest.approx([cosine * x - sine * y, sine * x + cosine * y])
     assert stretched - pivot == pytest.approx(k * (turned - pivot))
     assert after == pytest.approx(stretched - registration.SHIFT)
-    axes = painted(drawings()["niu2024-registration"])
+    axes = painted(drawings()["niu2024/drawing-registration"])
     assert holds_arrow(axes, turned, stretched)
     assert holds_arrow(axes, stretched, after)
     (curve,) = curves(axes)

@@ -112,7 +112,7 @@ def test_its_page_is_built_with_its_numbers(tmp_path):
     (book / "_toc.yml").write_text("format: jb-book\nroot: lamp2025\n", encoding="utf-8")
     builder = Path(sys.executable).parent / "jupyter-book"
     for command in (
-        ["-m", "reproduce.views.book.build", str(book), "lamp2025"],
+        [str(PROJECT / "tools" / "book_facts.py"), str(book), "lamp2025"],
         [str(builder), "build", str(book), "-W", "--keep-going"],
     ):
         result = run(*command)

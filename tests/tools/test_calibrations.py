@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 import calibrations as stored
+import reproduce as rp
 from calibrations import (
     DRAWS,
     LEVELS,
@@ -23,7 +24,6 @@ from calibrations import (
 from reproduce.inference.models import GaussianRegistration
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
-from reproduce.views.book import posteriors as pages
 from reproduce.views.objects.posterior import book_posterior
 
 SMALL = 40
@@ -238,7 +238,7 @@ def test_the_least_even_quantity_is_the_one_that_the_page_of_diagnostics_names()
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_every_model_has_its_line_in_the_table_of_its_paper(paper):
-    shown = pages.diagnostics(paper)._repr_html_()
+    shown = rp.posterior().diagnostics(paper)._repr_html_()
     lines = [
         [name, *re.findall(r"<td>(.*?)</td>", rest)]
         for name, rest in re.findall(r'<th scope="row">(.*?)</th>(.*?)</tr>', shown, re.DOTALL)

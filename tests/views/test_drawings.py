@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+import reproduce as rp
 from reproduce.papers.catalogue import drawings
-from reproduce.views.book import pages
 from reproduce.views.writing import figures
 
 BOOK = Path(__file__).parents[2] / "book"
@@ -14,7 +14,9 @@ TEXTS = [p.read_text(encoding="utf-8") for p in BOOK.rglob("*.md") if "_build" n
 
 @pytest.mark.parametrize("name", drawings())
 def test_drawings_follow_the_theme(name):
-    html = pages.figure(name, 'a "quoted" text', "").text.partition("</svg>")[0]
+    figure = rp.figure(name)
+    figure.alternative = 'a "quoted" text'
+    html = figure._repr_html_().partition("</svg>")[0]
     assert 'aria-label="a &quot;quoted&quot; text"' in html
     assert "currentColor" in html
     assert "#000000" not in html
@@ -29,5 +31,5 @@ def test_every_axis_has_its_unit_or_counts(name):
 
 
 def test_unknown_drawings_are_refused():
-    with pytest.raises(ValueError, match="niu2024-arrangements"):
+    with pytest.raises(ValueError, match="niu2024/drawing-arrangements"):
         figures.draw("nothing")

@@ -16,7 +16,7 @@ from matplotlib.path import Path
 import reproduce as rp
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
-from reproduce.views.book import pages
+from reproduce.views.facts import filled
 from reproduce.views.writing import figures
 from reproduce.views.writing.figures import Vectors, inline, vector_of
 from reproduce.views.writing.numbers import powers
@@ -240,21 +240,21 @@ def test_black_follows_the_page(name):
 
 
 def test_an_alternative_text_is_filled_with_numbers_of_the_ledger():
-    html = pages.figure("niu2024/fig-1", "scale {niu2024/table-2#scale.red printed}", "").text
-    assert 'aria-label="scale 0.9976"' in html
+    text = "{one} of {niu2024/table-2#scale.red printed}"
+    assert filled(text, {"one": "scale"}) == "scale of 0.9976"
     with pytest.raises(KeyError):
-        pages.figure("niu2024/fig-1", "a {blank}", "")
+        filled("a {blank}", {})
 
 
 def test_the_facts_of_a_drawing_are_those_it_draws():
-    shown = drawings()["niu2024-arrangements"].named()
-    pictures = drawn("niu2024-arrangements").axes
+    shown = drawings()["niu2024/drawing-arrangements"].named()
+    pictures = drawn("niu2024/drawing-arrangements").axes
     assert len(pictures) == shown["arrangements"].value
     assert {len(one.lines[0].get_xdata()) for one in pictures} == {shown["angles"].value}
     rings = [line for one in pictures for line in one.lines if line.get_fillstyle() == "none"]
     assert len(rings) == shown["with-zero"].value
-    errors = drawings()["niu2024-fusion-errors"].named()
-    middle = drawn("niu2024-fusion-errors").axes[1]
+    errors = drawings()["niu2024/drawing-fusion-errors"].named()
+    middle = drawn("niu2024/drawing-fusion-errors").axes[1]
     lines = {line.get_label(): line.get_ydata() for line in middle.lines}
     assert errors["green-faint"].value == lines["green alone, corner"][-1]
     assert errors["raw-most"].value == lines["fused as they are, corner"].max()

@@ -26,7 +26,7 @@ import numpy as np
 from reproduce.judge.ledger import Record, TableRecord, reread
 from reproduce.judge.studies import studies
 from reproduce.judge.verdicts import central
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
@@ -148,6 +148,8 @@ def changeable(key: str) -> tuple[str, ...]:
     """
     if key in studies():
         return _upstream(studies()[key].given)
+    if key in drawings():
+        return _upstream(drawings()[key].given)
     if "#" in key:
         made_by = maker(key)
         return () if made_by is None else _upstream(made_by.given)

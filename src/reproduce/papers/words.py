@@ -1,4 +1,4 @@
-"""Texts of our own tables and options, which are no code: ``data/words/PAPER.toml``.
+"""Texts of tables, figures and options, which are no code: ``data/words/PAPER.toml``.
 
 A table of the file has a key's last part as its name, and what `Words` says.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from pydantic import ConfigDict, TypeAdapter
 from pydantic.dataclasses import dataclass
 
-from reproduce.locate import papers
+from reproduce.locate import words_files
 
 _EXACT = ConfigDict(extra="forbid")
 
@@ -66,6 +66,14 @@ class Way:
 
 
 @dataclass(frozen=True, config=_EXACT)
+class Pictured:
+    """What a figure shows, for a reader who does not see it, and its caption."""
+
+    alternative: str
+    caption: str
+
+
+@dataclass(frozen=True, config=_EXACT)
 class Words:
     """The texts of one key.
 
@@ -74,6 +82,8 @@ class Words:
       it stands for.
     - `readings`: every way tried to read it, the literal one first, by what they give.
     - `missing`: what the text would have to say, by the same names.
+    - `figure`: of what is drawn; ``{name}`` stands for a fact that the drawing names, and
+      ``{ADDRESS printed}`` or another side for a printed cell.
     """
 
     caption: str = ""
@@ -83,6 +93,7 @@ class Words:
     options: dict[str, dict[str, str]] = field(default_factory=dict)
     readings: dict[str, tuple[Way, ...]] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
+    figure: Pictured = Pictured("", "")
 
 
 _FILE = TypeAdapter(dict[str, Words])
@@ -96,9 +107,10 @@ def words(key: str) -> Words:
 
 @cache
 def _of_paper(paper: str) -> dict[str, Words]:
-    folder = papers().get(paper)  # none where a test reads a module that is on no path
-    path = None if folder is None else folder / "words" / f"{paper}.toml"
-    return parsed(path.read_text(encoding="utf-8"), path) if path and path.is_file() else {}
+    found: dict[str, Words] = {}
+    for path in words_files(paper):
+        found |= parsed(path.read_text(encoding="utf-8"), path)
+    return found
 
 
 def parsed(text: str, path: Path) -> dict[str, Words]:

@@ -12,16 +12,12 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from reproduce.views.objects.posterior import ENDINGS, Posterior, file_formats
-from reproduce.views.writing.blocks import Grid
-from reproduce.views.writing.display import Blocks
+from reproduce.views.objects.posterior import ENDINGS, Posterior
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from reproduce.inference import Progress
-
-__all__ = ["DATA", "Spoken", "bar", "pairs", "posterior"]
 
 
 class Spoken(click.Command):
@@ -230,21 +226,13 @@ def _carried(workers: int, out: Path | None) -> Iterator[tuple[Executor | None, 
 def _list_models(as_json: bool) -> None:
     from reproduce.papers.posteriors import posteriors
 
-    known = posteriors()
-    titles = {name: declared.title for name, declared in known.items()}
     if as_json:
+        titles = {name: declared.title for name, declared in posteriors().items()}
         click.echo(json.dumps(titles, indent=2, ensure_ascii=False))
         return
-    rows = [(name, known[name].paper, title) for name, title in titles.items()]
-    files = [file for file in file_formats() if file[1]]
-    told = "A CSV for --data has a line of column names, then numbers."
-    heads = ("models", "columns", "what they hold")
-    Blocks(
-        (
-            Grid("", ("model", "paper", "about"), rows, words=3, whole=(0, 1)),
-            Grid(told, heads, files, words=3),
-        )
-    ).print()
+    from reproduce.views.objects.posteriors import Posteriors
+
+    Posteriors().models.print()
 
 
 def _known(model: str | None) -> str:

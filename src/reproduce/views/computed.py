@@ -25,10 +25,6 @@ from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
 
-__all__ = [
-    "FOLDER", "MARKER", "fingerprint", "item_ledger", "kept", "once", "paper_audit", "whole_ledger",
-]  # fmt: skip
-
 FOLDER = "REPRODUCE_BUILD"
 # Lies in every folder that we made; without it none is removed.
 MARKER = "made-by-reproduce-pointing"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,13 +24,9 @@ if TYPE_CHECKING:
     from reproduce.views.objects.measurements import Registered
     from reproduce.views.objects.monitored import Monitored
     from reproduce.views.objects.posterior import Posterior
+    from reproduce.views.objects.posteriors import Posteriors
     from reproduce.views.objects.study import StudyTable
     from reproduce.views.objects.table import Cell, Table
-
-__all__ = [
-    *("Platform", "check", "cite", "contents", "contradictions", "figure", "item"),
-    *("misalignment", "posterior", "register", "table"),
-]
 
 
 def __getattr__(name: str) -> Any:
@@ -141,6 +137,11 @@ def cite(address: str, form: str = "bibtex") -> str:
     return citation(address, form)
 
 
+@overload
+def posterior(name: None = None) -> Posteriors: ...
+
+
+@overload
 def posterior(
     name: str,
     data: str | Path | None = None,
@@ -152,15 +153,29 @@ def posterior(
     walkers: int | None = None,
     ensembles: int | None = None,
     seed: int | None = None,
-) -> Posterior:
-    """Return a posterior of the book, or the same model on a reader's data.
+) -> Posterior: ...
+
+
+def posterior(
+    name: str | None = None,
+    data: str | Path | None = None,
+    pivot: tuple[float, float] | None = None,
+    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
+    *,
+    platform: Platform | str | Path | None = None,
+    steps: int | None = None,
+    walkers: int | None = None,
+    ensembles: int | None = None,
+    seed: int | None = None,
+) -> Posterior | Posteriors:
+    """Return a posterior of the book, or the same model on a reader's data; all without a name.
 
     Parameters
     ----------
-    name : str
-        Such as ``registration``; ``reproduce posterior --list`` names all.
+    name : str, optional
+        Such as ``registration``; ``rp.posterior().models`` names all.
     data : str or Path, optional
-        A reader's CSV; ``reproduce posterior --list`` names its columns.
+        A reader's CSV; ``rp.posterior().models`` names its columns.
     pivot : tuple of float, optional
         Principal point of stars of a reader's own, in px; their mean by default.
     priors : mapping, optional
@@ -171,6 +186,12 @@ def posterior(
     steps, walkers, ensembles, seed : int, optional
         How it is sampled, in place of the book's own plan.
     """
+    if name is None:
+        if data is not None:
+            raise TypeError("name: expected a model beside data, such as 'registration', got none")
+        from reproduce.views.objects.posteriors import Posteriors
+
+        return Posteriors()
     from reproduce.views.objects.posterior import Posterior
 
     plan = {"steps": steps, "walkers": walkers, "ensembles": ensembles, "seed": seed}

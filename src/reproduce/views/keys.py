@@ -6,19 +6,8 @@ import difflib
 from collections.abc import Iterable
 
 from reproduce.judge.studies import studies
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.printed.cells import PAPERS, library
-
-__all__ = [
-    "UnknownKeyError",
-    "alike",
-    "check_address",
-    "check_key",
-    "check_paper",
-    "check_text",
-    "place",
-    "title",
-]
 
 
 def check_text(address: str) -> str:
@@ -49,7 +38,7 @@ def check_key(key: str) -> str:
         return key
     if key in studies():
         raise UnknownKeyError(f"{key} is a table of our own: it holds no printed number to judge")
-    near = difflib.get_close_matches(key, [*known, *studies()], n=3, cutoff=0.5)
+    near = difflib.get_close_matches(key, [*known, *studies(), *drawings()], n=3, cutoff=0.5)
     hint = f"; did you mean {', '.join(near)}?" if near else ""
     raise UnknownKeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
 
@@ -89,10 +78,12 @@ def title(key: str) -> str:
     """Return the title of an item, in our words."""
     if key in library():
         return library()[key].title
-    draw = catalogue()[key].draw
+    draw = drawings()[key] if key in drawings() else catalogue()[key].draw
     return "" if draw is None else draw.title
 
 
 def place(key: str) -> str:
     """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``."""
+    if key in drawings():
+        return "Our own drawing"
     return library()[key].place if key in library() else f"Figure {key.rpartition('-')[2]}"

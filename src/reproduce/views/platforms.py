@@ -10,8 +10,6 @@ from typing import Any
 from reproduce.physics.attitude import Platform
 from reproduce.store.points import TableFileError
 
-__all__ = ["platform_of"]
-
 
 def platform_of(source: Platform | str | Path) -> Platform:
     """Return a platform, as it is or from a TOML file of the arguments that make one.

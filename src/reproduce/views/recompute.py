@@ -22,10 +22,8 @@ from reproduce.store import studies
 from reproduce.version import __version__
 from reproduce.views.computed import fingerprint
 
-__all__ = ["run"]
 
-
-def processor_seconds() -> float:
+def _processor_seconds() -> float:
     """Return what this process and its finished children have worked, whatever else ran beside."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
@@ -37,7 +35,7 @@ def run(name: str, where: Path | None = None, executor: Executor | None = None) 
         raise KeyError(f"unknown study {name!r}; expected one of {', '.join(SLOW)}")
     module = import_module(SLOW[name])
     folder = Path(tempfile.gettempdir()) / f"reproduce-{name}-{fingerprint()[:12]}"
-    begin = processor_seconds()
+    begin = _processor_seconds()
     with executor or processes() as pool:
         arrays, replicates = module.recomputed(pool, folder, {"sources": fingerprint()})
     note: dict[str, str | int | float] = {
@@ -45,7 +43,7 @@ def run(name: str, where: Path | None = None, executor: Executor | None = None) 
         "seed": module.SEED,
         "replicates": replicates,
         "versions": f"Python {platform.python_version()}, NumPy {np.__version__}, {__version__}",
-        "processor_seconds": round(processor_seconds() - begin, 1),
+        "processor_seconds": round(_processor_seconds() - begin, 1),
     }
     studies.write(name, arrays, note, where)
     shutil.rmtree(folder)

@@ -212,7 +212,7 @@ def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
 
 
 def test_the_picture_of_the_focal_lengths_shows_each_row_under_both_readings():
-    shown = data(draw("chen2023-focal-lengths"))
+    shown = data(draw("chen2023/drawing-focal-lengths"))
     frame = effectiveness.focal_lengths()
     frame = frame[frame["Angle"].str.startswith("reference")]
     left = shown[shown["panel"] == 1]

@@ -49,7 +49,7 @@ def test_the_pivot_errs_by_the_printed_difference_of_principal_points_by_hand():
 
 def test_the_drawing_has_every_cost_and_the_printed_noise():
     figure = Figure()
-    drawings()["niu2024-approximations"](figure, {NOISE: 0.05})
+    drawings()["niu2024/drawing-approximations"](figure, {NOISE: 0.05})
     costs = approximations.costs(DOOR)
     for axes, table in zip(figure.axes, ("Table 1", "Table 4"), strict=True):
         lines = {line.get_label(): line.get_xdata() for line in axes.lines}

@@ -265,7 +265,7 @@ def test_all_starts_end_at_one_point():
 def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold():
     printed = dict(zip(readings.ADDRESSES, judged.printed_values(), strict=True))
     figure = Figure()
-    drawings()["niu2024-distributions"](figure, printed)
+    drawings()["niu2024/drawing-distributions"](figure, printed)
     levels = readings.stored().arrays["quantiles"]
     chosen = list(readings.chosen().values())
     assert len(set(chosen)) == len(chosen) == 10

@@ -228,7 +228,7 @@ def test_a_far_print_is_an_arrow_at_its_side_and_a_near_one_keeps_its_rounding(m
     rows = [("a", "scale, red", (1.0, 2.0, 3.0)), ("b", "scale, blue", (1.0, 2.0, 3.0))]
     monkeypatch.setattr(simulation, "predicted_rows", lambda: rows)
     figure, marks = Figure(), {"a": (-50.5, -49.5), "b": (3.5, 4.5)}
-    drawings()["niu2024-table-3"](figure, Marks({"a": -50.0, "b": 4.0}, marks))
+    drawings()["niu2024/drawing-table-3"](figure, Marks({"a": -50.0, "b": 4.0}, marks))
     [axes] = figure.axes
     _, _, *far, _, _, interval, _, near, _ = axes.lines
     assert [one.get_text() for one in axes.texts] == ["52 away"]

@@ -44,7 +44,12 @@ STUDIES = _made(
 )
 
 # The modules of our own drawings.
-DRAWINGS = {f"chen2023-{what}": "attitude" for what in ("instruments", "misalignment", "stage")}
-DRAWINGS |= {"chen2023-focal-lengths": "effectiveness"}
-DRAWINGS |= {"chen2023-arc-second": "positioning"}
-DRAWINGS |= {f"chen2023-{what}": "decisions" for what in ("frames", "drift")}
+DRAWINGS = {
+    "chen2023/drawing-instruments": "attitude",
+    "chen2023/drawing-misalignment": "attitude",
+    "chen2023/drawing-stage": "attitude",
+    "chen2023/drawing-focal-lengths": "effectiveness",
+    "chen2023/drawing-arc-second": "positioning",
+    "chen2023/drawing-frames": "decisions",
+    "chen2023/drawing-drift": "decisions",
+}

@@ -94,7 +94,7 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
     return f"{'+' if across[axis] > 0 else '−'}{NAMES[axis]}"
 
 
-@draws("chen2023-instruments")
+@draws("chen2023/drawing-instruments")
 def draw_instruments(figure: Figure) -> None:
     """Frames of camera and tracker, with the vectors of equations (1), (2) and (3)."""
     axes = canvas(figure, 15.6, 8.8, 6.8, (10.4, 17.6))
@@ -147,7 +147,7 @@ def _instrument(axes: Axes, view: View, name: str) -> None:
     triad(axes, view, np.zeros(3), np.diag([1.9, 2.0, 1.3]), [f"${n}_{name}$" for n in NAMES])
 
 
-@draws("chen2023-misalignment")
+@draws("chen2023/drawing-misalignment")
 def draw_misalignment(figure: Figure) -> None:
     """Positive misalignment angles: the camera's axes before and after a turn about each."""
     axes = canvas(figure, 13.6, 6.2, 6.8, (13.6, 7.4))
@@ -168,7 +168,7 @@ def draw_misalignment(figure: Figure) -> None:
     label(axes, (6.8, 0.2 - below), "dashed: zero point; thick: now")
 
 
-@draws("chen2023-stage")
+@draws("chen2023/drawing-stage")
 def draw_stage(figure: Figure) -> None:
     """Lasers that move, and the camera whose turn they stand for, by (10) with signs."""
     axes = canvas(figure, 14.0, 8.2)

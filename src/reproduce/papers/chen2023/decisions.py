@@ -10,7 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from reproduce.inference.models import TableResult, by_column, interchanged, small_angle_posterior
 from reproduce.inference.quadrature import Summed
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ENDS = (0.025, 0.5, 0.975)
-REACH = np.asarray(norm.ppf(ENDS))  # the same in standard deviations
+REACH = np.asarray(ndtri(ENDS))  # the same in standard deviations
 AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
 TABLE = "chen2023/table-4"
 FRAME_READS = tuple(dict.fromkeys((*AVERAGE_READS, *STAGE_READS, effectiveness.FRAMES)))
@@ -187,7 +187,7 @@ def frames(door: Given) -> pd.DataFrame:
     )  # fmt: skip
 
 
-@draws("chen2023-frames", given=FRAME_READS, marks=MARKS)
+@draws("chen2023/drawing-frames", given=FRAME_READS, marks=MARKS)
 def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the misalignment against frames averaged, and the scatter of Table V."""
     counts, noise = np.geomspace(1, 1000, 40), np.quantile(stage(door).noises, ENDS)
@@ -290,7 +290,7 @@ def _last(door: Given, drift: float = 0.0) -> pd.DataFrame:
     return _last.frame(rows, rate=told, images=error / abs(shown))
 
 
-@draws("chen2023-drift", given=AGE_READS)
+@draws("chen2023/drawing-drift", given=AGE_READS)
 def _draw_drift(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error about X against the age of a calibration, while the camera drifts."""
     ages = np.geomspace(1, 800, 60)

@@ -445,7 +445,7 @@ _PRINTED = Look("columns as printed", "#0072B2", "none", "o")
 _EXCHANGED = Look("columns interchanged", "#D55E00", "none", "D")
 
 
-@draws("chen2023-focal-lengths", marks=(platform.TELESCOPE,), named=focal_lengths.facts)
+@draws("chen2023/drawing-focal-lengths", marks=(platform.TELESCOPE,), named=focal_lengths.facts)
 def _draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Focal length that each reference angle of Table V implies, under both readings."""
     frame = focal_lengths()

@@ -392,7 +392,7 @@ def _ground_facts() -> Mapping[str, Fact]:
     }
 
 
-@draws("chen2023-arc-second", given=_SCENE_READS, named=_ground_facts)
+@draws("chen2023/drawing-arc-second", given=_SCENE_READS, named=_ground_facts)
 def _draw_ground(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """An arc second on the ground, from the height of the paper's satellite, to scale."""
     second, pixel, error = _on_the_ground(door)

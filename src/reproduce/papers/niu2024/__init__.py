@@ -32,11 +32,11 @@ STUDIES = {
 
 # The modules of our own drawings.
 DRAWINGS = {
-    "niu2024-registration": "registration",
-    "niu2024-approximations": "approximations",
-    "niu2024-arrangements": "simulation",
-    "niu2024-table-3": "simulation",
-    "niu2024-distributions": "readings",
-    "niu2024-fusion-star": "images",
-    "niu2024-fusion-errors": "images",
+    "niu2024/drawing-registration": "registration",
+    "niu2024/drawing-approximations": "approximations",
+    "niu2024/drawing-arrangements": "simulation",
+    "niu2024/drawing-table-3": "simulation",
+    "niu2024/drawing-distributions": "readings",
+    "niu2024/drawing-fusion-star": "images",
+    "niu2024/drawing-fusion-errors": "images",
 }

@@ -148,7 +148,7 @@ def errors(door: Given) -> Iterator[tuple[object, ...]]:
         yield (_TITLES[effect], table, channel, *cost.tolist())
 
 
-@draws("niu2024-approximations", marks=[NOISE], named=_facts)
+@draws("niu2024/drawing-approximations", marks=[NOISE], named=_facts)
 def _draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
     """Error of each approximation over the field, before and after a fit, for Tables 1 and 4."""
     sized(figure, 4.9, 5.6, 6.0)

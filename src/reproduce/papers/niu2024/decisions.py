@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy.special import chndtrix, gammaincinv
 
 from reproduce.inference import Normal, Sampled
 from reproduce.inference.models import (
@@ -118,9 +118,9 @@ def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
     plain, free = (one.at_edge(counts) for one in designs(door).values())
     variance = np.trace(plain, axis1=1, axis2=2) / 2
     off = np.sum(left_out(door) ** 2) / variance
-    law = stats.ncx2(2, off)  # that of Rice, squared
     found = [
-        [np.sqrt(variance * law.ppf(share)) for share in ENDS],
+        # Rice's law, squared, is a noncentral chi-squared.
+        [np.sqrt(variance * chndtrix(share, 2, off)) for share in ENDS],
         [circular_error(free, share) for share in ENDS],
     ]
     return dict(zip(MODELS, map(np.stack, found), strict=True))
@@ -204,7 +204,7 @@ def _errors(door: Given) -> pd.DataFrame:
     green, red, _ = centroids(door)
     middle = pivot(door, "red")
     exact = registration_posterior(red, green, middle)
-    chi = stats.chi2.ppf(ENDS[::-1], exact.freedom)
+    chi = 2 * gammaincinv(exact.freedom / 2, ENDS[::-1])  # quantiles of chi-squared
     noise = np.sqrt(exact.squares / chi)
     design, free = designs(door).values()
     scale = float(np.hypot(*exact.mean[:2]))

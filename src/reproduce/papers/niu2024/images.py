@@ -27,7 +27,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import ArrayLike
-from scipy.spatial.distance import cdist
 
 from reproduce.inference import Store, run_parts
 from reproduce.papers.declare import draws
@@ -207,7 +206,7 @@ def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) ->
     """Return found minus true position of every star, shape (n, 2), nan where it is not found."""
     if not len(found):
         return np.full(truth.shape, np.nan)
-    distance = cdist(truth, found)
+    distance = np.linalg.norm(truth[:, None] - found, axis=-1)
     nearest = found[distance.argmin(axis=1)]
     return np.where(distance.min(axis=1, keepdims=True) <= within, nearest - truth, np.nan)
 
@@ -446,7 +445,7 @@ def _star_facts() -> dict[str, Fact]:
     return {"apart": Fact(float(apart), ".1f", "px")}
 
 
-@draws("niu2024-fusion-star", named=_star_facts)
+@draws("niu2024/drawing-fusion-star", named=_star_facts)
 def _draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
     door, spots = given(READS), _spots()
@@ -498,7 +497,7 @@ def _error_facts() -> dict[str, Fact]:
     return {name: Fact(value, ".2g", "px") for name, value in values.items()}
 
 
-@draws("niu2024-fusion-errors", named=_error_facts)
+@draws("niu2024/drawing-fusion-errors", named=_error_facts)
 def _draw_errors(figure: Figure) -> None:
     """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
     arrays, stars = stored().arrays, len(_BLACKBODIES)

@@ -336,7 +336,7 @@ def _distances(printed: Mapping[str, float]) -> FloatArray:
     return result
 
 
-@draws("niu2024-distributions", marks=ADDRESSES)
+@draws("niu2024/drawing-distributions", marks=ADDRESSES)
 def _draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
     """Which readings predict which printed number, and how far the print lies from the others."""
     found, names = _distances(printed), list(chosen())

@@ -138,7 +138,7 @@ def registration_steps() -> FloatArray:
     return steps.apply([_SPOT])[:, 0]
 
 
-@draws("niu2024-registration")
+@draws("niu2024/drawing-registration")
 def _draw_registration(figure: Figure) -> None:
     """How a blue spot is laid over the green one: turn and stretch about the pivot, then shift."""
     axes = canvas(figure, 13.0, 8.4, 6.0)

@@ -401,7 +401,7 @@ def _holds_zero(one: Arrangement) -> bool:
     return len(zero_places(one.angles)) > 0
 
 
-@draws("niu2024-arrangements", given=ANGLES, named=_arrangement_facts)
+@draws("niu2024/drawing-arrangements", given=ANGLES, named=_arrangement_facts)
 def _draw_arrangements(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Every arrangement of rotation angles that has the printed count."""
     found, used = candidates(door), literal(door).name
@@ -448,7 +448,7 @@ def predicted_rows() -> Iterator[tuple[str, str, FloatArray]]:
                 yield f"{RESULTS}#{row}.{channel}", name, np.quantile(way.draws, _LEVELS)
 
 
-@draws("niu2024-table-3", marks=[RESULTS])
+@draws("niu2024/drawing-table-3", marks=[RESULTS])
 def _draw_table_3(figure: Figure, printed: Marks) -> None:
     """Table 3 printed against predicted: each prediction scaled to the same width."""
     from matplotlib.lines import Line2D

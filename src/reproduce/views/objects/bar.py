@@ -8,8 +8,6 @@ from markupsafe import Markup
 
 from reproduce.views.writing.cite import citation
 
-__all__ = ["bar"]
-
 NOTHING = Markup("")
 NAMES = {"tex": "LaTeX", "md": "Markdown"}
 
@@ -20,7 +18,7 @@ def bar(
     files: Iterable[str],
     source: str,
     *,
-    item: bool = True,
+    cited: bool = True,
     inputs: Markup = NOTHING,
 ) -> Markup:
     """Return the bar below a table or a figure of a page.
@@ -30,15 +28,15 @@ def bar(
     Parameters
     ----------
     key : str
-        The item, or a drawing of our own.
+        Its key.
     anchor : str
         Its anchor on the page.
     files : iterable of str
         Paths of its data and pictures below the root of the book.
     source : str
         The text of the functions that make it, empty where there is none.
-    item : bool
-        Whether it is an item of a paper, which can be cited.
+    cited : bool
+        Whether it can be cited on its own.
     inputs : Markup
         What it is computed from, empty where it is not.
     """
@@ -47,7 +45,7 @@ def bar(
             anchor, key
         )
     ]
-    if item:
+    if cited:
         texts = (citation(key, form) for form in ("bibtex", "text"))
         parts.append(_fold("Cite", Markup("").join(map(_block, texts))))
     link = Markup('<a href="#{}" download>{}</a>')

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from reproduce.papers.study import Study
     from reproduce.printed.given import Given
 
-__all__ = ["Changeable", "Item", "Shown", "by_row", "line_of", "setting", "text_of"]
-
 
 class Shown(Display):
     """What has an address, reads printed cells and gives its numbers."""

@@ -213,7 +213,7 @@ def _fields(finding: Examined, audit: Audit) -> dict[str, Any]:
     return {
         "outcome": finding.outcome,
         "formula": relation.formula.text,
-        "sides": sides(finding, audit),
+        "sides": _sides(finding, audit),
         "cells": ", ".join(relation.addresses),
         **{name: getattr(relation, name) for name in plain},
         "tolerance": f"{tolerance.text}: {tolerance.reason}" if tolerance else "",
@@ -236,7 +236,7 @@ def _relations_grid(findings: Sequence[Examined], audit: Audit, caption: str) ->
             source.append(Markup("tolerance {0.text}: {0.reason}").format(relation.tolerance))
         if relation.supposition:
             source.append(Markup("supposing that {}").format(relation.supposition))
-        row = [name, _code(relation.formula.text), sides(finding, audit), _badge(finding)]
+        row = [name, _code(relation.formula.text), _sides(finding, audit), _badge(finding)]
         rows.append([*row, Markup("; ").join(source)])
     anchors = [_relation_anchor(audit.name, f.relation.name) for f in findings]
     return Grid(caption, heads, rows, kind="rp-small rp-audit", anchors=anchors, words=5)
@@ -421,7 +421,9 @@ def _evidence(entry: Erratum, audit: Audit) -> Markup:
     link = Markup('<a href="#{}"><code>{}</code></a>: {}')
     for finding in findings:
         name = finding.relation.name
-        pieces.append(link.format(_relation_anchor(entry.paper, name), name, sides(finding, audit)))
+        pieces.append(
+            link.format(_relation_anchor(entry.paper, name), name, _sides(finding, audit))
+        )
     related = [finding.relation for finding in findings]
     if origins := dict.fromkeys(r.declared for r in related if r.declared != r.name):
         codes = Markup(", ").join(map(_code, origins))
@@ -455,7 +457,7 @@ def _outcome(record: Record) -> str:
     return f"{_digits(record.computed or 0.0)} computed"
 
 
-def sides(finding: Examined, audit: Audit) -> str:
+def _sides(finding: Examined, audit: Audit) -> str:
     """Write both sides of a relation with the printed values inserted.
 
     A relation that shares a number which is not printed is not worked out with some value of it:

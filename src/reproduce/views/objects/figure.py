@@ -1,8 +1,9 @@
-"""A figure, drawn from its caption and the text, in one panel or several."""
+"""A figure, drawn from its caption and the text, in one panel or several, or a drawing of ours."""
 
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -11,13 +12,15 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from reproduce.judge.rerun import refuse_strays
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Drawing
+from reproduce.papers.words import words
 from reproduce.printed.cells import anchor
 from reproduce.views import computed, keys
+from reproduce.views.facts import filled
 from reproduce.views.objects.bar import bar
-from reproduce.views.objects.base import Changeable, Item, Shown, setting
-from reproduce.views.writing import figures
+from reproduce.views.objects.base import Changeable, Item, Shown, setting, text_of
+from reproduce.views.writing import figures, numbers
 from reproduce.views.writing.blocks import Block, Html
 
 if TYPE_CHECKING:
@@ -25,21 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from reproduce.printed.given import Given
-
-
-def with_bar(
-    key: str,
-    name: str,
-    shown: figures.Vectors,
-    alternative: str,
-    caption: str,
-    source: str,
-    *,
-    item: bool = False,
-) -> Html:
-    """Show a figure of the book under its anchor, its caption and its bar below."""
-    below = captioned(caption) + bar(key, name, figures.figure_files(key), source, item=item)
-    return Html(figures.inline(shown, name, alternative, below))
 
 
 def captioned(caption: str) -> Markup:
@@ -56,16 +44,18 @@ def pictured(picture: figures.Picture, alternative: str, caption: str, source: s
         downloads = Path(build).parent.parent / "_extra"
         if (downloads / ".nojekyll").is_file():  # a book's, and not a folder of somebody else's
             figures.write_files(figure, picture.key, downloads, picture.numbers, svg=shown.wide)
-    return with_bar(picture.key, f"figure-{picture.key}", shown, alternative, caption, source)
+    name = f"figure-{picture.key}"
+    offered = bar(picture.key, name, figures.figure_files(picture.key), source, cited=False)
+    return Html(figures.inline(shown, name, alternative, captioned(caption) + offered))
 
 
 class Figure(Changeable, Item):
-    """A figure, drawn from its caption and the text.
+    """A figure of a paper, drawn from its caption and the text, or a drawing of our own.
 
     Parameters
     ----------
     key : str
-        Such as ``chen2023/fig-11a``.
+        Such as ``chen2023/fig-11a``, or ``niu2024/drawing-registration``.
     changes : mapping, optional
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional
@@ -77,8 +67,8 @@ class Figure(Changeable, Item):
     def __init__(
         self, key: str, changes: Mapping[str, str | float] | None = None, seed: int | None = None
     ) -> None:
-        if catalogue()[keys.check_key(key)].draw is None:
-            known = ", ".join(figures.drawable())
+        if key not in drawings() and catalogue()[keys.check_key(key)].draw is None:
+            known = ", ".join((*figures.drawable(), *drawings()))
             raise ValueError(f"{key} has no figure; these have one: {known}")
         super().__init__(key, changes, seed)
 
@@ -104,30 +94,59 @@ class Figure(Changeable, Item):
         """Return `data`."""
         return self.data
 
+    @property
+    def source(self) -> str:
+        """The text of the functions that compute and draw it."""
+        return text_of(self._declared.function) if self.key in drawings() else super().source
+
     def save(self, path: str | Path) -> Path:
         """Write the figure; the ending chooses svg, pdf or png."""
         figures.check_ending(Path(path))  # before anything is drawn
         figures.save(self.drawn, Path(path))
         return Path(path)
 
-    def _told(self) -> str:
-        remark = "a reader's own setting; what is marked as printed stays the print"
-        return setting("With", self.changes, self.replaced, remark) if self.changes else ""
+    @cached_property
+    def caption(self) -> str:
+        """What it shows, and of a reader's own setting, what was changed."""
+        if self.changes:
+            remark = "a reader's own setting; what is marked as printed stays the print"
+            return f"{self.title}. {setting('With', self.changes, self.replaced, remark)}"
+        return self._filled(words(self.key).figure.caption)
+
+    @cached_property
+    def alternative(self) -> str:
+        """What a reader who does not see it is told."""
+        return self.caption if self.changes else self._filled(words(self.key).figure.alternative)
+
+    def _filled(self, text: str) -> str:
+        named = self._declared.named
+        known = {name: numbers.fact(one) for name, one in named().items()} if named else {}
+        return numbers.powers(filled(text, known))
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the figure; in words what it shows, and how to look at it."""
-        name = f"figure-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        told = self._told()
-        alternative = f"{self.title}. {told}".rstrip()
-        shown = figures.Vectors(figures.vector_of(self.drawn))
-        setting = "".join(f' --set {name}="{text}"' for name, text in self._changes.items())
-        setting += "" if self.seed is None else f" --seed {self.seed}"
-        words = (
-            f"{self.key}: {self.title}\n{self.place}; {self.data['curve'].nunique()} curves, "
-            f"{len(self.data)} points in .data\n{told}\nDraw it with `reproduce figure {self.key} "
-            f"--out FILE.svg{setting}`."
+        """Yield the figure with its caption; a terminal is told how to look at it."""
+        own = self.key in drawings()
+        name = f"drawing-{anchor(self.key).replace('drawing-', '')}" if own else ""
+        name = name or f"figure-{anchor(self.key)}"
+        told = "".join(f' --set {address}="{text}"' for address, text in self._changes.items())
+        told += "" if self.seed is None else f" --seed {self.seed}"
+        text = (
+            f"{self.key}: {self.title}\n{self.place}; lines and points in .data\n"
+            f"{textwrap.fill(self.caption, 79)}\n"
+            f"Draw it with `reproduce figure {self.key} --out FILE.svg{told}`."
         )
-        yield Html(figures.inline(shown, name, alternative), words.replace("\n\n", "\n"))
+        below = captioned(self.caption)
+        if self.changes:
+            name = f"{name}-changed"
+        else:
+            source = text_of(self._declared.function)
+            below += bar(self.key, name, figures.figure_files(self.key), source)
+        # A page of the book has a narrow drawing beside the wide one; a reader's notebook has one.
+        if computed.kept() and not self.changes:
+            shown = figures.vectors(self.key)
+        else:
+            shown = figures.Vectors(figures.vector_of(self.drawn))
+        yield Html(figures.inline(shown, name, self.alternative, below), text)
 
 
 class Panels(Shown):

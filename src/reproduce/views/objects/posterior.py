@@ -389,7 +389,8 @@ class Posterior(Shown):
         marks = {
             name: value
             for name, value in (true or self.model.estimate).items()
-            if abs(value * factors[name] - rows[name].mean) < FAR * rows[name].deviation
+            if len(chosen) == 1
+            or abs(value * factors[name] - rows[name].mean) < FAR * rows[name].deviation
         }
         mark = "truth of the simulation" if true else "least-squares or nominal estimate"
         caption = f"Posterior of {self.name}, {self.where}."
@@ -453,7 +454,7 @@ class Posterior(Shown):
         path = Path(path)
         if path.suffix == ".nc":
             tree = self.sampled.to_datatree()
-            facts = {"data": json.dumps(self.provenance), "versions": json.dumps(versions())}
+            facts = {"data": json.dumps(self.provenance), "versions": json.dumps(_versions())}
             tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts}
             tree.to_netcdf(path)
         elif path.suffix == ".npz":
@@ -522,7 +523,7 @@ class Posterior(Shown):
             "priors": self.priors.rename_axis("name").reset_index().to_dict("records"),
             "checks": [asdict(one) for one in self.checks],
             "misfit": misfit(self.checks),
-            "versions": versions(),
+            "versions": _versions(),
             "remarks": list(self.remarks),
         } | stars
 
@@ -580,7 +581,7 @@ class Posterior(Shown):
         return ", ".join((*named, *(f"{key} = {value}" for key, value in self.settings.items())))
 
 
-def versions() -> dict[str, str]:
+def _versions() -> dict[str, str]:
     """Return the versions of the software that made a posterior."""
     found = {name: version(name) for name in ("numpy", "scipy", "emcee")}
     return {"reproduce-pointing": __version__, **found}
@@ -601,18 +602,6 @@ def interval(row: Summary) -> tuple[str, str]:
     """Write mean ± standard deviation of a summary, and the ends of its 95 %."""
     _, _, low, high = spread(row)
     return moments(row.mean, row.deviation), minus(f"{low} to {high}")
-
-
-def file_formats() -> list[tuple[str, str, str]]:
-    """Say for a user's own files: models, their columns, what these hold, or why there are none."""
-    from reproduce.papers.posteriors import posteriors
-
-    found: dict[tuple[str, str], list[str]] = {}
-    for key, declared in posteriors().items():
-        file = declared.file
-        known = ("", file) if isinstance(file, str) else (", ".join(file.columns), file.meaning)
-        found.setdefault(known, []).append(key)
-    return [(", ".join(keys), *known) for known, keys in found.items()]
 
 
 def _probability(value: float) -> str:

@@ -1,11 +1,8 @@
-"""What the pages of the posteriors call beside the front door.
-
-What all posteriors say, in one table and three pictures; and how far they can be trusted, in one
-table for each paper.
-"""
+"""All posteriors of the book at once: what they say, how far to trust them, files they take."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +13,7 @@ from reproduce.inference import Gates, Share, Summary
 from reproduce.papers.niu2024 import decisions
 from reproduce.papers.niu2024.posteriors import pixel_angle
 from reproduce.papers.posteriors import posteriors
+from reproduce.papers.words import words
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.given import given
 from reproduce.printed.units import UNITS, symbol
@@ -23,36 +21,11 @@ from reproduce.store import studies
 from reproduce.views.computed import item_ledger
 from reproduce.views.objects.base import text_of
 from reproduce.views.objects.figure import pictured
-from reproduce.views.objects.posterior import (
-    Posterior,
-    book_posterior,
-    interval,
-)
-from reproduce.views.objects.posterior import file_formats as formats
+from reproduce.views.objects.posterior import Posterior, book_posterior, interval
 from reproduce.views.writing import posterior_figures as figures
-from reproduce.views.writing.blocks import Entry, Grid, Html
-from reproduce.views.writing.display import Blocks
-from reproduce.views.writing.numbers import (
-    digits,
-    minus,
-    percent,
-)
-
-__all__ = [
-    *(
-        "PRINTED",
-        "SIMULATED",
-    ),
-    *(
-        "diagnostics",
-        "file_formats",
-        "intervals",
-        "noise_of_table_3",
-        "said",
-        "stars",
-        "summarised",
-    ),
-]
+from reproduce.views.writing.blocks import Block, Entry, Grid, Html
+from reproduce.views.writing.display import Blocks, Display
+from reproduce.views.writing.numbers import digits, minus, percent
 
 # Standard deviations too small by a share in %: columns of the calibrations that tell their power.
 NARROW = {"10": "narrow_10", "5": "narrow_5"}
@@ -123,17 +96,70 @@ SIMULATED = (
 )  # fmt: skip
 
 
-def said() -> Blocks:
-    """Show what every posterior says, beside the print and its verdict."""
-    rows = [summarised(one) for one in (*PRINTED, *SIMULATED)]
-    head = ("Quantity", "Data", "Printed", "Posterior, mean ± sd", "95 % interval",
-            "Truth of our simulation", "Verdict of the print")  # fmt: skip
-    caption = (
-        "What the posteriors say. Data: as printed, or simulated by us with printed settings "
-        "where the paper's own are not published. Verdict: that of the printed cell; no posterior "
-        "decides one."
-    )
-    return Blocks((Grid(caption, head, rows, "posteriors"),))
+class Posteriors(Display):
+    """Every posterior of the book: what all say, beside the print and the verdict of the print."""
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield one table of all."""
+        rows = [summarised(one) for one in (*PRINTED, *SIMULATED)]
+        head = ("Quantity", "Data", "Printed", "Posterior, mean ± sd", "95 % interval",
+                "Truth of our simulation", "Verdict of the print")  # fmt: skip
+        yield Grid(words("posteriors/all").caption, head, rows, "posteriors")
+
+    @property
+    def models(self) -> Blocks:
+        """What each is about, and the columns of a file of one's own that it takes."""
+        about = [(name, one.paper, one.title) for name, one in posteriors().items()]
+        heads = ("Models", "Columns", "What they hold")
+        return Blocks((
+            Grid("The models.", ("Model", "Paper", "About"), about, words=3, whole=(0, 1)),
+            Grid(words("posteriors/models").caption, heads, _files(), words=3),
+        ))  # fmt: skip
+
+    def intervals(self) -> Html:
+        """Draw the interval of every quantity that is printed or was simulated by us."""
+        rows = [bar for one in (*PRINTED, *SIMULATED) if (bar := _bar(one))]
+        text = words("posteriors/intervals").figure
+        source = text_of(figures.bars)
+        return pictured(figures.bars(rows), text.alternative, text.caption, source)
+
+    def stars(self) -> Html:
+        """Draw what a calibration leaves at the edge against its stars, with what emcee finds."""
+        door = given(decisions.READS)
+        counts = np.geomspace(10, 1000, 30)
+        curves = decisions.edge_errors(door, counts)
+        left = decisions.left_out(door)
+        off = dict(zip(decisions.MODELS, (left, 0 * left), strict=True))
+        marks = {
+            name: decisions.sampled_edge(book_posterior(key), off[name])
+            for name, key in decisions.MODELS.items()
+        }
+        count, text = door[decisions.COUNT], words("posteriors/stars").figure
+        picture = figures.edge_errors(counts, curves, count, marks, pixel_angle(door))
+        return pictured(picture, text.alternative, text.caption, text_of(figures.edge_errors))
+
+    def diagnostics(self, paper: str) -> Blocks:
+        """Show how far the posteriors of a paper can be trusted: chains and calibration of each."""
+        names = [name for name, one in posteriors().items() if one.paper == paper]
+        stored = studies.table("calibrations")
+        trials = stored.attrs["trials"]
+        stored = stored[stored["posterior"].isin(names)]
+        rows = [
+            _trusted(name, one, trials) for name, one in stored.groupby("posterior", sort=False)
+        ]
+        least, count = stored["even"].min(), len(stored)
+        outside = (stored["even"] < OUTSIDE).sum()
+        found_out = (f"sd {share} % too small leaves its band" for share in NARROW)
+        head = ("Model", "R-hat, largest", "steps / τ, fewest", "ESS, smallest", "acceptance",
+                "replicates", "failed", "quantities", "least even, p", "95 % covers",
+                *found_out)  # fmt: skip
+        gates = Gates()
+        caption = words("posteriors/diagnostics").caption.format(
+            paper=paper, rhat=gates.rhat, times=gates.times, size=gates.size,
+            acceptance=gates.acceptance, count=count, outside=outside, band=100 * (1 - OUTSIDE),
+            chance=count * OUTSIDE, least=least, as_small=count * least,
+        )  # fmt: skip
+        return Blocks((Grid(caption, head, rows),))
 
 
 def _summary(one: Said) -> Summary:
@@ -169,101 +195,15 @@ def _of_print(address: str) -> tuple[Entry, Entry]:
     return link, Markup('<span class="rp-badge rp-badge-{0}">{0}</span>').format(record.verdict)
 
 
-def intervals() -> Html:
-    """Draw the interval of every quantity of `said` that is printed or was simulated by us."""
-    rows = []
-    for one in (*PRINTED, *SIMULATED):
-        row, truth = _summary(one), Posterior(one.posterior).truth.get(one.name)
-        cell = find(one.cell)[0] if one.cell else None
-        if truth is None and cell is None:
-            continue
-        printed = None if cell is None else float(cell.number.value)
-        half = 0.0 if cell is None else float(cell.number.half_unit)
-        rows.append(figures.Bar(one.label, row.low, row.mean, row.high, truth, printed, half))
-    alternative = (
-        "A bar of the same width for each quantity. Diamonds, the truth of our simulations, lie in "
-        "or near their bars. Of the circles, the print, those of Table IV lie in their bars or "
-        "at an end; the scales, the translations, the noise against Table 3 and the nominal focal "
-        "length lie outside, most of them far."
-    )
-    caption = (
-        "Every quantity that is printed or whose truth is known. Bars: the central 95 % of the "
-        "posterior, all scaled to one width. An arrow at the edge says how many half-widths away "
-        "the print lies. Our simulation stands on the principal points of Table 1, the printed "
-        "translations on Table 2: that is why they differ. The truth of a scale leaves out the "
-        "distortion of the channels, which a similarity takes for scale."
-    )
-    return pictured(figures.bars(rows), alternative, caption, text_of(figures.bars))
-
-
-def noise_of_table_3() -> Html:
-    """Draw the noise that would make all errors of Table 3, beside the stated one."""
-    found = book_posterior("centroid-noise")
-    alternative = (
-        "Histogram of the centroid noise with one peak and a long tail to the right. A dashed line "
-        "marks the noise that the text states, far left of the whole histogram."
-    )
-    caption = (
-        "Centroid noise, if one noise made all errors of Table 3, which none fits well. Data as "
-        "printed in niu2024. Orange: the noise that the text states."
-    )
-    mark = float(found.model.estimate["noise"])
-    picture = figures.density(found, "noise", mark)
-    return pictured(picture, alternative, caption, text_of(figures.density))
-
-
-def stars() -> Html:
-    """Draw what a calibration leaves at the edge against its stars, with what emcee finds."""
-    door = given(decisions.READS)
-    counts = np.geomspace(10, 1000, 30)
-    curves = decisions.edge_errors(door, counts)
-    left = decisions.left_out(door)
-    off = dict(zip(decisions.MODELS, (left, 0 * left), strict=True))
-    marks = {
-        name: decisions.sampled_edge(book_posterior(key), off[name])
-        for name, key in decisions.MODELS.items()
-    }
-    alternative = (
-        "Two falling lines with bands, both axes logarithmic: the error at the edge of the field "
-        "against the number of stars. The line with the distortions free begins above that of the "
-        "similarity and falls straight; that of the similarity levels off, and they cross. At the "
-        "printed number of stars a mark with a bar lies on each line."
-    )
-    caption = (
-        "How far a calibration misplaces the outermost star. Lines: the median of calibrations; "
-        "bands: the central 95 %. Both follow from the printed design and noise without sampling. "
-        "Marks with bars: the same from the posteriors that emcee sampled, with the printed number "
-        "of stars, simulated by us. A similarity also errs by what it leaves out of Table 1."
-    )
-    count = door[decisions.COUNT]
-    picture = figures.edge_errors(counts, curves, count, marks, pixel_angle(door))
-    return pictured(picture, alternative, caption, text_of(figures.edge_errors))
-
-
-def diagnostics(paper: str) -> Blocks:
-    """Show how far the posteriors of a paper can be trusted, a line each: chains, calibration."""
-    names = [name for name, one in posteriors().items() if one.paper == paper]
-    stored = studies.table("calibrations")
-    trials = stored.attrs["trials"]
-    stored = stored[stored["posterior"].isin(names)]
-    rows = [_trusted(name, one, trials) for name, one in stored.groupby("posterior", sort=False)]
-    least, count = stored["even"].min(), len(stored)
-    outside = (stored["even"] < OUTSIDE).sum()
-    found_out = (f"sd {share} % too small leaves its band" for share in NARROW)
-    head = ("Model", "R-hat, largest", "steps / τ, fewest", "ESS, smallest", "acceptance",
-            "replicates", "failed", "quantities", "least even, p", "95 % covers",
-            *found_out)  # fmt: skip
-    gates = Gates()
-    caption = (
-        f"Posteriors of {paper}: the chains, then the simulation-based calibration. The gates: "
-        f"R-hat at most {gates.rhat:g}, at least {gates.times:g} autocorrelation times τ, "
-        f"effective sample sizes (bulk and tail) from {gates.size:g}, acceptance from "
-        f"{gates.acceptance:g}. "
-        f"Of {count} quantities {outside} leave their own band of {100 * (1 - OUTSIDE):g} %, where "
-        f"chance alone makes {count * OUTSIDE:.2g}; the least even has p = {least:.2g}, and "
-        f"{count * least:.2g} are expected to be as small."
-    )
-    return Blocks((Grid(caption, head, rows),))
+def _bar(one: Said) -> figures.Bar | None:
+    """Return the bar of a quantity; none where it is neither printed nor simulated."""
+    row, truth = _summary(one), Posterior(one.posterior).truth.get(one.name)
+    cell = find(one.cell)[0] if one.cell else None
+    if truth is None and cell is None:
+        return None
+    printed = None if cell is None else float(cell.number.value)
+    half = 0.0 if cell is None else float(cell.number.half_unit)
+    return figures.Bar(one.label, row.low, row.mean, row.high, truth, printed, half)
 
 
 def _trusted(name: Any, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
@@ -281,7 +221,11 @@ def _trusted(name: Any, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def file_formats() -> Blocks:
-    """Show which columns a user's own file has, for every model that takes one."""
-    rows = [(keys, names or "none", text) for keys, names, text in formats()]
-    return Blocks((Grid("Files for --data", ("Model", "Columns", "What they hold"), rows),))
+def _files() -> list[tuple[str, str, str]]:
+    """Say for a user's own files: models, their columns, what these hold, or why there are none."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for key, declared in posteriors().items():
+        file = declared.file
+        known = ("none", file) if isinstance(file, str) else (", ".join(file.columns), file.meaning)
+        found.setdefault(known, []).append(key)
+    return [(", ".join(keys), *known) for known, keys in found.items()]

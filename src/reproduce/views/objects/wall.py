@@ -11,8 +11,6 @@ from reproduce.printed.cells import PrintedTable, anchor, library
 from reproduce.views import keys
 from reproduce.views.writing import verdicts
 
-__all__ = ["PITCH", "SHAPES", "legend", "wall"]
-
 PITCH = 14  # from one mark to the next, in CSS pixels
 ACROSS = 10  # marks in a row of a group of quoted numbers
 # Each verdict has a shape of its own, so that colour is not needed.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pandas as pd
 
-__all__ = ["Words"]
-
 
 class Words(pd.DataFrame):
     """A DataFrame whose cells are sentences: pandas would cut them after fifty characters."""

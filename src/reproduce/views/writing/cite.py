@@ -9,11 +9,10 @@ from pybtex.database import BibliographyData, Entry, Person, parse_file
 
 from reproduce.judge.studies import studies
 from reproduce.locate import papers
+from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import anchor
 from reproduce.version import RELEASED, __version__, software
 from reproduce.views import keys
-
-__all__ = ["DEVELOPERS", "beside", "citation"]
 
 FORMATS = ("bibtex", "csl", "text")
 DEVELOPERS = "The reproduce-pointing developers"
@@ -28,6 +27,8 @@ def citation(address: str, form: str) -> str:
     paper = key.partition("/")[0]
     if key in studies():
         return beside("Study", key, paper, studies()[key].title, form)
+    if key in drawings():
+        return beside("Drawing", key, paper, drawings()[key].title, form)
     place = keys.place(keys.check_key(key)).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
     title = f"Reproduction of {what} of {_et_al(paper)}: {keys.title(key)}"

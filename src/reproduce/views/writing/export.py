@@ -16,8 +16,6 @@ from reproduce.views.writing.numbers import hyphen
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FORMATS", "export", "export_frame", "full_frame", "signed", "table_files"]
-
 FORMATS = ("csv", "json", "latex", "markdown")
 # The endings of their files.
 ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}

@@ -22,12 +22,6 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-__all__ = [
-    *("Picture", "Vectors", "XML", "check_ending", "data", "declared", "draw"),
-    *("drawable", "drawn", "figure_files", "inline", "save", "vector_of", "vectors"),
-    *("write_figure", "write_files"),
-]
-
 STYLE = Path(__file__).parent / "figures.mplstyle"
 ENDINGS = (".svg", ".pdf", ".png")
 XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'

@@ -11,11 +11,6 @@ if TYPE_CHECKING:
     from reproduce.papers.study import Fact
     from reproduce.papers.words import Column
 
-__all__ = [
-    *("between", "chance", "digits", "entry", "fact", "hyphen", "minus", "moments", "percent"),
-    *("powers", "powers_in_html", "shared"),
-]
-
 # Below this a probability is written with its power of ten.
 SMALL = 1e-3
 
@@ -48,14 +43,14 @@ def hyphen(text: str) -> str:
     return text.replace("−", "-")
 
 
-def number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any") -> str:
+def _number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any") -> str:
     """Write a number by a format specification, with a true minus sign.
 
     What is smaller than `zero` is the rounding of nothing; what has no limit is named.
 
     Examples
     --------
-    >>> number(-0.25, ".1f"), number(3e-16, ".2e", zero=1e-12), number(float("inf"), ".1f")
+    >>> _number(-0.25, ".1f"), _number(3e-16, ".2e", zero=1e-12), _number(float("inf"), ".1f")
     ('−0.2', '0', 'any')
     """
     if math.isinf(value):
@@ -82,9 +77,9 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
         return _counted(value, column.draws, column.zero)
     if column.form == "±" and error:
         form = f".{max(0, 1 - math.floor(math.log10(error[0])))}f"
-        return f"{number(value, form)} ± {number(error[0], form)}"
-    text = number(value, column.form, zero=column.zero, infinite=column.infinite)
-    return f"{text} ± {number(error[0], error[1] or '.1g')}" if error else text
+        return f"{_number(value, form)} ± {_number(error[0], form)}"
+    text = _number(value, column.form, zero=column.zero, infinite=column.infinite)
+    return f"{text} ± {_number(error[0], error[1] or '.1g')}" if error else text
 
 
 def fact(quoted: Fact) -> str:

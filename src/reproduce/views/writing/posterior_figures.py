@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MOST", "Bar", "bars", "corner", "density", "edge_errors", "traces"]
-
 # More draws than this do not change the contours, nor more points a trace.
 POINTS, TRACE_POINTS = 10_000, 45
 # Parameters of a corner plot: with more its labels could not be read.
@@ -210,20 +208,6 @@ def _histogram(figure: Figure, values: NDArray[np.float64], label: str, mark: fl
     if mark is not None:
         axes.axvline(mark, color=ORANGE, linestyle="--")
     axes.set(xlabel=label, ylabel="posterior density")
-
-
-def density(posterior: Sampled, name: str, mark: float) -> Picture:
-    """Draw the posterior of one parameter beside a mark in SI units or px."""
-    column = posterior.model.names.index(name)
-    one = posterior.model.parameters[column]
-    values = posterior.draws[:, column] * one.shown
-
-    def paint(figure: Figure) -> None:
-        sized(figure, 5.6, 2.6)
-        _histogram(figure, values, _label(one), mark * one.shown)
-
-    numbers = pd.DataFrame({name: values[:: -(-len(values) // POINTS)]})
-    return Picture(f"posterior-{posterior.model.name}-density", paint, numbers)
 
 
 @dataclass(frozen=True)

@@ -44,27 +44,27 @@ def text(blocks: Iterable[Block]) -> str:
 def write(blocks: Iterable[Block], console: Console | None = None) -> None:
     """Write blocks on a terminal, by default this one."""
     console = console or Console()
-    for part in terminal(blocks, console.width):
+    for part in _terminal(blocks, console.width):
         if isinstance(part, str):
             console.print(part, markup=False, highlight=False)
         else:
             console.print(part)
 
 
-def terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
+def _terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
     """Write blocks as aligned text for a terminal of this many columns."""
     for block in blocks:
         if isinstance(block, Grid):
             yield from _grid_lines(block, width)
         elif isinstance(block, Fold):
-            yield f"\n{plain(block.summary)}"
-            yield from () if block.page else terminal(block.blocks, width)
+            yield f"\n{_plain(block.summary)}"
+            yield from () if block.page else _terminal(block.blocks, width)
         elif isinstance(block, Section):
-            yield from terminal(block.blocks, width)
+            yield from _terminal(block.blocks, width)
         elif isinstance(block, Html):
             yield from [block.words] * bool(block.words)
         else:
-            yield plain(block)
+            yield _plain(block)
 
 
 def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
@@ -77,27 +77,27 @@ def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
     elif grid.names:
         rows = [[name, *row[1:]] for name, row in zip(grid.names, rows, strict=True)]
     texts = [list(map(_text, row)) for row in rows]
-    table = columns(map(plain, head), texts, whole=whole, words=grid.words)
-    lined = [[plain(name) for name in head], *([one.plain for one in row] for row in texts)]
+    table = _columns(map(_plain, head), texts, whole=whole, words=grid.words)
+    lined = [[_plain(name) for name in head], *([one.plain for one in row] for row in texts)]
     wide = sum(_least(i in whole, column) + 1 for i, column in enumerate(_turned(lined))) > width
     if wide and grid.spare:
         return
-    yield from [f"\n{plain(grid.caption)}"] * bool(grid.caption)
+    yield from [f"\n{_plain(grid.caption)}"] * bool(grid.caption)
     yield from _row_by_row(head, texts) if wide else [table]
 
 
 def _row_by_row(head: Sequence[Entry], rows: Sequence[Sequence[Text]]) -> Iterator[RenderableType]:
     """Yield a few lines for each row; what heads say in small print is said once, before."""
-    names = [plain(_SMALL.sub("", name)) for name in head]
+    names = [_plain(_SMALL.sub("", name)) for name in head]
     small = [(n, _SMALL.findall(text)) for n, text in zip(names, head, strict=True)]
-    yield from (f"{name}: {plain(Markup(found[0]))}" for name, found in small if found)
+    yield from (f"{name}: {_plain(Markup(found[0]))}" for name, found in small if found)
     for row in rows:
         yield row[0]
         named = [(n, text) for n, text in zip(names[1:], row[1:], strict=False) if text.plain]
-        yield Padding(columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2))
+        yield Padding(_columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2))
 
 
-def columns(
+def _columns(
     heads: Iterable[str],
     rows: Iterable[Iterable[str | Text]],
     *,
@@ -132,7 +132,7 @@ def _least(whole: bool, texts: Sequence[str]) -> int:
     return longest if whole else max(*words, min(longest, TOWER))
 
 
-def plain(entry: Entry) -> str:
+def _plain(entry: Entry) -> str:
     """Return an entry without its marks."""
     if not isinstance(entry, Markup):
         return entry
@@ -144,7 +144,7 @@ def plain(entry: Entry) -> str:
 def _text(entry: Entry | Box) -> Text:
     content = entry.content if isinstance(entry, Box) else entry
     lines = content if isinstance(content, tuple) else (content,)
-    text = ", ".join(plain(line) for line in lines if line)
+    text = ", ".join(_plain(line) for line in lines if line)
     return Text(text, style=_COLOURS.get(text.partition(" ")[0], ""))
 
 

@@ -8,22 +8,6 @@ from reproduce.printed.cells import Cell, library
 from reproduce.printed.units import symbol
 from reproduce.views.writing.numbers import chance, minus
 
-__all__ = [
-    *("FLAG_MEANINGS", "MEANINGS", "WEAK", "cell_of", "chance_of", "computed", "interval"),
-    *(
-        "fitting",
-        "joint_chance",
-        "meaning_of_interval",
-        "name_of",
-        "probability",
-        "qualified",
-        "quantity",
-        "read",
-        "strong",
-    ),
-    *("tally", "unit", "weak", "weak_agreement", "whole"),
-]
-
 MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
     "consistent": "inside the central 99 % of what the reproduction predicts",

@@ -1,0 +1,241 @@
+"""Every number that a sentence of the book may say, by name, and the files beside the pages.
+
+A printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
+paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
+(``niu2024/readings#best-joint``), and so does a posterior (``posterior/registration#noise-mean``).
+The roles of the pages only look them up.
+
+``python tools/book_facts.py BOOK [PAPER]...`` writes ``_build/facts.json`` into the folder of a
+book, with the facts of some papers alone where they are named; `make book` does all that the book
+of this project needs.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reproduce.judge.expected import erratum
+from reproduce.judge.studies import studies
+from reproduce.locate import data_folder
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import PAPERS, library
+from reproduce.store import studies as stored
+from reproduce.views import computed
+from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
+from reproduce.views.facts import facts_of
+from reproduce.views.objects.contradictions import errata_register
+from reproduce.views.objects.study import StudyTable
+from reproduce.views.writing import numbers, verdicts
+from reproduce.views.writing.export import export, signed, table_files
+
+if TYPE_CHECKING:
+    from reproduce.papers.declare_posterior import Aside
+
+
+def facts(*papers: str) -> dict[str, str]:
+    """Compute every fact, or those of the cells, items and studies of some papers alone."""
+    from reproduce.papers.posteriors import posteriors
+
+    return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
+
+
+def of_posteriors(names: Iterable[str]) -> dict[str, str]:
+    """Compute the facts of posteriors, which are sampled for it."""
+    return {
+        f"posterior/{name}#{label}": numbers.powers(text)
+        for name in names
+        for label, text in _of_posterior(name).items()
+    }
+
+
+def unsampled(*papers: str) -> dict[str, str]:
+    """Compute the facts of the ledger, the studies and the audit, or of some papers alone."""
+    if papers:
+        keys = [key for key in catalogue() if key.partition("/")[0] in papers and key in library()]
+        records = tuple(record for key in keys for record in item_ledger(key).records)
+    else:
+        records = whole_ledger().records
+        keys = list(dict.fromkeys(record.key for record in records))
+    names = [*(record.cell for record in records), *keys, *(() if papers else (*PAPERS, "all"))]
+    found = {f"{name} {what}": text for name in names for what, text in facts_of(name).items()}
+    for key, study in studies().items():
+        if not papers or key.partition("/")[0] in papers:
+            quoted = study.facts().items()
+            found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
+    causes = Counter(erratum(r.cell) for r in records if r.verdict in {"differs", "blocked"})
+    found |= {f"erratum/{name} cells": str(count) for name, count in causes.items() if name}
+    found |= {f"verdict/{word}": meaning for word, meaning in verdicts.MEANINGS.items()}
+    if not papers:
+        found |= {f"audit#{label}": text for label, text in _of_audits().items()}
+        found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
+    return {name: numbers.powers(text) for name, text in found.items()}
+
+
+def _of_evidence() -> dict[str, str]:
+    """Return what the studies of ourselves count, and how long pages take, by name."""
+    planted = stored.table("planted-slips")
+    seen = planted["relation"] | planted["verdict"]
+    strict = planted["compared"] | planted["verdict"]
+    found = {
+        "planted": str(len(planted)),
+        "seen": f"{100 * seen.mean():.0f}\u202f%",
+        "strict": f"{100 * strict.mean():.0f}\u202f%",
+        "refused": str((planted["refused"] & ~seen).sum()),
+        "blind": str((~seen.groupby(planted["cell"]).any()).sum()),
+    }
+    for row in stored.table("two-readings").itertuples():
+        for what in ("first", "second", "both", "merging"):
+            found[f"{row.what}-{what}"] = str(getattr(row, what))
+        for what in ("missed", "error"):
+            found[f"{row.what}-{what}"] = f"{getattr(row, what):.1f}"
+    for row in stored.table("rounding-residuals").itertuples():
+        name = f"{row.paper}-{row.against}"
+        found[f"{name}-telling"] = str(row.telling)
+        found[f"{name}-probability"] = f"{row.probability:.2f}"
+        found[f"{name}-exact"] = str(row.exact)
+    seconds = stored.table("page-times")["seconds"]
+    (taken,) = stored.table("installed").itertuples()
+    return found | {
+        "notebooks-packages": str(taken.packages),
+        "notebooks-size": f"{taken.megabytes}\u202fMB",
+        "notebooks-minutes": f"{taken.minutes}\u202fmin",
+        "pages": str(len(seconds)),
+        "pages-quick": str((seconds < 10).sum()),
+        "pages-longest": f"{seconds.max():.0f}\u202fs",
+        "pages-all": f"{seconds.sum() / 60:.0f}\u202fmin",
+    }
+
+
+def _of_posterior(name: str) -> dict[str, str]:
+    """Return the numbers of a posterior that sentences may say, by name.
+
+    ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, the asides of the
+    declaration, ``sbc-...`` of the stored calibration, and how many printed numbers lie
+    ``outside`` what repeats print; for printed data, ``check-...``, the tail probability of each
+    predictive check.
+    """
+    from reproduce.inference import posterior_checks
+    from reproduce.papers.posteriors import posteriors
+    from reproduce.views.objects.posterior import book_posterior, book_repeats, spread
+
+    declared, found, texts = posteriors()[name], book_posterior(name), {}
+    for row in found.summaries():
+        label = _label(row.name)
+        for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
+            texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
+    for key, aside in (declared.asides(found.model) if declared.asides else {}).items():
+        texts |= _of_aside(key, aside)
+    texts |= dict(_of_calibration(name))
+    if not declared.simulated:
+        for check in posterior_checks(found):
+            texts[f"check-{_label(check.name)}"] = numbers.shared(check.tail)
+    if compared := book_repeats(name):
+        rows = compared[0]
+        outside = sum(row.tail.value < 0.05 / len(rows) for row in rows)
+        texts |= {"outside": str(outside), "printed-count": str(len(rows))}
+    return texts
+
+
+def _label(name: str) -> str:
+    return name.replace(" ", "-").replace(",", "")
+
+
+def _gap(unit: str) -> str:
+    return "" if unit == "1" else f"\u202f{unit}"
+
+
+def _of_aside(key: str, aside: Aside) -> dict[str, str]:
+    value, gap = f"{aside.value:.2g}", _gap(aside.unit)
+    errors = {}
+    if aside.error:
+        decimals = max(0, 1 - int(np.floor(np.log10(aside.error))))
+        value = f"{aside.value:z.{decimals}f}"
+        errors = {f"{key}-error": f"{aside.error:.{decimals}f}{gap}"}
+    return {key: f"{value.replace('-', '−')}{gap}"} | errors
+
+
+def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
+    rows = stored.table("calibrations").query("posterior == @name")
+    if rows.empty:
+        return
+    yield "sbc-replicates", f"{rows['replicates'].iloc[0]:,}"
+    yield "sbc-failed", str(rows["failed"].iloc[0])
+    yield "sbc-least-p", f"{rows['even'].min():.2g}"
+    yield "sbc-quantities", str(len(rows))
+    for quantity, share in rows.set_index("quantity")["published_95"].dropna().items():
+        yield f"sbc-{quantity}-published", f"{100 * share:.0f}\u202f%"
+
+
+def _of_audits() -> dict[str, str]:
+    """Return what sentences may say of the audit: label to text.
+
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting`` (without those that
+    restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
+    ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
+    (relations that rest on a supposition of ours, in none of the other counts); the same of both
+    papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
+    conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart, of which
+    ``errata-supposed-standing``.
+    """
+    counts: dict[str, int] = {}
+    audits = [paper_audit(paper) for paper in PAPERS]
+    for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
+        for audit in group:
+            own, again = audit.tally(restating=False), audit.tally(restating=True)
+            found = dict(zip(("agreeing", "rounding", "contradicting"), own.values(), strict=True))
+            found |= {
+                "relations": sum(own.values()),
+                "restating": len(audit.restating),
+                "restating-contradicting": again["contradicts"],
+                "examined": len(audit.examined),
+                "numbers": len(audit.cells),
+                "groups": len(audit.groups),
+                "supposed": len(audit.supposed),
+            }
+            for name, count in found.items():
+                counts[start + name] = counts.get(start + name, 0) + count
+    read = [entry for entry in errata_register() if not entry.supposition]
+    counts["errata"] = len(read)
+    counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)
+    counts["errata-extraction"] = sum(entry.extraction for entry in read)
+    supposed = [entry for entry in errata_register() if entry.supposition]
+    counts["errata-supposed"] = len(supposed)
+    counts["errata-supposed-standing"] = sum(one.conclusion == "stands" for one in supposed)
+    return {label: str(count) for label, count in counts.items()}
+
+
+def write_facts(path: Path, *papers: str) -> bool:
+    """Write all facts to a JSON file, unless it holds those of the present files."""
+    key = " ".join((computed.fingerprint(), *papers))
+    if path.is_file() and json.loads(path.read_text(encoding="utf-8"))["key"] == key:
+        return False
+    path.parent.mkdir(parents=True, exist_ok=True)
+    found = {"key": key, "facts": facts(*papers)}
+    path.write_text(json.dumps(found, ensure_ascii=False, indent=0) + "\n", encoding="utf-8")
+    return True
+
+
+def write_tables(folder: Path) -> None:
+    """Write the ledger and every table in all forms."""
+    whole = computed.whole_ledger()
+    schema = (data_folder() / "ledger.schema.json").read_text(encoding="utf-8")
+    texts = {"ledger.json": signed(whole).model_dump_json(indent=2), "ledger.schema.json": schema}
+    for key in library():
+        texts |= {path: export(whole, key, form) for path, form in table_files(key).items()}
+    for key in studies():
+        table = StudyTable(key)
+        texts |= {path: table.export(form) for path, form in table_files(key).items()}
+    (folder / "tables").mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_facts(Path(sys.argv[1]) / "_build" / "facts.json", *sys.argv[2:])
