@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from reproduce.views.objects.posterior import ENDINGS, Posterior
-
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from reproduce.inference import Progress
+    from reproduce.views.objects.posterior import Posterior
 
 
 class Spoken(click.Command):
@@ -121,6 +120,8 @@ def posterior(
     if list_models:
         _list_models(as_json)
         return
+    from reproduce.views.objects.posterior import ENDINGS, Posterior  # only now, as in `front`
+
     name = _known(model)
     if asked["pivot"] is not None and asked["data"] is None:
         raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")

@@ -15,15 +15,17 @@ import shutil
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import scipy
 
-from reproduce.audit.report import Audit, audit_paper
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
+
+if TYPE_CHECKING:
+    from reproduce.audit.report import Audit
 
 FOLDER = "REPRODUCE_BUILD"
 # Lies in every folder that we made; without it none is removed.
@@ -103,4 +105,6 @@ def whole_ledger() -> Ledger:
 @cache
 def paper_audit(paper: str) -> Audit:
     """Return what the cross-examination of a paper found."""
+    from reproduce.audit.report import Audit, audit_paper  # only now: most pages have none
+
     return once(f"audit-{paper}", Audit, lambda: audit_paper(paper))

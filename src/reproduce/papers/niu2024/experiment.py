@@ -203,17 +203,19 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     count = given.count(f"{OUTCOME}#test-points")
     angles = spawned_angles(for_positions, replicates, count, half_field(given))
     errors = centroid_errors(given) * spawned_normals(for_errors, replicates, (3, count, 2))
-    measured = {
-        "factors": registered_points(given, angles) + errors,
-        "focal-lengths": _by_focal_lengths(given, angles) + errors,
+    apart = {
+        name: rmse_per_axis(measured[:, 1:], measured[:, :1])
+        for name, measured in (
+            ("factors", registered_points(given, angles) + errors),
+            ("focal-lengths", _by_focal_lengths(given, angles) + errors),
+        )
     }
     [(name, ways)] = _WORDS.readings.items()
     results = {}
-    for (position, channel), (place, axis) in product(enumerate(REGISTERED, 1), enumerate("xy")):
+    for (position, channel), (place, axis) in product(enumerate(REGISTERED), enumerate("xy")):
         readings = []
         for way in ways:
-            points = measured[way.choices["scale"]]
-            x_and_y = rmse_per_axis(points[:, position], points[:, 0])
+            x_and_y = apart[way.choices["scale"]][:, position]
             one = way.choices["rmse"] == "one"
             found = x_and_y[:, place] if one else np.hypot(*x_and_y.T)
             readings.append(read(way, Prediction(found)))

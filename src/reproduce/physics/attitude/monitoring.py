@@ -95,16 +95,19 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     if len(counts) == 0:
         raise ValueError("counts: expected one number of frames or more, got none; pass [1]")
     frames = _frames_last(series, axis)
-    first, sums = _sums(frames)
+    _, sums = _sums(frames)
     scatters = []
     for count in counts:
-        averages = _averages(first, sums, _run("counts", count, frames))
-        if averages.shape[-1] < 2:
+        runs = _run("counts", count, frames)
+        totals = sums[..., runs:] - sums[..., :-runs]
+        if totals.shape[-1] < 2:
             raise ValueError(
                 f"counts: expected two averages or more for each count, got one for {count} "
                 "frames; average fewer frames or pass a longer series"
             )
-        scatters.append(averages.std(axis=-1, ddof=1))
+        totals -= totals.mean(axis=-1, keepdims=True)
+        squares = np.einsum("...i,...i->...", totals, totals)
+        scatters.append(np.sqrt(squares / (totals.shape[-1] - 1)) / runs)
     return np.stack(scatters, axis=axis)
 
 

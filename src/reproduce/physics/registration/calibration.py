@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +38,7 @@ from reproduce.physics.validate import (
 )
 
 BoolArray = NDArray[np.bool_]
+ComplexArray = NDArray[np.complex128]
 
 _PARAMETERS = 4
 _Vector = Annotated[Any, (_PARAMETERS,)]
@@ -512,13 +513,51 @@ def registration_bound(
     return variance[..., None, None] * inverse
 
 
+class _Sums(NamedTuple):
+    """What the normal equations need of all points: sums about the pivot, in px or its square."""
+
+    size: int
+    offsets: ComplexArray  # of the source
+    squares: FloatArray  # of their lengths
+    targets: ComplexArray  # offsets of the target
+    products: ComplexArray  # conjugated offsets of the source times those of the target
+
+
+def _summed(source: FloatArray, target: FloatArray, pivot: FloatArray) -> _Sums:
+    origin = as_complex(pivot)[..., None]
+    offsets, targets = as_complex(source) - origin, as_complex(target) - origin
+    squares = np.square(np.abs(offsets)).sum(axis=-1)
+    products = (offsets.conj() * targets).sum(axis=-1)
+    return _Sums(source.shape[-2], offsets.sum(-1), squares, targets.sum(-1), products)
+
+
+def _normal_equations(parameters: FloatArray, sums: _Sums) -> tuple[FloatArray, FloatArray]:
+    """Return J^T J, shape (..., 4, 4), and J^T T, shape (..., 4), of (24) and (25).
+
+    A turn keeps lengths, so both follow from sums over the points that no step changes.
+    """
+    scale, turn = parameters[..., 0], np.exp(1j * parameters[..., 1])
+    shift = as_complex(parameters[..., 2:])
+    by_scale = turn * sums.offsets
+    left = sums.targets - scale * by_scale + sums.size * shift
+    along = turn.conj() * (sums.products + sums.offsets.conj() * shift) - scale * sums.squares
+    pull = np.stack([along.real, scale * along.imag, -left.real, -left.imag], axis=-1)
+    normal = np.zeros((*left.shape, _PARAMETERS, _PARAMETERS))
+    normal[..., 0, 0], normal[..., 1, 1] = sums.squares, scale**2 * sums.squares
+    normal[..., 2, 2] = normal[..., 3, 3] = sums.size
+    normal[..., 0, 2], normal[..., 0, 3] = -by_scale.real, -by_scale.imag
+    normal[..., 1, 2], normal[..., 1, 3] = scale * by_scale.imag, -scale * by_scale.real
+    normal[..., 2:, :2] = normal[..., :2, 2:].mT
+    return normal, pull
+
+
 def _regular_step(
     parameters: FloatArray, source: FloatArray, target: FloatArray, pivot: FloatArray, free: int
 ) -> FloatArray:
     """Return the correction of the leading `free` parameters; a singular one is refused."""
     if whole_number("free", free) > _PARAMETERS:
         raise ValueError(f"free: expected 1 to {_PARAMETERS} parameters, got {free}; leave it out")
-    step, _, regular = _correction(parameters, source, target, pivot, free)
+    step, _, regular = _correction(parameters, _summed(source, target, pivot), free)
     if not regular.all():
         raise DegenerateGeometryError(
             f"expected points that fix every free parameter, got {int((~regular).sum())} singular "
@@ -529,16 +568,14 @@ def _regular_step(
 
 
 def _correction(
-    parameters: FloatArray, source: FloatArray, target: FloatArray, pivot: FloatArray, free: int
+    parameters: FloatArray, sums: _Sums, free: int
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return (J^T J)^-1 J^T T, how far it moves the points (RMS, px), and where it exists.
 
     The correction is zero where a parameter is held or the normal matrix is singular.
     """
-    left = _deviations(parameters, source, target, pivot)
-    rows = _jacobian(parameters, source, pivot)[..., :free]
-    transposed = rows.mT
-    normal = transposed @ rows
+    normal, pull = _normal_equations(parameters, sums)
+    normal, pull = normal[..., :free, :free], pull[..., :free]
     size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
     regular = np.asarray((size > 0).all(axis=-1))
     size = np.where(regular[..., None], size, 1.0)
@@ -546,12 +583,12 @@ def _correction(
     scaled = normal / (size[..., :, None] * size[..., None, :])
     regular = regular & (np.linalg.det(scaled) > _SINGULAR_SPREAD**2)
     scaled = np.where(regular[..., None, None], scaled, np.eye(free))
-    pull = (transposed @ left[..., None])[..., 0] / size
+    pull = pull / size
     solved = np.linalg.solve(scaled, pull[..., None])[..., 0] * regular[..., None]
     step = np.zeros((*solved.shape[:-1], _PARAMETERS))
     step[..., :free] = solved / size
     squared = (solved * pull).sum(axis=-1)
-    movement = np.sqrt(np.maximum(squared, 0) * (2 / left.shape[-1]))
+    movement = np.sqrt(np.maximum(squared, 0) / sums.size)
     return step, movement, np.broadcast_to(regular, movement.shape)
 
 
@@ -575,11 +612,9 @@ def _two_stages(
 ) -> Calibration:
     # The closed form refuses what has no unique answer; the iteration would settle anywhere.
     _closed_similarity(source, target, pivot)
-    offsets = as_complex(source) - as_complex(pivot)[..., None]
-    about_pivot = np.square(np.abs(offsets)).sum(axis=-1)
-    centred = offsets - offsets.mean(axis=-1, keepdims=True)
-    spread = np.square(np.abs(centred)).sum(axis=-1)
-    if (spread <= _SINGULAR_SPREAD * about_pivot).any():
+    sums = _summed(source, target, pivot)
+    spread = sums.squares - np.square(np.abs(sums.offsets)) / sums.size
+    if (spread <= _SINGULAR_SPREAD * sums.squares).any():
         raise DegenerateGeometryError(
             "source: expected points spread over more than a three-thousandth of their distance "
             "from the pivot, got a narrow cluster; add spots across the field of view, or use "
@@ -589,25 +624,20 @@ def _two_stages(
         start.shape[:-1], source.shape[:-2], target.shape[:-2], pivot.shape[:-1]
     )
     start = np.broadcast_to(start, (*batch, _PARAMETERS))
-    first, _ = _iterate(source, target, pivot, start, (2, stopping))
-    second, settled = _iterate(source, target, pivot, first[-1], (_PARAMETERS, stopping))
+    first, _ = _iterate(sums, start, 2, stopping)
+    second, settled = _iterate(sums, first[-1], _PARAMETERS, stopping)
     history = np.stack(first + second[1:])
     return Calibration(history, len(first) - 1, settled, source, target, pivot)
 
 
 def _iterate(
-    source: FloatArray,
-    target: FloatArray,
-    pivot: FloatArray,
-    start: FloatArray,
-    stage: tuple[int, Stopping],
+    sums: _Sums, start: FloatArray, free: int, stopping: Stopping
 ) -> tuple[list[FloatArray], BoolArray]:
     """Repeat the step with `free` parameters until every calibration has settled."""
-    free, stopping = stage
     path, moving = [start], np.ones(start.shape[:-1], dtype=bool)
     settled = ~moving
     for _ in range(stopping.steps):
-        step, movement, regular = _correction(path[-1], source, target, pivot, free)
+        step, movement, regular = _correction(path[-1], sums, free)
         regular = regular & np.isfinite(step).all(axis=-1)
         # Those that have settled are held, so that a batch gives what each would give alone.
         path.append(path[-1] + np.where((moving & regular)[..., None], step, 0.0))
