@@ -123,13 +123,21 @@ def _of_posterior(name: str) -> dict[str, str]:
     """
     from reproduce.inference import posterior_checks
     from reproduce.papers.posteriors import posteriors
-    from reproduce.views.objects.posterior import book_posterior, book_repeats, spread
+    from reproduce.views.objects.posterior import (
+        Posterior,
+        book_posterior,
+        book_repeats,
+        spread,
+    )
 
     declared, found, texts = posteriors()[name], book_posterior(name), {}
     for row in found.summaries():
         label = _label(row.name)
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
             texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
+    for label, value in Posterior(name).truth.items():
+        row = next(row for row in found.rows() if row.name == label)
+        texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
     for key, aside in (declared.asides(found.model) if declared.asides else {}).items():
         texts |= _of_aside(key, aside)
     texts |= dict(_of_calibration(name))

@@ -271,3 +271,23 @@ def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path,
     for found in (again, read):
         np.testing.assert_array_equal(found.chain, alone.chain)
         assert found.rows() == alone.rows()
+
+
+def test_simulated_data_are_drawn_again_with_a_seed_of_their_own():
+    """The sampler's seed is another one; printed data and a reader's own have none."""
+    book, again = rp.posterior("registration"), rp.posterior("registration", data_seed=1)
+    assert (book.model.likelihood.source != again.model.likelihood.source).all()
+    assert again.rerun(steps=50).data_seed == 1
+    assert book.truth == again.truth
+    assert again.changes == "data_seed = 1"
+    for name, more in (("centroid-noise", {}), ("registration", {"data": "stars.csv"})):
+        with pytest.raises(ValueError, match="data_seed: expected none"):
+            rp.posterior(name, data_seed=1, **more)
+
+
+def test_all_posteriors_show_themselves_and_name_their_files():
+    everything = rp.posterior()
+    assert "Centroid noise" in repr(everything)
+    assert "group, laser, x, y" in repr(everything.models)
+    with pytest.raises(TypeError, match="expected a model beside data"):
+        rp.posterior(data="stars.csv")

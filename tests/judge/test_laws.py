@@ -5,6 +5,8 @@ import pytest
 from scipy import stats
 
 from reproduce.judge import laws
+from reproduce.judge.verdicts import judge_prediction
+from reproduce.printed.number import PrintedNumber
 
 DRAWS = 20_000
 GENERATOR = np.random.default_rng(8)
@@ -100,3 +102,38 @@ def test_cells_that_depend_on_each_other_are_no_obstacle():
     contradicting = laws.joint(law, columns, point(1.0, -1.0), both)
     assert contradicting[1] < -50
     assert contradicting[0] == 0
+
+
+def intervals(numbers):
+    return np.array([number.interval() for number in numbers])
+
+
+def test_the_joint_probability_of_the_truth_is_uniform():
+    """A table drawn from its own prediction, with correlated cells, is as likely as any."""
+    rng = np.random.default_rng(3)
+    mixing = np.array([[1.0, 0.0], [0.9, 0.4]])
+    draws = rng.normal(size=(2000, 2)) @ mixing.T
+    found = []
+    for _ in range(300):
+        table = rng.normal(size=2) @ mixing.T
+        printed = [PrintedNumber(f"{value:.3f}") for value in table]
+        found.append(laws.joint_probability(list(draws.T), intervals(printed))[0])
+    assert stats.kstest(found, "uniform").pvalue > 0.01
+
+
+def test_the_joint_probability_sees_what_single_cells_do_not():
+    """Six cells each at two standard deviations: none differs alone, the table does."""
+    rng = np.random.default_rng(4)
+    draws = list(rng.normal(size=(6, 4000)))
+    printed = [PrintedNumber("2.000")] * 6
+    for number, values in zip(printed, draws, strict=True):
+        assert judge_prediction(number, values).verdict == "consistent"
+    assert laws.joint_probability(draws, intervals(printed))[0] < 0.01
+
+
+def test_simulated_tables_are_rounded_like_the_print():
+    """A print of 1 to the unit is as surprising as every table that prints 1, -1 or beyond."""
+    half = np.random.default_rng(7).normal(0.0, 0.6, DRAWS)
+    draws = np.concatenate([half, -half])
+    found, mcse = laws.joint_probability([draws], intervals([PrintedNumber("1")]))
+    assert found == pytest.approx(2 * stats.norm.sf(0.5 / 0.6), abs=5 * mcse)

@@ -5,7 +5,6 @@ import pytest
 from scipy import stats
 
 from reproduce.judge.verdicts import (
-    joint_probability,
     judge_prediction,
     judge_value,
     tail_mid_p,
@@ -100,39 +99,3 @@ def test_mid_p_counts_half_of_the_interval():
     ordered = np.arange(10.0)
     assert tail_mid_p(ordered, 1.5, 3.5) == pytest.approx(0.3)
     assert tail_mid_p(ordered, 20.0, 21.0) == 0.0
-
-
-def test_the_joint_probability_of_the_truth_is_uniform():
-    """A table drawn from its own prediction, with correlated cells, is as likely as any."""
-    rng = np.random.default_rng(3)
-    mixing = np.array([[1.0, 0.0], [0.9, 0.4]])
-    draws = rng.normal(size=(2000, 2)) @ mixing.T
-    found = []
-    for _ in range(300):
-        table = rng.normal(size=2) @ mixing.T
-        printed = [PrintedNumber(f"{value:.3f}") for value in table]
-        found.append(joint_probability(printed, list(draws.T))[0])
-    assert stats.kstest(found, "uniform").pvalue > 0.01
-
-
-def test_the_joint_probability_sees_what_single_cells_do_not():
-    """Six cells each at two standard deviations: none differs alone, the table does."""
-    rng = np.random.default_rng(4)
-    draws = list(rng.normal(size=(6, 4000)))
-    printed = [PrintedNumber("2.000")] * 6
-    for number, values in zip(printed, draws, strict=True):
-        assert judge_prediction(number, values).verdict == "consistent"
-    assert joint_probability(printed, draws)[0] < 0.01
-
-
-def test_simulated_tables_are_rounded_like_the_print():
-    """A print of 1 to the unit is as surprising as every table that prints 1, -1 or beyond."""
-    half = normal(0.0, 0.6)
-    draws = np.concatenate([half, -half])
-    found, mcse = joint_probability([PrintedNumber("1")], [draws])
-    assert found == pytest.approx(2 * stats.norm.sf(0.5 / 0.6), abs=5 * mcse)
-
-
-def test_the_joint_probability_refuses_unequal_lists():
-    with pytest.raises(ValueError, match="as many predictions as cells"):
-        joint_probability([PrintedNumber("1")], [])

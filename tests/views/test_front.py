@@ -1,5 +1,6 @@
 """The front door: every name, and what each object shows."""
 
+import io
 import json
 import re
 import subprocess
@@ -12,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 import reproduce
 import reproduce as rp
@@ -24,6 +26,7 @@ from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
 from reproduce.views.platforms import platform_of
+from reproduce.views.writing import terminal
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
 SQUARE = np.array([[0.0, 0], [1000, 0], [0, 1000], [1000, 1000]])
@@ -203,7 +206,10 @@ def test_the_data_of_a_figure_are_what_is_drawn():
         (lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}), "expected m as in the print"),
         (lambda: rp.posterior("nothing"), "unknown posterior"),
         (lambda: rp.posterior("registration", thin=2), "posterior.. got an unexpected keyword"),
-        (lambda: rp.posterior("registration").rerun(thin=2), "expected data, pivot, priors, steps"),
+        (
+            lambda: rp.posterior("registration").rerun(thin=2),
+            "expected data, pivot, priors, data_seed",
+        ),
         (lambda: rp.register(SQUARE, SQUARE, modle="rigid"), "register.. got an unexpected key"),
         (lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid"), "expected source, .*robust"),
         (
@@ -626,3 +632,20 @@ def test_a_posterior_takes_a_dataframe_as_it_takes_its_file(tmp_path):
     )
     assert "your DataFrame, 60 rows" in first.told
     pd.testing.assert_frame_equal(first.frame(), second.frame())
+
+
+@pytest.mark.parametrize("columns", [60, 80, 200])
+def test_a_terminal_sees_no_mark_of_a_page(columns, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    for key in ("chen2023/table-5", "niu2024/text-experiment"):
+        stream = io.StringIO()
+        console = Console(file=stream, width=columns)
+        terminal.write(rp.table(key).blocks(), console)
+        assert not re.search(r"</?(a|code|small|br|span)\b", stream.getvalue())
+
+
+def test_a_cell_tells_what_a_loose_word_lets_it_mean():
+    lines = dict(rp.table("chen2023/text-platform#sd-high")._lines())
+    low, high = map(float, re.findall(r"[\d.]+", lines["which may mean"]))
+    assert low < 0.060 < high
+    assert "which may mean" not in dict(rp.table("niu2024/table-3#scale.red")._lines())

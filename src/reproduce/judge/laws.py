@@ -52,7 +52,7 @@ def fitted(columns: list[Array], squares: NDArray[np.bool_]) -> Law:
     power = np.where(squares, 1 - flat, np.ones(len(columns)))
     raised = _raised(values, power[:, None])
     mean, sd = raised.mean(axis=1), raised.std(axis=1, ddof=1)
-    return Law(mean, sd, np.asarray(np.corrcoef(raised)), values.shape[1], power)
+    return Law(mean, sd, np.atleast_2d(np.corrcoef(raised)), values.shape[1], power)
 
 
 def _raised(values: Array, power: Array) -> Array:
@@ -82,6 +82,21 @@ def log_tails(law: Law, intervals: Array) -> Array:
         above = np.logaddexp(*np.log(stdtr(law.draws - 1, -edges))) - np.log(2)
     smaller = (np.minimum(below, above) + np.log(2)) / np.log(10)
     return np.asarray(np.clip(smaller, FLOOR, 0.0))
+
+
+def joint_probability(columns: list[Array], intervals: Array) -> tuple[float, float]:
+    """Return how often cells that are drawn together lie as far out as the print, and its error.
+
+    Examples
+    --------
+    >>> draws = np.random.default_rng(1).normal(0.0, 1.0, 2000)
+    >>> joint_probability([draws], np.array([[8.95, 9.05]]))[0] < 0.001
+    True
+    """
+    every, size = np.ones(len(columns), dtype=bool), columns[0].size
+    share = joint(fitted(columns, ~every), columns, intervals, every)[0]
+    probability = (share * size + 1) / (size + 1)
+    return probability, float(np.sqrt(probability * (1 - probability) / size))
 
 
 def joint(

@@ -15,7 +15,6 @@ from reproduce.judge.verdicts import (
     CENTRAL,
     Judgement,
     Verdict,
-    joint_probability,
     judge_prediction,
     judge_value,
 )
@@ -111,12 +110,9 @@ class TableRecord(_Frozen):
     key: str
     cells: int = Field(description="cells with a predicted distribution")
     outside: int = Field(description="of these, cells that differ")
-    beyond: int = Field(
-        description="of these, cells beyond every replicate: they make the joint one a bound"
-    )
     expected_outside: float = Field(description="cells expected to differ by chance alone")
     joint_probability: float = Field(
-        description="how often a table simulated whole is at least as surprising"
+        description="how often the cells, simulated together, lie as far out as the print"
     )
     mcse: float
     replicates: int
@@ -371,17 +367,17 @@ def _joint(
     ]
     if not cells:
         return ()
-    draws = [_draws(cell, _literal(results[cell.name])) for cell in cells]
-    probability, mcse = joint_probability([cell.number for cell in cells], draws)
+    probability, mcse, replicates = _together(
+        [(cell, _draws(cell, _literal(results[cell.name]))) for cell in cells]
+    )
     record = TableRecord(
         key=table.key,
         cells=len(cells),
         outside=sum(records[cell.name].verdict == "differs" for cell in cells),
-        beyond=sum(records[cell.name].probability == 0 for cell in cells),
         expected_outside=len(cells) * (1 - CENTRAL),
         joint_probability=probability,
         mcse=mcse,
-        replicates=min(one.size for one in draws),
+        replicates=replicates,
     )
     return (record,)
 
@@ -453,11 +449,8 @@ def _together(
     drawn: Sequence[tuple[Cell, NDArray[np.float64]]],
 ) -> tuple[float, float, int]:
     """Return how often cells simulated together lie as far out as the print, error and number."""
-    from reproduce.judge import laws
+    from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
 
-    columns, every = [draws for _, draws in drawn], np.ones(len(drawn), dtype=bool)
+    columns = [draws for _, draws in drawn]
     intervals = np.array([cell.number.interval() for cell, _ in drawn])
-    size = columns[0].size
-    counted = laws.joint(laws.fitted(columns, ~every), columns, intervals, every)[0]
-    probability = (counted * size + 1) / (size + 1)
-    return probability, float(np.sqrt(probability * (1 - probability) / size)), size
+    return *joint_probability(columns, intervals), columns[0].size

@@ -126,38 +126,3 @@ def central(draws: NDArray[np.float64]) -> tuple[float, float]:
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
     return float(low), float(high)
-
-
-def joint_probability(
-    printed: list[PrintedNumber], draws: list[NDArray[np.float64]]
-) -> tuple[float, float]:
-    """Return how often a table simulated whole is at least as surprising as the printed one.
-
-    The surprise of a table is the sum of -2 ln p over its cells. Every replicate is rounded to
-    the printed digits and judged like the print, so the cells' correlation is accounted for.
-
-    Examples
-    --------
-    >>> draws = np.random.default_rng(1).normal(0.0, 1.0, 2000)
-    >>> joint_probability([PrintedNumber("9.0")], [draws])[0] < 0.001
-    True
-    """
-    if not printed or len(printed) != len(draws):
-        raise ValueError(f"expected as many predictions as cells, got {len(draws)}, {len(printed)}")
-    size = draws[0].size
-    observed, simulated = 0.0, np.zeros(size)
-    for number, values in zip(printed, draws, strict=True):
-        ordered = np.sort(values)
-        observed += float(_surprise(tail_mid_p(ordered, *number.interval()), size))
-        step = 2.0 * number.half_unit
-        rounded = np.round(values / step) * step if step else values
-        half = number.reach
-        simulated += _surprise(tail_mid_p(ordered, rounded - half, rounded + half), size)
-    # A relative slack of rounding error, so that tables equal cell by cell count as equal.
-    as_bad = int((simulated >= observed * (1 - 1e-12)).sum())
-    probability = (as_bad + 1) / (size + 1)
-    return probability, math.sqrt(probability * (1 - probability) / size)
-
-
-def _surprise(tail: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    return np.asarray(-2.0 * np.log(np.maximum(2.0 * tail, 1.0 / (size + 1))))

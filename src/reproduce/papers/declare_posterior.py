@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import Generator
+from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.inference import Model, Published, Repeat, Sampled, Share, repeats
@@ -126,9 +126,9 @@ class Declaration:
         """Whether the data are simulated from printed settings: the raw data are not published."""
         return self.truth is not None
 
-    def model(self) -> Model:
-        """Return the model with its data."""
-        return self.build(given(self.given))
+    def model(self, data_seed: int | None = None) -> Model:
+        """Return the model with its data, simulated ones with another seed where one is given."""
+        return self.build(given(self.given, data_seed))
 
     def true_values(self) -> dict[str, float]:
         """Return the parameters with which the data were simulated; none where they were not."""
@@ -243,6 +243,11 @@ def published_cells(
         whole,
         note,
     )
+
+
+def data_stream(given: Given, *key: int) -> SeedSequence:
+    """Return the seed of some simulated data: the project's, or that of the door."""
+    return SeedSequence(ROOT_SEED if given.root is None else given.root, spawn_key=key)
 
 
 def simulated(model: Model, parameters: FloatArray, generator: Generator) -> FloatArray:

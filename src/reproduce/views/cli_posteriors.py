@@ -91,6 +91,7 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
     help="An even prior of your own for a parameter, in the unit of the summary.",
 )
 @_SEED
+@click.option("--data-seed", type=click.IntRange(min=0), help="Of data that are simulated by us.")
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)

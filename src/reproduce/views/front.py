@@ -149,6 +149,7 @@ def posterior(
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
     platform: Platform | str | Path | None = None,
+    data_seed: int | None = None,
     steps: int | None = None,
     walkers: int | None = None,
     ensembles: int | None = None,
@@ -163,6 +164,7 @@ def posterior(
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
     platform: Platform | str | Path | None = None,
+    data_seed: int | None = None,
     steps: int | None = None,
     walkers: int | None = None,
     ensembles: int | None = None,
@@ -183,6 +185,8 @@ def posterior(
         prior is even, or to a prior of `reproduce.inference.priors`.
     platform : Platform or path, optional
         Lights and tracker of laser spots of a reader's own, as for `misalignment`.
+    data_seed : int, optional
+        Of the data, where they are simulated by us: another draw of them.
     steps, walkers, ensembles, seed : int, optional
         How it is sampled, in place of the book's own plan.
     """
@@ -195,7 +199,7 @@ def posterior(
     from reproduce.views.objects.posterior import Posterior
 
     plan = {"steps": steps, "walkers": walkers, "ensembles": ensembles, "seed": seed}
-    return Posterior(name, data, pivot, priors, platform, **plan)
+    return Posterior(name, data, pivot, priors, platform, data_seed, **plan)
 
 
 def contradictions(

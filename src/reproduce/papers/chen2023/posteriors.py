@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.random import PCG64, Generator, SeedSequence
+from numpy.random import PCG64, Generator
 
 from reproduce.inference import Consequence, HalfNormal, LogUniform, Model, Normal, Prior, Published
 from reproduce.inference.models import (
@@ -33,12 +33,12 @@ from reproduce.inference.models import (
 )
 from reproduce.inference.quadrature import Summed, summed
 from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, TELESCOPE, as_designed
-from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import (
     OWN_DATA,
     Aside,
     Declaration,
     File,
+    data_stream,
     published_cells,
     simulated,
 )
@@ -51,7 +51,6 @@ from reproduce.store import spots as spot_files
 from reproduce.store.points import Table, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 
-_DATA_SEED = (ROOT_SEED, 2)
 _SPOT_READS = (*INSTRUMENT, SCATTER)
 
 
@@ -62,8 +61,7 @@ def _simulated_images(
 
     Shape (frames, 4, 2). In px.
     """
-    seed = SeedSequence(_DATA_SEED[0], spawn_key=(_DATA_SEED[1], stream))
-    generator = Generator(PCG64(seed))
+    generator = Generator(PCG64(data_stream(given, 2, stream)))
     design = as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.random import PCG64, Generator, SeedSequence
+from numpy.random import PCG64, Generator
 
 from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, Published, Uniform
 from reproduce.inference.models import (
@@ -36,13 +36,13 @@ from reproduce.inference.models import (
     rmse_at,
     with_priors,
 )
-from reproduce.papers.declare import ROOT_SEED
 from reproduce.papers.declare_posterior import (
     OWN_DATA,
     Aside,
     Declaration,
     File,
     Pivot,
+    data_stream,
     published_cells,
     simulated,
 )
@@ -73,9 +73,6 @@ from reproduce.printed.given import Given
 from reproduce.store.points import STARS, Table, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 
-_DATA_SEED, _ANGLES_SEED, _NOISE_SEED, _FALSE_SEED = (
-    SeedSequence(ROOT_SEED, spawn_key=key) for key in ((1,), (3, 0), (3, 1), (4,))
-)
 # Share of stars that are matched wrongly on purpose.
 _FALSE = 0.3
 # How well a laboratory may know a principal point, in px.
@@ -105,7 +102,7 @@ _FEW = 10
 def centroids(given: Given) -> FloatArray:
     """Simulated centroids of green, red and blue, shape (3, n, 2), in px."""
     noise = given[NOISE]
-    return np.asarray(noisy_centroids(true_centroids(given), noise, _DATA_SEED, 1)[0])
+    return np.asarray(noisy_centroids(true_centroids(given), noise, data_stream(given, 1), 1)[0])
 
 
 def true_centroids(given: Given) -> FloatArray:
@@ -176,7 +173,8 @@ def _distortion(given: Given) -> Model:
 def _mixture(given: Given) -> Model:
     """The red channel, three stars of ten matched with the wrong green one."""
     green, red, _ = centroids(given)
-    false = Generator(PCG64(_FALSE_SEED)).permutation(len(red))[: round(_FALSE * len(red))]
+    order = Generator(PCG64(data_stream(given, 4))).permutation(len(red))
+    false = order[: round(_FALSE * len(red))]
     green[false] = green[np.roll(false, 1)]
     matched = registration_model(red, green, pivot(given, "red"))
     return _with_new_stars(given, mixture_model(matched))
@@ -227,9 +225,9 @@ def _response(true: FloatArray, step: float = 1e-3) -> FloatArray:
 def _test_points(given: Given) -> FloatArray:
     """Measured test points in green, red and blue, shape (3, points, 2), in px."""
     count, half_ranges = given.count(_TEST_POINTS), simulation.half_ranges(given)
-    directions = spawned_angles(_ANGLES_SEED, 1, count, half_ranges)[0]
+    directions = spawned_angles(data_stream(given, 3, 0), 1, count, half_ranges)[0]
     true = simulation.imaged(given, directions)
-    return np.asarray(noisy_centroids(true, given[NOISE], _NOISE_SEED, 1)[0])
+    return np.asarray(noisy_centroids(true, given[NOISE], data_stream(given, 3, 1), 1)[0])
 
 
 def _new_stars(

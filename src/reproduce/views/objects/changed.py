@@ -80,10 +80,9 @@ class Changed(Display):
             told += " From and to: the central 99 % of the prediction."
         if joint := self.result.joint:
             told += (
-                f" Under this reading all {joint.cells} cells are judged together: probability "
-                f"{joint_chance(joint)} in {joint.replicates:,} replicates, {joint.outside} "
-                f"cells outside, {joint.expected_outside:.1f} expected by chance. The table's own "
-                "joint probability counts only the cells that no reading decides."
+                f" The {joint.cells} random cells that no further reading decides are judged "
+                f"together: probability {joint_chance(joint)} in {joint.replicates:,} replicates, "
+                f"{joint.outside} outside, {joint.expected_outside:.1f} expected by chance."
             )
         return told
 

@@ -100,6 +100,8 @@ class Posterior(Shown):
         prior is even, or to a prior of `reproduce.inference.priors`.
     platform : Platform or path, optional
         Lights and tracker of the spots of these data.
+    data_seed : int, optional
+        Of the data, where they are simulated by us.
     steps, walkers, ensembles, seed : int, optional
         How it is sampled, in place of the book's own plan.
     """
@@ -111,6 +113,7 @@ class Posterior(Shown):
         pivot: tuple[float, float] | None = None,
         priors: Mapping[str, Prior | tuple[float, float]] | None = None,
         platform: Platform | str | Path | None = None,
+        data_seed: int | None = None,
         **settings: int | None,
     ) -> None:
         from reproduce.papers.posteriors import posteriors
@@ -118,14 +121,17 @@ class Posterior(Shown):
         if name not in posteriors():
             raise ValueError(f"unknown posterior {name!r}: expected one of {list(posteriors())}")
         self.name, self.data, self.pivot, self.platform = name, data, pivot, platform
+        self.data_seed = data_seed
+        if data_seed is not None and (data is not None or not self.declared.simulated):
+            raise ValueError(f"data_seed: expected none, the data of {name} are not simulated here")
         if platform is not None and data is None:
             raise ValueError("platform: expected data of your own beside it; ours have one")
         self._priors = dict(priors or {})
         self.settings = {key: value for key, value in settings.items() if value is not None}
         if unknown := set(self.settings) - {"steps", "walkers", "ensembles", "seed"}:
             raise TypeError(
-                f"unknown {sorted(unknown)}: expected data, pivot, priors, steps, walkers, "
-                "ensembles or seed"
+                f"unknown {sorted(unknown)}: expected data, pivot, priors, data_seed, steps, "
+                "walkers, ensembles or seed"
             )
         if data is not None and not is_table(data):
             raise TypeError(
@@ -167,7 +173,7 @@ class Posterior(Shown):
     @cached_property
     def model(self) -> Model:
         """What is sampled: parameters with their priors, and the likelihood of the data."""
-        model = self._supplied.model if self._supplied else self.declared.model()
+        model = self._supplied.model if self._supplied else self.declared.model(self.data_seed)
         if strays := sorted(set(self._priors) - set(model.names)):
             raise ValueError(
                 f"{self.name} has no parameter {', '.join(strays)}; it has {', '.join(model.names)}"
@@ -188,7 +194,7 @@ class Posterior(Shown):
     @cached_property
     def sampled(self) -> Sampled:
         """The sampled posterior itself, for what this object does not offer."""
-        if self.data is None and not self.settings and not self._priors:
+        if self.data is None and not self.changes:
             return book_posterior(self.name)
         return self.sample()
 
@@ -479,6 +485,7 @@ class Posterior(Shown):
         pivot: tuple[float, float] | None = None,
         priors: Mapping[str, Prior | tuple[float, float]] | None = None,
         platform: Platform | str | Path | None = None,
+        data_seed: int | None = None,
         **settings: int | None,
     ) -> Posterior:
         """Return the same model on other data, under other priors, or sampled in another way.
@@ -489,6 +496,8 @@ class Posterior(Shown):
             A reader's CSV, its principal point or instrument; those of this object by default.
         priors : mapping, optional
             As for `Posterior`; those of other parameters stay.
+        data_seed : int, optional
+            Of the data, where they are simulated by us.
         **settings : int
             ``steps``, ``walkers``, ``ensembles`` or ``seed``.
 
@@ -501,7 +510,8 @@ class Posterior(Shown):
         changed = {**self._priors, **(priors or {})}
         design = self.platform if platform is None else platform
         given = self.data if data is None else data
-        return Posterior(self.name, given, pivot or self.pivot, changed, design, **kept)
+        drawn = self.data_seed if data_seed is None else data_seed
+        return Posterior(self.name, given, pivot or self.pivot, changed, design, drawn, **kept)
 
     def record(self) -> dict[str, Any]:
         """Return everything of the summary for other programs."""
@@ -578,6 +588,7 @@ class Posterior(Shown):
     def changes(self) -> str:
         """What a reader changed, in one line; empty for the posterior of the book."""
         named = [f"prior of {name}" for name in self._priors]
+        named += [] if self.data_seed is None else [f"data_seed = {self.data_seed}"]
         return ", ".join((*named, *(f"{key} = {value}" for key, value in self.settings.items())))
 
 

@@ -151,7 +151,7 @@ class Posteriors(Display):
         outside = (stored["even"] < OUTSIDE).sum()
         found_out = (f"sd {share} % too small leaves its band" for share in NARROW)
         head = ("Model", "R-hat, largest", "steps / τ, fewest", "ESS, smallest", "acceptance",
-                "replicates", "failed", "quantities", "least even, p", "95 % covers",
+                "replicates", "failed", "quantities", "smallest p (even)", "95 % covers",
                 *found_out)  # fmt: skip
         gates = Gates()
         caption = words("posteriors/diagnostics").caption.format(

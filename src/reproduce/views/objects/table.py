@@ -359,12 +359,12 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
 
 
 def _whole_readings(place: str, fits: Iterable[WholeReading]) -> Grid:
-    head = ("Reading of all cells at once", "Added", "Cells that agree", "Together")
+    head = ("Reading of all open cells at once", "Added", "Cells that agree", "Together")
     rows = [
         [one.name, one.added, verdicts.whole(one).partition(";")[0], verdicts.chance_of(one)]
         for one in fits
     ]
-    return Grid(f"Readings of {place}, all cells at once", head, rows, kind="rp-small")
+    return Grid(f"Readings of {place}, at once", head, rows, kind="rp-small")
 
 
 def _joint_sentence(joint: TableRecord) -> str:
@@ -454,6 +454,7 @@ class Cell(Shown):
         value = verdicts.computed(record, extra=1)
         lines = [
             ("printed", self.printed),
+            ("which may mean", verdicts.loosely(record)),
             ("computed", verdicts.quantity(value, verdicts.unit(record)) if value else ""),
             (verdicts.meaning_of_interval(record), verdicts.interval(record, unit=True)),
             ("probability", verdicts.probability(record)),

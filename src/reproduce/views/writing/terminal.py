@@ -88,7 +88,7 @@ def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
 
 def _row_by_row(head: Sequence[Entry], rows: Sequence[Sequence[Text]]) -> Iterator[RenderableType]:
     """Yield a few lines for each row; what heads say in small print is said once, before."""
-    names = [_plain(_SMALL.sub("", name)) for name in head]
+    names = [_plain(type(name)(_SMALL.sub("", name))) for name in head]
     small = [(n, _SMALL.findall(text)) for n, text in zip(names, head, strict=True)]
     yield from (f"{name}: {_plain(Markup(found[0]))}" for name, found in small if found)
     for row in rows:

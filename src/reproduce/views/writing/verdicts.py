@@ -64,6 +64,15 @@ def interval(record: Record, *, unit: bool = False) -> str:
     return quantity(text, symbol(record.unit)) if unit and record.unit else text
 
 
+def loosely(record: Record) -> str:
+    """Write the interval of a print that a word such as *about* widens; empty without one."""
+    cell = cell_of(record)
+    if not cell.is_number or not {"about", "nominal"} & set(record.flags):
+        return ""
+    low, high = (minus(cell.number.format(end, extra=1)) for end in cell.number.interval())
+    return quantity(f"{low} to {high}", symbol(record.unit))
+
+
 def probability(record: Record) -> str:
     """Write a record's probability with no more digits than its Monte Carlo error allows."""
     if record.probability is None or record.mcse is None:
@@ -72,12 +81,11 @@ def probability(record: Record) -> str:
 
 
 def joint_chance(joint: TableRecord) -> str:
-    """Write the joint probability of a table: a bound where cells lie beyond every replicate."""
-    bound = "at most " if joint.beyond else ""
-    return _counted(joint.joint_probability, joint.mcse, joint.replicates, bound)
+    """Write the joint probability of a table."""
+    return _counted(joint.joint_probability, joint.mcse, joint.replicates)
 
 
-def _counted(probability: float, mcse: float, replicates: int, before: str) -> str:
+def _counted(probability: float, mcse: float, replicates: int, before: str = "") -> str:
     """Write a probability counted among replicates: a bound where next to none lie so far out."""
     if probability * (replicates + 1) < 1.5:
         return f"below 1 in {replicates:,}"
@@ -90,8 +98,8 @@ def fitting(readings: tuple[WholeReading, ...]) -> str:
     closest = max(readings, key=lambda one: (one.fits, one.agreeing - one.apart, _together(one)))
     what = "fits" if count == 1 else "fit"
     return (
-        f"One reading for all cells at once: {count or 'none'} of {len(readings)} {what}. "
-        f"Closest: {closest.name}, {whole(closest)}."
+        f"One reading for all cells that depend on a reading: {count or 'none'} of "
+        f"{len(readings)} {what}. Closest: {closest.name}, {whole(closest)}."
     )
 
 
