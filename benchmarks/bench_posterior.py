@@ -105,7 +105,7 @@ def bench_registration_posterior(promise: Promise) -> None:
             name, ours, partial(plain_chain, count, plain_steps), 1 / times, rounds=3, work=work
         )
     few, many = (partial(our_chain, models[count], steps) for count in (FEW, MANY))
-    promise("registration posterior of 100,000 points, our own of 137", many, few, 1.1)
+    promise("registration posterior of 100,000 points, our own of 137", many, few, 1.3)
 
 
 @pytest.mark.parametrize("name", ["misalignment", "misalignment-drift"])
@@ -130,5 +130,5 @@ def bench_all_posteriors_of_the_book(promise: Promise) -> None:
             walkers = plan.walkers_for(model.dimension)
             stretched_chain(model, plan.ensembles * (plan.steps + plan.warmup), walkers)
 
-    promise("all posteriors of the book, as many plain steps", ours, theirs, 3, rounds=1)
+    promise("all posteriors of the book, as many plain steps", ours, theirs, 2.5, rounds=1)
     assert peak() < GIBIBYTE

@@ -61,9 +61,13 @@ HOUR = DAY / 24
 BLUE, ORANGE = "#0072B2", "#D55E00"
 
 
-@cache
 def _columns(door: Given) -> dict[str, list[Summed]]:
     """The misalignment's columns of Table IV by axis, under every prior of the floor."""
+    return _summed_columns(door.narrowed(AVERAGE_READS))
+
+
+@cache
+def _summed_columns(door: Given) -> dict[str, list[Summed]]:
     models = dict(zip(COLUMNS, by_column(frame_averaging(door)), strict=True))
     return {axis: under_floors(models[column]) for axis, column in AXES.items()}
 
@@ -79,9 +83,13 @@ def averages(door: Given, axis: str, counts: FloatArray) -> FloatArray:
     return np.stack([one.quantiles(error, ENDS) for error in errors], axis=-1)
 
 
-@cache
 def stage(door: Given) -> TableResult:
     """What Table V says with its columns of X and Y interchanged."""
+    return _summed_stage(door.narrowed(STAGE_READS))
+
+
+@cache
+def _summed_stage(door: Given) -> TableResult:
     return interchanged(table_5(door))
 
 

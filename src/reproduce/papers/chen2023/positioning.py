@@ -13,7 +13,7 @@ calibrations than any ground segment has.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -242,6 +242,11 @@ def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
 
     Name to errors of shape (samples, 2), in radians.
     """
+    return _residuals(given.narrowed(YEAR_READS), amplitude)
+
+
+@cache
+def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     times, unit, noise = year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
     measured = true + CALIBRATION * noise
