@@ -199,8 +199,8 @@ def test_pages_show_corrections_equations_and_pictures(paper):
     wrong = {f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"}
     joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
     assert sets.count(JOINT) == len(joint)
-    svg = shown.picture("what it shows", "a caption").text
-    assert 'aria-label="what it shows"' in svg
+    svg = shown.picture().text
+    assert f'aria-label="Contradicting relations of {paper}' in svg
     blamed = audit_paper(paper).blamed()
     worst = max(blamed, key=blamed.get)
     (cell,) = find(worst)

@@ -24,6 +24,7 @@ from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record
 from reproduce.locate import data_folders
 from reproduce.papers.sketch import sized
+from reproduce.papers.words import words
 from reproduce.printed.cells import PAPERS, anchor, find, read
 from reproduce.printed.units import si_factor, symbol
 from reproduce.version import __version__
@@ -148,10 +149,10 @@ class Contradictions(Display):
             if len(part.numbers):
                 yield from part.blocks()
 
-    def picture(self, alternative: str, caption: str) -> Html:
+    def picture(self) -> Html:
         """Show relations against cells: a dot where a contradicting relation holds a cell."""
         (audit,) = self.audits
-        return _picture(audit, alternative, caption)
+        return _picture(audit)
 
 
 @cache
@@ -497,7 +498,7 @@ def _common(agreement: Agreement) -> str:
     return f"{label}: from {min(middles):.6g} to {max(middles):.6g} {mark}, a spread of {spread}"
 
 
-def _picture(audit: Audit, alternative: str, caption: str) -> Html:
+def _picture(audit: Audit) -> Html:
     counts = audit.blamed()
     cells = sorted(counts, key=lambda address: (-counts[address], list(audit.cells).index(address)))
     cells = cells[:_MOST]
@@ -522,7 +523,8 @@ def _picture(audit: Audit, alternative: str, caption: str) -> Html:
     )
     more = f" {others} more hold none of these numbers." if others else ""
     key = folded(f"The relations by their number.{more}", Markup("<ol>{}</ol>").format(listed))
-    shown = pictured(drawn, alternative, caption, text_of(_draw))
+    text = words(f"{audit.name}/contradictions").figure
+    shown = pictured(drawn, text.alternative, text.caption, text_of(_draw))
     return Html(Markup(shown.text) + key)
 
 
