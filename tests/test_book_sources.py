@@ -92,7 +92,7 @@ def test_every_item_and_every_study_is_shown_exactly_once():
 
 
 def test_no_page_hides_its_code_or_calls_a_module_that_exists_for_the_book():
-    """What is seen is what can be copied and run: the front door and the library's own functions."""
+    """What is seen can be copied and run: the front door, and the library's own functions."""
     for path in PAGES:
         text = path.read_text(encoding="utf-8")
         assert not re.search(r"^:tags: \[.*?(remove-|hide-input|hide-cell)", text, re.M), path.name

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 CALLS = {"rmtree", "unlink", "rmdir", "remove", "removedirs"}
 PLACES = {
     "src/reproduce/views/computed.py kept": "results of ours, by name and marker",
-    "src/reproduce/views/recompute.py run": "a folder of its own among temporary ones",
+    "tools/evidence/recompute.py run": "a folder of its own among temporary ones",
     "book/_ext/notebook_downloads.py write": "book/_build/notebooks, which only a build writes",
     "tools/drop_stale_pages.py drop_stale": "book/_build, which only a build writes",
     "tools/evidence/mutant_runs.py _pytest": "a note in a copy of the tree",

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import recompute as slow
 from reproduce.inference import Store, run_parts
 from reproduce.judge.studies import SLOW
 from reproduce.store import studies
-from reproduce.views import recompute as slow
 
 NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
 ARRAYS = {"one": np.arange(6.0).reshape(2, 3), "two": np.array([1, 2])}
@@ -78,7 +78,7 @@ def test_every_study_of_the_project_is_whole():
     for name in SLOW:
         found = studies.read(name)
         assert found.arrays
-        assert found.note["command"] == f"python -m reproduce.views.recompute {name}"
+        assert found.note["command"] == f"python tools/evidence/recompute.py {name}"
 
 
 def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatch):

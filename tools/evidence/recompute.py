@@ -1,4 +1,4 @@
-"""Running a slow study again: `python -m reproduce.views.recompute NAME`.
+"""Running a slow study again: `python tools/evidence/recompute.py NAME`.
 
 A run that was killed goes on where it was: finished parts are kept until the study is stored.
 """
@@ -39,7 +39,7 @@ def run(name: str, where: Path | None = None, executor: Executor | None = None) 
     with executor or processes() as pool:
         arrays, replicates = module.recomputed(pool, folder, {"sources": fingerprint()})
     note: dict[str, str | int | float] = {
-        "command": f"python -m reproduce.views.recompute {name}",
+        "command": f"python tools/evidence/recompute.py {name}",
         "seed": module.SEED,
         "replicates": replicates,
         "versions": f"Python {platform.python_version()}, NumPy {np.__version__}, {__version__}",
