@@ -306,6 +306,8 @@ def test_what_the_book_says_of_the_contradictions_of_niu2024():
     translations = {f"true-translation-{a}-{c}" for a in "xy" for c in ("red", "blue")}
     scales = {"solved-scale-red", "solved-scale-blue", "left-over-red"}
     assert wrong == translations | scales
+    joint = [set(c.relations) for c in audit.conflicts if not wrong & set(c.relations)]
+    assert joint == [{"left-over-blue", "true-scale-blue"}]
     apart = {f.relation.name for f in audit.supposed if f.outcome == "contradicts"}
     assert {"before-after-red-x-y", "before-after-red-y-x", "scale-blue"} <= apart
     assert "scale-red" not in apart, "within the errors that the residuals allow"
