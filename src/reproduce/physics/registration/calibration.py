@@ -519,16 +519,16 @@ class _Sums(NamedTuple):
     size: int
     offsets: ComplexArray  # of the source
     squares: FloatArray  # of their lengths
-    targets: ComplexArray  # offsets of the target
-    products: ComplexArray  # conjugated offsets of the source times those of the target
+    moved: ComplexArray  # target less source: small, so that their sums keep their digits
+    products: ComplexArray  # conjugated offsets times what each point is moved
 
 
 def _summed(source: FloatArray, target: FloatArray, pivot: FloatArray) -> _Sums:
-    origin = as_complex(pivot)[..., None]
-    offsets, targets = as_complex(source) - origin, as_complex(target) - origin
+    offsets = as_complex(source) - as_complex(pivot)[..., None]
+    moved = as_complex(target) - as_complex(source)
     squares = np.square(np.abs(offsets)).sum(axis=-1)
-    products = (offsets.conj() * targets).sum(axis=-1)
-    return _Sums(source.shape[-2], offsets.sum(-1), squares, targets.sum(-1), products)
+    products = (offsets.conj() * moved).sum(axis=-1)
+    return _Sums(source.shape[-2], offsets.sum(-1), squares, moved.sum(-1), products)
 
 
 def _normal_equations(parameters: FloatArray, sums: _Sums) -> tuple[FloatArray, FloatArray]:
@@ -538,9 +538,10 @@ def _normal_equations(parameters: FloatArray, sums: _Sums) -> tuple[FloatArray, 
     """
     scale, turn = parameters[..., 0], np.exp(1j * parameters[..., 1])
     shift = as_complex(parameters[..., 2:])
-    by_scale = turn * sums.offsets
-    left = sums.targets - scale * by_scale + sums.size * shift
-    along = turn.conj() * (sums.products + sums.offsets.conj() * shift) - scale * sums.squares
+    by_scale, change = turn * sums.offsets, scale * turn - 1.0
+    left = sums.moved - change * sums.offsets + sums.size * shift
+    along = sums.products - change * sums.squares + sums.offsets.conj() * shift
+    along = turn.conj() * along
     pull = np.stack([along.real, scale * along.imag, -left.real, -left.imag], axis=-1)
     normal = np.zeros((*left.shape, _PARAMETERS, _PARAMETERS))
     normal[..., 0, 0], normal[..., 1, 1] = sums.squares, scale**2 * sums.squares
