@@ -213,8 +213,8 @@ def _cell(
         qualifier = trait("qualifier")
         content = PrintedNumber(
             entry.value,
-            traits["unit"] == "count" or qualifier == "exact",
-            qualifier if isinstance(qualifier, str) and qualifier != "exact" else None,
+            traits["unit"] == "count",
+            qualifier if isinstance(qualifier, str) else None,
         )
     file = above[-1]
     where = entry if entry.section or entry.page else file

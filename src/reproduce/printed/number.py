@@ -10,7 +10,7 @@ What a print may mean is said here alone, for the ledger and the audit alike:
   `NOMINAL` of itself to either side, however many digits it has;
 * a limit (``less``, ``greater``, ``at-least``, ``within``) is the limit itself where it is used,
   and agrees with all that lies on its side;
-* a count is exact, and so is a value that was chosen, such as the start of an iteration.
+* a count is exact.
 """
 
 from __future__ import annotations

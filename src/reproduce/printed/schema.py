@@ -11,7 +11,7 @@ from reproduce.printed.units import UNITS
 
 # What a number is in the paper (not what we do with it: that is up to each use).
 Role = Literal["setting", "specification", "measurement", "simulation", "derived", "citation"]
-Qualifier = Literal["about", "nominal", "exact", "less", "greater", "at-least", "within"]
+Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]
 
 _ID = r"[a-z0-9]+(-[a-z0-9]+)*"
 
