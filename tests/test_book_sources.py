@@ -152,7 +152,7 @@ def test_no_number_is_typed_into_an_alternative_text():
 def test_alternative_texts_say_what_is_drawn():
     """Whoever cannot see a figure gets sentences, not a title."""
     for key in (*drawable(), *drawings()):
-        assert len(BLANK.sub("", words(key).figure.alternative).split()) >= 12, key
+        assert len(BLANK.sub("", words(key).figure.alternative).split()) >= 15, key
         assert words(key).figure.caption, key
 
 

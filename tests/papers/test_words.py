@@ -1,5 +1,6 @@
 """The texts of our own tables and options: their files are checked, and hold nothing unused."""
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -13,6 +14,13 @@ FOLDER = Path(__file__).parents[2] / "data" / "words"
 
 
 FILES = [path for path in sorted(FOLDER.glob("*.toml")) if path.stem != "posteriors"]
+
+
+def test_every_text_of_all_posteriors_is_shown():
+    path = FOLDER.parents[1] / "src" / "reproduce" / "views" / "objects" / "posteriors.py"
+    shown = re.findall(r'words\("posteriors/([^"]+)"\)', path.read_text(encoding="utf-8"))
+    texts = tomllib.loads((FOLDER / "posteriors.toml").read_text(encoding="utf-8"))
+    assert sorted(shown) == sorted(texts)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

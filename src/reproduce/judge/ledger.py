@@ -365,11 +365,11 @@ def _joint(
         for cell in table.cells
         if cell.name in records and records[cell.name].probability is not None
     ]
-    if not cells:
-        return ()
     probability, mcse, replicates = _together(
         [(cell, _draws(cell, _literal(results[cell.name]))) for cell in cells]
     )
+    if probability is None or mcse is None:
+        return ()
     record = TableRecord(
         key=table.key,
         cells=len(cells),
@@ -428,10 +428,9 @@ def _agree(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
 def _whole(key: str, parts: Sequence[tuple[Cell, Reading, ReadingRecord]]) -> WholeReading:
     names = list(dict.fromkeys(one.name for _, one, _ in parts))
     longest = [name for name in names if not any(o != name and o.startswith(name) for o in names)]
-    predicted = [(cell, _draws(cell, one.result)) for cell, one, _ in parts]
-    # What all replicates give alike has no share in a joint probability.
-    drawn = [(cell, draws) for cell, draws in predicted if draws.size and np.ptp(draws) > 0]
-    probability, mcse, replicates = _together(drawn) if drawn else (None, None, 0)
+    probability, mcse, replicates = _together(
+        [(cell, _draws(cell, one.result)) for cell, one, _ in parts]
+    )
     return WholeReading(
         key=key,
         name="; ".join(longest),
@@ -446,11 +445,17 @@ def _whole(key: str, parts: Sequence[tuple[Cell, Reading, ReadingRecord]]) -> Wh
 
 
 def _together(
-    drawn: Sequence[tuple[Cell, NDArray[np.float64]]],
-) -> tuple[float, float, int]:
-    """Return how often cells simulated together lie as far out as the print, error and number."""
+    predicted: Sequence[tuple[Cell, NDArray[np.float64]]],
+) -> tuple[float | None, float | None, int]:
+    """Return how often cells simulated together lie as far out as the print, error and number.
+
+    None and zero where nothing is drawn; what all replicates give alike has no share.
+    """
     from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
 
+    drawn = [(cell, draws) for cell, draws in predicted if draws.size and np.ptp(draws) > 0]
+    if not drawn:
+        return None, None, 0
     columns = [draws for _, draws in drawn]
     intervals = np.array([cell.number.interval() for cell, _ in drawn])
     return *joint_probability(columns, intervals), columns[0].size

@@ -377,10 +377,10 @@ MARGIN = 12
 @draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
 def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
-    alpha, delta, turn = POINTING
-    turns = [alpha + 90.0, 90.0 - delta, turn]
     from scipy.spatial.transform import Rotation  # only now: no judged number needs it
 
+    alpha, delta, turn = POINTING
+    turns = [alpha + 90.0, 90.0 - delta, turn]
     stars, inertial_from_tracker = bright_stars(), Rotation.from_euler("ZXZ", turns, degrees=True)
     rays = stars.directions @ inertial_from_tracker.as_matrix()
     ahead = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)

@@ -13,7 +13,7 @@ calibrations than any ground segment has.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -245,7 +245,7 @@ def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     return _residuals(given.narrowed(YEAR_READS), amplitude)
 
 
-@cache
+@lru_cache(maxsize=8)
 def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     times, unit, noise = year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))

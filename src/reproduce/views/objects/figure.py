@@ -125,9 +125,9 @@ class Figure(Changeable, Item):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the figure with its caption; a terminal is told how to look at it."""
-        own = self.key in drawings()
-        name = f"drawing-{anchor(self.key).replace('drawing-', '')}" if own else ""
-        name = name or f"figure-{anchor(self.key)}"
+        name = f"figure-{anchor(self.key)}"
+        if self.key in drawings():
+            name = f"drawing-{anchor(self.key.replace('/drawing-', '/'))}"
         told = "".join(f' --set {address}="{text}"' for address, text in self._changes.items())
         told += "" if self.seed is None else f" --seed {self.seed}"
         text = (
