@@ -49,7 +49,7 @@ def test_a_table_can_be_followed_to_its_inputs_its_seed_and_its_place(key):
             assert f"{told}{one.replicates:,} replicates." in inputs
 
 
-@pytest.mark.parametrize("key", ["niu2024/fig-2", "chen2023/drawing-stage"])
+@pytest.mark.parametrize("key", ["niu2024/fig-2", "chen2023/drawing-misalignment"])
 def test_a_figure_has_its_pictures_data_caption_and_citation(key, monkeypatch):
     figure = rp.figure(key)
     monkeypatch.setattr(type(figure), "caption", "What <is> drawn.")

@@ -9,7 +9,6 @@ from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import SCATTER, scatter
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
-from reproduce.views.writing.figures import data, draw
 
 ARCSEC = np.pi / 180 / 3600
 
@@ -204,20 +203,7 @@ def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
     assert facts["printed-most"] == pytest.approx(20.27e-3 / np.tan(2.006 * ARCSEC))
     assert facts["interchanged-least"] == pytest.approx(19.99e-3 / np.tan(2.006 * ARCSEC))
     assert facts["interchanged-most"] == pytest.approx(40.29e-3 / np.tan(4.042 * ARCSEC), abs=0.05)
-    assert facts["printed-spread"] == facts["printed-most"] - facts["printed-least"]
     assert facts["interchanged-least"] < facts["shared-low"] < facts["shared-high"]
     assert facts["largest-difference"] == pytest.approx(2.125 - 2.006)
     bound = library()[f"{effectiveness.PLAN}#difference-bound".partition("#")[0]]
     assert facts["largest-difference"] > bound["difference-bound"].number.interval()[1]
-
-
-def test_the_picture_of_the_focal_lengths_shows_each_row_under_both_readings():
-    shown = data(draw("chen2023/drawing-focal-lengths"))
-    frame = effectiveness.focal_lengths()
-    frame = frame[frame["Angle"].str.startswith("reference")]
-    left = shown[shown["panel"] == 1]
-    for column in (1, 4):
-        for length in frame.iloc[:, column]:
-            assert np.isclose(left["x"], length).any()
-    assert set(frame.iloc[:, 4].round(6)) <= set(shown[shown["panel"] == 2]["x"].round(6))
-    assert np.isclose(left["x"], 2000.0).any(), "the nominal length"

@@ -4,12 +4,36 @@ import numpy as np
 import pytest
 
 from reproduce.papers.chen2023 import platform, positioning, satellite
-from reproduce.physics.ground import circular_error, ground_jacobian
+from reproduce.papers.declare import seed_of
+from reproduce.physics.attitude import rotation_from_vector
+from reproduce.physics.ground import (
+    circular_error,
+    ground_jacobian,
+    imaged_position,
+    local_axes,
+)
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600
+DRAWS = 20_000
 DOOR = given((*positioning.READS, *positioning.YEAR_READS))
 BUDGET = {term.name: (term,) for term in positioning.terms(DOOR)} | positioning.together(DOOR)
+
+
+def simulated(view, errors, name):
+    """Return east and north of the true place, (draws, 2), through the whole imaging model."""
+    noise = dict.fromkeys(positioning.UNITS, np.zeros((DRAWS, 3)))
+    for term in errors:
+        rng = np.random.default_rng(seed_of(f"budget {name} {term.name}", None))
+        noise[term.kind] = noise[term.kind] + term.sigma * rng.normal(size=(DRAWS, 3))
+    vectors, place, chain = view
+    found = imaged_position(
+        vectors + noise["image"][:, np.newaxis],
+        place + noise["satellite"],
+        chain @ rotation_from_vector(noise["turn"]),
+    ).position[:, 0]
+    true = imaged_position(*view).position[0]
+    return (found - true) @ local_axes(true)[:2].T
 
 
 @pytest.mark.parametrize(("name", "tilt", "off"), positioning.LOOKS)
@@ -18,14 +42,16 @@ def test_the_budget_by_formula_and_by_draws_agree(line, name, tilt, off):
     view = positioning.look(DOOR, tilt, off)
     jacobian = ground_jacobian(*view)
     exact = sum(positioning.analytic(jacobian, term) for term in BUDGET[line])
-    drawn = positioning.simulated(view, BUDGET[line], name, None)
+    drawn = simulated(view, BUDGET[line], name)
     spread = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()) + exact**2)
-    error = 4.5 * spread / np.sqrt(positioning.DRAWS) + 1e-6
+    error = 4.5 * spread / np.sqrt(DRAWS) + 1e-6
     assert (np.abs(np.cov(drawn.T) - exact) < error).all()
-    assert (np.abs(drawn.mean(axis=0)) < 4.5 * np.sqrt(exact.diagonal() / 20_000) + 1e-3).all()
+    assert (np.abs(drawn.mean(axis=0)) < 4.5 * np.sqrt(exact.diagonal() / DRAWS) + 1e-3).all()
     inside = np.linalg.norm(drawn, axis=1) < circular_error(exact)
     if np.trace(exact) > 1e-4:
-        assert inside.mean() == pytest.approx(0.9, abs=4.5 * 0.3 / np.sqrt(positioning.DRAWS))
+        assert inside.mean() == pytest.approx(0.9, abs=4.5 * 0.3 / np.sqrt(DRAWS))
+    shown = positioning._budget().set_index("Term").loc[line, f"{name} (m)"]
+    assert shown == pytest.approx(circular_error(exact))
 
 
 def test_the_budget_holds_every_term_of_the_model_once():

@@ -9,13 +9,14 @@ def _made(*modules: tuple[str, str]) -> dict[str, str]:
 # The modules that make and draw each item, in order of print; none for one that is only quoted.
 ITEMS = _made(
     ("", "text-context"),
-    ("satellite", "fig-1a fig-1b"),
+    ("positioning", "fig-1a"),
+    ("satellite", "fig-1b"),
     ("platform_twin", "fig-1c fig-1d"),
     ("satellite", "table-1"),
     ("positioning", "text-positioning"),
     ("satellite", "fig-2a fig-2b fig-3a fig-3b fig-3c"),
     ("satellite", "text-satellite"),
-    ("satellite", "fig-4 fig-5"),
+    ("attitude", "fig-4 fig-5"),
     ("platform_twin", "fig-6a fig-6b"),
     ("", "text-hardware"),
     ("platform", "table-2"),
@@ -33,23 +34,17 @@ ITEMS = _made(
 
 # The modules of our own tables beside the paper's.
 STUDIES = _made(
-    ("satellite", "retro-reflectors dichroic heat thermal stray"),
-    ("positioning", "budget strategies ages suffices"),
-    ("accuracy", "floors"),
+    ("satellite", "retro-reflectors dichroic heat thermal"),
+    ("positioning", "budget strategies suffices"),
     ("attitude", "orders"),
-    ("platform_twin", "misfit believable sensors roll"),
+    ("platform_twin", "misfit"),
     ("effectiveness", "focal-lengths differences"),
-    ("resolution", "readings errors estimators"),
+    ("resolution", "readings"),
     ("decisions", "instrument-errors frames drift"),
 )
 
 # The modules of our own drawings.
-DRAWINGS = {
-    "chen2023/drawing-instruments": "attitude",
-    "chen2023/drawing-misalignment": "attitude",
-    "chen2023/drawing-stage": "attitude",
-    "chen2023/drawing-focal-lengths": "effectiveness",
-    "chen2023/drawing-arc-second": "positioning",
-    "chen2023/drawing-frames": "decisions",
-    "chen2023/drawing-drift": "decisions",
-}
+DRAWINGS = _made(
+    ("attitude", "drawing-misalignment"),
+    ("decisions", "drawing-frames drawing-drift"),
+)

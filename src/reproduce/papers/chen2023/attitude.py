@@ -1,9 +1,7 @@
-"""Frames and signs of equations (1) to (10), drawn, and the axes that an error is decomposed in.
+"""Directions and signs of equations (2) to (9), drawn, and the axes that an error is decomposed in.
 
-The drawings are made from what the functions return (chen2023, II and III): no direction is chosen
-by hand where a function knows it. Rays come from (1), (2) and (3), turned axes from the
-misalignment of (6) and (7), tilted beams from (10). Angles, fields and lenses are drawn far too
-large, or nothing would be seen.
+Turned axes and rays are drawn from what the functions return, angles, fields and lenses far too
+large, or nothing would be seen (chen2023, II and III).
 """
 
 from __future__ import annotations
@@ -14,32 +12,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.chen2023.looks import LASER, SCENE, lens
+from reproduce.papers.chen2023.satellite import LASER, lens
 from reproduce.papers.declare import draws
 from reproduce.papers.sketch import (
     INK,
     Look,
-    arc,
     arrow,
     beside,
+    box,
     canvas,
-    key,
+    diagram,
     label,
     line,
     path,
     slim,
 )
-from reproduce.papers.space import View, seen_from, sense, triad
+from reproduce.papers.space import seen_from, sense, triad
 from reproduce.papers.study import studied
-from reproduce.physics.attitude import (
-    emitted_directions,
-    misalignment_angles,
-    received_directions,
-    rotation_from_vector,
-    stage_angles,
-    transpose,
-)
-from reproduce.physics.ground import image_vectors
+from reproduce.physics.attitude import emitted_directions, rotation_from_vector, transpose
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -50,22 +40,66 @@ if TYPE_CHECKING:
 
 PRINTED = "chen2023/table-4#1.transform-?"
 NAMES = ("X", "Y", "Z")
-# Where the three instruments stand beside each other on the paper.
-WIDE = (2.4, 7.6, 12.8)
 BEFORE = Look("zero point", INK, "--")
-FOCAL = 2.2
-LENS = np.array([0.0, 0.0, FOCAL])
-POINT = (0.85, 0.75)
-SPOT = (*POINT, 0.0)
-REACH = 2.6
 TURN = float(np.radians(28.0))
-SHIFT = 0.8
+_ROUTE = {
+    "calibration": (
+        "control points\nand stars:\ninstallation",
+        "laser spots at\nthe zero point",
+        "laser transform\nat the zero\npoint",
+    ),
+    "monitoring": (
+        "laser spots in\nevery frame",
+        "mean over\nmany frames",
+        "misalignment,\nby QUEST",
+    ),
+    "correction": (
+        "corrected\ninstallation",
+        "attitude of\ntracker from\nthe stars",
+        "attitude of\ncamera among\nthe stars",
+    ),
+}
+
+
+@draws("chen2023/fig-4")
+@diagram(15.0, 12.4)
+def _draw_route(axes: Axes) -> None:
+    """Technical route: calibration, monitoring, correction."""
+    heights = (9.6, 5.6, 1.6)
+    for x, (name, texts) in zip((2.5, 7.5, 12.5), _ROUTE.items(), strict=True):
+        label(axes, (x, 11.8), name, size=11)
+        for y, text in zip(heights, texts, strict=True):
+            box(axes, (x, y), (4.2, 2.4), text)
+        for y in heights[:2]:
+            arrow(axes, (x, y - 1.2), (x, y - 2.8))
+    arrow(axes, (4.6, 1.6), (5.4, 1.6))
+    path(axes, [(9.6, 1.6), (10.0, 1.6), (10.0, 9.6), (10.4, 9.6)])
+
+
+@draws("chen2023/fig-5")
+@diagram(14.0, 8.4)
+def _draw_transform(axes: Axes) -> None:
+    """Laser directions in the camera and in the tracker, joined by the laser transform."""
+    for x, vector, name, what in ((3.0, "v", "c", "lasers"), (11.0, "w", "s", "spots")):
+        line(axes, [(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
+        lens(axes, (x, 4.4), 3.0, 90)
+        for tip, text in (((x, 2.8), f"$Z_{name}$"), ((x + 2.7, 1.2), f"$X_{name}$")):
+            arrow(axes, (x, 1.2), tip)
+            label(axes, beside(tip, 0.1, 0.35), text)
+        for number, offset in ((1, -1.2), (2, 1.2)):
+            # The light of one laser through the lens, its direction as equation (2) gives it.
+            direction = emitted_directions([(offset, 0.0)], 3.2)[0][[0, 2]]
+            places = [(x + offset, 1.2), (x, 4.4), (x, 4.4) + 2.9 * direction]
+            path(axes, places if vector == "v" else places[::-1], LASER)
+            label(axes, beside(places[2], 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")
+        label(axes, (x, 0.5), what)
+    arrow(axes, (5.6, 5.9), (8.4, 5.9))
+    label(axes, (7.0, 6.4), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
+    label(axes, (7.0, 5.2), "retro-reflector,\ndichroic mirror")
 
 
 def turned_camera(angles: ArrayLike) -> FloatArray:
-    """Return the axes of a camera that has turned, in the camera frame of the zero point.
-
-    Shape (3, 3). X, Y and Z of the turned camera, one per row.
+    """Return X, Y and Z of a turned camera as rows, in the camera frame of the zero point.
 
     Examples
     --------
@@ -74,11 +108,8 @@ def turned_camera(angles: ArrayLike) -> FloatArray:
     >>> turned_camera([0, np.pi / 2, 0])[2].round(12) + 0.0
     array([1., 0., 0.])
     """
-    now_from_zero = transpose(rotation_from_vector(np.asarray(angles, dtype=np.float64)))
-    if not np.allclose(misalignment_angles(now_from_zero), angles):
-        raise ValueError("angles: expected less than half a turn")
     # A row of the matrix is an axis of its target frame, said in its source frame.
-    return now_from_zero
+    return transpose(rotation_from_vector(angles))
 
 
 def towards(before: ArrayLike, after: ArrayLike) -> str:
@@ -89,62 +120,9 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
     >>> towards([0, 0, 1], [0.3, 0, 0.9])
     '+X'
     """
-    across = np.asarray(after, dtype=np.float64) - np.asarray(before, dtype=np.float64)
+    across = np.subtract(after, before)
     axis = int(np.abs(across).argmax())
     return f"{'+' if across[axis] > 0 else '−'}{NAMES[axis]}"
-
-
-@draws("chen2023/drawing-instruments")
-def draw_instruments(figure: Figure) -> None:
-    """Frames of camera and tracker, with the vectors of equations (1), (2) and (3)."""
-    axes = canvas(figure, 15.6, 8.8, 6.8, (10.4, 17.6))
-    feet = [(2.4, 11.3), (7.6, 11.3), (2.4, 2.5)] if slim(axes) else [(x, 2.5) for x in WIDE]
-    views = [seen_from(-68.0, 24.0, foot, 1.15) for foot in feet]
-    for view, (name, title, look, what) in zip(
-        views,
-        (
-            ("c", "camera, (1)", SCENE, "$(X, Y)$"),
-            ("c", "camera, (2)", LASER, "$(X_i, Y_i)$"),
-            ("s", "tracker, (3)", LASER, "$(x_i, y_i)$"),
-        ),
-        strict=True,
-    ):
-        _instrument(axes, view, name)
-        label(axes, beside(view.centre, 0.0, -2.1), title, size=10)
-        place = view.point(SPOT)
-        axes.plot(*place, look.marker, color=look.colour, markersize=6)
-        label(axes, beside(place, -0.1, -1.1), what)
-    # The bracket of (1), from the lens to the image point, against the light's way out.
-    bracket, point = image_vectors([POINT], FOCAL)[0], views[0].point
-    target, middle = point(LENS - 0.9 * bracket), point(LENS)
-    path(axes, [target, middle], SCENE)
-    arrow(axes, middle, point(LENS + bracket), width=2.4)
-    label(axes, beside(target, 0.0, 0.35), "from the target")
-    label(axes, beside(point(LENS + 0.45 * bracket), 0.95, 0.15), "bracket")
-    # A laser, its light through the lens and the direction (2) in which that leaves.
-    direction, point = emitted_directions([POINT], FOCAL)[0], views[1].point
-    middle, end = point(LENS), point(LENS + REACH * direction)
-    path(axes, [point(SPOT), middle], LASER)
-    arrow(axes, middle, end, LASER, width=2.4)
-    label(axes, beside(end, 0.0, 0.35), r"$\mathbf{v}_i$: goes")
-    # A spot, the light that made it and the direction (3) from which that came.
-    direction = received_directions([POINT], (0.0, 0.0), 1.0, FOCAL)[0]
-    point, aside = views[2].point, np.array([0.35, 0.12])
-    start, middle = point(LENS + REACH * direction), point(LENS)
-    path(axes, [start, middle, point(SPOT)], LASER)
-    arrow(axes, middle + aside, start + aside, width=2.4)
-    label(axes, beside(start, 0.2, 0.45), r"$\mathbf{w}_i$: where from")
-    key(axes, (SCENE, LASER), (0.6, 0.3) if slim(axes) else (0.0, 1.0))
-
-
-def _instrument(axes: Axes, view: View, name: str) -> None:
-    """Draw the focal plane, the lens above it and the frame that both instruments use."""
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]]) * 1.25
-    line(axes, view.point(corners))
-    around = np.linspace(0, 2 * np.pi, 80)
-    rim = np.stack([0.7 * np.cos(around), 0.7 * np.sin(around), 0 * around + FOCAL], axis=-1)
-    line(axes, view.point(rim), 1.2)
-    triad(axes, view, np.zeros(3), np.diag([1.9, 2.0, 1.3]), [f"${n}_{name}$" for n in NAMES])
 
 
 @draws("chen2023/drawing-misalignment")
@@ -166,35 +144,6 @@ def draw_misalignment(figure: Figure) -> None:
         text = rf"$\theta_{NAMES[index]} > 0$: {what}{gap}towards {axis}"
         label(axes, (x + 0.2, 0.95 - below / 4), text)
     label(axes, (6.8, 0.2 - below), "dashed: zero point; thick: now")
-
-
-@draws("chen2023/drawing-stage")
-def draw_stage(figure: Figure) -> None:
-    """Lasers that move, and the camera whose turn they stand for, by (10) with signs."""
-    axes = canvas(figure, 14.0, 8.2)
-    # The plane of one axis and Z: a laser moved along the axis, and the turned camera.
-    for index, x in enumerate((3.4, 10.4)):
-        shift, name = SHIFT * np.eye(2)[index], NAMES[index]
-        beam, angles = emitted_directions([shift], FOCAL)[0], stage_angles(shift, FOCAL)
-        boresight = turned_camera(angles)[2, [index, 2]]
-        origin, centre = np.array([x, 1.6]), np.array([x, 1.6 + 1.4 * FOCAL])
-        line(axes, [origin - [2.2, 0], beside(origin, 2.2, 0)], 2.5)
-        lens(axes, centre, 2.6, 90)
-        source = beside(origin, 1.4 * SHIFT, 0.0)
-        path(axes, [source, centre, centre + 2.6 * beam[[index, 2]]], LASER)
-        axes.plot(*source, LASER.marker, color=LASER.colour, markersize=7)
-        arrow(axes, origin, source, width=2.2)
-        line(axes, [origin, beside(centre, 0, 2.4)], 0.8, ":")
-        end = float(np.degrees(np.arctan2(boresight[1], boresight[0])))
-        arc(axes, centre, 1.9, (90.0, end), head=True)
-        turn = int(np.abs(angles).argmax())
-        sign = ">" if angles[turn] > 0 else "<"
-        label(axes, centre + 2.95 * boresight, rf"$\theta_{NAMES[turn]} {sign} 0$")
-        label(axes, beside(centre, 0.35, 2.2), "$Z$")
-        label(axes, beside(origin, 2.6, 0.0), f"${name}$")
-        label(axes, beside(origin, 0.0, -0.6), f"laser moves towards +{name}")
-        label(axes, beside(origin, 0.0, -1.3), f"its beam goes towards {towards([0, 0, 1], beam)}")
-    key(axes, (LASER,), (0.38, 1.0))
 
 
 @studied(

@@ -33,8 +33,9 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
 )
-from reproduce.papers.sketch import INK, Look, sized, thin
+from reproduce.papers.sketch import thin
 from reproduce.papers.study import Fact, studied
+from reproduce.papers.words import words
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -44,7 +45,6 @@ from reproduce.units import RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -73,22 +73,17 @@ READINGS = {
     ("motions", "common"): ("positions and motions interchanged; one focal length", BY_HEADINGS),
     ("references", "common"): ("reference angles interchanged; one focal length", BY_HEADINGS),
 }
-LENGTHS = {
-    "quoted": "2000 mm, as IV-B writes it without 'nominal'",
-    "nominal": "the nominal 2000 mm of Table II, known to a few per cent",
-    "common": "the one that joins the last angle about Y with its motion",
-}
-INTERCHANGED = {
-    "printed": "columns as printed",
-    "motions": "positions and motions interchanged",
-    "references": "reference angles interchanged",
-}
+_OPTIONS = words(TABLE).options
 
 
 @reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
 def motion(given: Given) -> Results:
     """Motion of the stage: the position less that of the first state."""
     return {f"{s}.motion-{axis}": _moved(given, s, axis) for axis in TURNS for s in STATES}
+
+
+def _telescopes(*names: str) -> dict[str, str]:
+    return {name: _OPTIONS["telescope"][name] for name in names}
 
 
 MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, QUOTED)
@@ -124,7 +119,7 @@ def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str
     cells=["[2-4].reference-?", "5.reference-x"],
     given=MEASURED,
     equations=["10"],
-    options={"columns": INTERCHANGED, "telescope": LENGTHS},
+    options={name: _OPTIONS[name] for name in ("columns", "telescope")},
 )
 def reference_angle(given: Given) -> Results:
     """Reference angles from the motions and each focal length that the text leaves open."""
@@ -143,7 +138,7 @@ def reference_angle(given: Given) -> Results:
     cells=["5.reference-y"],
     given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, QUOTED],
     equations=["10"],
-    options={"telescope": {name: LENGTHS[name] for name in ("quoted", "nominal")}},
+    options={"telescope": _telescopes("quoted", "nominal")},
 )
 def last_reference_angle(given: Given) -> Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
@@ -173,14 +168,7 @@ def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
     given=[*MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
     equations=["7", "10"],
     replicates=REPLICATES,
-    options={
-        "columns": INTERCHANGED,
-        "telescope": {name: LENGTHS[name] for name in ("quoted", "common")},
-        "images": {
-            "state": "means of all images of a state",
-            "ramp": "means of as many images as V-C averages on the ramps",
-        },
-    },
+    options=_OPTIONS | {"telescope": _telescopes("quoted", "common")},
 )
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
@@ -321,10 +309,9 @@ def _implied_facts(given: Given) -> dict[str, Fact]:
     frame = focal_lengths(given)
     frame = frame[frame["Angle"].str.startswith("reference")]
     own, other, half = (frame.iloc[:, column].to_numpy(np.float64) for column in (1, 4, 5))
-    across = [
-        given[f"{TABLE}#{state}.monitoring-{turn}"] - given[f"{TABLE}#{state}.reference-{axis}"]
+    away = [
+        np.abs(_column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")).max()
         for axis, turn in TURNS.items()
-        for state in MOVED
     ]
     lengths = {
         "printed-least": own.min(),
@@ -335,14 +322,8 @@ def _implied_facts(given: Given) -> dict[str, Fact]:
         "shared-high": (other + half).min(),
     }
     facts = {name: Fact(float(value), ".1f", "mm") for name, value in lengths.items()}
-    facts |= {
-        "printed-spread": Fact(float(np.ptp(own)), ".0f", "mm"),
-        "interchanged-spread": Fact(float(np.ptp(other)), ".1f", "mm"),
-        "largest-difference": Fact(
-            float(np.abs(across).max()) / RADIANS_PER_ARCSEC, ".3f", "arcsec"
-        ),
-    }
-    return facts
+    largest = float(max(away)) / RADIANS_PER_ARCSEC
+    return facts | {"largest-difference": Fact(largest, ".3f", "arcsec")}
 
 
 @studied(
@@ -376,52 +357,20 @@ def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
     return rows
 
 
-# Smaller probabilities say "never", not how rarely.
-LEAST = 1e-12
-
-
 def shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
     """Return chi-square of differences that each carry the noise of the same zero state."""
     total = np.square(differences).sum() - differences.sum() ** 2 / (differences.size + 1)
     return float(total / sigma**2)
 
 
-def _tested(given: Given) -> list[tuple[str, float, int, float]]:
-    """Test the printed differences of both axes together under each noise of a printed angle."""
-    from scipy.special import chdtrc
-
-    smoothed, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
-    noises = {
-        f"one frame of Table IV, means of {frames}": ("1", frames),
-        f"one frame of Table IV, means of {smoothed}": ("1", smoothed),
-        f"{smoothed} frames of Table IV": (str(smoothed), 1),
-    }
-    rows = []
-    for name, (row, averaged) in noises.items():
-        found = sum(
-            shared_zero_chi_square(
-                _column(given, f"difference-{turn}"),
-                given[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
-                / platform.SIGMAS
-                / np.sqrt(averaged),
-            )
-            for turn in TURNS
-        )
-        freedom = len(MOVED) * len(TURNS)
-        rows.append((name, found, freedom, float(chdtrc(freedom, found))))
-    return rows
-
-
 def _test_facts(given: Given) -> dict[str, Fact]:
     """What sentences say of the test: chi-square and probability of each noise in turn."""
     facts: dict[str, Fact] = {}
-    for name, (_, found, freedom, chance) in zip(
-        ("state", "ramp", "printed"), _tested(given), strict=True
-    ):
-        facts |= {
-            f"{name}-chi-square": Fact(found, ".1f"),
-            f"{name}-chance": Fact(chance, "chance", zero=LEAST),
-        }
+    rows = differences(given).itertuples(index=False)
+    for name, (_, found, freedom, chance) in zip(("state", "ramp", "printed"), rows, strict=True):
+        facts[f"{name}-chi-square"] = Fact(found, ".1f")
+        # Smaller probabilities say "never", not how rarely.
+        facts[f"{name}-chance"] = Fact(chance, "chance", zero=1e-12)
         facts["freedom"] = Fact(freedom, "d")
     return facts
 
@@ -436,61 +385,21 @@ def _test_facts(given: Given) -> dict[str, Fact]:
     ),
     named=_test_facts,
 )
-def _joint_test(given: Given) -> list[tuple[str, float, int, float]]:
+def differences(given: Given) -> list[tuple[str, float, int, float]]:
     """Whether the differences of Table V are noise: all of them tested together."""
-    return _tested(given)
+    from scipy.special import chdtrc
 
-
-_PRINTED = Look("columns as printed", "#0072B2", "none", "o")
-_EXCHANGED = Look("columns interchanged", "#D55E00", "none", "D")
-
-
-@draws("chen2023/drawing-focal-lengths", marks=(platform.TELESCOPE,), named=focal_lengths.facts)
-def _draw_focal_lengths(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Focal length that each reference angle of Table V implies, under both readings."""
-    frame = focal_lengths()
-    frame = frame[frame["Angle"].str.startswith("reference")]
-    # Row by row: the two angles of a state stand together, the first state on top.
-    names = frame["Angle"].str.removeprefix("reference ").str.split(", ")
-    order = sorted(range(len(frame)), key=lambda i: (names.iloc[i][1], names.iloc[i][0]))
-    labels = [", ".join(reversed(names.iloc[i])) for i in order]
-    own, own_half, other, other_half = (frame.iloc[order, i].to_numpy() for i in (1, 2, 4, 5))
-
-    narrow = sized(figure, 5.2, 3.7, 4.6)
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(5, 3))
-    rows = np.arange(len(order))
-    left.hlines(rows, own, other, color="#777777", lw=0.8)
-    _points(left, _PRINTED, rows, own, own_half)
-    for axes in (left, right):
-        ends = (other - other_half).max(), (other + other_half).min()
-        colour = _EXCHANGED.colour
-        axes.axvspan(*ends, facecolor=(colour, 0.2), edgecolor=colour, linestyle=":", linewidth=0.8)
-        _points(axes, _EXCHANGED, rows, other, other_half)
-        axes.set_xlabel("focal length (mm)")
-    nominal = printed[platform.TELESCOPE] * 1e3
-    left.locator_params(axis="x", nbins=3 if narrow else 5)
-    left.axvline(nominal, color=INK, ls="--", lw=1, label="nominal")
-    left.set(yticks=rows, yticklabels=labels, ylim=(len(rows) - 0.5, -0.5))
-    right.set_title("enlarged" if narrow else "the same, enlarged", size=10)
-    right.set_xlim((other - other_half).min() - 0.5, (other + other_half).max() + 0.5)
-    entries = left.get_legend_handles_labels()
-    columns = 1 if narrow else 3
-    figure.legend(*entries, loc="outside lower center", ncols=columns, columnspacing=1.0)
-
-
-def _points(
-    axes: Axes, look: Look, rows: np.ndarray, lengths: np.ndarray, halves: np.ndarray
-) -> None:
-    """Mark lengths with bars as wide as the rounding of the print allows."""
-    filled = look is _EXCHANGED
-    axes.errorbar(
-        lengths,
-        rows,
-        xerr=halves,
-        fmt=look.marker,
-        color=look.colour,
-        markerfacecolor=look.colour if filled else "none",
-        label=look.name,
-        capsize=2,
-        zorder=2 if filled else 3,
-    )
+    few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
+    rows, freedom = [], len(MOVED) * len(TURNS)
+    for name, row, averaged in (
+        (f"one frame of Table IV, means of {frames}", 1, frames),
+        (f"one frame of Table IV, means of {few}", 1, few),
+        (f"{few} frames of Table IV", few, 1),
+    ):
+        found = 0.0
+        for turn in TURNS:
+            accurate = given[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
+            sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
+            found += shared_zero_chi_square(_column(given, f"difference-{turn}"), sigma)
+        rows.append((name, found, freedom, float(chdtrc(freedom, found))))
+    return rows

@@ -1,15 +1,12 @@
 """A twin of the ground platform: images in, the camera's misalignment out (chen2023, IV and V).
 
 Every frame is made as the bench makes it: four spots at their places, light integrated over
-pixels, photon noise and read noise drawn, centres of gravity taken, and (2) to (9) solved. What
-the paper leaves open, and how the twin reads it (a choice that came into the history together with
-its results):
+pixels, photon noise drawn, centres of gravity taken, and (2) to (9) solved. What the paper leaves
+open, and how the twin reads it (a choice that came into the history together with its results):
 
 * light: each laser of each group has the light that gives the mean variance of its two cells of
   Table III, with photon noise alone; nothing else is fitted. What photons cannot explain, such as
-  a laser whose x scatters less than its y, the twin does not have. Another sensor, with read noise,
-  dark charge, rounding or saturation, may be put in its place (see `sensors`): one
-  variance cannot tell them apart, so the light is fitted again beside it;
+  a laser whose x scatters less than its y, the twin does not have;
 * the spot's radius is the printed one; it is the same for all lasers;
 * places: the printed centroids, with the bias of their own 5 by 5 window taken off, stand still
   within a group, and are the same in both groups: the paper does not print how they differ;
@@ -21,24 +18,17 @@ its results):
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cache, partial
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
-from scipy.special import chdtr, chdtri
 
-from reproduce.papers.chen2023 import (
-    accuracy,
-    effectiveness,
-    platform,
-    resolution,
-    satellite,
-)
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
 from reproduce.papers.chen2023.attitude import towards
-from reproduce.papers.chen2023.looks import LASER, STAR, lens, mirror, reflected
+from reproduce.papers.chen2023.satellite import LASER, STAR, lens, mirror, reflected
 from reproduce.papers.declare import draws, seed_of
 from reproduce.papers.sketch import (
     INK,
@@ -49,15 +39,13 @@ from reproduce.papers.sketch import (
     canvas,
     key,
     label,
-    line,
     path,
     sized,
-    slim,
     turned,
 )
 from reproduce.papers.study import studied
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import (
+    Platform,
     emitted_directions,
     laser_transform,
     mean_rotation,
@@ -71,13 +59,11 @@ from reproduce.physics.attitude import (
     solve,
     stage_angle,
     stage_angles,
-    taste,
     transpose,
 )
 from reproduce.physics.images import (
     Detector,
     centre_of_gravity,
-    electrons,
     expose,
     render_frame,
     spot_windows,
@@ -95,10 +81,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
 WINDOW = f"{platform.TEXT}#window-x"
-# The sensor that the predictions rest on.
-PHOTONS = Detector()
 BENCH = (*platform.INSTRUMENT, platform.SCATTER, resolution.SPOT_RADIUS, WINDOW)
 READS = (*BENCH, accuracy.FRAMES)
 
@@ -109,6 +92,8 @@ class Bench:
 
     Attributes
     ----------
+    design : Platform
+        Lasers and tracker as designed.
     spots : ndarray, shape (4, 2)
         True centres of the spots at rest, in px.
     light : ndarray, shape (2, 4)
@@ -117,33 +102,25 @@ class Bench:
         Of a spot, in px.
     window : int
         Width of the window around a spot, in px.
-    camera_directions : ndarray, shape (4, 3)
-        Designed directions of the lasers.
-    tracker : tuple
-        Principal point in px, pixel pitch and focal length in metres.
-    sensor : Detector
-        The tracker's image sensor.
     """
 
+    design: Platform
     spots: FloatArray
     light: FloatArray
     radius: float
     window: int
-    camera_directions: FloatArray
-    tracker: tuple[FloatArray, float, float]
-    sensor: Detector
 
     def directions(self, spots: ArrayLike) -> FloatArray:
         """Return the tracker directions of spots of shape (..., 4, 2)."""
-        return received_directions(spots, *self.tracker)
+        return received_directions(spots, *self.design.tracker)
 
     def transform(self, spots: ArrayLike) -> FloatArray:
         """Return the laser transform of every frame, tracker_from_camera."""
-        return laser_transform(self.camera_directions, self.directions(spots))
+        return laser_transform(self.design.directions, self.directions(spots))
 
     def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
         """Return the misalignment angles of every frame against a laser transform."""
-        now = misalignment(self.camera_directions, self.directions(spots), zero)
+        now = misalignment(self.design.directions, self.directions(spots), zero)
         return misalignment_angles(now)
 
     def turned(self, angles: ArrayLike) -> FloatArray:
@@ -152,39 +129,17 @@ class Bench:
         now = moved_laser_transform(zero, rotation_from_vector(-np.asarray(angles)))
         # The light goes back to the camera of the zero point, then by the present transform.
         moved = self.directions(self.spots) @ zero @ transpose(now)
-        return received_spots(moved, *self.tracker)
-
-    def misfit(self) -> tuple[float, float]:
-        """Return how far the spots lie from the designed lasers, and their size over that of these.
-
-        Root-mean-square distance after the best rotation, in radians; size of the pattern of
-        directions.
-        """
-        patterns = self.directions(self.spots), self.camera_directions
-        sizes = [np.linalg.norm(rows - rows.mean(axis=0)) for rows in patterns]
-        distance = np.sqrt(solve(*patterns).loss / len(self.spots))
-        return float(distance), float(sizes[0] / sizes[1])
+        return received_spots(moved, *self.design.tracker)
 
 
-def bench(given: Given, sensor: Detector = PHOTONS) -> Bench:
+def bench(given: Given) -> Bench:
     """Set the twin up from printed numbers."""
-    printed, window = platform.printed_spots(given), round(given[WINDOW])
+    design, window = platform.as_designed(given), round(given[WINDOW])
     radius = given[resolution.SPOT_RADIUS] / given[platform.PIXEL]
-    law, noisy = resolution.spot_laws(printed, radius, window)
+    law, _ = resolution.spot_laws(design.spots, radius, window)
     target = np.stack([(platform.scatter(given, g) ** 2).mean(axis=-1) for g in (1, 2)])
-    # The variance is photon / light + read noise^2 read / light^2: a quadratic in the light.
-    photon = law.variance.mean(axis=-1)
-    read = sensor.noise_electrons() ** 2 * (noisy.variance.mean(axis=-1) - photon)
-    light = (photon + np.sqrt(photon**2 + 4.0 * target * read)) / (2.0 * target)
-    return Bench(
-        spots=printed - law.bias,
-        light=np.asarray(light),
-        radius=radius,
-        window=window,
-        camera_directions=emitted_directions(platform.lasers(given), given[platform.TELESCOPE]),
-        tracker=platform.tracker(given),
-        sensor=sensor,
-    )
+    light = np.asarray(law.variance.mean(axis=-1) / target)
+    return Bench(design, design.spots - law.bias, light, radius, window)
 
 
 def centroids(
@@ -198,23 +153,16 @@ def centroids(
     corners = window_corners(places, twin.window)
     mean = spot_windows(places, light, twin.radius, corners, twin.window)
     shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-    photons = np.broadcast_to(mean / twin.sensor.quantum_efficiency, shape)
-    seen = electrons(expose(photons, twin.sensor, generator), twin.sensor)
+    seen = expose(np.broadcast_to(mean, shape), Detector(), generator)
     return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
+class Series(NamedTuple):
     """What the bench measures over two groups of frames.
 
-    Attributes
-    ----------
-    spots : ndarray, shape (2, frames, 4, 2)
-        Extracted centroids, in px.
-    transform : ndarray, shape (frames, 3)
-        Error of the laser transform of the first group, in the camera frame, in radians.
-    misalignment : ndarray, shape (frames, 3)
-        Misalignment of the second group against the zero point of the first, in radians.
+    Extracted centroids, (2, frames, 4, 2), in px; error of the laser transform of the first group,
+    in the camera frame, and misalignment of the second against the zero point of the first,
+    (frames, 3), in radians.
     """
 
     spots: FloatArray
@@ -239,136 +187,28 @@ def two_groups(twin: Bench, frames: int, generator: Generator) -> Series:
 )
 def misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
-    common, diagonal = effectiveness.common_length(given, "y"), given[platform.DIAGONAL]
-    least = diagonal - given.half_unit(platform.DIAGONAL)
-    rows = []
-    sizes = ((given[platform.TELESCOPE], diagonal), (common, diagonal), (common, least))
-    for length, across in sizes:
-        lasers = platform.designed_positions(platform.printed_spots(given), across)
-        directions = emitted_directions(lasers, length)
-        distance, scale = replace(bench(given), camera_directions=directions).misfit()
-        pixels = distance / (given[platform.PIXEL] / given[platform.FOCAL_LENGTH])
-        rows.append((length * 1e3, across * 1e3, scale, pixels, distance * length * 1e3))
-    return misfit.frame(rows, diagonal=diagonal * 1e3)
-
-
-# The TASTE test's level, and how far a laser is displaced to see whether the test notices, in px.
-REFUSED, NUDGE = 0.01, 0.1
-
-
-@studied(
-    "chen2023/believable",
-    random=True,
-    given=READS,
-    caption="The TASTE test of {frames} single frames of the twin, with {spots} spots and "
-    f"{{freedom}} degrees of freedom. A frame is refused below a probability of {REFUSED:.0%}. The "
-    "last column is the probability of a Kolmogorov–Smirnov test against the chi-square law.",
-)
-def believable(given: Given) -> pd.DataFrame:
-    """Whether the frames of the second group pass the TASTE test, for several laser directions."""
-    from scipy.stats import kstest  # only now: its import takes longer than all of this
-
-    twin, frames = bench(given), given.count(accuracy.FRAMES)
-    series = two_groups(twin, frames, default_rng(seed_of("chen2023/believable", given.root)))
-    zero = series.spots[0].mean(axis=0)
-    nudged = zero + NUDGE * np.eye(len(zero), 2)
-    designed, scale = twin.camera_directions, twin.misfit()[1]
-    pixel = given[platform.PIXEL] / given[platform.FOCAL_LENGTH]
-    noise = np.sqrt((platform.scatter(given, 2) ** 2).mean(axis=-1)) * pixel
-    rows = []
-    for name, directions in (
-        ("as designed, nominal numbers as they stand", designed),
-        ("as designed, its size within what the print leaves open", designed * [scale, scale, 1.0]),
-        ("as the first group saw them", twin.directions(zero)),
-        (f"the same, one laser {NUDGE:g} px aside", twin.directions(nudged)),
+    twin, diagonal = bench(given), given[platform.DIAGONAL]
+    common, least = effectiveness.common_length(given, "y"), given.half_unit(platform.DIAGONAL)
+    seen, rows = twin.directions(twin.spots), []
+    for length, across in (
+        (given[platform.TELESCOPE], diagonal),
+        (common, diagonal),
+        (common, diagonal - least),
     ):
-        found = taste(solve(twin.directions(series.spots[1]), directions, noise**-2.0), noise)
-        freedom = float(found.freedom.flat[0])
-        refused = 100 * (found.probability < REFUSED).mean()
-        agrees = kstest(found.statistic, partial(chdtr, freedom)).pvalue
-        rows.append((name, np.median(found.statistic), chdtri(freedom, 0.5), refused, agrees))
-    return believable.frame(rows, frames=frames, spots=len(zero), freedom=2 * len(zero) - 3)
-
-
-# Sensors for the twin: read noise of some electrons, dark charge whose variance is as large, twelve
-# bits at two electrons a step; and a full well of half the brightest pixel.
-SENSORS = {
-    "photon noise alone": PHOTONS,
-    "read noise": Detector(read_noise=5.0),
-    "read noise, dark charge, twelve bits": Detector(
-        read_noise=5.0, dark_signal=25.0, gain=0.5, offset=100.0, bits=12
-    ),
-}
-FULL = 0.5
-
-
-@studied(
-    "chen2023/sensors",
-    random=True,
-    given=(*READS, accuracy.SMOOTHED),
-)
-def sensors(given: Given) -> pd.DataFrame:
-    """What the twin predicts with other sensors, the light fitted to Table III beside each."""
-    many, frames = given.count(accuracy.SMOOTHED), 5 * given.count(accuracy.FRAMES)
-    plain = bench(given)
-    corners = window_corners(plain.spots, plain.window)
-    windows = spot_windows(plain.spots, plain.light[1], plain.radius, corners, plain.window)
-    filled = replace(plain, sensor=Detector(full_well=FULL * float(windows.max())))
-    benches = {name: bench(given, sensor) for name, sensor in SENSORS.items()}
-    rows = []
-    for name, twin in (benches | {"pixels full at half the brightest": filled}).items():
-        series = two_groups(twin, frames, default_rng(seed_of(f"sensor {name}", given.root)))
-        spread = platform.SIGMAS * np.sqrt(series.spots.var(axis=1).mean())
-        angles = [_spread(series.misalignment, count)[0] for count in (1, many)]
-        rows.append((name, twin.light.mean(), spread, *angles))
-    groups = [(platform.scatter(given, group) ** 2).mean() for group in (1, 2)]
-    printed = platform.SIGMAS * float(np.sqrt(np.mean(groups)))
-    return sensors.frame(rows, frames=frames, many=many, printed=printed)
-
-
-def _spread(series: FloatArray, count: int) -> FloatArray:
-    """Return 3σ of averages over some frames, about X or Y and about Z, in arcsec."""
-    x, y, z = platform.SIGMAS * moving_average(series, count, axis=0).std(axis=0)
-    return np.array([np.hypot(x, y) / np.sqrt(2), z]) * ARCSEC_PER_RADIAN
-
-
-# Distances from the middle of the image, on the ground, for which the roll is studied.
-OFF_CENTRE = (0.0, 1e3, 5e3, 10e3)
-
-
-@studied(
-    "chen2023/roll",
-    random=True,
-    given=(*BENCH, accuracy.SMOOTHED, *satellite.CAMERA),
-    columns=(
-        Column("Frames", ".0f"),
-        Column("about X or Y (arcsec, 3σ)", ".2f"),
-        Column("about Z (arcsec, 3σ)", ".1f"),
-        *(Column(f"{off / 1e3:g} km off centre (m)", ".2f") for off in OFF_CENTRE),
-    ),
-)
-def _roll(given: Given) -> pd.DataFrame:
-    """Roll error of the ground platform, and what it does on the ground away from the centre."""
-    many, height = given.count(accuracy.SMOOTHED), satellite.altitude(given)
-    generator = default_rng(seed_of("chen2023/roll", given.root))
-    series = two_groups(bench(given), 40 * many, generator).misalignment
-    rows = []
-    for count in (1, many):
-        spread = _spread(series, count)
-        tilt, turn = spread / ARCSEC_PER_RADIAN
-        moved = (np.hypot(np.sqrt(2) * tilt * height, turn * off) for off in OFF_CENTRE)
-        rows.append((count, *spread, *moved))
-    return _roll.frame(rows, altitude=height / 1e3)
+        lasers = platform.designed_positions(twin.design.spots, across)
+        designed = emitted_directions(lasers, length)
+        distance = float(np.sqrt(solve(seen, designed).loss / len(seen)))
+        sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
+        pixels, stage = distance * twin.design.pixels, distance * length * 1e3
+        rows.append((length * 1e3, across * 1e3, sizes[0] / sizes[1], pixels, stage))
+    return misfit.frame(rows, diagonal=diagonal * 1e3)
 
 
 DESIGN = "chen2023/text-satellite"
 ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
 # Towards Orion, for no better reason than that everybody knows it: right ascension, declination,
-# turn about the boresight, in degrees.
-POINTING = (84.6, -0.4, 20.0)
-FAINTEST = 6.0
-# With the side on which there is room for the name.
-NAMED = {1852: ("Mintaka", 1), 1903: ("Alnilam", -1), 1948: ("Alnitak", -1), 1899: ("Hatysa", -1)}
+# turn about the boresight, in degrees; and the faintest magnitude.
+POINTING, FAINTEST = (84.6, -0.4, 20.0), 6.0
 SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
 STAGE_READS = (*SERIES_READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAMES)
 MARGIN = 12
@@ -380,22 +220,14 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     from scipy.spatial.transform import Rotation  # only now: no judged number needs it
 
     alpha, delta, turn = POINTING
-    turns = [alpha + 90.0, 90.0 - delta, turn]
-    stars, inertial_from_tracker = bright_stars(), Rotation.from_euler("ZXZ", turns, degrees=True)
-    rays = stars.directions @ inertial_from_tracker.as_matrix()
-    ahead = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)
-    spots = received_spots(rays[ahead], *platform.tracker(door))
-    inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
-    spots, seen = spots[inside], np.flatnonzero(ahead)[inside]
-    gap = 28 if sized(figure, 6.0, 6.0, 4.2) else 16
+    turns, stars = [alpha + 90.0, 90.0 - delta, turn], bright_stars()
+    rays = stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
+    seen = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)
+    x, y = received_spots(rays[seen], *platform.tracker(door)).T
+    sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     size = 5 * 1.7 ** (FAINTEST - stars.magnitude[seen])
-    x, y = spots.T
     axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
-    for number, (name, side) in NAMED.items():
-        for x, y in spots[stars.number[seen] == number]:
-            ends = "left" if side > 0 else "right"
-            axes.annotate(name, (x + gap * side, y), ha=ends, va="center", fontsize=9)
     _lasers(axes, _pairs(printed), 5, "laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
@@ -414,58 +246,51 @@ def _lasers(axes: Axes, places: FloatArray, size: float, name: str = "") -> None
 def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it."""
     (diagonal,) = printed.values()
-    axes = canvas(figure, 12.6, 7.6, narrow=(10.8, 9.4))
-    narrow = slim(axes)
-    centre = np.array([3.8, 5.7 if narrow else 3.8])
+    axes, centre = canvas(figure, 10.8, 9.4), np.array([3.8, 5.7])
     box(axes, centre, (7.0, 7.0))
-    label(axes, centre - 3.1, "stage", ha="left")
-    corners = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre
-    line(axes, np.vstack([corners, corners[:1]]), 0.7, ":")
-    _lasers(axes, corners, 11)
-    arrow(axes, beside(corners[3], 0.3, 0), corners[1] - [0.3, 0], style="<|-|>")
+    box(axes, centre, (3.4, 3.4), turn=45, style=":", width=0.7)
+    _lasers(axes, np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre, 11)
+    arrow(axes, beside(centre, -2.1, 0.0), beside(centre, 2.1, 0.0), style="<|-|>")
     label(axes, beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
-    label(axes, beside(corners[0], 0.0, 0.55), "laser")
+    label(axes, beside(centre, 0.0, 2.95), "lasers on the stage")
     corner = beside(centre, 4.3, -1.2)
-    for index, (axis, gap, y) in enumerate((("X", 2.3, 1.5), ("Y", 2.35, 0.8))):
-        along = np.eye(2)[index]
+    for along, axis, y in zip(np.eye(2), "XY", (1.5, 0.8), strict=True):
         arrow(axes, corner, corner + 2.0 * along)
-        label(axes, corner + gap * along, axis)
+        label(axes, corner + 2.3 * along, axis)
         sense = towards(np.zeros(3), stage_angles(along, 1.0))
         text = f"towards {axis}: as if the camera turned about {sense}"
-        label(axes, (0.3 if narrow else 7.5, y), text, ha="left", size=8)
+        label(axes, (0.3, y), text, ha="left")
 
 
 @draws("chen2023/fig-6b", marks=ANGLES)
 def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
     between, table, tilt = (float(np.degrees(printed[address])) for address in ANGLES)
-    axes = canvas(figure, 16.0, 9.0, 6.8, (16.0, 11.2))
-    below = 2.2 if slim(axes) else 0.0
-    axes.set_ylim(-below, 9.0)
-    box(axes, (0.8, 5.4), (0.7, 2.2))
-    label(axes, (0.2, 3.8), "stage and lasers", ha="left")
-    lens(axes, (4.6, 5.4), 2.6)
-    label(axes, (4.6, 7.2), "telescope")
-    label(axes, (10.3, 5.85), "camera's boresight")
-    out, hit, back = turned([1.0, 0.0], between), np.array([8.6, 3.4]), np.array([-1.0, 0.0])
-    path(axes, [(1.2, 5.4), (4.6, 5.4), (13.4, 5.4), (13.4, 3.4), hit], LASER)
-    mirror(axes, (13.4, 5.4), 1.6, -45)
-    mirror(axes, (13.4, 3.4), 1.6, 45)
-    label(axes, (14.1, 4.4), "two mirrors\nat a right\nangle", ha="left")
+    axes = canvas(figure, 16.0, 11.2, 6.8)
+    out, hit = turned([1.0, 0.0], between), np.array([8.6, 5.6])
+    box(axes, (0.8, 7.6), (0.7, 2.2))
+    lens(axes, (4.6, 7.6), 2.6)
+    path(axes, [(1.2, 7.6), (4.6, 7.6), (13.4, 7.6), (13.4, 5.6), hit], LASER)
+    mirror(axes, (13.4, 7.6), 1.6, -45)
+    mirror(axes, (13.4, 5.6), 1.6, 45)
     # The mirror stands at its tilt to the plane across the tracker's boresight.
     stands = between - 90 + tilt
-    detector = hit + 3.0 * reflected(back, stands)
+    detector = hit + 3.0 * reflected([-1.0, 0.0], stands)
     mirror(axes, hit, 1.9, stands)
     path(axes, [hit, detector], LASER)
     lens(axes, hit - 1.6 * out, 1.6, between)
     box(axes, detector, (0.3, 1.4), turn=between)
-    label(axes, beside(detector, 0.9, 0.9), "tracker", ha="left")
     path(axes, [hit + 4.4 * out, hit], STAR)
-    label(axes, beside(hit + 4.4 * out, 0.2, 1.0), "tracker's boresight")
-    arc(axes, hit, 1.2, (0, between), head=False)
-    label(axes, beside(hit, 1.35, 1.4), f"{between:g}°")
-    label(axes, (0.2, 1.1 - below), f"tracker against the table: {table:g}°", ha="left")
-    label(axes, (0.2, 0.4 - below), f"mirror against the plane across it: {tilt:g}°", ha="left")
+    arc(axes, hit, 1.2, (0, between), f"{between:g}°")
+    for x, y, text in (
+        (0.2, 5.9, "stage and lasers"),
+        (3.8, 9.4, "telescope"),
+        (14.1, 6.6, "two mirrors\nat a right\nangle"),
+        (11.0, 3.6, "tracker"),
+        (0.2, 1.1, f"tracker against the table: {table:g}°"),
+        (0.2, 0.4, f"mirror against the plane across the tracker: {tilt:g}°"),
+    ):
+        label(axes, (x, y), text, ha="left")
     key(axes, (LASER, STAR), (0.8, 1.0))
 
 

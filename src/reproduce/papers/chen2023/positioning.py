@@ -20,37 +20,40 @@ import numpy as np
 from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
+from reproduce.papers.chen2023.satellite import SCENE, STAR
 from reproduce.papers.declare import Results, draws, reproduces, seed_of
-from reproduce.papers.sketch import arrow, beside, box, canvas, label, line
-from reproduce.papers.study import Fact, studied
+from reproduce.papers.sketch import INK, Look, arrow, beside, diagram, key, label, line, path
+from reproduce.papers.space import seen_from, sense, triad
+from reproduce.papers.study import studied
 from reproduce.papers.words import Column
-from reproduce.physics.attitude import rotation_from_vector
+from reproduce.physics.attitude import rotation_from_vector, transpose, unit
 from reproduce.physics.ground import (
     DAY,
+    WGS84,
+    EarthOrientation,
     GroundJacobian,
     Thermal,
     circular_error,
     earth_fixed,
-    ellipse,
+    earth_from_inertial,
     ground_covariance,
     ground_jacobian,
+    image_vectors,
     imaged_position,
+    imaging_chain,
     last_orbits,
-    local_axes,
     orbital_period,
     satellite_from_inertial,
     thermal_series,
     trend_and_fourier,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import pandas as pd
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 
 POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
@@ -58,7 +61,6 @@ MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED
 READS = (*MONITORING, *satellite.CAMERA, POINTING)
 YEAR_READS = (*MONITORING, *satellite.CAMERA, accuracy.RATE)
 ORBIT = 0.05
-DRAWS = 20_000
 SINGLE, AVERAGED = "one frame", "averaged"
 # Where the satellite stands and how it looks: name, tilt off the nadir, image point off the centre.
 LOOKS = (
@@ -175,50 +177,16 @@ def analytic(jacobian: GroundJacobian, term: Term) -> FloatArray:
     return np.asarray(ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0])
 
 
-def simulated(
-    view: tuple[FloatArray, FloatArray, FloatArray],
-    errors: tuple[Term, ...],
-    name: str,
-    root: int | None,
-) -> FloatArray:
-    """Return errors on the ground from draws of several errors through the whole imaging model.
-
-    Shape (draws, 2). East and north of the true place, in metres.
-    """
-    noise = dict.fromkeys(UNITS, np.zeros((DRAWS, 3)))
-    for term in errors:
-        generator = default_rng(seed_of(f"budget {name} {term.name}", root))
-        noise[term.kind] = noise[term.kind] + term.sigma * generator.normal(size=(DRAWS, 3))
-    vectors, place, chain = view
-    found = imaged_position(
-        vectors + noise["image"][:, np.newaxis],
-        place + noise["satellite"],
-        chain @ rotation_from_vector(noise["turn"]),
-    ).position[:, 0]
-    true = imaged_position(*view).position[0]
-    return np.asarray((found - true) @ local_axes(true)[:2].T)
-
-
-@studied(
-    "chen2023/budget",
-    random=True,
-    given=READS,
-)
+@studied("chen2023/budget", given=READS)
 def _budget(given: Given) -> pd.DataFrame:
-    """Error budget of SVGF-1 on the ground, term by term: formula and simulation."""
+    """Error budget of SVGF-1 on the ground, term by term."""
+    jacobians = [ground_jacobian(*look(given, tilt, off)) for _, tilt, off in LOOKS]
     rows = []
-    lines = {term.name: (term,) for term in terms(given)} | together(given)
-    for term, errors in lines.items():
+    for name, errors in ({term.name: (term,) for term in terms(given)} | together(given)).items():
         scale, unit = UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
-        sigma = errors[0].sigma.max() / scale
-        for name, tilt, off in LOOKS:
-            view = look(given, tilt, off)
-            jacobian, drawn = ground_jacobian(*view), simulated(view, errors, name, given.root)
-            exact = sum((analytic(jacobian, error) for error in errors), np.zeros((2, 2)))
-            radii = float(circular_error(exact)), _quantile(drawn)
-            true, found = ellipse(exact), ellipse(np.cov(drawn.T))
-            axes = (true.major, found.major, true.minor, found.minor)
-            rows.append((term, sigma, unit, name, *radii, *axes))
+        exact = (sum(analytic(one, error) for error in errors) for one in jacobians)
+        radii = (float(circular_error(np.asarray(covariance))) for covariance in exact)
+        rows.append((name, errors[0].sigma.max() / scale, unit, *radii))
     return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
 
@@ -242,11 +210,6 @@ def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
 
     Name to errors of shape (samples, 2), in radians.
     """
-    return _residuals(given.narrowed(YEAR_READS), amplitude)
-
-
-@lru_cache(maxsize=8)
-def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     times, unit, noise = year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
     measured = true + CALIBRATION * noise
@@ -300,27 +263,6 @@ def spans(given: Given) -> dict[str, slice]:
 
 
 @studied(
-    "chen2023/ages",
-    random=True,
-    given=YEAR_READS,
-    columns=(
-        Column("Correction"),
-        Column("Amplitude (arcsec)", "g"),
-        *(Column(f"{name} (m)", ".2f") for name in AGES),
-    ),
-)
-def ages(given: Given) -> list[tuple[str | float, ...]]:
-    """Positioning error against the time since calibration, for every thermal amplitude."""
-    height, samples = satellite.altitude(given), spans(given)
-    left = {amplitude: residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES}
-    return [
-        (name, amplitude, *(_quantile(errors[name][samples[age]]) * height for age in AGES))
-        for name in CORRECTIONS
-        for amplitude, errors in left.items()
-    ]
-
-
-@studied(
     "chen2023/suffices",
     random=True,
     given=(*READS, accuracy.RATE),
@@ -366,59 +308,62 @@ def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> flo
     return low
 
 
-_FRAMES = "chen2023/table-4#100.frames"
-_SCENE_READS = (*satellite.CAMERA, satellite.ACCURACY, _FRAMES)
-# Of the drawing: units to a metre of the ground.
-_METRE = 3.4
+# The drawn satellite, its target, and the side they are seen from.
+INERTIAL = Look("J2000", INK, "--")
+DATE = "2023-09-22T03:30:00"
+EARTH = WGS84.equatorial_radius
+ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * EARTH])
+TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
+VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / EARTH)
 
 
-def _on_the_ground(door: Given) -> tuple[float, float, float]:
-    """Return metres on the ground: an arc second, a pixel, the larger printed error (3σ)."""
-    height = satellite.altitude(door)
-    error = float(door.array(satellite.ACCURACY).max())
-    return (
-        height * float(np.tan(RADIANS_PER_ARCSEC)),
-        door[satellite.CAMERA[2]],
-        height * float(np.tan(error)),
-    )
+def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Return a satellite that looks at a target, and what the imaging model makes of it.
+
+    Position of the satellite; where equation (1) puts the middle of the image; three frames whose
+    columns are their axes. All Earth-fixed, in metres.
+    """
+    turning = earth_from_inertial(DATE, EarthOrientation(ut1_utc=0.0))
+    place = earth_fixed(ABOVE)
+    z = unit("boresight", earth_fixed(TARGET) - place)
+    x = unit("level", np.cross([0.0, 0.0, 1.0], z))
+    looking = np.stack([x, np.cross(z, x), z], axis=-1)
+    # The tracker looks away from the Earth: the camera, turned about the X that both share.
+    tracker_from_camera = rotation_from_vector([door[satellite.BORESIGHT], 0.0, 0.0])
+    inertial_from_tracker = transpose(turning) @ looking @ transpose(tracker_from_camera)
+    chain = imaging_chain(turning, inertial_from_tracker, np.eye(3), tracker_from_camera)
+    centre = image_vectors([(0.0, 0.0)], focal_length=1.0)
+    frames = {"camera": chain, "tracker": turning @ inertial_from_tracker, "stars": turning}
+    return place, imaged_position(centre, place, chain).position[0], frames
 
 
-def _ground_facts() -> Mapping[str, Fact]:
-    """Return what the drawing shows, in numbers."""
-    door = given(_SCENE_READS)
-    second, pixel, error = _on_the_ground(door)
-    return {
-        "height": Fact(satellite.altitude(door) / 1e3, ".0f", "km"),
-        "second": Fact(second, ".1f", "m"),
-        "pixel": Fact(pixel, ".2f", "m"),
-        "pixels": Fact(second / pixel, ".0f"),
-        "error": Fact(error, ".2f", "m"),
-        "frames": Fact(door.count(_FRAMES), "d"),
-    }
-
-
-@draws("chen2023/drawing-arc-second", given=_SCENE_READS, named=_ground_facts)
-def _draw_ground(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """An arc second on the ground, from the height of the paper's satellite, to scale."""
-    second, pixel, error = _on_the_ground(door)
-    axes = canvas(figure, 10.4, 8.2)
-    left, right, ground = 0.9, 0.9 + _METRE * second, 3.4
-    top = np.array([(left + right) / 2, 7.2])
-    box(axes, beside(top, 0.0, 0.45), (2.6, 0.9), "satellite")
-    for foot in (left, right):
-        line(axes, np.array([top, (foot, ground)]), 1.0)
-    label(axes, beside(top, 0.0, -1.6), "1″")
-    label(axes, (9.0, 5.6), f"{satellite.altitude(door) / 1e3:.0f} km up,\nnot to scale")
-    side = _METRE * pixel
-    for start in np.arange(left, right, side):
-        box(axes, (start + side / 2, ground - 0.5), (side, side), width=0.8)
-    for y, length, text in (
-        (1.9, second, f"an arc second: {second:.1f} m"),
-        (1.2, pixel, f"a pixel of the camera: {pixel:.2f} m"),
-        (0.4, error, f"misalignment, mean of {door.count(_FRAMES)} frames, 3σ: {error:.2f} m"),
-    ):
-        arrow(axes, (left, y), (left + _METRE * length, y), style="<|-|>")
-        if length is second:
-            label(axes, ((left + right) / 2, y + 0.28), text)
-        else:
-            label(axes, (left + _METRE * length + 0.3, y), text, ha="left")
+@draws("chen2023/fig-1a", given=[satellite.BORESIGHT])
+@diagram(14.0, 9.6, 6.6)
+def draw_scene(axes: Axes, door: Given) -> None:
+    """Frames of the imaging model, from a point of the image to a place on the Earth."""
+    (above, imaged, frames), origin = scene(door), np.zeros(3)
+    around = np.linspace(0.0, 2.0 * np.pi, 240)
+    circle = EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
+    line(axes, np.asarray(VIEW.centre) + VIEW.scale * circle[:, :2], 1.3)
+    line(axes, VIEW.point(circle), 0.7, ":")
+    names = [r"$X_\mathrm{WGS84}$", r"$Y_\mathrm{WGS84}$", "$Z$ of both"]
+    triad(axes, VIEW, origin, np.diag([1.6, 1.6, 1.3]) * EARTH, names, width=1.8)
+    names, stars = [r"$X_\mathrm{J2000}$", r"$Y_\mathrm{J2000}$"], frames["stars"].T
+    triad(axes, VIEW, origin, 1.6 * EARTH * stars[:2], names, look=INERTIAL)
+    turn = float(-np.arctan2(stars[0, 1], stars[0, 0]))
+    sense(axes, VIEW, origin, [0.0, 0.0, 1.0], 0.6 * EARTH * stars[0], turn)
+    place, target = VIEW.point(above), VIEW.point(imaged)
+    arrow(axes, VIEW.point(origin), place, width=0.8)
+    path(axes, [target, place], SCENE)
+    axes.plot(*target, SCENE.marker, color=SCENE.colour, markersize=7)
+    # Beside the camera's frame on the paper, so that both can be read.
+    tracker = above + EARTH * np.array([0.35, 0.75]) @ VIEW.matrix
+    for foot, name, letter in ((above, "camera", "c"), (tracker, "tracker", "s")):
+        names = [f"${axis}_{letter}$" for axis in "XYZ"]
+        triad(axes, VIEW, foot, 0.42 * EARTH * frames[name].T, names, width=1.8)
+    boresight = EARTH * frames["tracker"][:, 2]
+    path(axes, [VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
+    label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
+    label(axes, beside(VIEW.point(tracker), -0.35, 0.1), "tracker", ha="right")
+    label(axes, beside(target, 0.3, 0.4), "target")
+    key(axes, (SCENE, STAR, INERTIAL), (0.0, 1.0))

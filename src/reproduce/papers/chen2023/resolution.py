@@ -24,7 +24,7 @@ results were known. All of them are judged side by side.
 A study of the printed size is itself random. Its distribution follows from the closed-form bias
 and variance: the Monte Carlo beside it agrees within its error.
 
-Our own tables say what the optimum depends on, and what better estimators would reach.
+Our own table says what the optimum depends on.
 """
 
 from __future__ import annotations
@@ -48,26 +48,19 @@ from reproduce.papers.declare import (
 )
 from reproduce.papers.sketch import thin
 from reproduce.papers.study import studied
-from reproduce.papers.words import Column
+from reproduce.papers.words import words
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,
-    Detector,
     Light,
-    biased_bound,
     bound,
-    centre_of_gravity,
     centre_of_gravity_error,
     even_phases,
-    expose,
-    fitted_centre,
     observed_scatter,
     predicted_errors,
     predicted_scatter,
     simulated_errors,
-    spot_windows,
     window_corners,
-    windowed_centre,
 )
 from reproduce.physics.optics import spawned_streams
 from reproduce.physics.validate import FloatArray
@@ -77,7 +70,6 @@ from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -92,13 +84,8 @@ READS = (*SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in STUDIED))
 OPTIMUM = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
 SATURATION = f"{STUDY}#saturation"
 REPLICATES = 2000
-# Frames and iterations of the comparison of estimators.
-TRIALS, STEPS_OF_WEIGHT = 40, 12
-# Angles per pixel at which the estimators are compared, in arc seconds; and the errors of one.
-COMPARED = (20, 30, 43, 57, 80)
-TAKEN_APART = (10, *COMPARED)
-# What may count as significant, in standard errors of a difference; the first one chosen.
-THRESHOLDS, CHOSEN = (1.0, 2.0, 3.0, 5.0), 3.0
+# What counts as significant in the first reading, in standard errors of a difference.
+CHOSEN = 3.0
 
 
 @dataclass(frozen=True)
@@ -155,23 +142,6 @@ CASES = (
 )
 LITERAL = CASES[0]
 RADII = {1.0: "sigma", ONE_OVER_E: "one-over-e", HALF_HEIGHT: "half", 2.0: "one-over-e2"}
-OPTIONS = {
-    "radius": {
-        "sigma": "one standard deviation of the spot",
-        "one-over-e": "where the light has fallen to 1/e",
-        "half": "where the light has fallen to one half",
-        "one-over-e2": "where the light has fallen to 1/e²",
-    },
-    "noise": {"photon": "photon noise alone", "read": "90 % of the variance is read noise"},
-    "light": {
-        "table-3": "as much as gives the variance of Table III",
-        "brighter": "1.1 times as much",
-    },
-    "threshold": {
-        f"{errors:g}": f"a gain counts beyond {errors:g} standard error{'s' * (errors > 1)}"
-        for errors in THRESHOLDS
-    },
-}
 
 
 @reproduces(
@@ -197,7 +167,7 @@ def spot(given: Given) -> Results:
     given=READS,
     equations=["11"],
     replicates=REPLICATES,
-    options=OPTIONS,
+    options=words(STUDY).options,
 )
 def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
@@ -213,7 +183,7 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
             LITERAL.choices | {"threshold": errors},
             _added(LITERAL, float(errors)),
         )
-        for errors, text in OPTIONS["threshold"].items()
+        for errors, text in words(STUDY).options["threshold"].items()
     ]
     results = {}
     for name, found in {
@@ -277,12 +247,9 @@ def light_for_table(given: Given, case: Case = LITERAL) -> Light:
     return Light(float(case.brighter * signal), float(read))
 
 
-def _setting(
-    given: Given, angles: FloatArray | None = None, case: Case = LITERAL
-) -> tuple[FloatArray, Light, FloatArray, int]:
-    """Return phases, light, spot radii for pixels of the given angles or of all, and the window."""
-    radius = radii(given, resolutions(given) if angles is None else angles, case)
-    phases = even_phases(given.count(PHASES))
+def _setting(given: Given, case: Case = LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
+    """Return the phases, the light, the radii of the spot at all resolutions, and the window."""
+    radius, phases = radii(given, resolutions(given), case), even_phases(given.count(PHASES))
     return phases, light_for_table(given, case), radius, window(given)
 
 
@@ -303,7 +270,7 @@ def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Flo
     trials, in px.
     """
     trials = given.count(f"{STUDY}#trials")
-    laws = [predicted_errors(*_setting(given, case=case)) for case in CASES]
+    laws = [predicted_errors(*_setting(given, case)) for case in CASES]
     bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
     deviation = np.sqrt(variance / trials)
     found, shape = [], bias.shape[1:]
@@ -405,18 +372,13 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
 def readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
     angles, relative = resolutions(given), relative_error(given)
-    studies = {case.name: _setting(given, case=case) for case in CASES}
+    cases = {case.name: case for case in CASES}
     for share in (0.25, 0.5, 0.75, 0.95):
-        noisy = _setting(given, case=replace(LITERAL, read_share=share))
-        studies[f"read noise is {share:.0%} of variance"] = noisy
+        cases[f"read noise is {share:.0%} of variance"] = replace(LITERAL, read_share=share)
     for factor in (0.5, 2.0):
-        lit = _setting(given, case=replace(LITERAL, brighter=factor))
-        studies[f"{factor:g} times the light"] = lit
-    for size in (3, 7):
-        studies[f"window of {size} × {size} px"] = (*_setting(given)[:3], size)
-    laws = {name: predicted_scatter(predicted_errors(*one)) for name, one in studies.items()}
+        cases[f"{factor:g} times the light"] = replace(LITERAL, brighter=factor)
+    laws = {n: predicted_scatter(predicted_errors(*_setting(given, c))) for n, c in cases.items()}
     found = {name: law.total for name, law in laws.items()}
-    found["spot within ±6.5 µm always"] = _fixed_travel(given)
     found["scatter without bias"] = laws[LITERAL.name].within
     rows = []
     for name, error in found.items():
@@ -424,65 +386,3 @@ def readings(given: Given) -> list[tuple[str, float, float, float]]:
         limit = angles[saturation(monitoring, relative)] * ARCSEC_PER_RADIAN
         rows.append((name, angles[error.argmin()] * ARCSEC_PER_RADIAN, error.min(), float(limit)))
     return rows
-
-
-def _fixed_travel(given: Given) -> FloatArray:
-    """Return the errors if the spot's travel is the tracker's pixel, whatever the pixel's size."""
-    phases, light, radius, size = _setting(given)
-    travel = phases * given[platform.PIXEL] * (radius / given[SPOT_RADIUS])[:, np.newaxis]
-    nearest = travel - np.floor(travel + 0.5)
-    pairs = zip(nearest, radius, strict=True)
-    laws = (predicted_errors(places, light, wide, size) for places, wide in pairs)
-    return np.array([predicted_scatter(law).total for law in laws])
-
-
-@studied(
-    "chen2023/errors",
-    given=(*SPOT_READS, PHASES),
-    columns=(Column("Quantity"), *(Column(f"{angle} arcsec", ".4f") for angle in TAKEN_APART)),
-)
-def errors(given: Given) -> list[tuple[str | float, ...]]:
-    """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
-    study = _setting(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
-    law = predicted_errors(*study)
-    parts, least = predicted_scatter(law), bound(*study)
-    lines = {
-        "standard deviation at one place": parts.within,
-        "bias, root mean square over the places": parts.bias,
-        "root-mean-square error": np.sqrt(law.mean_square.mean(axis=-1)),
-        "bound without bias": least,
-        "bound for the bias that it has": biased_bound(*study),
-        "standard deviation over the bound without bias": parts.within / least,
-    }
-    return [(name, *values) for name, values in lines.items()]
-
-
-@studied(
-    "chen2023/estimators",
-    random=True,
-    given=(*SPOT_READS, PHASES),
-    columns=(Column("Estimator"), *(Column(f"{angle} arcsec", ".4f") for angle in COMPARED)),
-)
-def estimators(given: Given) -> pd.DataFrame:
-    """Errors of four estimators over all phases, against the bound, by simulation."""
-    # Half of the variance at the tracker's own pixel from the readout: a middle case.
-    case, angles = replace(LITERAL, read_share=0.5), np.array(COMPARED) * RADIANS_PER_ARCSEC
-    phases, light, radius, size = study = _setting(given, angles, case)
-    points = np.stack([phases, np.zeros_like(phases)], axis=-1)
-    corner, noise = np.full(2, -(size // 2)), light.read_noise
-    found: dict[str, list[float]] = {}
-    streams = spawned_streams(seed_of("chen2023/estimators", given.root), len(radius))
-    for wide, stream in zip(radius, streams, strict=True):
-        mean = spot_windows(points, light.signal, wide, corner, size)
-        frames = np.broadcast_to(mean, (TRIALS, *mean.shape))
-        seen = expose(frames, Detector(read_noise=noise), stream)
-        for name, centre in {
-            "centre of gravity": centre_of_gravity(seen, corner),
-            "Gaussian weight that follows": windowed_centre(seen, corner, wide, STEPS_OF_WEIGHT),
-            "matched filter": fitted_centre(seen, corner, wide, noise, "uniform").centre,
-            "maximum likelihood": fitted_centre(seen, corner, wide, noise, "likelihood").centre,
-        }.items():
-            error = np.sqrt(np.mean((centre[..., 0] - phases) ** 2))
-            found.setdefault(name, []).append(error)
-    rows = [(name, *row) for name, row in (found | {"unbiased bound": bound(*study)}).items()]
-    return estimators.frame(rows, signal=light.signal, read_noise=noise)
