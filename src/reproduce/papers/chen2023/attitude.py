@@ -43,21 +43,9 @@ NAMES = ("X", "Y", "Z")
 BEFORE = Look("zero point", INK, "--")
 TURN = float(np.radians(28.0))
 _ROUTE = {
-    "calibration": (
-        "control points\nand stars:\ninstallation",
-        "laser spots at\nthe zero point",
-        "laser transform\nat the zero\npoint",
-    ),
-    "monitoring": (
-        "laser spots in\nevery frame",
-        "mean over\nmany frames",
-        "misalignment,\nby QUEST",
-    ),
-    "correction": (
-        "corrected\ninstallation",
-        "attitude of\ntracker from\nthe stars",
-        "attitude of\ncamera among\nthe stars",
-    ),
+    "calibration": ("installation,\nby the stars", "spots at the\nzero point", "laser\ntransform"),
+    "monitoring": ("spots in\nevery frame", "mean over\nmany frames", "misalignment,\nby QUEST"),
+    "correction": ("corrected\ninstallation", "attitude of\ntracker", "attitude of\ncamera"),
 }
 
 

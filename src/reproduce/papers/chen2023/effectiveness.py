@@ -364,15 +364,12 @@ def shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
 
 
 def _test_facts(given: Given) -> dict[str, Fact]:
-    """What sentences say of the test: chi-square and probability of each noise in turn."""
-    facts: dict[str, Fact] = {}
-    rows = differences(given).itertuples(index=False)
-    for name, (_, found, freedom, chance) in zip(("state", "ramp", "printed"), rows, strict=True):
-        facts[f"{name}-chi-square"] = Fact(found, ".1f")
-        # Smaller probabilities say "never", not how rarely.
-        facts[f"{name}-chance"] = Fact(chance, "chance", zero=1e-12)
-        facts["freedom"] = Fact(freedom, "d")
-    return facts
+    """What sentences say of the test: the probability under each noise, chi-square of the first."""
+    rows = [tuple(row) for row in differences(given).itertuples(index=False)]
+    # Smaller probabilities say "never", not how rarely.
+    chances = [Fact(row[3], "chance", zero=1e-12) for row in rows]
+    facts = dict(zip(("state-chance", "ramp-chance", "printed-chance"), chances, strict=True))
+    return facts | {"state-chi-square": Fact(rows[0][1], ".1f"), "freedom": Fact(rows[0][2], "d")}
 
 
 @studied(

@@ -19,7 +19,7 @@ open, and how the twin reads it (a choice that came into the history together wi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -212,6 +212,8 @@ POINTING, FAINTEST = (84.6, -0.4, 20.0), 6.0
 SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
 STAGE_READS = (*SERIES_READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAMES)
 MARGIN = 12
+_in_series = partial(draws, given=SERIES_READS, random=True)
+_in_ride = partial(draws, given=STAGE_READS, random=True)
 
 
 @draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
@@ -324,7 +326,7 @@ def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     return times, np.repeat(angles[:, :2], frames, axis=0), monitored
 
 
-@draws("chen2023/fig-7", given=SERIES_READS, marks=["chen2023/text-platform#spot-*"], random=True)
+@_in_series("chen2023/fig-7", marks=[platform.SPOTS])
 def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
     twin = bench(door)
@@ -349,23 +351,13 @@ def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     figure.colorbar(picture, ax=axes, label="electrons per frame")
 
 
-@draws(
-    "chen2023/fig-8",
-    given=SERIES_READS,
-    marks=["chen2023/text-accuracy#transform-single-?"],
-    random=True,
-)
+@_in_series("chen2023/fig-8", marks=[f"{accuracy.TEXT}#transform-single-?"])
 def _draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the laser transform over the first group, single frames and smoothed."""
     _series(figure, door, groups(door).transform, printed, "error (arcsec)")
 
 
-@draws(
-    "chen2023/fig-9",
-    given=SERIES_READS,
-    marks=["chen2023/text-accuracy#misalignment-single-?"],
-    random=True,
-)
+@_in_series("chen2023/fig-9", marks=[f"{accuracy.TEXT}#misalignment-single-?"])
 def _draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored misalignment over the second group, single frames and smoothed.
 
@@ -409,29 +401,19 @@ def _draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)", xlim=(0, 112), ylim=(0, 95))
 
 
-@draws(
-    "chen2023/fig-10b",
-    given=STAGE_READS,
-    marks=["chen2023/table-5#[2-5].monitoring-y"],
-    random=True,
-)
+@_in_ride("chen2023/fig-10b", marks=[f"{effectiveness.TABLE}#[2-5].monitoring-y"])
 def _draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about Y while the stage moves along X."""
     _ridden(figure, door, "Y", printed)
 
 
-@draws(
-    "chen2023/fig-10c",
-    given=STAGE_READS,
-    marks=["chen2023/table-5#[2-5].monitoring-x"],
-    random=True,
-)
+@_in_ride("chen2023/fig-10c", marks=[f"{effectiveness.TABLE}#[2-5].monitoring-x"])
 def _draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitored and reference angle about X while the stage moves along Y."""
     _ridden(figure, door, "X", printed)
 
 
-@draws("chen2023/fig-1d", given=STAGE_READS, random=True)
+@_in_ride("chen2023/fig-1d")
 def _draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """One move of the stage, close up: the average follows the reference after its own length."""
     sized(figure, 6.4, 3.2, 2.8)

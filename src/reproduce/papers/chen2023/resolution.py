@@ -238,7 +238,7 @@ def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError
 def light_for_table(given: Given, case: Case = LITERAL) -> Light:
     """Return the light for the mean variance of Table III, or as much more as a case says."""
     radius = given[SPOT_RADIUS] / case.width / given[platform.PIXEL]
-    laws = spot_laws(platform.printed_spots(given), radius, window(given))
+    laws = spot_laws(platform.printed_spots(given), radius, round(given[WINDOW]))
     # Photon variance goes as one over the light, read variance as one over its square.
     photon, both = (law.variance.mean() for law in laws)
     target = ((given.array(platform.SCATTER) / platform.SIGMAS) ** 2).mean()
@@ -250,12 +250,7 @@ def light_for_table(given: Given, case: Case = LITERAL) -> Light:
 def _setting(given: Given, case: Case = LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return the phases, the light, the radii of the spot at all resolutions, and the window."""
     radius, phases = radii(given, resolutions(given), case), even_phases(given.count(PHASES))
-    return phases, light_for_table(given, case), radius, window(given)
-
-
-def window(given: Given) -> int:
-    """Return the width of the window, in px."""
-    return round(given[WINDOW])
+    return phases, light_for_table(given, case), radius, round(given[WINDOW])
 
 
 def relative_error(given: Given) -> float:

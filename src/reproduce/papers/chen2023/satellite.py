@@ -94,6 +94,10 @@ NOISE = 1e-9
 # share of the accuracy, is rounding noise below the other number.
 STEP, NEGLIGIBLE = 1e-6, 1e-6
 PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
+# Where the dichroic mirror and the lens of the drawn tracker stand.
+PLATE, LENS = np.array([5.0, 6.2]), np.array([5.0, 3.6])
+# Laser light comes in a few degrees beside the boresight.
+INWARDS = turned([0.0, -1.0], 9.0)
 DETECTORS = "chen2023/text-hardware#detectors"
 FILTER = "chen2023/text-hardware#filter-wavelength"
 BANDS = tuple(
@@ -366,49 +370,44 @@ def _draw_focal_plane(axes: Axes, door: Given) -> None:
         label(axes, (13.5, y), name, ha="right")
 
 
-@draws("chen2023/fig-3a")
-@diagram(12.6, 9.2)
-def _draw_tracker(axes: Axes) -> None:
+def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Axes, float]:
+    """Draw what both lights meet in the tracker; return the axes and the mirror's tilt (°)."""
+    (tilt,) = np.degrees(list(printed.values())).tolist()
+    axes, came = canvas(figure, 11.6, 9.6), reflected(INWARDS, tilt)
+    mirror(axes, PLATE, 3.4, tilt)
+    lens(axes, LENS, 2.6, 90)
+    mirror(axes, PLATE - 2.5 * came, 1.8, float(np.degrees(np.arctan2(came[1], came[0]))) + 90, ":")
+    box(axes, (5.0, 1.95), (1.8, 0.3))
+    box(axes, (5.0, 0.8), (3.6, 1.0), "processor")
+    for x, y, name in ((4.3, 7.1, "dichroic\nmirror"), (3.0, 3.6, "lens"), (6.9, 1.95, "detector")):
+        label(axes, (x, y), name)
+    label(axes, (8.2, 5.4), "narrow band-pass\nfilter (dots)", ha="left")
+    return axes, tilt
+
+
+@draws("chen2023/fig-3a", marks=[f"{TEXT}#dihedral-angle"])
+def _draw_tracker(figure: Figure, printed: Mapping[str, float]) -> None:
     """Structure of the star and laser tracker."""
-    box(axes, (5.0, 1.0), (3.6, 1.2), "processor")
-    box(axes, (5.0, 2.2), (1.6, 0.3))
-    lens(axes, (5.0, 3.4), 2.2, 90)
-    mirror(axes, (5.0, 5.3), 2.6, 30)
-    mirror(axes, (7.2, 4.0), 1.4, 60, ":")
-    box(axes, (3.35, 4.7), (0.5, 2.2), style="--")
-    box(axes, (5.2, 4.5), (5.8, 5.1), style=":")
+    axes, _ = _inside(figure, printed)
+    box(axes, (3.2, 6.3), (0.4, 2.2), style="--")
+    box(axes, (5.2, 4.7), (5.8, 6.2), style=":")
     for side in (-1, 1):
-        line(axes, [(5 + side * 1.6, 7.2), (5 + side * 2.6, 9.0)], 1.3)
-    label(axes, (6.0, 2.25), "detector", ha="left")
-    label(axes, (5.0, 3.4), "lens")
-    label(axes, (4.0, 6.4), "dichroic\nmirror")
-    label(axes, (8.4, 4.0), "narrow band-pass\nfilter (dots)", ha="left")
-    label(axes, (0.1, 4.7), "invar\nsupport\n(dashed)", ha="left")
-    label(axes, (8.4, 5.6), "thermal control\n(dotted)", ha="left")
-    label(axes, (7.8, 7.9), "baffle, held by the\nsatellite alone", ha="left")
+        line(axes, [(5 + side * 1.6, 8.0), (5 + side * 2.4, 9.5)], 1.3)
+    label(axes, (0.1, 6.9), "invar support\n(dashed)", ha="left")
+    label(axes, (8.2, 7.4), "thermal control\n(dotted)", ha="left")
+    label(axes, (7.6, 8.8), "baffle, held by the\nsatellite alone", ha="left")
 
 
 @draws("chen2023/fig-3b", marks=[f"{TEXT}#dihedral-angle"])
 def _draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Paths of starlight and laser light into the tracker."""
-    (tilt,) = np.degrees(list(printed.values())).tolist()
-    axes, middle, centre = canvas(figure, 11.0, 8.2), np.array([5.0, 4.8]), np.array([5.0, 2.2])
-    mirror(axes, middle, 3.4, tilt)
-    lens(axes, centre, 2.6, 90)
-    box(axes, (5.0, 0.55), (1.8, 0.3))
-    # Light that comes in a few degrees beside the boresight, through the middle of the lens.
-    star, laser = turned([0.0, -1.0], -9.0), turned([0.0, -1.0], 9.0)
-    came, normal = reflected(laser, tilt), turned([0.0, 1.0], tilt)
-    hit = centre - (centre - middle) @ normal / (laser @ normal) * laser
-    path(axes, [centre - 5.4 * star, centre, centre + 1.5 * star], STAR)
-    path(axes, [hit - 4.0 * came, hit, centre, centre + 1.5 * laser], LASER)
-    filtered = hit - 2.5 * came
-    mirror(axes, filtered, 1.6, float(np.degrees(np.arctan2(came[1], came[0]))) + 90, ":")
-    label(axes, beside(filtered, 0.85, 0.55), "band-pass\nfilter (dots)", ha="left")
-    for x, y, name in ((2.0, 4.3, "dichroic\nmirror"), (3.0, 2.2, "lens"), (6.9, 0.55, "detector")):
-        label(axes, (x, y), name)
-    line(axes, [middle, beside(middle, 2.9, 0.0)], 0.7)
-    arc(axes, middle, 2.5, (0, tilt), f"{tilt:g}°")
+    axes, tilt = _inside(figure, printed)
+    star, normal = INWARDS * [-1.0, 1.0], turned([0.0, 1.0], tilt)
+    hit = LENS - (LENS - PLATE) @ normal / (INWARDS @ normal) * INWARDS
+    path(axes, [LENS - 5.4 * star, LENS, LENS + 1.5 * star], STAR)
+    path(axes, [hit - 4.0 * reflected(INWARDS, tilt), hit, LENS, LENS + 1.5 * INWARDS], LASER)
+    line(axes, [PLATE, beside(PLATE, 2.9, 0.0)], 0.7)
+    arc(axes, PLATE, 2.5, (0, tilt), f"{tilt:g}°")
     key(axes, (STAR, LASER), (0.0, 1.0))
 
 

@@ -20,7 +20,6 @@ from reproduce.physics.images.detector import (
 )
 from reproduce.physics.images.phase_study import (
     Light,
-    biased_bound,
     bound,
     even_phases,
     observed_scatter,

@@ -186,28 +186,6 @@ def bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> Floa
     return np.asarray(np.sqrt(least[..., 0].mean(axis=-1)))
 
 
-def biased_bound(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
-    """Return the least standard deviation of a centroid with the bias of the centre of gravity.
-
-    It is that of `bound`, each phase with the square of the slope: how far the expected centroid
-    moves when the spot does. Arguments are those of `bound`.
-
-    Returns
-    -------
-    ndarray, shape (...), in px
-
-    Examples
-    --------
-    In a wide window there is no bias, and both bounds are one.
-
-    >>> [round(float(one([0.2], Light(1e4), 1.5, 31)), 5) for one in (bound, biased_bound)]
-    [0.01528, 0.01528]
-    """
-    laid_out = _laid_out(phases, light, radius, size)
-    least, slope = _least_variance(*laid_out), _error(*laid_out).slope
-    return np.asarray(np.sqrt((slope[..., 0] ** 2 * least[..., 0]).mean(axis=-1)))
-
-
 def predicted_scatter(law: CentroidError) -> Scatter:
     """Return the scatter (...) over all phases that an error from `predicted_errors` amounts to.
 
