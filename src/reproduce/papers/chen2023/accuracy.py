@@ -34,12 +34,12 @@ FRAMES = f"{TEXT}#frames"
 SMOOTHED = f"{TEXT}#smoothing-frames"
 DURATION = f"{TEXT}#duration"
 RATE = f"{TEXT}#frame-rate"
-MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
-REPLICATES = 2000
+_MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
+_REPLICATES = 2000
 READS = (*platform.INSTRUMENT, platform.SCATTER, FRAMES, f"{TABLE}#*.frames")
 # Replicates simulated at once: enough to be fast, few enough to stay small in memory.
-BATCH = 250
-COLUMNS = tuple(product(MATRICES, "xy"))
+_BATCH = 250
+COLUMNS = tuple(product(_MATRICES, "xy"))
 
 
 @reproduces(
@@ -47,14 +47,14 @@ COLUMNS = tuple(product(MATRICES, "xy"))
     cells=["*.transform-?", "*.misalignment-?"],
     given=READS,
     equations=["2", "3", "4", "5", "6", "7"],
-    replicates=REPLICATES,
+    replicates=_REPLICATES,
 )
 def frame_averaging(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Accuracy of the two matrices, for averages over more and more frames."""
     counts = _counts(given)
     accuracies = simulated_accuracies(given, seed, replicates, counts)
     # Group, count and axis come first: each cell is then one series of replicates.
-    cells = product(MATRICES, counts, "xy")
+    cells = product(_MATRICES, counts, "xy")
     series = np.moveaxis(accuracies, 0, -1).reshape(-1, replicates)
     return {
         f"{count}.{matrix}-{axis}": Prediction(draws)
@@ -75,8 +75,8 @@ def simulated_accuracies(
     turns = (spots[:, None] * response).reshape(len(spots), 2, -1)
     frames = given.count(FRAMES)
     parts = []
-    for first in range(0, replicates, BATCH):
-        batch = min(BATCH, replicates - first)
+    for first in range(0, replicates, _BATCH):
+        batch = min(_BATCH, replicates - first)
         noise = spawned_normals(seed, batch, (len(spots), frames, turns.shape[-1]), first=first)
         # One angle about X and one about Y for each frame, to first order in the noise: exact to
         # a part in a million here, since the noise turns the camera by a few microradians.
@@ -97,11 +97,11 @@ def times(given: Given) -> Results:
 @reproduces(
     TEXT,
     cells=["*-single-?", "*-smoothed-bound"],
-    given=[f"{TABLE}#{row}.{matrix}-?" for row in (1, 100) for matrix in MATRICES],
+    given=[f"{TABLE}#{row}.{matrix}-?" for row in (1, 100) for matrix in _MATRICES],
 )
 def quoted_accuracy(given: Given) -> Results:
     """First and last row of Table IV, quoted again in the text."""
-    smoothed = {matrix: given.array(f"{TABLE}#100.{matrix}-?") for matrix in MATRICES}
+    smoothed = {matrix: given.array(f"{TABLE}#100.{matrix}-?") for matrix in _MATRICES}
     return {
         f"{matrix}-single-{axis}": given[f"{TABLE}#1.{matrix}-{axis}"] for matrix, axis in COLUMNS
     } | {f"{matrix}-smoothed-bound": float(both.max()) for matrix, both in smoothed.items()}
@@ -142,7 +142,7 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         axes.fill_between(counts, low, high, facecolor=face, edgecolor=colour, linestyle=line)
         values = np.array([printed[f"{TABLE}#{name}"] for name in names]) * ARCSEC_PER_RADIAN
         axes.plot(counts, values, marker, color=colour, label=f"printed, {axis.upper()}")
-    for axes, title in zip(panels, MATRICES.values(), strict=True):
+    for axes, title in zip(panels, _MATRICES.values(), strict=True):
         axes.set(xlabel="frames averaged", title=title)
         axes.set_xticks(counts, [str(count) for count in counts], minor=False)
         axes.set_yticks([0.1, 0.2, 0.5, 1.0], ["0.1", "0.2", "0.5", "1"], minor=False)

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PRINTED = "chen2023/table-4#1.transform-?"
-NAMES = ("X", "Y", "Z")
-BEFORE = Look("zero point", INK, "--")
+_PRINTED = "chen2023/table-4#1.transform-?"
+_NAMES = ("X", "Y", "Z")
+_BEFORE = Look("zero point", INK, "--")
 TURN = float(np.radians(28.0))
 _ROUTE = {
     "calibration": ("installation,\nby the stars", "spots at the\nzero point", "laser\ntransform"),
@@ -110,7 +110,7 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
     """
     across = np.subtract(after, before)
     axis = int(np.abs(across).argmax())
-    return f"{'+' if across[axis] > 0 else '−'}{NAMES[axis]}"
+    return f"{'+' if across[axis] > 0 else '−'}{_NAMES[axis]}"
 
 
 @draws("chen2023/drawing-misalignment")
@@ -123,20 +123,20 @@ def draw_misalignment(figure: Figure) -> None:
         view, centre = seen_from(-62.0, 26.0, (x, 2.7), 2.2), np.zeros(3)
         angles = TURN * np.eye(3)[index]
         after = turned_camera(angles)
-        triad(axes, view, centre, 1.15 * np.eye(3), NAMES, look=BEFORE)
+        triad(axes, view, centre, 1.15 * np.eye(3), _NAMES, look=_BEFORE)
         triad(axes, view, centre, np.delete(after, index, axis=0), ["", ""], width=2.4)
         watched, what = (0, "X") if index == 2 else (2, "boresight")
         before = np.eye(3)[watched]
         sense(axes, view, centre, angles, 0.75 * before, TURN)
         axis = towards(before, after[watched])
-        text = rf"$\theta_{NAMES[index]} > 0$: {what}{gap}towards {axis}"
+        text = rf"$\theta_{_NAMES[index]} > 0$: {what}{gap}towards {axis}"
         label(axes, (x + 0.2, 0.95 - below / 4), text)
     label(axes, (6.8, 0.2 - below), "dashed: zero point; thick: now")
 
 
 @studied(
     "chen2023/orders",
-    given=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", PRINTED),
+    given=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", _PRINTED),
 )
 def orders(given: Given) -> list[tuple[str | float, ...]]:
     """Accuracy of a single frame in the axes of either instrument, for two principal points."""
@@ -151,4 +151,4 @@ def orders(given: Given) -> list[tuple[str | float, ...]]:
             variance = (response**2 * platform.scatter(given, 1) ** 2).sum(axis=(-2, -1))
             angles = platform.SIGMAS * np.sqrt(variance[:2])
             rows.append((name, frame, *map(float, angles * ARCSEC_PER_RADIAN)))
-    return [*rows, ("printed", "", *map(float, given.array(PRINTED) * ARCSEC_PER_RADIAN))]
+    return [*rows, ("printed", "", *map(float, given.array(_PRINTED) * ARCSEC_PER_RADIAN))]

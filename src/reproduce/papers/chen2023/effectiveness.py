@@ -50,28 +50,28 @@ if TYPE_CHECKING:
 
 TABLE = "chen2023/table-5"
 PLAN = "chen2023/text-effectiveness"
-QUOTED = f"{PLAN}#focal-length"
+_QUOTED = f"{PLAN}#focal-length"
 FRAMES = f"{PLAN}#frames-per-state"
 STATES = (1, 2, 3, 4, 5)
-MOVED = STATES[1:]
+_MOVED = STATES[1:]
 # A motion along one axis turns the camera about the other one.
-TURNS = {"x": "y", "y": "x"}
-REPLICATES = 4000
+_TURNS = {"x": "y", "y": "x"}
+_REPLICATES = 4000
 # The days on which the columns as printed with the nominal length, and other readings, came in.
-FIRST, LATER, NOW = "2026-11-21", "2026-11-22", "2026-11-24"
+_FIRST, _LATER, _NOW = "2026-11-21", "2026-11-22", "2026-11-24"
 # The angle from which one focal length for the whole table is taken.
 LAST = f"{TABLE}#5.reference-y"
-MISSING = "the focal length of the telescope, of which a nominal one is printed"
-COLUMNS = f"{MISSING}, and on which columns of Table V belong together"
+_MISSING = "the focal length of the telescope, of which a nominal one is printed"
+COLUMNS = f"{_MISSING}, and on which columns of Table V belong together"
 # Each reading chooses columns and focal length: its name, and where the text leaves room for it.
-BY_LAST = "(10), with the last angle about Y"
-BY_HEADINGS = f"headings of Table V; {BY_LAST}"
-READINGS = {
+_BY_LAST = "(10), with the last angle about Y"
+_BY_HEADINGS = f"headings of Table V; {_BY_LAST}"
+_READINGS = {
     ("printed", "quoted"): ("columns as printed; 2000 mm", "IV-B writes it without 'nominal'"),
     ("printed", "nominal"): ("columns as printed; nominal 2000 mm", "Table II"),
-    ("printed", "common"): ("columns as printed; one focal length", BY_LAST),
-    ("motions", "common"): ("positions and motions interchanged; one focal length", BY_HEADINGS),
-    ("references", "common"): ("reference angles interchanged; one focal length", BY_HEADINGS),
+    ("printed", "common"): ("columns as printed; one focal length", _BY_LAST),
+    ("motions", "common"): ("positions and motions interchanged; one focal length", _BY_HEADINGS),
+    ("references", "common"): ("reference angles interchanged; one focal length", _BY_HEADINGS),
 }
 _OPTIONS = words(TABLE).options
 
@@ -79,14 +79,14 @@ _OPTIONS = words(TABLE).options
 @reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
 def motion(given: Given) -> Results:
     """Motion of the stage: the position less that of the first state."""
-    return {f"{s}.motion-{axis}": _moved(given, s, axis) for axis in TURNS for s in STATES}
+    return {f"{s}.motion-{axis}": _moved(given, s, axis) for axis in _TURNS for s in STATES}
 
 
 def _telescopes(*names: str) -> dict[str, str]:
     return {name: _OPTIONS["telescope"][name] for name in names}
 
 
-MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, QUOTED)
+_MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, _QUOTED)
 
 
 def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float:
@@ -101,30 +101,30 @@ def common_length(given: Given, axis: str) -> float:
 
 def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
     """Return the angle of the stage in a state under every reading of Table V, in radians."""
-    axis, exchanged = TURNS[turn], common_length(given, "y")
+    axis, exchanged = _TURNS[turn], common_length(given, "y")
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
     sides = (
-        (printed, given[QUOTED]),
+        (printed, given[_QUOTED]),
         (printed, given[platform.TELESCOPE]),
         (printed, common_length(given, "x")),
         (_moved(given, state, turn), exchanged),
         (_moved(given, state, axis), exchanged),
     )
     angles = stage_angle(*np.transpose(sides))
-    return dict(zip(READINGS, angles.tolist(), strict=True))
+    return dict(zip(_READINGS, angles.tolist(), strict=True))
 
 
 @reproduces(
     TABLE,
     cells=["[2-4].reference-?", "5.reference-x"],
-    given=MEASURED,
+    given=_MEASURED,
     equations=["10"],
     options={name: _OPTIONS[name] for name in ("columns", "telescope")},
 )
 def reference_angle(given: Given) -> Results:
     """Reference angles from the motions and each focal length that the text leaves open."""
     results = {}
-    for turn, state in product(TURNS, MOVED):
+    for turn, state in product(_TURNS, _MOVED):
         if f"{TABLE}#{state}.reference-{turn}" != LAST:
             angles = _expected_angles(given, state, turn)
             # An angle under the other heading is one of the other motion.
@@ -136,26 +136,26 @@ def reference_angle(given: Given) -> Results:
 @reproduces(
     TABLE,
     cells=["5.reference-y"],
-    given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, QUOTED],
+    given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, _QUOTED],
     equations=["10"],
     options={"telescope": _telescopes("quoted", "nominal")},
 )
 def last_reference_angle(given: Given) -> Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
-    lengths = {"quoted": given[QUOTED], "nominal": given[platform.TELESCOPE]}
+    lengths = {"quoted": given[_QUOTED], "nominal": given[platform.TELESCOPE]}
     motion = given[f"{TABLE}#5.motion-x"]
     angles = {("printed", n): float(stage_angle(motion, one)) for n, one in lengths.items()}
-    return {"5.reference-y": _blocked(MISSING, angles)}
+    return {"5.reference-y": _blocked(_MISSING, angles)}
 
 
 def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
     """Return all readings of an angle; the nominal focal length stands in."""
     readings = (
         Reading(
-            *READINGS[choice],
+            *_READINGS[choice],
             angle,
             dict(zip(("columns", "telescope"), choice, strict=True)),
-            FIRST if choice == ("printed", "nominal") else LATER,
+            _FIRST if choice == ("printed", "nominal") else _LATER,
         )
         for choice, angle in angles.items()
     )
@@ -165,9 +165,9 @@ def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
 @reproduces(
     TABLE,
     cells=["*.monitoring-?"],
-    given=[*MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
+    given=[*_MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
     equations=["7", "10"],
-    replicates=REPLICATES,
+    replicates=_REPLICATES,
     options=_OPTIONS | {"telescope": _telescopes("quoted", "common")},
 )
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
@@ -176,14 +176,14 @@ def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Result
     few, fewer = f"; means of {count} images", np.sqrt(given.count(FRAMES) / count)
     means = {"state": ("", "", 1.0), "ramp": (few, "; V-C on the ramps", fewer)}
     results: dict[str, Result] = {}
-    for turn, state in product(TURNS, MOVED):
+    for turn, state in product(_TURNS, _MOVED):
         noise, angles = errors[:, state - 2, "xy".index(turn)], _expected_angles(given, state, turn)
         readings = []
         for images, (label, why, share) in means.items():
-            for (columns, telescope), (name, place) in READINGS.items():
+            for (columns, telescope), (name, place) in _READINGS.items():
                 if telescope == "nominal":  # known to a few per cent: no law to draw from
                     continue
-                added = NOW if images == "ramp" and columns == "printed" else LATER
+                added = _NOW if images == "ramp" and columns == "printed" else _LATER
                 draws = Prediction(angles[columns, telescope] + share * noise)
                 choices = {"columns": columns, "telescope": telescope, "images": images}
                 readings.append(Reading(name + label, place + why, draws, choices, added))
@@ -214,7 +214,7 @@ def difference(given: Given) -> Results:
     return {
         f"{state}.difference-{turn}": given[f"{TABLE}#{state}.monitoring-{turn}"]
         - given[f"{TABLE}#{state}.reference-{turn}"]
-        for turn, state in product(TURNS.values(), MOVED)
+        for turn, state in product(_TURNS.values(), _MOVED)
     }
 
 
@@ -234,11 +234,11 @@ def plan(given: Given) -> Results:
 
 
 @reproduces(
-    PLAN, cells=["simulated-angle"], given=[f"{PLAN}#maximum-travel", QUOTED], equations=["10"]
+    PLAN, cells=["simulated-angle"], given=[f"{PLAN}#maximum-travel", _QUOTED], equations=["10"]
 )
 def largest_angle(given: Given) -> Results:
     """Largest misalignment that the stage can simulate, without its sign."""
-    angle = stage_angle(given[f"{PLAN}#maximum-travel"], given[QUOTED])
+    angle = stage_angle(given[f"{PLAN}#maximum-travel"], given[_QUOTED])
     return {"simulated-angle": abs(float(angle))}
 
 
@@ -253,31 +253,31 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion."""
     panels = figure.subplots(1, 2, sharey=True)
     sigma = platform.angle_sigma(door, 2, door.count(FRAMES))
-    for axes, (axis, turn) in zip(panels, TURNS.items(), strict=True):
+    for axes, (axis, turn) in zip(panels, _TURNS.items(), strict=True):
         motions = _column(printed, f"motion-{axis}")
         reference = _column(printed, f"reference-{turn}")
         monitoring = _column(printed, f"monitoring-{turn}")
         noise = np.sqrt(2.0) * sigma["xy".index(turn)]  # of the state and of the zero state
         length = _implied(motions, monitoring)
         error = length * noise / np.abs(monitoring)
-        left, right = np.add(MOVED, -0.1), np.add(MOVED, 0.1)
+        left, right = np.add(_MOVED, -0.1), np.add(_MOVED, 0.1)
         own, blue = _implied(motions, reference), "#0072B2"
         axes.plot(left, own, "o", color=blue, label="reference")
         # Differences of the positions, not the printed motions: one of these holds a slip.
-        across = np.array([_moved(printed, state, turn) for state in MOVED])
+        across = np.array([_moved(printed, state, turn) for state in _MOVED])
         exchanged = _implied(across, reference)
         axes.plot(left, exchanged, "o", fillstyle="none", color=blue, label="reference, exchanged")
         axes.errorbar(right, length, error, fmt="s", color="#D55E00", label="monitoring")
         nominal = door[platform.TELESCOPE] * 1e3
         axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
-        axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=MOVED)
+        axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=_MOVED)
     panels[0].set_ylabel("focal length (mm)")
     columns = 2 if thin(figure) else 4
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
 def _column(printed: Given | Mapping[str, float], name: str) -> FloatArray:
-    return np.array([printed[f"{TABLE}#{state}.{name}"] for state in MOVED])
+    return np.array([printed[f"{TABLE}#{state}.{name}"] for state in _MOVED])
 
 
 def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
@@ -311,7 +311,7 @@ def _implied_facts(given: Given) -> dict[str, Fact]:
     own, other, half = (frame.iloc[:, column].to_numpy(np.float64) for column in (1, 4, 5))
     away = [
         np.abs(_column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")).max()
-        for axis, turn in TURNS.items()
+        for axis, turn in _TURNS.items()
     ]
     lengths = {
         "printed-least": own.min(),
@@ -331,7 +331,7 @@ def _implied_facts(given: Given) -> dict[str, Fact]:
     given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
     caption="Focal length implied by Table V: by reference angles (± rounding of the print) and by "
     "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
-    f"{len(MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
+    f"{len(_MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
     "digit.",
     named=_implied_facts,
 )
@@ -339,15 +339,15 @@ def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
     sigma = platform.angle_sigma(given, 2, given.count(FRAMES))
     rows: list[tuple[str | float, ...]] = []
-    for axis, turn in TURNS.items():
-        motions = [np.array([_moved(given, s, moving) for s in MOVED]) for moving in (axis, turn)]
+    for axis, turn in _TURNS.items():
+        motions = [np.array([_moved(given, s, moving) for s in _MOVED]) for moving in (axis, turn)]
         angles = _column(given, f"reference-{turn}")
         own, other = (_implied(motion, angles) for motion in motions)
         # What the rounding of both numbers allows; a motion is the difference of two positions,
         # each printed to a hundredth of a micrometre.
         half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
         error = np.abs(own) * (half_motion / np.abs(motions[0]) + half_angle / np.abs(angles))
-        for state, *one in zip(MOVED, own, error, other, strict=True):
+        for state, *one in zip(_MOVED, own, error, other, strict=True):
             label = f"reference about {turn.upper()}, state {state}"
             rows.append((label, one[0], one[1], np.nan, one[2], one[1], np.nan))
         monitored, noise = _column(given, f"monitoring-{turn}"), sigma["xy".index(turn)]
@@ -387,14 +387,14 @@ def differences(given: Given) -> list[tuple[str, float, int, float]]:
     from scipy.special import chdtrc
 
     few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
-    rows, freedom = [], len(MOVED) * len(TURNS)
+    rows, freedom = [], len(_MOVED) * len(_TURNS)
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
         (f"one frame of Table IV, means of {few}", 1, few),
         (f"{few} frames of Table IV", few, 1),
     ):
         found = 0.0
-        for turn in TURNS:
+        for turn in _TURNS:
             accurate = given[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
             sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
             found += shared_zero_chi_square(_column(given, f"difference-{turn}"), sigma)

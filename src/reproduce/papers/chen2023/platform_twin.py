@@ -81,13 +81,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WINDOW = f"{platform.TEXT}#window-x"
-BENCH = (*platform.INSTRUMENT, platform.SCATTER, resolution.SPOT_RADIUS, WINDOW)
-READS = (*BENCH, accuracy.FRAMES)
+_WINDOW = f"{platform.TEXT}#window-x"
+_BENCH = (*platform.INSTRUMENT, platform.SCATTER, resolution.SPOT_RADIUS, _WINDOW)
+READS = (*_BENCH, accuracy.FRAMES)
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class _Bench:
     """The ground platform as the twin sees it.
 
     Attributes
@@ -132,18 +132,18 @@ class Bench:
         return received_spots(moved, *self.design.tracker)
 
 
-def bench(given: Given) -> Bench:
+def bench(given: Given) -> _Bench:
     """Set the twin up from printed numbers."""
-    design, window = platform.as_designed(given), round(given[WINDOW])
+    design, window = platform.as_designed(given), round(given[_WINDOW])
     radius = given[resolution.SPOT_RADIUS] / given[platform.PIXEL]
     law, _ = resolution.spot_laws(design.spots, radius, window)
     target = np.stack([(platform.scatter(given, g) ** 2).mean(axis=-1) for g in (1, 2)])
     light = np.asarray(law.variance.mean(axis=-1) / target)
-    return Bench(design, design.spots - law.bias, light, radius, window)
+    return _Bench(design, design.spots - law.bias, light, radius, window)
 
 
 def centroids(
-    twin: Bench, spots: ArrayLike, light: ArrayLike, frames: int, generator: Generator
+    twin: _Bench, spots: ArrayLike, light: ArrayLike, frames: int, generator: Generator
 ) -> FloatArray:
     """Render frames and extract the spots, as the bench does.
 
@@ -157,7 +157,7 @@ def centroids(
     return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
 
 
-class Series(NamedTuple):
+class _Series(NamedTuple):
     """What the bench measures over two groups of frames.
 
     Extracted centroids, (2, frames, 4, 2), in px; error of the laser transform of the first group,
@@ -170,7 +170,7 @@ class Series(NamedTuple):
     misalignment: FloatArray
 
 
-def two_groups(twin: Bench, frames: int, generator: Generator) -> Series:
+def two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     """Take two groups of frames and solve them, as the accuracy test does."""
     found = np.stack(
         [centroids(twin, twin.spots, light, frames, generator) for light in twin.light]
@@ -178,12 +178,12 @@ def two_groups(twin: Bench, frames: int, generator: Generator) -> Series:
     single = twin.transform(found[0])
     zero = mean_rotation(single)
     errors = misalignment_angles(transpose(single) @ zero)
-    return Series(found, errors, twin.misalignment(found[1], zero))
+    return _Series(found, errors, twin.misalignment(found[1], zero))
 
 
 @studied(
     "chen2023/misfit",
-    given=(*BENCH, f"{effectiveness.TABLE}#[15].position-y", effectiveness.LAST),
+    given=(*_BENCH, f"{effectiveness.TABLE}#[15].position-y", effectiveness.LAST),
 )
 def misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
@@ -204,14 +204,14 @@ def misfit(given: Given) -> pd.DataFrame:
     return misfit.frame(rows, diagonal=diagonal * 1e3)
 
 
-DESIGN = "chen2023/text-satellite"
-ANGLES = tuple(f"{DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
+_DESIGN = "chen2023/text-satellite"
+ANGLES = tuple(f"{_DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
 # Towards Orion, for no better reason than that everybody knows it: right ascension, declination,
 # turn about the boresight, in degrees; and the faintest magnitude.
-POINTING, FAINTEST = (84.6, -0.4, 20.0), 6.0
+_POINTING, _FAINTEST = (84.6, -0.4, 20.0), 6.0
 SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
 STAGE_READS = (*SERIES_READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAMES)
-MARGIN = 12
+_MARGIN = 12
 _in_series = partial(draws, given=SERIES_READS, random=True)
 _in_ride = partial(draws, given=STAGE_READS, random=True)
 
@@ -221,14 +221,14 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
     from scipy.spatial.transform import Rotation  # only now: no judged number needs it
 
-    alpha, delta, turn = POINTING
+    alpha, delta, turn = _POINTING
     turns, stars = [alpha + 90.0, 90.0 - delta, turn], bright_stars()
     rays = stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
-    seen = (rays[:, 2] > 0.9) & (stars.magnitude <= FAINTEST)
+    seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST)
     x, y = received_spots(rays[seen], *platform.tracker(door)).T
     sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
-    size = 5 * 1.7 ** (FAINTEST - stars.magnitude[seen])
+    size = 5 * 1.7 ** (_FAINTEST - stars.magnitude[seen])
     axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
     _lasers(axes, _pairs(printed), 5, "laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
@@ -297,7 +297,7 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
 
 
 @cache
-def groups(door: Given) -> Series:
+def groups(door: Given) -> _Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
     twin, frames = bench(door), door.count(accuracy.FRAMES)
     return two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8", door.root)))
@@ -330,8 +330,8 @@ def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
     twin = bench(door)
-    corner = np.floor(twin.spots.min(axis=0)).astype(int) - MARGIN
-    width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + MARGIN - corner).tolist()
+    corner = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN
+    width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN - corner).tolist()
     spots = twin.spots - corner
     mean = render_frame(spots, twin.light[0], twin.radius, (width, height))
     seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7", door.root)))

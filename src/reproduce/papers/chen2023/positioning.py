@@ -56,12 +56,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
-MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
-READS = (*MONITORING, *satellite.CAMERA, POINTING)
-YEAR_READS = (*MONITORING, *satellite.CAMERA, accuracy.RATE)
-ORBIT = 0.05
-SINGLE, AVERAGED = "one frame", "averaged"
+_POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
+_MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
+READS = (*_MONITORING, *satellite.CAMERA, _POINTING)
+YEAR_READS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
+_ORBIT = 0.05
+_SINGLE, _AVERAGED = "one frame", "averaged"
 # Where the satellite stands and how it looks: name, tilt off the nadir, image point off the centre.
 LOOKS = (
     ("nadir, centre", 0.0, 0.0),
@@ -70,24 +70,24 @@ LOOKS = (
 )
 # What an error goes through, and the unit in which it is written.
 UNITS = {"satellite": (1.0, "m"), "turn": (RADIANS_PER_ARCSEC, "arcsec"), "image": (1e-6, "µm")}
-CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
-PER_ORBIT = 64
+_CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
+_PER_ORBIT = 64
 # Long enough for the trend to stand out from what wanders; a week makes it far worse.
-CAMPAIGN_DAYS = 60.0
-YEAR_DAYS = 365.0
-AMPLITUDES = (0.5, 2.0, 10.0, 50.0)
+_CAMPAIGN_DAYS = 60.0
+_YEAR_DAYS = 365.0
+_AMPLITUDES = (0.5, 2.0, 10.0, 50.0)
 # Days from the end of the campaign.
-AGES = {
+_AGES = {
     "first day": (0.0, 1.0),
     "after a week": (6.0, 7.0),
     "after a month": (30.0, 31.0),
     "after a year": (364.0, 365.0),
 }
-WHOLE = "over the year"
+_WHOLE = "over the year"
 # The year is looked at every so many samples where only a quantile of all of it is asked for.
-STRIDE = 7
+_STRIDE = 7
 # Where the search for the amplitude that a correction still tolerates begins, and its steps.
-LARGEST, HALVINGS = 4096.0, 40
+_LARGEST, _HALVINGS = 4096.0, 40
 UNCORRECTED, *CORRECTIONS = (
     "no correction",
     "one calibration",
@@ -111,7 +111,7 @@ def quoted_resolution(given: Given) -> Results:
 
 
 @dataclass(frozen=True, eq=False)
-class Term:
+class _Term:
     """One error of the imaging model.
 
     Attributes
@@ -129,32 +129,32 @@ class Term:
     sigma: FloatArray
 
 
-def terms(given: Given) -> tuple[Term, ...]:
+def terms(given: Given) -> tuple[_Term, ...]:
     """Return the errors of the imaging model for SVGF-1.
 
     The misalignment axis by axis, for one frame and for the average of many.
     """
-    attitude = np.full(3, given[POINTING] / platform.SIGMAS)
+    attitude = np.full(3, given[_POINTING] / platform.SIGMAS)
     turns = (
-        Term(f"misalignment about {axis}, {mean}", "turn", sigma * unit)
-        for frames, mean in ((1, SINGLE), (given.count(accuracy.SMOOTHED), AVERAGED))
+        _Term(f"misalignment about {axis}, {mean}", "turn", sigma * unit)
+        for frames, mean in ((1, _SINGLE), (given.count(accuracy.SMOOTHED), _AVERAGED))
         for sigma in [platform.angle_sigma(given, 2, frames)]
         for axis, unit in zip(("X", "Y", "Z (roll)"), np.eye(3), strict=True)
     )
     pixel = np.array([1.0, 1.0, 0.0]) * given[satellite.CAMERA[1]]
     return (
-        Term("attitude of the tracker, at its limit", "turn", attitude),
+        _Term("attitude of the tracker, at its limit", "turn", attitude),
         *turns,
-        Term("orbit", "satellite", np.full(3, ORBIT)),
-        Term("principal point, one pixel", "image", pixel),
+        _Term("orbit", "satellite", np.full(3, _ORBIT)),
+        _Term("principal point, one pixel", "image", pixel),
     )
 
 
-def together(given: Given) -> dict[str, tuple[Term, ...]]:
+def together(given: Given) -> dict[str, tuple[_Term, ...]]:
     """Return the whole budget twice: monitoring with one frame, and with the average of many."""
     return {
         f"all together, {mean}": tuple(t for t in terms(given) if not t.name.endswith(other))
-        for mean, other in ((SINGLE, AVERAGED), (AVERAGED, SINGLE))
+        for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE))
     }
 
 
@@ -171,7 +171,7 @@ def look(given: Given, tilt: float, off: float) -> tuple[FloatArray, FloatArray,
     return np.array([[off / height * focal, 0.0, -focal]]), place, chain
 
 
-def analytic(jacobian: GroundJacobian, term: Term) -> FloatArray:
+def analytic(jacobian: GroundJacobian, term: _Term) -> FloatArray:
     """Return the covariance of east and north that a term causes, in square metres."""
     slopes = getattr(jacobian, f"by_{term.kind}")
     return np.asarray(ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0])
@@ -199,10 +199,10 @@ def year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Float
     calibrations and of the monitoring.
     """
     period = float(orbital_period(height))
-    orbits = int(np.ceil((YEAR_DAYS + CAMPAIGN_DAYS) * DAY / period))
+    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * DAY / period))
     generator = default_rng(seed_of("chen2023/year", root))
-    times, angles = thermal_series(Thermal(1.0), period, PER_ORBIT, orbits, generator)
-    return times - CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
+    times, angles = thermal_series(Thermal(1.0), period, _PER_ORBIT, orbits, generator)
+    return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 
 def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
@@ -212,7 +212,7 @@ def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     """
     times, unit, noise = year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
-    measured = true + CALIBRATION * noise
+    measured = true + _CALIBRATION * noise
     # The lasers give the misalignment half an average late, with its noise.
     count = given.count(accuracy.SMOOTHED)
     late = times - 0.5 * count / given[accuracy.RATE] / DAY
@@ -220,8 +220,8 @@ def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     estimates = (
         np.zeros_like(true),
         measured[known - 1],
-        trend_and_fourier(times, np.arange(len(times)) / PER_ORBIT, measured, known),
-        last_orbits(measured, PER_ORBIT),
+        trend_and_fourier(times, np.arange(len(times)) / _PER_ORBIT, measured, known),
+        last_orbits(measured, _PER_ORBIT),
         delayed + platform.angle_sigma(given, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
@@ -239,15 +239,15 @@ def _quantile(errors: FloatArray) -> float:
     given=YEAR_READS,
     columns=(
         Column("Correction"),
-        *(Column(f"at {amplitude:g} arcsec (m)", ".2f") for amplitude in AMPLITUDES),
+        *(Column(f"at {amplitude:g} arcsec (m)", ".2f") for amplitude in _AMPLITUDES),
     ),
-    caption="CE90 on the ground from the thermal misalignment that is left, over the "
-    f"year after a campaign of {CAMPAIGN_DAYS:g} days, by amplitude of the first thermal harmonic.",
+    caption="CE90 on the ground from the thermal misalignment that is left, over the year after "
+    f"a campaign of {_CAMPAIGN_DAYS:g} days, by amplitude of the first thermal harmonic.",
 )
 def strategies(given: Given) -> list[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = satellite.altitude(given)
-    left = [residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in AMPLITUDES]
+    left = [residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES]
     return [
         (name, *(_quantile(errors[name]) * height for errors in left))
         for name in (UNCORRECTED, *CORRECTIONS)
@@ -258,8 +258,8 @@ def spans(given: Given) -> dict[str, slice]:
     """Return the samples of each age, from the end of the campaign on; last, the whole year."""
     times = year(satellite.altitude(given), given.root)[0]
     times = times[np.searchsorted(times, 0.0) :]
-    ages = {name: slice(*np.searchsorted(times, days)) for name, days in AGES.items()}
-    return {**ages, WHOLE: slice(0, None, STRIDE)}
+    ages = {name: slice(*np.searchsorted(times, days)) for name, days in _AGES.items()}
+    return {**ages, _WHOLE: slice(0, None, _STRIDE)}
 
 
 @studied(
@@ -270,7 +270,7 @@ def spans(given: Given) -> dict[str, slice]:
         Column("Correction"),
         Column("limit"),
         Column("limit (m)", ".2f"),
-        *(Column(f"{name} (arcsec)", ".2g", missing="none") for name in (*AGES, WHOLE)),
+        *(Column(f"{name} (arcsec)", ".2g", missing="none") for name in (*_AGES, _WHOLE)),
     ),
 )
 def suffices(given: Given) -> list[tuple[str | float, ...]]:
@@ -296,12 +296,12 @@ def suffices(given: Given) -> list[tuple[str | float, ...]]:
 def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
     """Return the amplitude at which nine tenths of the errors just stay within a limit.
 
-    In the unit of the slope, from 0 to `LARGEST`; not a number if noise alone goes beyond.
+    In the unit of the slope, from 0 to `_LARGEST`; not a number if noise alone goes beyond.
     """
     if _quantile(noise) > limit:
         return float("nan")
-    low, high = 0.0, LARGEST
-    for _ in range(HALVINGS):
+    low, high = 0.0, _LARGEST
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         within = _quantile(middle * slope + noise) <= limit
         low, high = (middle, high) if within else (low, middle)
@@ -309,11 +309,11 @@ def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> flo
 
 
 # The drawn satellite, its target, and the side they are seen from.
-INERTIAL = Look("J2000", INK, "--")
-DATE = "2023-09-22T03:30:00"
+_INERTIAL = Look("J2000", INK, "--")
+_DATE = "2023-09-22T03:30:00"
 EARTH = WGS84.equatorial_radius
-ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * EARTH])
-TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
+_ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * EARTH])
+_TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
 VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / EARTH)
 
 
@@ -323,9 +323,9 @@ def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     Position of the satellite; where equation (1) puts the middle of the image; three frames whose
     columns are their axes. All Earth-fixed, in metres.
     """
-    turning = earth_from_inertial(DATE, EarthOrientation(ut1_utc=0.0))
-    place = earth_fixed(ABOVE)
-    z = unit("boresight", earth_fixed(TARGET) - place)
+    turning = earth_from_inertial(_DATE, EarthOrientation(ut1_utc=0.0))
+    place = earth_fixed(_ABOVE)
+    z = unit("boresight", earth_fixed(_TARGET) - place)
     x = unit("level", np.cross([0.0, 0.0, 1.0], z))
     looking = np.stack([x, np.cross(z, x), z], axis=-1)
     # The tracker looks away from the Earth: the camera, turned about the X that both share.
@@ -349,7 +349,7 @@ def draw_scene(axes: Axes, door: Given) -> None:
     names = [r"$X_\mathrm{WGS84}$", r"$Y_\mathrm{WGS84}$", "$Z$ of both"]
     triad(axes, VIEW, origin, np.diag([1.6, 1.6, 1.3]) * EARTH, names, width=1.8)
     names, stars = [r"$X_\mathrm{J2000}$", r"$Y_\mathrm{J2000}$"], frames["stars"].T
-    triad(axes, VIEW, origin, 1.6 * EARTH * stars[:2], names, look=INERTIAL)
+    triad(axes, VIEW, origin, 1.6 * EARTH * stars[:2], names, look=_INERTIAL)
     turn = float(-np.arctan2(stars[0, 1], stars[0, 0]))
     sense(axes, VIEW, origin, [0.0, 0.0, 1.0], 0.6 * EARTH * stars[0], turn)
     place, target = VIEW.point(above), VIEW.point(imaged)
@@ -366,4 +366,4 @@ def draw_scene(axes: Axes, door: Given) -> None:
     label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
     label(axes, beside(VIEW.point(tracker), -0.35, 0.1), "tracker", ha="right")
     label(axes, beside(target, 0.3, 0.4), "target")
-    key(axes, (SCENE, STAR, INERTIAL), (0.0, 1.0))
+    key(axes, (SCENE, STAR, _INERTIAL), (0.0, 1.0))

@@ -17,7 +17,7 @@ What all readings share:
 What the text leaves open, and the results depend on, are the `CASES`: what the radius of a Gaussian
 is, and how much of the noise of EMVA 1288 is read noise. How large a gain is significant is open
 too: refining stops to pay below the coarsest resolution that no finer one beats by more than some
-standard errors of the study, `THRESHOLDS`. The first case and three standard errors were chosen
+standard errors of the study. The first case and three standard errors were chosen
 first and came into the history together with their verdicts; the others were added when their
 results were known. All of them are judged side by side.
 
@@ -76,20 +76,20 @@ if TYPE_CHECKING:
 STUDY = "chen2023/text-resolution"
 SPOT_RADIUS = f"{STUDY}#spot-radius"
 # The spot on pixels of any size, with the light that Table III implies.
-WINDOW = f"{STUDY}#window-x"
-SPOT_READS = (SPOT_RADIUS, WINDOW, *platform.TRACKER, platform.SPOTS, platform.SCATTER)
+_WINDOW = f"{STUDY}#window-x"
+_SPOT_READS = (SPOT_RADIUS, _WINDOW, *platform.TRACKER, platform.SPOTS, platform.SCATTER)
 PHASES = f"{STUDY}#phases"
-STUDIED = ("trials", "lasers", "resolution-low", "resolution-high")
-READS = (*SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in STUDIED))
-OPTIMUM = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
-SATURATION = f"{STUDY}#saturation"
-REPLICATES = 2000
+_STUDIED = ("trials", "lasers", "resolution-low", "resolution-high")
+READS = (*_SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in _STUDIED))
+_OPTIMUM = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
+_SATURATION = f"{STUDY}#saturation"
+_REPLICATES = 2000
 # What counts as significant in the first reading, in standard errors of a difference.
-CHOSEN = 3.0
+_CHOSEN = 3.0
 
 
 @dataclass(frozen=True)
-class Case:
+class _Case:
     """One reading of what the study takes as its spot and its noise.
 
     Attributes
@@ -116,32 +116,32 @@ class Case:
     def choices(self) -> dict[str, str]:
         """What the case chooses of what the text leaves open."""
         return {
-            "radius": RADII[self.width],
+            "radius": _RADII[self.width],
             "noise": "read" if self.read_share else "photon",
             "light": "brighter" if self.brighter > 1.0 else "table-3",
         }
 
 
-ONE_OVER_E, HALF_HEIGHT = float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(2.0)))
-RADIUS = "V-D does not say which radius of the Gaussian is meant"
-NOISE = "V-D draws noise after EMVA 1288, which has read noise too, and prints no parameters"
+_ONE_OVER_E, _HALF_HEIGHT = float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(2.0)))
+_RADIUS = "V-D does not say which radius of the Gaussian is meant"
+_NOISE = "V-D draws noise after EMVA 1288, which has read noise too, and prints no parameters"
 CASES = (
-    Case("radius: one standard deviation; photon noise", RADIUS),
-    Case("radius: light down to 1/e; photon noise", RADIUS, ONE_OVER_E),
-    Case("radius: light down to one half; photon noise", RADIUS, HALF_HEIGHT),
-    Case("radius: light down to 1/e²; photon noise", RADIUS, 2.0),
-    Case("radius: one standard deviation; 90 % read noise", NOISE, read_share=0.9),
-    Case("radius: light down to one half; 90 % read noise", NOISE, HALF_HEIGHT, 0.9),
-    Case(
+    _Case("radius: one standard deviation; photon noise", _RADIUS),
+    _Case("radius: light down to 1/e; photon noise", _RADIUS, _ONE_OVER_E),
+    _Case("radius: light down to one half; photon noise", _RADIUS, _HALF_HEIGHT),
+    _Case("radius: light down to 1/e²; photon noise", _RADIUS, 2.0),
+    _Case("radius: one standard deviation; 90 % read noise", _NOISE, read_share=0.9),
+    _Case("radius: light down to one half; 90 % read noise", _NOISE, _HALF_HEIGHT, 0.9),
+    _Case(
         "radius: light down to one half; 90 % read noise; 1.1 times the light",
         "V-D: parameters close to those measured, not equal",
-        HALF_HEIGHT,
+        _HALF_HEIGHT,
         0.9,
         1.1,
     ),
 )
 LITERAL = CASES[0]
-RADII = {1.0: "sigma", ONE_OVER_E: "one-over-e", HALF_HEIGHT: "half", 2.0: "one-over-e2"}
+_RADII = {1.0: "sigma", _ONE_OVER_E: "one-over-e", _HALF_HEIGHT: "half", 2.0: "one-over-e2"}
 
 
 @reproduces(
@@ -166,7 +166,7 @@ def spot(given: Given) -> Results:
     cells=["optimum", "optimum-accuracy", "saturation"],
     given=READS,
     equations=["11"],
-    replicates=REPLICATES,
+    replicates=_REPLICATES,
     options=words(STUDY).options,
 )
 def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
@@ -191,7 +191,7 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
         "optimum-accuracy": scatter.min(axis=-1),
         "saturation": angles[saturation(monitoring, relative)],
     }.items():
-        more = {"threshold": f"{CHOSEN:g}"} if name == "saturation" else {}
+        more = {"threshold": f"{_CHOSEN:g}"} if name == "saturation" else {}
         readings = [
             Reading(
                 case.name, case.place, Prediction(replicated), case.choices | more, _added(case)
@@ -200,16 +200,16 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
         ]
         if more:
             readings[:1] = by_threshold
-        results[name] = Blocked(MISSING[name], float(np.median(found[0])), tuple(readings))
+        results[name] = Blocked(_MISSING[name], float(np.median(found[0])), tuple(readings))
     return results
 
 
-def _added(case: Case, errors: float = CHOSEN) -> str:
+def _added(case: _Case, errors: float = _CHOSEN) -> str:
     """Return the day on which a case came into the history: the literal one came first."""
-    return "2026-11-21" if case == LITERAL and errors == CHOSEN else "2026-11-22"
+    return "2026-11-21" if case == LITERAL and errors == _CHOSEN else "2026-11-22"
 
 
-MISSING = {
+_MISSING = {
     "optimum": "what the radius of the spot means, and on the light and the noise of the study",
     "optimum-accuracy": "what the radius of the spot means, and on the light and the noise",
     "saturation": "which gain counts as significant, and on the spot and the noise",
@@ -222,7 +222,7 @@ def resolutions(given: Given) -> FloatArray:
     return np.asarray(np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1))
 
 
-def radii(given: Given, angles: FloatArray, case: Case = LITERAL) -> FloatArray:
+def radii(given: Given, angles: FloatArray, case: _Case = LITERAL) -> FloatArray:
     """Return the standard deviation of the spot in pixels that see the given angles."""
     sigma = given[SPOT_RADIUS] / case.width
     return np.asarray(sigma / (angles * given[platform.FOCAL_LENGTH]))
@@ -235,10 +235,10 @@ def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError
     return [centre_of_gravity_error(spots, 1.0, radius, corners, size, noise) for noise in noises]
 
 
-def light_for_table(given: Given, case: Case = LITERAL) -> Light:
+def light_for_table(given: Given, case: _Case = LITERAL) -> Light:
     """Return the light for the mean variance of Table III, or as much more as a case says."""
     radius = given[SPOT_RADIUS] / case.width / given[platform.PIXEL]
-    laws = spot_laws(platform.printed_spots(given), radius, round(given[WINDOW]))
+    laws = spot_laws(platform.printed_spots(given), radius, round(given[_WINDOW]))
     # Photon variance goes as one over the light, read variance as one over its square.
     photon, both = (law.variance.mean() for law in laws)
     target = ((given.array(platform.SCATTER) / platform.SIGMAS) ** 2).mean()
@@ -247,10 +247,10 @@ def light_for_table(given: Given, case: Case = LITERAL) -> Light:
     return Light(float(case.brighter * signal), float(read))
 
 
-def _setting(given: Given, case: Case = LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
+def _setting(given: Given, case: _Case = LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return the phases, the light, the radii of the spot at all resolutions, and the window."""
     radius, phases = radii(given, resolutions(given), case), even_phases(given.count(PHASES))
-    return phases, light_for_table(given, case), radius, round(given[WINDOW])
+    return phases, light_for_table(given, case), radius, round(given[_WINDOW])
 
 
 def relative_error(given: Given) -> float:
@@ -278,7 +278,7 @@ def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Flo
     return np.stack(found, axis=1)
 
 
-def saturation(monitoring: FloatArray, relative: float, errors: float = CHOSEN) -> FloatArray:
+def saturation(monitoring: FloatArray, relative: float, errors: float = _CHOSEN) -> FloatArray:
     """Return the index of the coarsest resolution that no finer one beats significantly.
 
     Index along the last axis.
@@ -317,24 +317,24 @@ def curves(door: Given) -> dict[str, FloatArray]:
     }
 
 
-@draws("chen2023/fig-11a", given=READS, marks=OPTIMUM, random=True)
+@draws("chen2023/fig-11a", given=READS, marks=_OPTIMUM, random=True)
 def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Centroiding accuracy against the angular resolution of the tracker."""
     axes = _curves(figure, curves(door), 1.0)
-    optimum, accuracy = (printed[address] for address in OPTIMUM)
+    optimum, accuracy = (printed[address] for address in _OPTIMUM)
     place = optimum * ARCSEC_PER_RADIAN
     axes.plot(place, accuracy, "*", markersize=13, color="#000000", label="printed best")
     axes.set(ylabel="centroid error (1σ, px)")
     figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
 
 
-@draws("chen2023/fig-11b", given=READS, marks=[SATURATION], random=True)
+@draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
 def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitoring accuracy against the angular resolution of the tracker."""
     content, lasers = curves(door), door.count(f"{STUDY}#lasers")
     scale = attitude_accuracy(1.0, lasers, content["angles"]) * ARCSEC_PER_RADIAN
     axes = _curves(figure, content, scale)
-    limit = printed[SATURATION] * ARCSEC_PER_RADIAN
+    limit = printed[_SATURATION] * ARCSEC_PER_RADIAN
     axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
     axes.set(ylabel="monitoring error (1σ, arcsec)")
     figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
@@ -362,7 +362,7 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
     given=READS,
     caption="The optimum of Figure 11 under every reading of the text that was tried; below the "
     f"first {len(CASES)}, the first with one thing changed. The limit of gain is that of "
-    f"{CHOSEN:g} standard errors.",
+    f"{_CHOSEN:g} standard errors.",
 )
 def readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""

@@ -75,32 +75,32 @@ CAMERA = tuple(
     for name in ("focal-length", "pixel-size", "ground-resolution")
 )
 BORESIGHT = f"{TEXT}#boresight-angle"
-RATIO = f"{TEXT}#focal-ratio"
-EXPANSION = "chen2023/text-hardware#expansion-coefficient"
-ACCURACY = "chen2023/table-4#100.misalignment-?"
-LASERS = (platform.SPOTS, platform.DIAGONAL, platform.TELESCOPE)
-LIGHT_PATH = (*LASERS, platform.FOCAL_LENGTH, BORESIGHT)
-OUT = np.array([0.0, 0.0, 1.0])
-TURN = 10 * RADIANS_PER_ARCSEC
+_RATIO = f"{TEXT}#focal-ratio"
+_EXPANSION = "chen2023/text-hardware#expansion-coefficient"
+_ACCURACY = "chen2023/table-4#100.misalignment-?"
+_LASERS = (platform.SPOTS, platform.DIAGONAL, platform.TELESCOPE)
+_LIGHT_PATH = (*_LASERS, platform.FOCAL_LENGTH, BORESIGHT)
+_OUT = np.array([0.0, 0.0, 1.0])
+_TURN = 10 * RADIANS_PER_ARCSEC
 # Points around the edge of the beam in the camera's lens, in metres.
-AROUND = 2.0 * np.pi * (np.arange(36) + 0.5) / 36
-APERTURE = 0.1 * np.stack([np.cos(AROUND), np.sin(AROUND)], axis=-1)
-PAIR = "two mirrors at a right angle"
+_AROUND = 2.0 * np.pi * (np.arange(36) + 0.5) / 36
+_APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
+_PAIR = "two mirrors at a right angle"
 # What each retro-reflector makes of the image: an odd number of reflections mirrors it.
-IMAGE = {"corner cube": "mirrored", PAIR: "upright", "conical mirror": "mirrored"}
+_IMAGE = {"corner cube": "mirrored", _PAIR: "upright", "conical mirror": "mirrored"}
 # Shares of a turn below this are rounding noise.
-NOISE = 1e-9
+_NOISE = 1e-9
 # A motion of the lasers that is small enough to be a derivative: a micrometre. What it mimics, as a
 # share of the accuracy, is rounding noise below the other number.
-STEP, NEGLIGIBLE = 1e-6, 1e-6
-PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
+_STEP, _NEGLIGIBLE = 1e-6, 1e-6
+_PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
 # Where the dichroic mirror and the lens of the drawn tracker stand.
-PLATE, LENS = np.array([5.0, 6.2]), np.array([5.0, 3.6])
+_PLATE, _LENS = np.array([5.0, 6.2]), np.array([5.0, 3.6])
 # Laser light comes in a few degrees beside the boresight.
-INWARDS = turned([0.0, -1.0], 9.0)
-DETECTORS = "chen2023/text-hardware#detectors"
-FILTER = "chen2023/text-hardware#filter-wavelength"
-BANDS = tuple(
+_INWARDS = turned([0.0, -1.0], 9.0)
+_DETECTORS = "chen2023/text-hardware#detectors"
+_FILTER = "chen2023/text-hardware#filter-wavelength"
+_BANDS = tuple(
     f"{TEXT}#{light}-{end}" for light in ("transmission", "reflection") for end in ("low", "high")
 )
 
@@ -163,7 +163,7 @@ def dichroic_tilt(given: Given) -> Results:
 
 
 def _accuracy(given: Given) -> float:
-    return float(given.array(ACCURACY).max())
+    return float(given.array(_ACCURACY).max())
 
 
 def _bench_path(given: Given, kind: str) -> LightPath:
@@ -179,11 +179,11 @@ def _believed(
 
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
-    mirror = [1.0, -1.0 if IMAGE[kind] == "mirrored" else 1.0]
+    mirror = [1.0, -1.0 if _IMAGE[kind] == "mirrored" else 1.0]
     camera = emitted_directions(points * mirror, rest.camera_focal_length)
     zero, now = (
         received_directions(
-            light.spots(where, APERTURE).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
+            light.spots(where, _APERTURE).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
         )
         for light, where in ((rest, points), (replace(rest, **changes), points + shifts))
     )
@@ -192,21 +192,21 @@ def _believed(
 
 @studied(
     "chen2023/retro-reflectors",
-    given=(*LIGHT_PATH, platform.PIXEL),
+    given=(*_LIGHT_PATH, platform.PIXEL),
 )
 def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     """What turns of the retro-reflector make the system believe, for three kinds of it."""
     points = platform.lasers(given)
     rows: list[tuple[str | float, ...]] = []
-    for kind, image in IMAGE.items():
+    for kind, image in _IMAGE.items():
         rest = _bench_path(given, kind)
         shares: list[float] = []
-        for turn in TURN * np.eye(3):
+        for turn in _TURN * np.eye(3):
             turned = replace(rest.retroreflector, turn=turn)
-            x, y, z = _believed(rest, kind, points, retroreflector=turned) / TURN
+            x, y, z = _believed(rest, kind, points, retroreflector=turned) / _TURN
             shares += [np.hypot(x, y), abs(z)]
-        roll = abs(_believed(rest, kind, points, camera_turn=[TURN, 0.0, 0.0])[2]) / TURN
-        spots = rest.spots(points, APERTURE)
+        roll = abs(_believed(rest, kind, points, camera_turn=[_TURN, 0.0, 0.0])[2]) / _TURN
+        spots = rest.spots(points, _APERTURE)
         blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
         rows.append((kind, *shares, roll, blur / given[platform.PIXEL], image))
     return rows
@@ -214,7 +214,7 @@ def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
 
 @studied(
     "chen2023/dichroic",
-    given=(BORESIGHT, ACCURACY, EXPANSION),
+    given=(BORESIGHT, _ACCURACY, _EXPANSION),
 )
 def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
@@ -223,8 +223,8 @@ def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     rows = []
     factors = np.linalg.norm(dichroic_response(given[BORESIGHT]), axis=0)
     for axis, factor in zip(axes, factors, strict=True):
-        turn = accuracy / factor if factor > NOISE else np.inf
-        rows.append((axis, factor, turn / RADIANS_PER_ARCSEC, turn / given[EXPANSION]))
+        turn = accuracy / factor if factor > _NOISE else np.inf
+        rows.append((axis, factor, turn / RADIANS_PER_ARCSEC, turn / given[_EXPANSION]))
     return rows
 
 
@@ -236,28 +236,28 @@ def dichroic_response(boresight_angle: float) -> FloatArray:
     """
     tilt = float(fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.
-    normal = rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ OUT
+    normal = rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
     across = np.array([1.0, 0.0, 0.0])
     axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
-    result: FloatArray = turn_response(reflection(normal), -OUT) @ axes
+    result: FloatArray = turn_response(reflection(normal), -_OUT) @ axes
     return result
 
 
 @studied(
     "chen2023/heat",
-    given=(CAMERA[0], *platform.TRACKER, platform.TELESCOPE, RATIO, PIXELS, ACCURACY),
+    given=(CAMERA[0], *platform.TRACKER, platform.TELESCOPE, _RATIO, _PIXELS, _ACCURACY),
 )
 def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
     """What thermal motion of the lasers does, in flight and on the bench."""
     flight, short = given[CAMERA[0]], given[platform.FOCAL_LENGTH]
     rows = []
     for name, camera, tracker in (
-        ("flight, as printed", flight, flight / given[RATIO]),
+        ("flight, as printed", flight, flight / given[_RATIO]),
         ("flight camera with the tracker of Table II", flight, short),
         ("ground platform", given[platform.TELESCOPE], short),
     ):
-        view = np.degrees(float(field_of_view(given[PIXELS], given[platform.PIXEL], tracker)))
-        angle = STEP / camera / RADIANS_PER_ARCSEC
+        view = np.degrees(float(field_of_view(given[_PIXELS], given[platform.PIXEL], tracker)))
+        angle = _STEP / camera / RADIANS_PER_ARCSEC
         motion = _accuracy(given) * camera * 1e6
         rows.append((name, camera / tracker, tracker * 1e3, view, angle, motion))
     return rows
@@ -265,13 +265,13 @@ def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
 
 @studied(
     "chen2023/thermal",
-    given=(*LIGHT_PATH, EXPANSION, ACCURACY, CAMERA[0]),
+    given=(*_LIGHT_PATH, _EXPANSION, _ACCURACY, CAMERA[0]),
 )
 def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
     """Thermal terms: what each mimics, and how large it may be."""
-    accuracy, points, expansion = _accuracy(given), platform.lasers(given), given[EXPANSION]
+    accuracy, points, expansion = _accuracy(given), platform.lasers(given), given[_EXPANSION]
     # In angle only the camera's own focal length counts, so the flight camera is set in.
-    rest = replace(_bench_path(given, PAIR), camera_focal_length=given[CAMERA[0]])
+    rest = replace(_bench_path(given, _PAIR), camera_focal_length=given[CAMERA[0]])
     outward = points / np.linalg.norm(points, axis=1, keepdims=True)
     rows = []
     for name, moves in {
@@ -279,13 +279,13 @@ def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
         "one laser of four moves": np.eye(len(points), 2) * [1.0, 0.0],
         "the pattern grows evenly": outward,
     }.items():
-        angles = _believed(rest, PAIR, points, STEP * np.asarray(moves))
+        angles = _believed(rest, _PAIR, points, _STEP * np.asarray(moves))
         tilt = np.hypot(*angles[:2])
-        length = accuracy / tilt * STEP if tilt > NEGLIGIBLE * accuracy else np.inf
+        length = accuracy / tilt * _STEP if tilt > _NEGLIGIBLE * accuracy else np.inf
         kelvin = length / (expansion * given[platform.DIAGONAL])
         rows.append((name, "µm", tilt / RADIANS_PER_ARCSEC, length * 1e6, kelvin))
     for name, factor in {
-        "the angle of the two mirrors opens": _opened_angle(given, PAIR),
+        "the angle of the two mirrors opens": _opened_angle(given, _PAIR),
         "one angle of a corner cube opens": _opened_angle(given, "corner cube"),
     }.items():
         turn = accuracy / factor
@@ -303,10 +303,10 @@ def _opened_angle(given: Given, kind: str) -> float:
         raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")
     normals = unit("normals", rest.retroreflector.normals)
     # One mirror turns about its edge with the next one, away from it.
-    normals[0] += TURN * normals[1]
+    normals[0] += _TURN * normals[1]
     opened = replace(rest.retroreflector, normals=normals)
     angles = _believed(rest, kind, platform.lasers(given), retroreflector=opened)
-    return float(np.hypot(*angles[:2])) / TURN
+    return float(np.hypot(*angles[:2])) / _TURN
 
 
 @draws("chen2023/fig-1b")
@@ -349,11 +349,11 @@ def _draw_satellite(axes: Axes) -> None:
     key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
 
 
-@draws("chen2023/fig-2b", given=[DETECTORS])
+@draws("chen2023/fig-2b", given=[_DETECTORS])
 @diagram(13.6, 5.8)
 def _draw_focal_plane(axes: Axes, door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
-    count = door.count(DETECTORS)
+    count = door.count(_DETECTORS)
     for index in range(count):
         x, upright = 1.0 + 0.7 * index, index % 2 == 0
         box(axes, (x, 3.9 if upright else 1.5), (0.6, 0.9), look=SCENE if upright else None)
@@ -373,10 +373,12 @@ def _draw_focal_plane(axes: Axes, door: Given) -> None:
 def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Axes, float]:
     """Draw what both lights meet in the tracker; return the axes and the mirror's tilt (°)."""
     (tilt,) = np.degrees(list(printed.values())).tolist()
-    axes, came = canvas(figure, 11.6, 9.6), reflected(INWARDS, tilt)
-    mirror(axes, PLATE, 3.4, tilt)
-    lens(axes, LENS, 2.6, 90)
-    mirror(axes, PLATE - 2.5 * came, 1.8, float(np.degrees(np.arctan2(came[1], came[0]))) + 90, ":")
+    axes, came = canvas(figure, 11.6, 9.6), reflected(_INWARDS, tilt)
+    mirror(axes, _PLATE, 3.4, tilt)
+    lens(axes, _LENS, 2.6, 90)
+    mirror(
+        axes, _PLATE - 2.5 * came, 1.8, float(np.degrees(np.arctan2(came[1], came[0]))) + 90, ":"
+    )
     box(axes, (5.0, 1.95), (1.8, 0.3))
     box(axes, (5.0, 0.8), (3.6, 1.0), "processor")
     for x, y, name in ((4.3, 7.1, "dichroic\nmirror"), (3.0, 3.6, "lens"), (6.9, 1.95, "detector")):
@@ -402,19 +404,19 @@ def _draw_tracker(figure: Figure, printed: Mapping[str, float]) -> None:
 def _draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Paths of starlight and laser light into the tracker."""
     axes, tilt = _inside(figure, printed)
-    star, normal = INWARDS * [-1.0, 1.0], turned([0.0, 1.0], tilt)
-    hit = LENS - (LENS - PLATE) @ normal / (INWARDS @ normal) * INWARDS
-    path(axes, [LENS - 5.4 * star, LENS, LENS + 1.5 * star], STAR)
-    path(axes, [hit - 4.0 * reflected(INWARDS, tilt), hit, LENS, LENS + 1.5 * INWARDS], LASER)
-    line(axes, [PLATE, beside(PLATE, 2.9, 0.0)], 0.7)
-    arc(axes, PLATE, 2.5, (0, tilt), f"{tilt:g}°")
+    star, normal = _INWARDS * [-1.0, 1.0], turned([0.0, 1.0], tilt)
+    hit = _LENS - (_LENS - _PLATE) @ normal / (_INWARDS @ normal) * _INWARDS
+    path(axes, [_LENS - 5.4 * star, _LENS, _LENS + 1.5 * star], STAR)
+    path(axes, [hit - 4.0 * reflected(_INWARDS, tilt), hit, _LENS, _LENS + 1.5 * _INWARDS], LASER)
+    line(axes, [_PLATE, beside(_PLATE, 2.9, 0.0)], 0.7)
+    arc(axes, _PLATE, 2.5, (0, tilt), f"{tilt:g}°")
     key(axes, (STAR, LASER), (0.0, 1.0))
 
 
-@draws("chen2023/fig-3c", marks=[*BANDS, FILTER])
+@draws("chen2023/fig-3c", marks=[*_BANDS, _FILTER])
 def _draw_filters(figure: Figure, printed: Mapping[str, float]) -> None:
     """Bands of the dichroic mirror and of the band-pass filter."""
-    *bands, passed = (printed[address] * 1e9 for address in (*BANDS, FILTER))
+    *bands, passed = (printed[address] * 1e9 for address in (*_BANDS, _FILTER))
     sized(figure, 6.4, 2.2)
     axes = figure.add_subplot()
     # The width of the filter is not printed: a mark stands for its band.
