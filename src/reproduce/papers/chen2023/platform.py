@@ -34,10 +34,10 @@ DIAGONAL = "chen2023/text-hardware#laser-diagonal"
 TELESCOPE = f"{PLATFORM}#telescope-focal-length.value"
 FOCAL_LENGTH = f"{PLATFORM}#tracker-focal-length.value"
 PIXEL = f"{PLATFORM}#tracker-pixel-size.value"
-_PIXELS = f"{PLATFORM}#tracker-pixels-*.value"
+PIXELS = f"{PLATFORM}#tracker-pixels-*.value"
 TRACKER = (FOCAL_LENGTH, PIXEL)
 # What the directions of lasers and spots are made of.
-INSTRUMENT = (SPOTS, DIAGONAL, TELESCOPE, FOCAL_LENGTH, PIXEL, _PIXELS)
+INSTRUMENT = (SPOTS, DIAGONAL, TELESCOPE, FOCAL_LENGTH, PIXEL, PIXELS)
 # Table III prints three standard deviations.
 SIGMAS = 3.0
 
@@ -78,7 +78,7 @@ def angle_sigma(given: Given, group: int, frames: int) -> FloatArray:
 
 def tracker(given: Given) -> tuple[FloatArray, float, float]:
     """Return the centre of the tracker's detector, in px, pixel pitch and focal length."""
-    return detector_centre(given.array(_PIXELS)), given[PIXEL], given[FOCAL_LENGTH]
+    return detector_centre(given.array(PIXELS)), given[PIXEL], given[FOCAL_LENGTH]
 
 
 def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:

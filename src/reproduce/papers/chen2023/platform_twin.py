@@ -225,10 +225,11 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     turns, stars = [alpha + 90.0, 90.0 - delta, turn], bright_stars()
     rays = stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST)
-    x, y = received_spots(rays[seen], *platform.tracker(door)).T
+    spots, size = received_spots(rays[seen], *platform.tracker(door)), stars.magnitude[seen]
+    inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
+    x, y, size = *spots[inside].T, 5 * 1.7 ** (_FAINTEST - size[inside])
     sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
-    size = 5 * 1.7 ** (_FAINTEST - stars.magnitude[seen])
     axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
     _lasers(axes, _pairs(printed), 5, "laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
@@ -286,7 +287,7 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     arc(axes, hit, 1.2, (0, between), f"{between:g}°")
     for x, y, text in (
         (0.2, 5.9, "stage and lasers"),
-        (3.8, 9.4, "telescope"),
+        (2.2, 9.4, "telescope"),
         (14.1, 6.6, "two mirrors\nat a right\nangle"),
         (11.0, 3.6, "tracker"),
         (0.2, 1.1, f"tracker against the table: {table:g}°"),

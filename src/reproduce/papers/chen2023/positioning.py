@@ -357,13 +357,18 @@ def draw_scene(axes: Axes, door: Given) -> None:
     path(axes, [target, place], SCENE)
     axes.plot(*target, SCENE.marker, color=SCENE.colour, markersize=7)
     # Beside the camera's frame on the paper, so that both can be read.
-    tracker = above + EARTH * np.array([0.35, 0.75]) @ VIEW.matrix
-    for foot, name, letter in ((above, "camera", "c"), (tracker, "tracker", "s")):
-        names = [f"${axis}_{letter}$" for axis in "XYZ"]
-        triad(axes, VIEW, foot, 0.42 * EARTH * frames[name].T, names, width=1.8)
+    tracker = above + EARTH * np.array([0.65, 0.8]) @ VIEW.matrix
+    for foot, name, names in (
+        (above, "camera", ["$X_c$", "$Y_c$", ""]),
+        (tracker, "tracker", ["$X_s$", "$Y_s$", "$Z_s$"]),
+    ):
+        triad(axes, VIEW, foot, 0.4 * EARTH * frames[name].T, names, width=1.8)
+    # The line of sight runs along the camera's boresight: its name stands above.
+    tip = VIEW.point(above + 0.4 * EARTH * frames["camera"][:, 2])
+    label(axes, beside(tip, -0.1, 0.4), "$Z_c$")
     boresight = EARTH * frames["tracker"][:, 2]
     path(axes, [VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
     label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
-    label(axes, beside(VIEW.point(tracker), -0.35, 0.1), "tracker", ha="right")
-    label(axes, beside(target, 0.3, 0.4), "target")
+    label(axes, beside(VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
+    label(axes, beside(target, -0.2, 0.45), "target")
     key(axes, (SCENE, STAR, _INERTIAL), (0.0, 1.0))

@@ -314,14 +314,15 @@ def _opened_angle(given: Given, kind: str) -> float:
 def _draw_system(axes: Axes) -> None:
     """The monitoring system: what the laser light couples, and what the stars add."""
     box(axes, (2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
-    box(axes, (6.2, 0.8), (2.8, 1.1), "retro-reflector")
+    box(axes, (6.2, 0.8), (3.4, 1.1), "retro-reflector")
     box(axes, (9.9, 3.4), (3.4, 1.7), "star and laser\ntracker")
-    path(axes, [(3.5, 2.55), (3.5, 0.8), (4.8, 0.8)], LASER)
-    path(axes, [(7.6, 0.8), (9.8, 0.8), (9.8, 2.55)], LASER)
+    path(axes, [(3.5, 2.55), (3.5, 0.8), (4.5, 0.8)], LASER)
+    path(axes, [(7.9, 0.8), (9.8, 0.8), (9.8, 2.55)], LASER)
     path(axes, [(10.5, 6.5), (10.5, 4.25)], STAR)
     path(axes, [(1.6, 0.1), (1.6, 2.55)], SCENE)
     arrow(axes, (4.6, 3.4), (8.2, 3.4), style="<|-|>")
-    label(axes, (6.4, 3.4), "installation,\n\nwhich heat bends")
+    label(axes, (6.4, 3.85), "installation,")
+    label(axes, (6.4, 2.95), "bent by heat")
     key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
 
 
@@ -358,7 +359,7 @@ def _draw_focal_plane(axes: Axes, door: Given) -> None:
         x, upright = 1.0 + 0.7 * index, index % 2 == 0
         box(axes, (x, 3.9 if upright else 1.5), (0.6, 0.9), look=SCENE if upright else None)
         if upright:
-            box(axes, (x, 2.7), (0.45, 0.45), style=":")
+            box(axes, (x, 2.7), (0.45, 0.45), width=0.8)
     for x in (0.2, 1.2 + 0.7 * count):
         axes.plot(x, 1.5, LASER.marker, color=LASER.colour, markersize=8)
     label(axes, (1.0 + 0.35 * count, 5.2), f"light from the telescope, on {count} detectors")
@@ -381,7 +382,7 @@ def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Axes, float]:
     )
     box(axes, (5.0, 1.95), (1.8, 0.3))
     box(axes, (5.0, 0.8), (3.6, 1.0), "processor")
-    for x, y, name in ((4.3, 7.1, "dichroic\nmirror"), (3.0, 3.6, "lens"), (6.9, 1.95, "detector")):
+    for x, y, name in ((4.6, 7.2, "dichroic\nmirror"), (3.0, 3.6, "lens"), (6.9, 1.95, "detector")):
         label(axes, (x, y), name)
     label(axes, (8.2, 5.4), "narrow band-pass\nfilter (dots)", ha="left")
     return axes, tilt
@@ -395,7 +396,7 @@ def _draw_tracker(figure: Figure, printed: Mapping[str, float]) -> None:
     box(axes, (5.2, 4.7), (5.8, 6.2), style=":")
     for side in (-1, 1):
         line(axes, [(5 + side * 1.6, 8.0), (5 + side * 2.4, 9.5)], 1.3)
-    label(axes, (0.1, 6.9), "invar support\n(dashed)", ha="left")
+    label(axes, (0.1, 6.3), "invar\nsupport\n(dashed)", ha="left")
     label(axes, (8.2, 7.4), "thermal control\n(dotted)", ha="left")
     label(axes, (7.6, 8.8), "baffle, held by the\nsatellite alone", ha="left")
 
