@@ -23,9 +23,7 @@ STUDIES = {
     "niu2024/approximations": "approximations",
     "niu2024/precision": "readings",
     "niu2024/scale-errors": "experiment",
-    "niu2024/image-stand-ins": "images",
     "niu2024/fusion": "images",
-    "niu2024/star-colours": "images",
     "niu2024/instrument-errors": "decisions",
     "niu2024/stars": "decisions",
 }

@@ -1,4 +1,4 @@
-"""From starlight to a fused image and to colours, with the camera of niu2024 (section 2).
+"""From starlight to a fused image, with the camera of niu2024 (section 2).
 
 Bands, detector size, pixel pitch, exposure and the calibrated camera of Table 4 are the paper's.
 What it does not print is ours, in the constants below, and typical of a small camera with a
@@ -7,26 +7,23 @@ size. The results on these images are therefore examples and carry no verdict.
 
 Images are arrays [y, x] in electrons, dark signal and offset taken away; channels are always in the
 order green, red, blue; positions are in px, x before y, the centre of the first pixel at (0, 0).
-Colours are red / green and blue / green.
 
 The stored study exposes windows around one star many times, over kind of star, magnitude and place
 in the field. Three images are compared: green alone, the sum of three as they are, and the sum of
-three after registration. In each the centre is estimated by the centre of gravity and by maximum
-likelihood.
+three after registration. In each the centre is the one of maximum likelihood.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
-from numpy.typing import ArrayLike
 
 from reproduce.inference import Store, run_parts
 from reproduce.papers.declare import draws
@@ -38,14 +35,9 @@ from reproduce.papers.study import Fact, studied
 from reproduce.physics.images import (
     Detector,
     blackbody_band,
-    centre_of_gravity,
-    channel_ratio,
-    cut_windows,
-    detect_spots,
     electrons,
     expose,
     fitted_centre,
-    render_frame,
     spot_windows,
     tabulated_star,
     window_corners,
@@ -60,16 +52,14 @@ from reproduce.store.stars import spectra
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_OUTCOME = experiment.OUTCOME
 READS = (
     *experiment.INSTRUMENT,
     f"{OPTICS}#pixels-*",
     f"{OPTICS}#band-*",
-    f"{_OUTCOME}#exposure",
+    f"{experiment.OUTCOME}#exposure",
 )
-_APERTURE = 12.5e-3  # diameter in metres: half the focal length, f/2
-_TRANSMISSION = 0.8
-RADIUS = 0.8  # of a spot, in px
+# Diameter in metres: half the focal length, f/2; what the optics let through; of a spot, in px.
+APERTURE, TRANSMISSION, RADIUS = 12.5e-3, 0.8, 0.8
 WINDOW = 9
 # The detector of every channel: a 12-bit sensor of small pixels.
 SENSOR = Detector(
@@ -88,39 +78,28 @@ MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 PLACES = (0.0, 0.5, 0.95)
 _PLACE_NAMES = ("centre", "half way", "corner")
 PHASES, TRIALS = 8, 60
-TEMPERATURE = 5800.0
 # Blackbodies by their temperature in kelvin, tabulated spectra by their name.
 STARS: dict[str, float | str] = {
     "cool": 3500.0,
-    "solar": TEMPERATURE,
+    "solar": 5800.0,
     "hot": 15000.0,
     "Sun": "sun",
     "Vega": "vega",
 }
 _BLACKBODIES = tuple(star for star, spectrum in STARS.items() if not isinstance(spectrum, str))
-_MADE = ("green alone", "fused as they are", "fused after registration")
-RESULTS = ("error", "bias", "signal_to_noise", "colour")
-_METHODS = ("centre of gravity", "maximum likelihood")
-LIKELY = _METHODS.index("maximum likelihood")
+MADE = ("green alone", "fused as they are", "fused after registration")
+RESULTS = ("error", "bias", "signal_to_noise")
 _MARGIN = 12  # px around the star, so that resampling has something to read
-_GRAVITY = 5  # px, the window of the centre of gravity
 # px, in which the signal is summed: the width that suits a faint Gaussian spot best, about three
 # and a half of its radii across.
 _SUMMED = 3
 
 
-def _shape(door: Given) -> tuple[int, int]:
-    """Return width and height of the detector, in px."""
-    return int(door[f"{OPTICS}#pixels-x"]), int(door[f"{OPTICS}#pixels-y"])
-
-
 def cameras(door: Given) -> list[Camera]:
     """Return the cameras of Table 4 with green's principal point in the detector's middle."""
-    middle = detector_centre(_shape(door))
-    return [
-        replace(camera, principal_point=camera.principal_point + middle)
-        for camera in experiment.cameras(door)
-    ]
+    middle = detector_centre(door.array(f"{OPTICS}#pixels-?"))
+    used = experiment.cameras(door)
+    return [replace(one, principal_point=one.principal_point + middle) for one in used]
 
 
 def similarities(door: Given) -> list[Registration]:
@@ -130,105 +109,24 @@ def similarities(door: Given) -> list[Registration]:
 
 
 def _imaged(door: Given, angles: FloatArray) -> FloatArray:
-    """Return where the channels image stars, shape (3, n, 2)."""
-    return channel_centroids(cameras(door), experiment.rotations(door), angles)
+    """Return where the channels image the star at some table angles, shape (3, 2)."""
+    return channel_centroids(cameras(door), experiment.rotations(door), angles[None])[:, 0]
 
 
-def star_photons(door: Given, magnitude: ArrayLike, star: ArrayLike | str) -> FloatArray:
-    """Return the photons that stars send to each detector in one exposure, shape (3, ...).
-
-    Blackbodies by their temperature in kelvin, a tabulated spectrum by its name.
-    """
-    bands = []
+def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
+    """Return the photons that one of `STARS` sends to each detector in one exposure, shape (3,)."""
+    spectrum, light = STARS[star], []
     for channel in CHANNELS:
-        low, high = (door[f"{OPTICS}#band-{channel}-{edge}"] for edge in ("low", "high"))
-        if isinstance(star, str):
-            bands.append(tabulated_star(magnitude, *spectra()[star], low, high))
+        band = [door[f"{OPTICS}#band-{channel}-{edge}"] for edge in ("low", "high")]
+        if isinstance(spectrum, str):
+            light.append(tabulated_star(magnitude, *spectra()[spectrum], *band))
         else:
-            bands.append(blackbody_band(magnitude, star, low, high))
+            light.append(blackbody_band(magnitude, spectrum, *band))
     # Square metres and seconds that an exposure collects.
-    collected = float(np.pi / 4 * _APERTURE**2 * _TRANSMISSION * door[f"{_OUTCOME}#exposure"])
-    return collected * np.stack(bands)
-
-
-@dataclass(frozen=True, eq=False)
-class _Frames:
-    """Three exposures of the same stars, with the truth."""
-
-    images: list[FloatArray]
-    positions: FloatArray  # of the spots, shape (3, n, 2)
-    photons: FloatArray  # shape (3, n)
-
-
-def exposed(image: FloatArray, generator: Generator) -> FloatArray:
-    """Return one exposure of a noiseless image, brought back to electrons."""
-    return electrons(expose(image, SENSOR, generator), SENSOR)
-
-
-def frames(
-    door: Given, angles: ArrayLike, magnitude: ArrayLike, temperature: ArrayLike, seed: int
-) -> _Frames:
-    """Render and expose a full frame in all three channels."""
-    positions = _imaged(door, np.asarray(angles))
-    photons = star_photons(door, magnitude, temperature)
-    streams = SeedSequence(seed).spawn(len(photons))
-    images = [
-        exposed(render_frame(spots, light, RADIUS, _shape(door)), np.random.default_rng(stream))
-        for spots, light, stream in zip(positions, photons, streams, strict=True)
-    ]
-    return _Frames(images, positions, photons)
-
-
-def register(images: Sequence[FloatArray], transforms: Sequence[Registration]) -> list[FloatArray]:
-    """Return green as it is, and the other images on the pixels of green."""
-    return [images[0], *map(registered_image, images[1:], transforms)]
-
-
-def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatArray:
-    """Return maximum-likelihood centres of the spots of an image, shape (n, 2), brightest first.
-
-    Spots at the edge are left out, and those whose fit does not converge.
-    """
-    noise = SENSOR.noise_electrons() * np.sqrt(layers)
-    found = detect_spots(image, significance * noise)
-    half = WINDOW // 2
-    inside = (found >= half) & (found < np.flip(image.shape) - half)
-    kept = found[inside.all(axis=-1)]
-    if not len(kept):
-        return np.empty((0, 2))
-    corners = window_corners(kept, WINDOW)
-    windows = cut_windows(image, corners, WINDOW)
-    fit = fitted_centre(windows, corners, RADIUS, read_noise=noise)
-    return fit.centre[fit.converged]
-
-
-def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) -> FloatArray:
-    """Return found minus true position of every star, shape (n, 2), nan where it is not found."""
-    if not len(found):
-        return np.full(truth.shape, np.nan)
-    distance = np.linalg.norm(truth[:, None] - found, axis=-1)
-    nearest = found[distance.argmin(axis=1)]
-    return np.where(distance.min(axis=1, keepdims=True) <= within, nearest - truth, np.nan)
-
-
-def _ratios(windows: Iterable[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return red and blue over green by windows of each channel, and the predicted deviations."""
-    light = np.array([window.sum(axis=(-2, -1)) for window in windows])
-    variance = np.maximum(light, 0) + (WINDOW * SENSOR.noise_electrons()) ** 2
-    return channel_ratio(light[1:], np.maximum(light[0], 1.0), variance[1:], variance[0])
-
-
-@studied("niu2024/image-stand-ins")
-def _stand_ins() -> Iterator[tuple[object, ...]]:
-    """What the paper does not print of the images and we had to choose."""
-    yield "aperture", _APERTURE * 1e3, "mm"
-    yield "transmission of the optics", _TRANSMISSION, ""
-    yield "radius of a spot (one standard deviation)", RADIUS, "px"
-    yield "quantum efficiency", SENSOR.quantum_efficiency, ""
-    yield "read noise", SENSOR.read_noise, "electrons"
-    yield "dark signal in one exposure", SENSOR.dark_signal, "electrons"
-    yield "full well", SENSOR.full_well, "electrons"
-    yield "digital output", SENSOR.bits, "bits"
+    collected = float(
+        np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{experiment.OUTCOME}#exposure"]
+    )
+    return collected * np.stack(light)
 
 
 def simulate(
@@ -253,41 +151,36 @@ def _part(trials: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]:
     return cell(door, PLACES[place], light, trials, SeedSequence(SEED, spawn_key=at))
 
 
-def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
-    """Return the photons that a star sends to each detector in one exposure, shape (3,)."""
-    return star_photons(door, magnitude, STARS[star])
-
-
 def cell(
-    door: Given, place: float, photons: FloatArray, trials: int, seed: SeedSequence
+    door: Given,
+    place: float,
+    photons: FloatArray,
+    trials: int,
+    seed: SeedSequence,
+    transforms: Sequence[Registration] = (),
 ) -> tuple[FloatArray, ...]:
     """Compare the three images of one star in one place.
 
-    Arrays of `RESULTS`: root mean square distance of the centre from green's true one and length of
-    the mean error, in px, by image and method; signal over noise of the light about the brightest
-    pixel, by image; red and blue over green: true value, scatter about it, predicted scatter.
+    Arrays of `RESULTS` by image: root mean square distance of the centre from green's true one and
+    length of the mean error, in px; signal over noise of the light about the brightest pixel.
+    Registered by `transforms` of red and blue in place of the true ones.
     """
     generator = np.random.default_rng(seed)
-    used = cameras(door)
-    pitch = float(used[0].pixel_pitch / used[0].focal_length)
-    errors, signals, colours = [], [], []
+    green = cameras(door)[0]
+    pitch = float(green.pixel_pitch / green.focal_length)
+    errors, signals = [], []
     for _ in range(PHASES):
         angles = place * np.array(experiment.half_field(door)) + pitch * generator.uniform(-1, 1, 2)
-        spots = _imaged(door, angles[None])[:, 0]
+        spots = _imaged(door, angles)
         windows, corner = _exposures(spots, photons, trials, generator)
-        made = _combinations(windows, corner, similarities(door))
+        made = _combinations(windows, corner, transforms or similarities(door))
         errors.append(_centres(made, corner) - spots[0])
         signals.append([_signal_to_noise(image) for image in made])
-        colours.append(_colours(windows, spots, corner))
-    left = np.concatenate(errors, axis=2)  # image, method, trial, axis
-    ratio, sigma = np.concatenate(colours, axis=-1)
-    truth = photons[1:] / photons[0]
-    scatter = np.sqrt(np.square(ratio - truth[:, None]).mean(axis=-1))
+    left = np.concatenate(errors, axis=1)  # image, trial, axis
     return (
         np.sqrt(np.square(left).sum(axis=-1).mean(axis=-1)),
-        np.hypot(*np.moveaxis(left.mean(axis=2), -1, 0)),
+        np.hypot(*left.mean(axis=1).T),
         np.mean(signals, axis=0),
-        np.stack([truth, scatter, np.sqrt(np.square(sigma).mean(axis=-1))], axis=-1),
     )
 
 
@@ -302,11 +195,11 @@ def _exposures(
     corner = window_corners(spots[0], size).astype(np.float64)
     clean = spot_windows(spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size)
     many = np.broadcast_to(clean[:, None], (3, trials, size, size))
-    return exposed(many, generator), corner
+    return electrons(expose(many, SENSOR, generator), SENSOR), corner
 
 
 def _combinations(
-    windows: FloatArray, corner: FloatArray, transforms: list[Registration]
+    windows: FloatArray, corner: FloatArray, transforms: Sequence[Registration]
 ) -> list[FloatArray]:
     """Return the images of `MADE` in the middle of the windows, shape (trials, window, window)."""
     at = (int(corner[0]), int(corner[1]))
@@ -328,34 +221,11 @@ def _signal_to_noise(image: FloatArray) -> float:
 
 
 def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
-    """Return centres, shape (3, 2, trials, 2), by image and method."""
+    """Return centres by image, shape (3, trials, 2)."""
+    noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
+    pairs = zip(made, noise, strict=True)
     first = corner + _MARGIN
-    dark = SENSOR.noise_electrons()
-    found = []
-    for image, layers in zip(made, (1, 3, 3), strict=True):
-        noise = dark * np.sqrt(layers)
-        likely = fitted_centre(image, first, RADIUS, read_noise=noise).centre
-        found.append([_gravity(image, first), likely])
-    return np.array(found)
-
-
-def _gravity(image: FloatArray, first: FloatArray) -> FloatArray:
-    """Return the centre of gravity about the brightest pixel of each trial."""
-    half, width = _GRAVITY // 2, image.shape[-1]
-    inner = image[:, half:-half, half:-half].reshape(len(image), -1)
-    y, x = np.divmod(inner.argmax(axis=1), width - 2 * half)
-    boxes = np.lib.stride_tricks.sliding_window_view(image, (_GRAVITY, _GRAVITY), axis=(1, 2))
-    cut = boxes[np.arange(len(image)), y, x]
-    return centre_of_gravity(np.maximum(cut, 0), np.stack([x, y], axis=-1) + first)
-
-
-def _colours(windows: FloatArray, spots: FloatArray, corner: FloatArray) -> FloatArray:
-    """Return ratio and predicted scatter of red and blue over green, shape (2, 2, trials)."""
-    found = []
-    for layer, spot in zip(windows, spots, strict=True):
-        x, y = window_corners(spot, WINDOW) - corner.astype(np.int64)
-        found.append(layer[:, y : y + WINDOW, x : x + WINDOW])
-    return np.array(_ratios(found))
+    return np.array([fitted_centre(i, first, RADIUS, read_noise=n).centre for i, n in pairs])
 
 
 def stored() -> studies.Study:
@@ -374,7 +244,7 @@ def named(star: str) -> str:
 def _facts() -> dict[str, Fact]:
     """Return what registration is worth: errors in the corner at V = 4, signals of all"""
     arrays, replicates = stored().arrays, int(stored().note["replicates"])
-    at_corner = arrays["error"][:, -1, MAGNITUDES.index(4.0), :, LIKELY]
+    at_corner = arrays["error"][:, -1, MAGNITUDES.index(4.0)]
     green, plain, registered = at_corner[list(STARS).index("solar")]
     alone, raw, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
     by_star = np.median(fused / alone, axis=(1, 2))
@@ -386,7 +256,7 @@ def _facts() -> dict[str, Fact]:
         "plain-most": Fact(at_corner[:, 1].max(), ".2f", "px"),
         "plain-least-star": Fact(list(STARS)[int(at_corner[:, 1].argmin())]),
         "plain-most-star": Fact(list(STARS)[int(at_corner[:, 1].argmax())]),
-        "registered-bias": Fact(arrays["bias"][..., 2, LIKELY].max(), ".3f", "px"),
+        "registered-bias": Fact(arrays["bias"][..., 2].max(), ".3f", "px"),
         "gain-least": Fact(by_star.min(), ".2f"),
         "gain-most": Fact(by_star.max(), ".2f"),
         "loss": Fact(100 * (1 - float(np.median(raw / fused))), ".0f", "%"),
@@ -398,20 +268,10 @@ def _facts() -> dict[str, Fact]:
 def centroids() -> Iterator[tuple[object, ...]]:
     """Centroid error and signal-to-noise ratio by star, place, magnitude and image."""
     arrays = stored().arrays
-    for at in np.ndindex(arrays["signal_to_noise"].shape):
+    for at in np.ndindex(arrays["error"].shape):
         star, place, magnitude, image = at
-        labels = named(list(STARS)[star]), _PLACE_NAMES[place], MAGNITUDES[magnitude], _MADE[image]
-        error, bias, ratio = (arrays[name][at] for name in ("error", "bias", "signal_to_noise"))
-        yield (*labels, *error, bias[LIKELY], ratio)
-
-
-@studied("niu2024/star-colours")
-def star_colours() -> Iterator[tuple[object, ...]]:
-    """The channel ratios of every star in the middle of the field, and their errors."""
-    colour = stored().arrays["colour"]
-    for i, star in enumerate(STARS):
-        for j, magnitude in enumerate(MAGNITUDES):
-            yield named(star), magnitude, *colour[i, 0, j].ravel()
+        labels = named(list(STARS)[star]), _PLACE_NAMES[place], MAGNITUDES[magnitude], MADE[image]
+        yield (*labels, *(arrays[name][at] for name in RESULTS))
 
 
 def recomputed(
@@ -431,25 +291,12 @@ _KINDS = (
 )
 
 
-def _spots() -> FloatArray:
-    """Return where the star stands in green, red and blue, in px, near the corner of the field."""
-    door = given(READS)
-    angles = 0.95 * np.array(experiment.half_field(door))
-    return _imaged(door, angles[None])[:, 0]
-
-
-def _star_facts() -> dict[str, Fact]:
-    """Return what the drawing of one star shows, in numbers."""
-    spots = _spots()
-    apart = max(np.hypot(*(one - other)) for one in spots for other in spots)
-    return {"apart": Fact(float(apart), ".1f", "px")}
-
-
-@draws("niu2024/drawing-fusion-star", named=_star_facts)
+@draws("niu2024/drawing-fusion-star")
 def _draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
-    door, spots = given(READS), _spots()
-    photons = star_photons(door, _MAGNITUDE, TEMPERATURE)
+    door = given(READS)
+    spots = _imaged(door, 0.95 * np.array(experiment.half_field(door)))
+    photons = light_of(door, "solar", _MAGNITUDE)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(_NOISE_SEED))
     green, plain, registered = _combinations(windows, corner, similarities(door))
     middle = slice(_MARGIN, -_MARGIN)
@@ -482,22 +329,7 @@ def _draw_star(figure: Figure) -> None:
     grid[-1, -1].set_axis_off()
 
 
-def _error_facts() -> dict[str, Fact]:
-    """Return what the drawing of the errors shows, in numbers: the middle star, in the corner."""
-    row = list(STARS).index(_BLACKBODIES[len(_BLACKBODIES) // 2])
-    green, raw, fused = stored().arrays["error"][row, -1, :, :, LIKELY].T
-    values = {
-        "green-bright": green[0],
-        "green-faint": green[-1],
-        "fused-bright": fused[0],
-        "fused-faint": fused[-1],
-        "raw-least": raw.min(),
-        "raw-most": raw.max(),
-    }
-    return {name: Fact(value, ".2g", "px") for name, value in values.items()}
-
-
-@draws("niu2024/drawing-fusion-errors", named=_error_facts)
+@draws("niu2024/drawing-fusion-errors")
 def _draw_errors(figure: Figure) -> None:
     """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
     arrays, stars = stored().arrays, len(_BLACKBODIES)
@@ -507,9 +339,9 @@ def _draw_errors(figure: Figure) -> None:
         grid = figure.subplots(2, stars, sharex=True, sharey="row").T
     for (above, below), star in zip(grid, _BLACKBODIES, strict=True):
         row = list(STARS).index(star)
-        for kind, (name, look) in enumerate(zip(_MADE, _KINDS, strict=True)):
+        for kind, (name, look) in enumerate(zip(MADE, _KINDS, strict=True)):
             for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
-                error = arrays["error"][row, place, :, kind, LIKELY]
+                error = arrays["error"][row, place, :, kind]
                 ratio = arrays["signal_to_noise"][row, place, :, kind]
                 for axes, values in ((above, error), (below, ratio)):
                     (line,) = axes.semilogy(MAGNITUDES, values, look.line, c=look.colour)
