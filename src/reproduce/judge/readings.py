@@ -52,12 +52,12 @@ def recomputed(
 ) -> tuple[dict[str, Array], int]:
     """Simulate the paper under every reading, compare each with the print, and count replicates.
 
-    Arrays as in `readings.summary`, and those of `COMPARED`.
+    The first replicates, shape (readings, 20, 2, 8), and arrays as in `COMPARED`.
     """
     note = {**note, "replicates": str(readings.REPLICATES)}
     draws = readings.all_draws(readings.REPLICATES, executor, Store(folder / "draws", note))
     rows = run_parts(compare, list(draws), executor, Store(folder / "compared", note))
-    return {**readings.summary(draws), **stacked(rows)}, readings.REPLICATES
+    return {"first": draws[:, : readings.KEPT], **stacked(rows)}, readings.REPLICATES
 
 
 def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
@@ -87,7 +87,7 @@ def _cells() -> list[Cell]:
 
 def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]:
     """Return the draws of one reading cell by cell, shape (replicates,), in the unit of print."""
-    flat = readings.counted(readings.summarised(draws), axes).reshape(len(draws), -1)
+    flat = readings.counted(draws, axes).reshape(len(draws), -1)
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
 
 

@@ -21,7 +21,6 @@ ITEMS = {
 # The modules of our own tables beside the paper's; judge.studies has those that see the print.
 STUDIES = {
     "niu2024/approximations": "approximations",
-    "niu2024/precision": "readings",
     "niu2024/scale-errors": "experiment",
     "niu2024/fusion": "images",
     "niu2024/instrument-errors": "decisions",
@@ -34,7 +33,6 @@ DRAWINGS = {
     "niu2024/drawing-approximations": "approximations",
     "niu2024/drawing-arrangements": "simulation",
     "niu2024/drawing-table-3": "simulation",
-    "niu2024/drawing-distributions": "readings",
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
 }

@@ -337,8 +337,8 @@ def _residuals(
     return _in_batches(part, replicates)
 
 
-def _counted(per_axis: FloatArray, axes: str) -> FloatArray:
-    x, y = per_axis.T
+def counted(x: FloatArray, y: FloatArray, axes: str) -> FloatArray:
+    """Return residuals of both axes as one of the options has it."""
     both = np.hypot(x, y)
     found: FloatArray = {"both": both, "one": both / np.sqrt(2), "x": x, "y": y}[axes]
     return found
@@ -364,7 +364,7 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
         # Without a reading that has all that is chosen, what is chosen is the only one.
         for way in left or [chosen_alone]:
             *setting, axes = (_LITERAL | way.choices | chosen).values()
-            found = _counted(residuals(when, *setting)[channel], axes)
+            found = counted(*residuals(when, *setting)[channel].T, axes)
             readings.append(read(way, Prediction(found)))
         results[f"{name}-{channel}"] = Blocked(_WORDS.missing[name], readings=tuple(readings))
     return results
