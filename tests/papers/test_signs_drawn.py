@@ -8,7 +8,7 @@ from matplotlib.patches import FancyArrowPatch
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers import space
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import attitude, satellite
 from reproduce.papers.chen2023 import platform_twin as platform
 from reproduce.papers.niu2024 import registration
@@ -162,22 +162,6 @@ def test_the_bench_folds_the_laser_into_the_tracker():
     mirrors = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 3]
     normals = [np.array([*(np.diff(line, axis=0)[0][::-1] * [1, -1]), 0.0]) for line in mirrors]
     assert (mirror_train(normals) @ [*out, 0.0])[:2] == pytest.approx(folded)
-
-
-def test_a_registered_spot_is_turned_stretched_and_shifted_as_drawn():
-    before, turned, stretched, after = registration.registration_steps()
-    k, theta, pivot = registration.SCALE, registration.ANGLE, registration.PIVOT
-    cosine, sine = np.cos(theta), np.sin(theta)
-    x, y = before - pivot
-    assert turned - pivot == pytest.approx([cosine * x - sine * y, sine * x + cosine * y])
-    assert stretched - pivot == pytest.approx(k * (turned - pivot))
-    assert after == pytest.approx(stretched - registration.SHIFT)
-    axes = painted(drawings()["niu2024/drawing-registration"])
-    assert holds_arrow(axes, turned, stretched)
-    assert holds_arrow(axes, stretched, after)
-    (curve,) = curves(axes)
-    assert curve[0] == pytest.approx(before)
-    assert curve[-1] == pytest.approx(turned)
 
 
 def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():

@@ -91,11 +91,6 @@ def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
 
 
-def printed_values() -> list[float]:
-    """Return the print, in the order of `ADDRESSES`, in rad and px."""
-    return [cell.number.value * si_factor(cell.unit) for cell in _cells()]
-
-
 def corrected(joint: Array, readings: int) -> Array:
     """Return joint probabilities corrected for having tried so many readings.
 

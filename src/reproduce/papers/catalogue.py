@@ -86,7 +86,7 @@ def drawings() -> Declared[Drawing]:
 
     Examples
     --------
-    >>> "niu2024/drawing-arrangements" in drawings()
+    >>> "niu2024/drawing-fusion-star" in drawings()
     True
     """
     return Declared(Drawing, _modules("DRAWINGS"))

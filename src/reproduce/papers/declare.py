@@ -275,16 +275,6 @@ def reproduces(
     return lambda function: Computation(key, function, *declared)
 
 
-class Marks(dict[str, float]):
-    """Values of printed cells by address, with the interval that each of them stands for."""
-
-    def __init__(
-        self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]]
-    ) -> None:
-        super().__init__(values)
-        self.intervals = intervals
-
-
 @dataclass(frozen=True)
 class Drawing:
     """A function that draws an item, or a picture of our own, with what it marks.
@@ -295,7 +285,7 @@ class Drawing:
         The item or the picture.
     function : callable
         Takes the figure and, as far as it has room for them: ``printed``, which maps the addresses
-        of the cells to be marked to their values and comes from the caller as `Marks`; the door.
+        of the cells to be marked to their values and comes from the caller; the door.
     given : tuple of str
         Addresses of all printed cells that what is drawn is computed from.
     marks : tuple of str

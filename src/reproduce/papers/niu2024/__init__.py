@@ -29,10 +29,6 @@ STUDIES = {
 
 # The modules of our own drawings.
 DRAWINGS = {
-    "niu2024/drawing-registration": "registration",
-    "niu2024/drawing-approximations": "approximations",
-    "niu2024/drawing-arrangements": "simulation",
-    "niu2024/drawing-table-3": "simulation",
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
 }

@@ -1,7 +1,7 @@
-"""Registration (niu2024, section 2): what Table 1 implies, Figure 2, and the steps drawn.
+"""Registration (niu2024, section 2): what Table 1 implies, and Figure 2.
 
-Figure 2 is drawn from the caption and the text; the paper's own picture was not at hand. Angle,
-scale and shift are drawn far too large, or nothing would be seen.
+Figure 2 is drawn from the caption and the text; the paper's own picture was not at hand. Angle and
+shift are drawn far too large, or nothing would be seen.
 """
 
 from __future__ import annotations
@@ -14,15 +14,12 @@ from reproduce.papers.declare import Results, draws, reproduces
 from reproduce.papers.niu2024.index import BLUE, GREEN
 from reproduce.papers.sketch import (
     Look,
-    Point,
     arc,
     arrow,
     beside,
-    canvas,
     diagram,
     label,
     line,
-    turning,
 )
 from reproduce.physics import optics
 from reproduce.physics.registration import Registration, principal_point_shift
@@ -31,7 +28,6 @@ from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 IMAGING = "niu2024/table-1"
@@ -75,9 +71,6 @@ def true_translation(given: Given) -> Results:
 # Angle and principal points of Figure 2, in units of the canvas.
 PLANE_ANGLE = float(np.radians(14.0))
 PRINCIPAL_POINTS = {"green": np.array([5.4, 5.0]), "blue": np.array([7.8, 6.4])}
-# The registration whose steps are drawn, and the spot that takes them.
-SCALE, ANGLE, SHIFT = 1.3, float(np.radians(38.0)), np.array([2.0, 1.0])
-PIVOT, _SPOT = np.array([3.2, 2.0]), np.array([8.2, 2.6])
 
 
 @draws("niu2024/fig-2")
@@ -121,57 +114,3 @@ def _shift(axes: Axes, green: FloatArray, shift: FloatArray) -> None:
         line(axes, [beside(green, start, y), beside(right, 0.2, y)], 0.6)
     arrow(axes, right, beside(right, 0.0, shift[1]), style="<|-|>")
     label(axes, beside(right, 0.5, shift[1] / 2), "Δy")
-
-
-def registration_steps() -> FloatArray:
-    """Return a blue spot on its way to the green image: as it is, turned, stretched, shifted.
-
-    Shape (4, 2). Pixel coordinates in the units of the drawing; the last row is the registered
-    spot.
-    """
-    steps = Registration.similarity(
-        scale=[1.0, 1.0, SCALE, SCALE],
-        rotation=[0.0, ANGLE, ANGLE, ANGLE],
-        shift=np.outer([0.0, 0.0, 0.0, 1.0], SHIFT),
-        pivot=PIVOT,
-    )
-    return steps.apply([_SPOT])[:, 0]
-
-
-@draws("niu2024/drawing-registration")
-def _draw_registration(figure: Figure) -> None:
-    """How a blue spot is laid over the green one: turn and stretch about the pivot, then shift."""
-    axes = canvas(figure, 13.0, 8.4, 6.0)
-    _image_axes(axes, (0.5, 0.5), 1.8)
-    before, turned, stretched, after = registration_steps()
-    axes.plot(*PIVOT, "+", color="#000000", markersize=12)
-    label(axes, beside(PIVOT, 0.3, -0.8), "pivot: blue\nprincipal point", ha="left")
-    for end in (before, stretched):
-        line(axes, [PIVOT, end], 0.8, ":")
-    axes.plot(*before, BLUE.marker, color=BLUE.colour, markersize=8)
-    label(axes, beside(before, 0.4, -0.1), "blue spot", ha="left")
-    shares = np.linspace(0.0, 1.0, 60)
-    turning(axes, np.stack([_turned(share) for share in shares]))
-    label(axes, beside(_turned(0.5), 0.5, 0.1), "turned by θ", ha="left")
-    arrow(axes, turned, stretched, width=2.0)
-    label(axes, beside(stretched, 0.35, 0.1), "stretched by $k$", ha="left")
-    arrow(axes, stretched, after)
-    label(axes, beside((stretched + after) / 2, -0.25, 0.35), "less Δ", ha="right")
-    axes.plot(*after, GREEN.marker, color=GREEN.colour, markersize=8)
-    label(axes, beside(after, -0.35, -0.35), "laid over green", ha="right")
-
-
-def _image_axes(axes: Axes, corner: Point, length: float) -> None:
-    """Draw the x and y axes of an image from its corner."""
-    start = np.array(corner)
-    for tip, name in (([length, 0.0], "x"), ([0.0, length], "y")):
-        arrow(axes, start, start + tip)
-        label(axes, start + 1.18 * np.array(tip), f"${name}$")
-
-
-def _turned(share: float) -> FloatArray:
-    """Return the spot after a share of its turn about the pivot."""
-    about: FloatArray = Registration.similarity(1.0, share * ANGLE, (0.0, 0.0), PIVOT).apply(
-        [_SPOT]
-    )[0]
-    return about

@@ -55,7 +55,7 @@ class Figure(Changeable, Item):
     Parameters
     ----------
     key : str
-        Such as ``chen2023/fig-11a``, or ``niu2024/drawing-registration``.
+        Such as ``chen2023/fig-11a``, or ``niu2024/drawing-fusion-star``.
     changes : mapping, optional
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional
