@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from scipy.spatial.transform import Rotation
 
-from reproduce.papers import space
+from reproduce.papers import sketch
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import attitude, satellite
 from reproduce.papers.chen2023 import platform_twin as platform
@@ -63,7 +63,7 @@ def test_the_drawn_turn_is_the_misalignment_that_is_measured(index):
 @pytest.mark.parametrize("index", range(3))
 def test_the_curved_arrow_turns_right_handed(index):
     axes = painted(attitude.draw_misalignment)
-    view = space.seen_from(-62.0, 26.0, ((2.0, 6.6, 11.2)[index], 2.7), 2.2)
+    view = sketch.seen_from(-62.0, 26.0, ((2.0, 6.6, 11.2)[index], 2.7), 2.2)
     start = 0.75 * np.eye(3)[0 if index == 2 else 2]
     for share, point in zip(np.linspace(0, 1, 60), curves(axes)[index], strict=True):
         turned = Rotation.from_rotvec(share * attitude.TURN * np.eye(3)[index]).apply(start)
@@ -82,7 +82,7 @@ def test_the_words_under_the_turns_say_where_the_axes_go():
 
 def test_x_y_and_z_are_drawn_right_handed():
     """Seen from outside, X, Y and Z of a right-handed frame follow each other anticlockwise."""
-    for view in (space.seen_from(36.0, 20.0), space.seen_from(-62.0, 200.0)):
+    for view in (sketch.seen_from(36.0, 20.0), sketch.seen_from(-62.0, 200.0)):
         viewer = np.cross(*view.matrix)
         x, y = view.point(np.eye(3)[:2])
         assert np.sign(x[0] * y[1] - x[1] * y[0]) == np.sign(viewer[2])
@@ -96,7 +96,7 @@ def test_the_rays_of_both_instruments_are_those_of_the_equations():
     out = np.array([-x, -y, focal])
     unit = out / np.linalg.norm(out)
     first, second, third = (
-        space.seen_from(-68.0, 24.0, (place, 2.5), 1.15) for place in attitude.WIDE
+        sketch.seen_from(-68.0, 24.0, (place, 2.5), 1.15) for place in attitude.WIDE
     )
     assert holds_arrow(axes, first.point(lens), first.point([x, y, 0.0]))  # the bracket, inwards
     assert holds_arrow(axes, second.point(lens), second.point(lens + 2.6 * unit))  # v, outwards

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from reproduce.papers import catalogue
-from reproduce.papers.study import Study
+from reproduce.papers.declare import Study
 
 # The modules of the tables that see printed answers, which no module of a paper may.
 JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")

@@ -8,8 +8,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 from reproduce.locate import papers
-from reproduce.papers.declare import Computation, Drawing, Item
-from reproduce.papers.study import Study
+from reproduce.papers.declare import Computation, Drawing, Item, Study
 
 Own = TypeVar("Own", bound=Item | Study | Drawing)
 

@@ -1,28 +1,30 @@
-"""How a computation declares what it makes and what it reads."""
+"""How computations, drawings and tables of our own declare what they make and what they read."""
 
 from __future__ import annotations
 
 import fnmatch
 import inspect
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.papers.study import Fact, first_line
-from reproduce.papers.words import Way
+from reproduce.papers.words import Column, Way, words
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
+# Draws that must lie beyond a value before their count says how likely it is.
+LEAST_DRAWS = 20
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
@@ -276,46 +278,71 @@ def reproduces(
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """A function that draws an item, or a picture of our own, with what it marks.
+class Fact:
+    """A number or a word that sentences quote; `form` and `zero` as in `Column`."""
+
+    value: float | str
+    form: str = ""
+    unit: str = ""
+    zero: float = 0.0
+
+
+@dataclass(frozen=True)
+class Own:
+    """What drawings and tables of our own declare.
 
     Parameters
     ----------
     key : str
-        The item or the picture.
+        Such as ``chen2023/heat``.
     function : callable
-        Takes the figure and, as far as it has room for them: ``printed``, which maps the addresses
-        of the cells to be marked to their values and comes from the caller; the door.
+        What makes it.
     given : tuple of str
-        Addresses of all printed cells that what is drawn is computed from.
-    marks : tuple of str
-        Addresses of cells of other items that the drawing marks, such as a figure's optimum that
-        is quoted in the text; an item's own cells need no mention.
+        Addresses of all printed cells that it reads.
     named : callable, optional
-        Returns the facts that the drawing's alternative text quotes, by name.
+        Returns the facts that sentences quote, by name.
     random : bool
         Whether it draws random numbers, with seeds from the door's root.
     """
 
     key: str
-    function: Callable[..., None]
+    function: Callable[..., Any]
     given: tuple[str, ...] = ()
-    marks: tuple[str, ...] = ()
-    named: Callable[[], Mapping[str, Fact]] | None = None
+    named: Callable[..., Mapping[str, Fact]] | None = None
     random: bool = False
 
     @property
     def title(self) -> str:
-        """What the figure shows: the first line of the function's docstring."""
-        return first_line(self.function)
+        """What it shows: the first line of the function's docstring, without its full stop."""
+        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+
+    def _doors(self, door: Given | None = None) -> list[Given]:
+        return [given(self.given) if door is None else door] if self.given else []
+
+
+@dataclass(frozen=True)
+class Drawing(Own):
+    """A function that draws an item, or a picture of our own, with what it marks.
+
+    The function takes the figure and, as far as it has room for them: ``printed``, which maps the
+    addresses of the cells to be marked to their values and comes from the caller; the door. What
+    `named` returns is quoted by the alternative text.
+
+    Parameters
+    ----------
+    marks : tuple of str
+        Addresses of cells of other items that the drawing marks, such as a figure's optimum that
+        is quoted in the text; an item's own cells need no mention.
+    """
+
+    marks: tuple[str, ...] = ()
 
     def __call__(
         self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
         taken = inspect.signature(self.function, follow_wrapped=False).parameters
-        doors = [given(self.given) if door is None else door] if self.given else []
-        self.function(*[figure, printed, *doors][: len(taken)])
+        self.function(*[figure, printed, *self._doors(door)][: len(taken)])
 
 
 def draws(
@@ -327,7 +354,78 @@ def draws(
     random: bool = False,
 ) -> Callable[[Callable[..., None]], Drawing]:
     """Declare that a function draws `key`; the arguments are those of `Drawing`."""
-    return lambda function: Drawing(key, function, tuple(given), tuple(marks), named, random)
+    return lambda function: Drawing(key, function, tuple(given), named, random, tuple(marks))
+
+
+@dataclass(frozen=True)
+class Study(Own):
+    """A table that no paper prints.
+
+    The function takes the door, if anything is given, and returns the rows, or a DataFrame whose
+    ``attrs`` fill the blanks of the caption; `named` takes what it takes.
+
+    Parameters
+    ----------
+    columns : tuple of Column
+        As many as a row has entries; the first names the row.
+    caption : str
+        What it shows, in one or two sentences.
+    folded : str
+        The name of a column by whose values a long table is shown in parts.
+    settings : mapping
+        Arguments of `function` that a reader may give, each with what it is; all are numbers.
+    """
+
+    columns: tuple[Column, ...] = ()
+    caption: str = ""
+    folded: str = ""
+    settings: Mapping[str, str] = field(default_factory=dict)
+
+    def __call__(self, door: Given | None = None, **settings: float) -> pd.DataFrame:
+        """Compute the table, from the print or from what another door holds."""
+        import pandas as pd
+
+        found = self.function(*self._doors(door), **settings)
+        frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
+        heads = [column.name for column in self.columns]
+        if list(frame.columns) != heads:
+            raise ValueError(f"{self.key}: expected the columns {heads}, got {list(frame.columns)}")
+        frame.attrs["caption"] = self.caption.format_map(frame.attrs)
+        return frame
+
+    def facts(self) -> Mapping[str, Fact]:
+        """Compute what sentences quote of it, by name."""
+        return self.named(*self._doors()) if self.named else {}
+
+    def frame(self, rows: Iterable[Sequence[Any]], **blanks: Any) -> pd.DataFrame:
+        """Return rows under the declared heads, with what fills the blanks of the caption."""
+        import pandas as pd
+
+        rows, width = list(rows), len(self.columns)
+        if not rows or (wrong := [row for row in rows if len(row) != width]):
+            found = wrong if rows else "no rows"
+            raise ValueError(f"{self.key}: expected rows of {width} entries, got {found}")
+        frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
+        frame.attrs.update(blanks)
+        return frame
+
+
+def studied(
+    key: str,
+    *,
+    given: Sequence[str] = (),
+    named: Callable[..., Mapping[str, Fact]] | None = None,
+    random: bool = False,
+    **shown: Any,
+) -> Callable[[Callable[..., Any]], Study]:
+    """Declare that a function computes the study `key`; the arguments are those of `Study`.
+
+    Columns, caption, folded and settings are the texts of the key in the paper's file of words,
+    unless they are given.
+    """
+    text = words(key)
+    of_words = {name: getattr(text, name) for name in ("columns", "caption", "folded", "settings")}
+    return lambda function: Study(key, function, tuple(given), named, random, **of_words | shown)
 
 
 @dataclass(frozen=True)

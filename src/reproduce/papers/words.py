@@ -77,7 +77,7 @@ class Pictured:
 class Words:
     """The texts of one key.
 
-    - `caption`, `columns`, `folded`, `settings`: of a study, as `reproduce.papers.study.Study` has.
+    - `caption`, `columns`, `folded`, `settings`: of a study, as `papers.declare.Study` has them.
     - `options`: what the text of a paper leaves open: option to its alternatives, each with what
       it stands for.
     - `readings`: every way tried to read it, the literal one first, by what they give.

@@ -9,9 +9,8 @@ from scipy.stats import ks_2samp
 from reproduce.inference import Store
 from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
-from reproduce.papers.declare import Reading
+from reproduce.papers.declare import LEAST_DRAWS, Reading
 from reproduce.papers.niu2024 import readings, simulation
-from reproduce.papers.study import LEAST_DRAWS
 from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import calibrate, starting_values
 from reproduce.printed.cells import find

@@ -24,9 +24,8 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Prediction, Results, draws, reproduces
+from reproduce.papers.declare import Prediction, Results, draws, reproduces, studied
 from reproduce.papers.sketch import sized
-from reproduce.papers.study import studied
 from reproduce.physics.attitude import averaged_error, scatter_of_averages
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray

@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.chen2023.looks import LASER, SCENE, lens
-from reproduce.papers.declare import draws
+from reproduce.papers.declare import draws, studied
 from reproduce.papers.sketch import (
     INK,
     Look,
+    View,
     arc,
     arrow,
     beside,
@@ -27,10 +28,11 @@ from reproduce.papers.sketch import (
     label,
     line,
     path,
+    seen_from,
+    sense,
     slim,
+    triad,
 )
-from reproduce.papers.space import View, seen_from, sense, triad
-from reproduce.papers.study import studied
 from reproduce.physics.attitude import (
     emitted_directions,
     misalignment_angles,

@@ -26,15 +26,16 @@ from numpy.random import SeedSequence
 from reproduce.papers.chen2023 import accuracy, platform
 from reproduce.papers.declare import (
     Blocked,
+    Fact,
     Prediction,
     Reading,
     Result,
     Results,
     draws,
     reproduces,
+    studied,
 )
 from reproduce.papers.sketch import INK, Look, sized, thin
-from reproduce.papers.study import Fact, studied
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray

@@ -45,9 +45,9 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
     seed_of,
+    studied,
 )
 from reproduce.papers.sketch import thin
-from reproduce.papers.study import studied
 from reproduce.papers.words import Column
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (

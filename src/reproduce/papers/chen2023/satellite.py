@@ -26,7 +26,7 @@ import numpy as np
 
 from reproduce.papers.chen2023 import platform, resolution
 from reproduce.papers.chen2023.looks import LASER, SCENE, STAR, lens, mirror, reflected
-from reproduce.papers.declare import Blocked, Results, draws, reproduces
+from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
 from reproduce.papers.sketch import (
     INK,
     Look,
@@ -40,11 +40,12 @@ from reproduce.papers.sketch import (
     label,
     line,
     path,
+    seen_from,
+    sense,
     slim,
+    triad,
     turned,
 )
-from reproduce.papers.space import seen_from, sense, triad
-from reproduce.papers.study import studied
 from reproduce.physics import ground
 from reproduce.physics.attitude import (
     emitted_directions,

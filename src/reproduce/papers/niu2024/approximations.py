@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import Results, reproduces
+from reproduce.papers.declare import Fact, Results, reproduces, studied
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.registration import IMAGING, scale_factors
 from reproduce.papers.niu2024.simulation import NOISE, OPTICS, REGISTERED
-from reproduce.papers.study import Fact, studied
 from reproduce.physics.optics import Camera
 from reproduce.physics.registration import (
     EFFECTS,

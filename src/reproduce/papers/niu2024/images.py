@@ -26,12 +26,11 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from reproduce.inference import Store, run_parts
-from reproduce.papers.declare import draws
+from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import experiment
-from reproduce.papers.niu2024.index import LOOKS
+from reproduce.papers.niu2024.diagrams import LOOKS
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.sketch import Look, sized
-from reproduce.papers.study import Fact, studied
 from reproduce.physics.images import (
     Detector,
     blackbody_band,

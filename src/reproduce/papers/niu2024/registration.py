@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.declare import Results, draws, reproduces
-from reproduce.papers.niu2024.index import BLUE, GREEN
+from reproduce.papers.niu2024.diagrams import BLUE, GREEN
 from reproduce.papers.sketch import (
     Look,
     arc,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from reproduce.inference import Share
-    from reproduce.papers.study import Fact
+    from reproduce.papers.declare import Fact
     from reproduce.papers.words import Column
 
 # Below this a probability is written with its power of ten.
@@ -87,7 +87,7 @@ def fact(quoted: Fact) -> str:
 
     Examples
     --------
-    >>> from reproduce.papers.study import Fact
+    >>> from reproduce.papers.declare import Fact
     >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
     ('0.04\u202fpx', 'Table 2')
     """
@@ -149,7 +149,7 @@ def chance(value: float, mcse: float) -> str:
 
 def _counted(probability: float, draws: int, least: float) -> str:
     """Write a probability by its count where the draws can tell, else as a power of ten."""
-    from reproduce.papers.study import LEAST_DRAWS  # only now: a user's own stars need no paper
+    from reproduce.papers.declare import LEAST_DRAWS  # only now: a user's own stars need no paper
 
     if probability * draws >= LEAST_DRAWS:
         return chance(probability, math.sqrt(probability * max(2 - probability, 0) / draws))
