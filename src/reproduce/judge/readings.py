@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from reproduce.inference import Store, run_parts
 from reproduce.judge import laws
 from reproduce.judge.verdicts import CENTRAL, judge_prediction
-from reproduce.papers.declare import LEAST_DRAWS, Fact, studied
+from reproduce.papers.declare import LEAST_DRAWS, Column, Fact, studied
 from reproduce.papers.niu2024 import readings, simulation
-from reproduce.papers.words import Column
 from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor

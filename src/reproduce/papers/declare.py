@@ -1,25 +1,139 @@
-"""How computations, drawings and tables of our own declare what they make and what they read."""
+"""How computations, drawings and tables of our own are declared: what they make and read.
+
+Their texts, which are no code, stand in ``data/words/PAPER.toml``: a table of the file has a key's
+last part as its name, and what `Words` says.
+"""
 
 from __future__ import annotations
 
 import fnmatch
 import inspect
+import tomllib
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, TypeAdapter
+from pydantic import dataclasses as checked
 
-from reproduce.papers.words import Column, Way, words
+from reproduce.locate import words_files
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+_EXACT = ConfigDict(extra="forbid")
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Column:
+    """A column of a study, and how its numbers are written.
+
+    Parameters
+    ----------
+    name : str
+        Its head, with the unit in brackets.
+    form : str
+        A format specification for numbers, such as ``.2f``; empty for words; ``±`` for two digits
+        of the error; ``chance`` for a probability, with the digits that its draws can tell.
+    zero : float
+        Numbers smaller than this are what rounding leaves of zero, and are shown as 0;
+        probabilities smaller than this are shown as a bound.
+    infinite : str
+        The word for a number without limit.
+    error : str
+        The name of the column that holds its standard error, shown behind ± in that column's form
+        or with one digit; that column is not shown on its own.
+    missing : str
+        What stands where there is no number.
+    draws : int
+        How many draws a probability is counted from; without them it is a power of ten.
+    bold : float
+        Numbers below this are bold.
+    """
+
+    name: str
+    form: str = ""
+    zero: float = 0.0
+    infinite: str = "any"
+    error: str = ""
+    missing: str = ""
+    draws: int = 0
+    bold: float = 0.0
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Way:
+    """One way to read what a text leaves open, as `Reading` has it."""
+
+    name: str
+    place: str
+    added: str
+    choices: dict[str, str]
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Pictured:
+    """What a figure shows, for a reader who does not see it, and its caption."""
+
+    alternative: str
+    caption: str
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Words:
+    """The texts of one key.
+
+    - `caption`, `columns`, `folded`, `settings`: of a study, as `Study` has them.
+    - `options`: what the text of a paper leaves open: option to its alternatives, each with what
+      it stands for.
+    - `readings`: every way tried to read it, the literal one first, by what they give.
+    - `missing`: what the text would have to say, by the same names.
+    - `figure`: of what is drawn; ``{name}`` stands for a fact that the drawing names, and
+      ``{ADDRESS printed}`` or another side for a printed cell.
+    """
+
+    caption: str = ""
+    columns: tuple[Column, ...] = ()
+    folded: str = ""
+    settings: dict[str, str] = field(default_factory=dict)
+    options: dict[str, dict[str, str]] = field(default_factory=dict)
+    readings: dict[str, tuple[Way, ...]] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    figure: Pictured = Pictured("", "")
+
+
+_FILE = TypeAdapter(dict[str, Words])
+
+
+def words(key: str) -> Words:
+    """Return the texts of a key; empty ones where its paper's file has none."""
+    paper, _, name = key.partition("/")
+    return _of_paper(paper).get(name, Words())
+
+
+@cache
+def _of_paper(paper: str) -> dict[str, Words]:
+    found: dict[str, Words] = {}
+    for path in words_files(paper):
+        found |= parsed(path.read_text(encoding="utf-8"), path)
+    return found
+
+
+def parsed(text: str, path: Path) -> dict[str, Words]:
+    """Return the words of a file by name; raises ValueError with the place of every fault."""
+    try:
+        return _FILE.validate_python(tomllib.loads(text))
+    except ValueError as error:  # pydantic's own and that of TOML are such
+        raise ValueError(f"{path}: {error}") from error
+
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102

@@ -39,7 +39,7 @@ from reproduce.papers.chen2023 import (
 )
 from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.looks import LASER, STAR, lens, mirror, reflected
-from reproduce.papers.declare import draws, seed_of, studied
+from reproduce.papers.declare import Column, draws, seed_of, studied
 from reproduce.papers.sketch import (
     INK,
     arc,
@@ -55,7 +55,6 @@ from reproduce.papers.sketch import (
     slim,
     turned,
 )
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import (
     emitted_directions,
     laser_transform,

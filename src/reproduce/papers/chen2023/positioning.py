@@ -20,9 +20,8 @@ import numpy as np
 from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
-from reproduce.papers.declare import Fact, Results, draws, reproduces, seed_of, studied
+from reproduce.papers.declare import Column, Fact, Results, draws, reproduces, seed_of, studied
 from reproduce.papers.sketch import arrow, beside, box, canvas, label, line
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.ground import (
     DAY,

@@ -39,6 +39,7 @@ from numpy.random import SeedSequence
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
     Blocked,
+    Column,
     Prediction,
     Reading,
     Results,
@@ -48,7 +49,6 @@ from reproduce.papers.declare import (
     studied,
 )
 from reproduce.papers.sketch import thin
-from reproduce.papers.words import Column
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,

@@ -45,10 +45,10 @@ from reproduce.papers.declare import (
     seed_of,
     split_seed,
     studied,
+    words,
 )
 from reproduce.papers.niu2024 import registration, simulation
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
-from reproduce.papers.words import words
 from reproduce.physics.optics import (
     Camera,
     CameraFit,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import Blocked, Results, read, reproduces
-from reproduce.papers.words import words
+from reproduce.papers.declare import Blocked, Results, read, reproduces, words
 from reproduce.physics import optics
 from reproduce.printed.given import Given
 

@@ -34,8 +34,8 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.inference import Store, run_parts
+from reproduce.papers.declare import Column
 from reproduce.papers.niu2024 import simulation
-from reproduce.papers.words import Column
 from reproduce.physics.optics import channel_centroids, spawned_angles, spawned_normals
 from reproduce.physics.registration import (
     fit_registration,

@@ -39,13 +39,14 @@ from reproduce.papers.declare import (
     Blocked,
     Prediction,
     Results,
+    Way,
     agree,
     draws,
     read,
     reproduces,
     split_seed,
+    words,
 )
-from reproduce.papers.words import Way, words
 from reproduce.physics.optics import (
     Arrangement,
     Camera,

@@ -13,8 +13,7 @@ from markupsafe import Markup
 
 from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Drawing
-from reproduce.papers.words import words
+from reproduce.papers.declare import Drawing, words
 from reproduce.printed.cells import anchor
 from reproduce.views import computed, keys
 from reproduce.views.facts import filled
