@@ -27,7 +27,7 @@ had been computed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -175,15 +175,23 @@ def zero_places(angles: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 
 
-def calibrations(
+def _measured(
     given: Given,
     seed: SeedSequence,
     replicates: int,
-    first: int = 0,
-    angles: str = _LITERAL["angles"],
-    noise: str = _LITERAL["noise"],
-    repeats: str = _LITERAL["repeats"],
-    translations: str = _LITERAL["translations"],
+    first: int,
+    angles: FloatArray,
+    setting: Mapping[str, str],
+) -> FloatArray:
+    """Return the centroids of some replicates, shape (replicates, 3, n, 2)."""
+    true = imaged(given, angles, setting["translations"])
+    sigma = given[NOISE] * np.asarray(_NOISY[setting["noise"]])
+    repeats = _DRAWS[setting["repeats"]]
+    return noisy_centroids(true, sigma, seed, replicates, repeats=repeats, first=first)
+
+
+def calibrations(
+    given: Given, seed: SeedSequence, replicates: int, first: int = 0, **chosen: str
 ) -> dict[str, Registration]:
     """Simulate and calibrate both channels in every replicate.
 
@@ -193,14 +201,13 @@ def calibrations(
 
     Channel to its calibrated transforms, shape (replicates,).
     """
-    table = _arrangement(given, angles).angles
+    setting = _LITERAL | chosen
+    table = _arrangement(given, setting["angles"]).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
     at_zero = zero_places(table)
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
     zero = at_zero.item() if at_zero.size else len(table)
-    true = imaged(given, measured_at, translations)
-    sigma = given[NOISE] * np.asarray(_NOISY[noise])
-    measured = noisy_centroids(true, sigma, seed, replicates, repeats=_DRAWS[repeats], first=first)
+    measured = _measured(given, seed, replicates, first, measured_at, setting)
     pivots, spots = measured[..., zero, :], measured[..., : len(table), :]
     green = spots[:, 0]
     found = {}
@@ -283,34 +290,24 @@ def calibrated_translations(
 
 
 def _tested(
-    given: Given,
-    seed: SeedSequence,
-    replicates: int,
-    first: int,
-    angles: str,
-    noise: str,
-    repeats: str,
-    translations: str,
-    tests: str,
+    given: Given, seed: SeedSequence, replicates: int, first: int, setting: Mapping[str, str]
 ) -> FloatArray:
     """Simulate the test points, shape (replicates, channels, points, 2)."""
     _, for_angles, for_noise = split_seed(seed, 3)
     count = given.count(f"{SETTINGS}#test-points")
-    if tests == "range":
+    if setting["tests"] == "range":
         half = half_ranges(given)
         points = spawned_angles(for_angles, replicates, count, half, first=first)
     else:
-        table = _arrangement(given, angles).angles
+        table = _arrangement(given, setting["angles"]).angles
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),), first=first).argsort()
         points = table[order[:, :count]]
-    true = imaged(given, points, translations)
-    sigma = given[NOISE] * np.asarray(_NOISY[noise])
-    return noisy_centroids(true, sigma, for_noise, replicates, repeats=_DRAWS[repeats], first=first)
+    return _measured(given, for_noise, replicates, first, points, setting)
 
 
 def _residuals(
-    given: Given, seed: SeedSequence, replicates: int, when: str, *setting: str
+    given: Given, seed: SeedSequence, replicates: int, when: str, setting: Mapping[str, str]
 ) -> dict[str, FloatArray]:
     """Return the RMSE per axis at test points, before or after registration, for one setting.
 
@@ -319,11 +316,11 @@ def _residuals(
     for_noise = split_seed(seed, 3)[0]
 
     def part(first: int, count: int) -> dict[str, FloatArray]:
-        measured = _tested(given, seed, count, first, *setting)
+        measured = _tested(given, seed, count, first, setting)
         points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
         green = points.pop(CHANNELS[0])
         if when == "after":
-            found = calibrations(given, for_noise, count, first, *setting[:-1])
+            found = calibrations(given, for_noise, count, first, **setting)
             points = {channel: found[channel].apply(points[channel]) for channel in REGISTERED}
         return {channel: rmse_per_axis(laid, green) for channel, laid in points.items()}
 
@@ -347,7 +344,11 @@ def counted(x: FloatArray, y: FloatArray, axes: str) -> FloatArray:
 )
 def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chosen: str) -> Results:
     """RMSE at test points before and after registration, under each reading that decides."""
-    residuals = cache(partial(_residuals, given, seed, replicates))
+
+    @cache
+    def residuals(when: str, *setting: tuple[str, str]) -> dict[str, FloatArray]:
+        return _residuals(given, seed, replicates, when, dict(setting))
+
     chosen_alone = Way("as chosen", "", "", {})
     results = {}
     for when, channel in product(("before", "after"), REGISTERED):
@@ -356,8 +357,9 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
         readings = []
         # Without a reading that has all that is chosen, what is chosen is the only one.
         for way in left or [chosen_alone]:
-            *setting, axes = (_LITERAL | way.choices | chosen).values()
-            x, y = residuals(when, *setting)[channel].T
+            setting = _LITERAL | way.choices | chosen
+            axes = setting.pop("rmse")
+            x, y = residuals(when, *setting.items())[channel].T
             readings.append(read(way, Prediction(counted(x, y, axes))))
         results[f"{name}-{channel}"] = Blocked(_WORDS.missing[name], readings=tuple(readings))
     return results
