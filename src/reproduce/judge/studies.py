@@ -26,4 +26,4 @@ def studies() -> catalogue.Declared[Study]:
     >>> "niu2024/readings" in studies()
     True
     """
-    return catalogue.Declared(Study, {**catalogue.studies().modules, **JUDGED})
+    return catalogue.Declared({**catalogue.studies().modules, **JUDGED}, catalogue.own)

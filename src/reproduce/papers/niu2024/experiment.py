@@ -28,9 +28,7 @@ nothing is judged with them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -48,7 +46,14 @@ from reproduce.papers.declare import (
     words,
 )
 from reproduce.papers.niu2024 import registration, simulation
-from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
+from reproduce.papers.niu2024.simulation import (
+    CHANNELS,
+    OPTICS,
+    REGISTERED,
+    SETTINGS,
+    cameras_of,
+    zero_places,
+)
 from reproduce.physics.optics import (
     Camera,
     CameraFit,
@@ -69,24 +74,17 @@ from reproduce.physics.registration import (
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-if TYPE_CHECKING:
-    pass
-
-
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
 _WORDS = words(OUTCOME)
 _REPLICATES = 10_000
-_ARRANGEMENT = (
-    f"{CALIBRATION}#rotation.*",
-    f"{CALIBRATION}#translation-*",
-    f"{OPTICS}#pixel-pitch-x",
-)
 # The cameras of all channels, each by its own focal length and distortion.
 CAMERAS = (
     f"{CALIBRATION}#focal-length.*",
     f"{CALIBRATION}#radial-distortion.*",
-    *_ARRANGEMENT,
+    f"{CALIBRATION}#rotation.*",
+    f"{CALIBRATION}#translation-*",
+    f"{OPTICS}#pixel-pitch-x",
 )
 # The same, and how far the positions reach.
 INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
@@ -117,9 +115,9 @@ def fitted_parameters(given: Given) -> Results:
     return dict.fromkeys([*fitted, "radial-distortion.green"], centroids)
 
 
-def cameras(given: Given, channels: Sequence[str] = CHANNELS) -> list[Camera]:
+def cameras(given: Given) -> list[Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
-    return cameras_of(given, CALIBRATION, {c: _shift(given, c) for c in channels})
+    return cameras_of(given, CALIBRATION, {c: _shift(given, c) for c in CHANNELS})
 
 
 def _shift(given: Given, channel: str) -> list[float]:
@@ -151,12 +149,11 @@ def centroid_errors(given: Given) -> FloatArray:
     squares = np.square(after)
     green = squares.mean(axis=0) / 2
     for axis in np.flatnonzero((squares < green).any(axis=0)):
-        red, blue = after[:, axis]
+        pair = zip(REGISTERED, after[:, axis], strict=True)
+        shown = (f"{OUTCOME}#rmse-after-{c}-{'xy'[axis]} = {value:.4g} px" for c, value in pair)
         raise ValueError(
-            f"{OUTCOME}#rmse-after-red-{'xy'[axis]} = {red:.4g} px and "
-            f"{OUTCOME}#rmse-after-blue-{'xy'[axis]} = {blue:.4g} px: expected neither to be more "
-            "than √3 times the other; green's part, half of their mean square, would exceed the "
-            "whole of the smaller one"
+            f"{' and '.join(shown)}: expected neither to be more than √3 times the other; green's "
+            "part, half of their mean square, would exceed the whole of the smaller one"
         )
     return np.asarray(np.sqrt(np.stack([green, *(squares - green)]))[:, None, :])
 
@@ -166,7 +163,7 @@ def registered_points(given: Given, angles: FloatArray) -> FloatArray:
 
     Shape (..., 3, n, 2). In px from the green principal point; channels green, red, blue.
     """
-    green = channel_centroids(cameras(given, ["green"]), [0.0], angles)[..., 0, :, :]
+    green = channel_centroids(cameras(given)[:1], [0.0], angles)[..., 0, :, :]
     points = [green]
     for position, channel in enumerate(REGISTERED, start=1):
         # The source's principal point is the shift, as green's is the origin here.
@@ -259,53 +256,30 @@ def pointing_errors(given: Given) -> Results:
     pitches = given.array(f"{OPTICS}#pixel-pitch-?")
     focal_length = given[f"{CALIBRATION}#focal-length.green"]
     results = {}
-    for channel in REGISTERED:
-        for axis, pitch in zip("xy", pitches, strict=True):
-            residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
-            angle = angle_from_pixels(residual, pitch, focal_length)
-            results[f"pointing-error-{channel}-{axis}"] = float(angle)
+    for channel, (axis, pitch) in product(REGISTERED, zip("xy", pitches, strict=True)):
+        residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
+        angle = angle_from_pixels(residual, pitch, focal_length)
+        results[f"pointing-error-{channel}-{axis}"] = float(angle)
     return results
 
 
-def calibrated_cameras(
+def twin_fits(
     given: Given, seed: SeedSequence, replicates: int, error: float
-) -> dict[str, CameraFit]:
-    """Calibrate each channel's own camera on the twin, as the last two rows of Table 4 were.
+) -> tuple[dict[str, CameraFit], dict[str, RegistrationFit]]:
+    """Fit both parts of Table 4 to the twin at the angles of the simulation, with some noise in px.
 
-    Channel to its calibrations, batch shape (replicates,).
+    Each channel's own camera, as its last two rows; both channels registered with green, as its
+    first rows: by the closed form, which is where the paper's iteration ends, with the spot at the
+    zero position for a pivot, as in section 3.2. By channel, batch shape (replicates,).
     """
-    table, noisy = _twin(given, seed, replicates, error)
-    directions, pitch = table_starlight(table), given[f"{OPTICS}#pixel-pitch-x"]
-    return {
-        channel: fit_camera(directions, noisy[:, position], pitch, rotations(given)[position])
-        for position, channel in enumerate(CHANNELS)
-    }
-
-
-def registrations(
-    given: Given, seed: SeedSequence, replicates: int, error: float
-) -> dict[str, RegistrationFit]:
-    """Register both channels with green on the twin, as the first rows of Table 4 were.
-
-    The fit is the closed form, which is where the paper's iteration ends; its pivot is the spot at
-    the zero position, as in section 3.2.
-
-    Channel to its fits, batch shape (replicates,).
-    """
-    table, noisy = _twin(given, seed, replicates, error)
-    [zero] = simulation.zero_places(table)
-    return {
-        channel: fit_registration(noisy[:, place], noisy[:, 0], noisy[:, place, zero])
-        for place, channel in enumerate(REGISTERED, start=1)
-    }
-
-
-def _twin(
-    given: Given, seed: SeedSequence, replicates: int, error: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the angles of the simulation, and what the twin measures there."""
     table = simulation.literal(given).angles
-    return table, noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
+    noisy = noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
+    directions, pitch = table_starlight(table), given[f"{OPTICS}#pixel-pitch-x"]
+    spots, [zero] = dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)), zero_places(table)
+    turns = dict(zip(CHANNELS, rotations(given), strict=True))
+    alone = {c: fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
+    laid = {c: fit_registration(spots[c], spots["green"], spots[c][:, zero]) for c in REGISTERED}
+    return alone, laid
 
 
 # Replicates of both kinds of fit, and how much of a printed residual is the error of one centroid.
@@ -317,13 +291,12 @@ _SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel":
 
 def _scale_facts(given: Given) -> dict[str, Fact]:
     """What sentences say of the scale factors: how far each lies from the ratio, at both noises."""
-    found = _scale_errors(given)
-    far = found.groupby("Channel")["Distance (σ)"].agg(["min", "max"])
+    far = _scale_errors(given).groupby("Channel")["Distance (σ)"].agg(["min", "max"])
     return {
         f"{channel}-{end}": Fact(value, ".1f")
         for channel, ends in far.iterrows()
         for end, value in zip(("least", "most"), ends, strict=True)
-    } | {"sd": Fact(found["Standard deviation in the twin"].max(), ".1e")}
+    }
 
 
 @studied(
@@ -344,11 +317,10 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
     printed = registration.scale_factors(given, CALIBRATION)
     rows = []
     for name, share in _SHARES.items():
-        cameras_found = calibrated_cameras(given, seed, _FITS, share * residual)
-        found = registrations(given, seed, _FITS, share * residual)
+        alone, laid = twin_fits(given, seed, _FITS, share * residual)
         for channel in REGISTERED:
-            lengths = (cameras_found[one].camera.focal_length for one in ("green", channel))
-            sd = float(np.std(found[channel].parameters[:, 0] - np.divide(*lengths)))
+            lengths = (alone[one].camera.focal_length for one in ("green", channel))
+            sd = float(np.std(laid[channel].parameters[:, 0] - np.divide(*lengths)))
             apart = given[f"{CALIBRATION}#scale.{channel}"] - printed[channel]
             rows.append((channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd))
     return rows

@@ -85,7 +85,6 @@ STARS: dict[str, float | str] = {
     "Sun": "sun",
     "Vega": "vega",
 }
-_BLACKBODIES = tuple(star for star, spectrum in STARS.items() if not isinstance(spectrum, str))
 MADE = ("green alone", "fused as they are", "fused after registration")
 RESULTS = ("error", "bias", "signal_to_noise")
 _MARGIN = 12  # px around the star, so that resampling has something to read
@@ -293,6 +292,8 @@ _KINDS = (
 @draws("niu2024/drawing-fusion-star")
 def _draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
+    from matplotlib.patheffects import withStroke
+
     door = given(READS)
     spots = _imaged(door, 0.95 * np.array(experiment.half_field(door)))
     photons = light_of(door, "solar", _MAGNITUDE)
@@ -308,6 +309,7 @@ def _draw_star(figure: Figure) -> None:
         "fused as they are": (plain[0], {name: at[name] for name in LOOKS}),
         "fused after registration": (registered[0], dict.fromkeys(LOOKS, at["green"])),
     }
+    halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
     shape = (3, 2) if sized(figure, 6.4, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
     for axes, (title, (light, marks)) in zip(grid.flat, panels.items(), strict=False):
@@ -315,43 +317,23 @@ def _draw_star(figure: Figure) -> None:
         # Never quite black: what is drawn in black follows the page, and is white on a dark one.
         axes.pcolormesh(root, cmap="gray_r", shading="flat", vmin=0, vmax=1.1 * root.max())
         for name, place in marks.items():
-            look = LOOKS[name]
-            for width, colour in ((3.5, "white"), (1.3, look.colour)):  # a halo, for dark pixels
-                mark = axes.plot(*place, look.marker, color=colour, fillstyle="none", markersize=9)
-                mark[0].set_markeredgewidth(width)
+            mark = axes.plot(*place, LOOKS[name].marker, color=LOOKS[name].colour, fillstyle="none")
+            mark[0].set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
-    for axes in grid[-1]:
-        axes.set_xlabel("x (px)")
-    for axes in grid[:, 0]:
-        axes.set_ylabel("y (px)")
+    figure.supxlabel("x (px)", fontsize=9)
+    figure.supylabel("y (px)", fontsize=9)
     grid[-1, -1].set_axis_off()
 
 
 @draws("niu2024/drawing-fusion-errors")
 def _draw_errors(figure: Figure) -> None:
-    """Centroid error and signal-to-noise ratio over magnitude: cool, solar and hot star."""
-    arrays, stars = stored().arrays, len(_BLACKBODIES)
-    if narrow := sized(figure, 6.4, 5.6, 7.6):
-        grid = figure.subplots(stars, 2, sharex=True, sharey="col")
-    else:
-        grid = figure.subplots(2, stars, sharex=True, sharey="row").T
-    for (above, below), star in zip(grid, _BLACKBODIES, strict=True):
-        row = list(STARS).index(star)
-        for kind, (name, look) in enumerate(zip(MADE, _KINDS, strict=True)):
-            for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
-                error = arrays["error"][row, place, :, kind]
-                ratio = arrays["signal_to_noise"][row, place, :, kind]
-                for axes, values in ((above, error), (below, ratio)):
-                    (line,) = axes.semilogy(MAGNITUDES, values, look.line, c=look.colour)
-                    line.set(marker=look.marker, mfc=fill, label=f"{name}, {where}")
-        above.set_title(f"{star}: {STARS[star]:,.0f} K")
-        if not narrow or above is grid[-1, 0]:
-            below.set_xlabel("V (mag)")
-    grid[-1, 0].set_xlabel("V (mag)" if narrow else "")
-    for axes in grid if narrow else grid[:1]:
-        axes[0].set_ylabel("centroid error, RMS (px)")
-        axes[1].set_ylabel("signal over noise (1)")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    columns = 1 if narrow else 2
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
+    """Centroid error of the solar star over magnitude, with and without registration."""
+    sized(figure, 4.9, 4.4)
+    axes, errors = figure.add_subplot(), stored().arrays["error"][list(STARS).index("solar")]
+    for kind, (name, look) in enumerate(zip(MADE, _KINDS, strict=True)):
+        for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
+            (line,) = axes.semilogy(MAGNITUDES, errors[place, :, kind], look.line, c=look.colour)
+            line.set(marker=look.marker, mfc=fill, label=f"{name}, {where}")
+    axes.set(xlabel="V (mag)", ylabel="centroid error, RMS (px)")
+    figure.legend(loc="outside lower center", fontsize=8)
