@@ -166,7 +166,7 @@ def test_the_bench_folds_the_laser_into_the_tracker():
 
 def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     """Points fixed to the drawn green axes, as the drawn blue detector sees them."""
-    origin, angle = registration.PRINCIPAL_POINTS, registration.PLANE_ANGLE
+    origin, angle = registration.PRINCIPAL_POINTS, np.radians(registration.PLANE_ANGLE)
     axes = painted(catalogue()["niu2024/fig-2"].draw, {})
     arrows = ends(axes)
     across = arrows[2, 1] - arrows[2, 0]

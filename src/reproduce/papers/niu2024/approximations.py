@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,9 +31,6 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-
-if TYPE_CHECKING:
-    pass
 
 APPROXIMATIONS = "niu2024/text-approximations"
 _SHARE = f"{APPROXIMATIONS}#first-term-share"

@@ -15,17 +15,13 @@ three after registration. In each the centre is the one of maximum likelihood.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from reproduce.inference import Store, run_parts
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.diagrams import LOOKS
@@ -71,12 +67,11 @@ SENSOR = Detector(
     bits=12,
 )
 _STUDY = "niu2024-fusion"
-SEED = 2024_0103
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 # Places in the field, as shares of the half range to the corner.
 PLACES = (0.0, 0.5, 0.95)
 _PLACE_NAMES = ("centre", "half way", "corner")
-PHASES, TRIALS = 8, 60
+PHASES = 8
 # Blackbodies by their temperature in kelvin, tabulated spectra by their name.
 STARS: dict[str, float | str] = {
     "cool": 3500.0,
@@ -125,28 +120,6 @@ def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
         np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{experiment.OUTCOME}#exposure"]
     )
     return collected * np.stack(light)
-
-
-def simulate(
-    trials: int = TRIALS,
-    executor: Executor | None = None,
-    store: Store | None = None,
-) -> dict[str, FloatArray]:
-    """Run the comparison, on any executor, with the same result.
-
-    Arrays as `cell` returns them, by star, place and magnitude, which are the first axes.
-    """
-    shape = (len(STARS), len(PLACES), len(MAGNITUDES))
-    found = run_parts(partial(_part, trials), list(np.ndindex(shape)), executor, store)
-    stacked = (np.stack(arrays) for arrays in zip(*found, strict=True))
-    whole = (array.reshape(*shape, *array.shape[1:]) for array in stacked)
-    return dict(zip(RESULTS, whole, strict=True))
-
-
-def _part(trials: int, at: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    door, (star, place, magnitude) = given(READS), at
-    light = light_of(door, list(STARS)[star], MAGNITUDES[magnitude])
-    return cell(door, PLACES[place], light, trials, SeedSequence(SEED, spawn_key=at))
 
 
 def cell(
@@ -227,16 +200,8 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
 
 
 def stored() -> studies.Study:
-    """Return the stored comparison: arrays as `simulate` returns them."""
+    """Return the stored comparison: `RESULTS` by star, place, magnitude and image."""
     return studies.read(_STUDY)
-
-
-def named(star: str) -> str:
-    """Return what to call a star of the study, with its temperature where it is a blackbody."""
-    spectrum = STARS[star]
-    if isinstance(spectrum, str):
-        return f"{star}, tabulated spectrum"
-    return f"{star}, blackbody of {spectrum:,.0f}\u202fK"
 
 
 def _facts() -> dict[str, Fact]:
@@ -268,16 +233,8 @@ def centroids() -> Iterator[tuple[object, ...]]:
     arrays = stored().arrays
     for at in np.ndindex(arrays["error"].shape):
         star, place, magnitude, image = at
-        labels = named(list(STARS)[star]), _PLACE_NAMES[place], MAGNITUDES[magnitude], MADE[image]
+        labels = list(STARS)[star], _PLACE_NAMES[place], MAGNITUDES[magnitude], MADE[image]
         yield (*labels, *(arrays[name][at] for name in RESULTS))
-
-
-def recomputed(
-    executor: Executor, folder: Path, note: Mapping[str, str]
-) -> tuple[dict[str, FloatArray], int]:
-    """Simulate again in parts that a folder keeps: arrays as in `simulate`, and their number."""
-    store = Store(folder, {**note, "trials": str(TRIALS)})
-    return simulate(TRIALS, executor=executor, store=store), PHASES * TRIALS
 
 
 # The star that is drawn: its V, and the seed of its noise.

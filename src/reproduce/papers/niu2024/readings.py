@@ -27,7 +27,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -37,16 +36,10 @@ from reproduce.inference import Store, run_parts
 from reproduce.papers.declare import Column
 from reproduce.papers.niu2024 import simulation
 from reproduce.physics.optics import channel_centroids, spawned_angles, spawned_normals
-from reproduce.physics.registration import (
-    fit_registration,
-    rmse_per_axis,
-)
+from reproduce.physics.registration import fit_registration, rmse_per_axis
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
-
-if TYPE_CHECKING:
-    pass
 
 _STUDY = "niu2024-readings"
 SEED = 2024_0259

@@ -12,22 +12,13 @@ import numpy as np
 
 from reproduce.papers.declare import Results, draws, reproduces
 from reproduce.papers.niu2024.diagrams import BLUE, GREEN
-from reproduce.papers.sketch import (
-    Look,
-    arc,
-    arrow,
-    beside,
-    diagram,
-    label,
-    line,
-)
+from reproduce.papers.sketch import Look, Point, arc, arrow, canvas, label, line, turned
 from reproduce.physics import optics
-from reproduce.physics.registration import Registration, principal_point_shift
-from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 IMAGING = "niu2024/table-1"
@@ -68,49 +59,40 @@ def true_translation(given: Given) -> Results:
     }
 
 
-# Angle and principal points of Figure 2, in units of the canvas.
-PLANE_ANGLE = float(np.radians(14.0))
-PRINCIPAL_POINTS = {"green": np.array([5.4, 5.0]), "blue": np.array([7.8, 6.4])}
+# Angle in degrees and principal points of Figure 2, in units of the canvas.
+PLANE_ANGLE = 14.0
+PRINCIPAL_POINTS = {"green": (5.4, 5.0), "blue": (7.8, 6.4)}
 
 
 @draws("niu2024/fig-2")
-@diagram(14.0, 11.6, 5.6)
-def _draw_planes(axes: Axes) -> None:
+def _draw_planes(figure: Figure) -> None:
     """Rotation and translation of the blue image plane against the green one."""
-    green, blue = PRINCIPAL_POINTS["green"], PRINCIPAL_POINTS["blue"]
+    axes = canvas(figure, 14.0, 11.6, 5.6)
+    (left, low), (right, high) = green, blue = tuple(PRINCIPAL_POINTS.values())
     _plane(axes, green, 0.0, GREEN)
     _plane(axes, blue, PLANE_ANGLE, BLUE)
-    _shift(axes, green, principal_point_shift(blue, green))
-    line(axes, [blue, beside(blue, 5.4, 0.0)], 0.7)
-    arc(axes, blue, 4.8, (0.0, float(np.degrees(PLANE_ANGLE))), head=True)
-    label(axes, beside(blue, 5.2, 0.65), "θ")
+    line(axes, [blue, (right + 5.4, high)], 0.7)
+    arc(axes, blue, 4.8, (0.0, PLANE_ANGLE), head=True)
+    label(axes, (right + 5.2, high + 0.65), "θ")
+    # The step from one principal point to the other, along each axis.
+    for x, y in (green, blue):
+        line(axes, [(x, low - 1.6), (x, y)], 0.6)
+        line(axes, [(x + 3.8 * (y == low), y), (right + 2.3, y)], 0.6)
+    arrow(axes, (left, low - 1.4), (right, low - 1.4), style="<|-|>")
+    label(axes, ((left + right) / 2, low - 1.0), "Δx")
+    arrow(axes, (right + 2.1, low), (right + 2.1, high), style="<|-|>")
+    label(axes, (right + 2.6, (low + high) / 2), "Δy")
 
 
-def _plane(axes: Axes, origin: FloatArray, turn: float, look: Look) -> None:
+def _plane(axes: Axes, origin: Point, turn: float, look: Look) -> None:
     """Draw a detector about its principal point, with its axes."""
-    # A spot of this channel is laid into the other by the same turn that turns the axes.
-    turned = Registration.similarity(1.0, turn, (0.0, 0.0), (0.0, 0.0)).apply
-    corners = turned([[-4, -3], [4, -3], [4, 3], [-4, 3], [-4, -3]]) + origin
+    corners = turned([[-4, -3], [4, -3], [4, 3], [-4, 3], [-4, -3]], turn) + origin
     axes.plot(*corners.T, color=look.colour, linestyle=look.line, label=look.name)
     axes.plot(*origin, look.marker, color=look.colour, markersize=7)
     letter = look.name[0]
-    for tip, name in zip(turned([[3.0, 0.0], [0.0, 2.2]]), "XY", strict=True):
+    for tip, name in zip(turned([[3.0, 0.0], [0.0, 2.2]], turn), "XY", strict=True):
         arrow(axes, origin, origin + tip, look)
-        away = tip / np.hypot(*tip)
-        label(axes, origin + tip + 0.38 * away, f"${name}_{letter}$")
-    below, corner = turned([[-0.55, -0.5], [2.1, -2.35]])
-    label(axes, origin + below, f"$O_{letter}$")
-    label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn))
-
-
-def _shift(axes: Axes, green: FloatArray, shift: FloatArray) -> None:
-    """Mark the translation from one principal point to the other."""
-    low, right = green - [0.0, 1.4], beside(green, shift[0] + 2.1, 0.0)
-    for x, top in ((0.0, 0.0), (shift[0], shift[1])):
-        line(axes, [beside(low, x, -0.2), beside(green, x, top)], 0.6)
-    arrow(axes, low, beside(low, shift[0], 0.0), style="<|-|>")
-    label(axes, beside(low, shift[0] / 2, 0.4), "Δx")
-    for y, start in ((0.0, 3.8), (shift[1], shift[0])):
-        line(axes, [beside(green, start, y), beside(right, 0.2, y)], 0.6)
-    arrow(axes, right, beside(right, 0.0, shift[1]), style="<|-|>")
-    label(axes, beside(right, 0.5, shift[1] / 2), "Δy")
+        label(axes, origin + tip + 0.38 * tip / np.hypot(*tip), f"${name}_{letter}$")
+    below, corner = turned([[-0.55, -0.5], [2.1, -2.35]], turn) + origin
+    label(axes, below, f"$O_{letter}$")
+    label(axes, corner, look.name, ha="left", rotation=turn)
