@@ -25,10 +25,6 @@ class Declared(Mapping[str, Made]):
             raise KeyError(f"unknown key {key!r}; expected one of {', '.join(self.modules)}")
         return self._make(key, self.modules[key])
 
-    def __contains__(self, key: object) -> bool:
-        """Tell whether there is such a one, without importing it."""
-        return key in self.modules
-
     def __iter__(self) -> Iterator[str]:
         """Go through the keys, paper by paper, in order of print."""
         return iter(self.modules)

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -139,7 +138,7 @@ def parsed(text: str, path: Path) -> dict[str, Words]:
 ROOT_SEED = 20_240_102
 # Draws that must lie beyond a value before their count says how likely it is.
 LEAST_DRAWS = 20
-_NOTHING: Mapping[str, float] = MappingProxyType({})
+_NOTHING: Mapping[str, float] = {}
 
 
 @dataclass(frozen=True)
@@ -204,6 +203,11 @@ class Blocked:
     missing: str
     stand_in: float | None = None
     readings: tuple[Reading, ...] = ()
+
+
+def blocked(text: Words, name: str, results: Iterable[float | Prediction]) -> Blocked:
+    """Return a number that depends on how the text is read, from what every way gives."""
+    return Blocked(text.missing[name], readings=tuple(map(read, text.readings[name], results)))
 
 
 Result = float | Prediction | Blocked
@@ -501,9 +505,6 @@ class Study(Own):
 
         found = self.function(*self._doors(door), **settings)
         frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
-        heads = [column.name for column in self.columns]
-        if list(frame.columns) != heads:
-            raise ValueError(f"{self.key}: expected the columns {heads}, got {list(frame.columns)}")
         frame.attrs["caption"] = self.caption.format_map(frame.attrs)
         return frame
 
@@ -515,11 +516,7 @@ class Study(Own):
         """Return rows under the declared heads, with what fills the blanks of the caption."""
         import pandas as pd
 
-        rows, width = list(rows), len(self.columns)
-        if not rows or (wrong := [row for row in rows if len(row) != width]):
-            found = wrong if rows else "no rows"
-            raise ValueError(f"{self.key}: expected rows of {width} entries, got {found}")
-        frame = pd.DataFrame(rows, columns=[column.name for column in self.columns])
+        frame = pd.DataFrame(list(rows), columns=[column.name for column in self.columns])
         frame.attrs.update(blanks)
         return frame
 
@@ -559,8 +556,3 @@ class Item:
     key: str
     computations: tuple[Computation, ...] = ()
     draw: Drawing | None = None
-
-    @property
-    def paper(self) -> str:
-        """The paper's key."""
-        return self.key.split("/")[0]

@@ -96,12 +96,6 @@ def diagram(
     return declare
 
 
-def _pair(point: ArrayLike) -> Point:
-    """Return a point as two plain numbers, as matplotlib's annotations want them."""
-    x, y = np.asarray(point, dtype=np.float64)
-    return float(x), float(y)
-
-
 def beside(place: ArrayLike, right: float, up: float) -> FloatArray:
     """Return the place so far to the right of another and so far above it."""
     return np.add(place, [right, up], dtype=np.float64)
@@ -120,7 +114,8 @@ def label(axes: Axes, place: ArrayLike, text: str, *, size: float = SIZE, **look
     size = min(size, LEAST) if slim(axes) else size
     settings = {"ha": "center", "va": "center", "fontsize": size, **look}
     # Matplotlib types every property of a text apart; here they are mixed in one mapping.
-    axes.text(*_pair(place), text, **settings)  # type: ignore[arg-type]
+    x, y = np.asarray(place).tolist()
+    axes.text(x, y, text, **settings)  # type: ignore[arg-type]
 
 
 def line(axes: Axes, points: ArrayLike, width: float = 1.0, style: str = "-") -> None:
@@ -140,9 +135,8 @@ def arrow(
     """Draw an arrow, in a look or in ink."""
     from matplotlib.patches import FancyArrowPatch
 
-    patch = FancyArrowPatch(
-        _pair(start), _pair(end), arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9
-    )
+    ends = np.array([start, end], dtype=np.float64).tolist()
+    patch = FancyArrowPatch(*ends, arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9)
     patch.set(color=look.colour, linestyle=look.line, linewidth=width)
     axes.add_patch(patch)
 

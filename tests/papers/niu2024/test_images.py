@@ -73,7 +73,7 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
 def test_without_registration_the_centre_lies_between_the_spots(stored):
     """By hand: the mean of the three positions, weighted with their light; it knows the colour."""
     for i, star in enumerate(images.STARS):
-        for j, place in enumerate(images.PLACES):
+        for j, place in enumerate(images.PLACES.values()):
             where, light = spots(place), photons(4.0, star)
             expected = np.hypot(*((light[:, None] * where).sum(axis=0) / light.sum() - where[0]))
             found = stored["bias"][i, j, :, 1]
@@ -99,7 +99,7 @@ def test_one_cell_is_recomputed_whole(stored, star):
     row = list(images.STARS).index(star)
     seed = np.random.SeedSequence(fusion.SEED, spawn_key=(row, 2, 3))
     light = photons(images.MAGNITUDES[3], star)
-    found = images.cell(DOOR, images.PLACES[2], light, fusion.TRIALS, seed)
+    found = images.cell(DOOR, images.PLACES["corner"], light, fusion.TRIALS, seed)
     for name, array in zip(images.RESULTS, found, strict=True):
         np.testing.assert_allclose(array, stored[name][row, 2, 3], atol=1e-9)
 
@@ -109,7 +109,7 @@ def test_a_smaller_run_says_the_same(stored):
     with ThreadPoolExecutor(2) as pool:
         found = fusion.simulate(6, executor=pool)
     seed = np.random.SeedSequence(fusion.SEED, spawn_key=(1, 2, 3))
-    place, light = images.PLACES[2], photons(images.MAGNITUDES[3])
+    place, light = images.PLACES["corner"], photons(images.MAGNITUDES[3])
     cell = images.cell(DOOR, place, light, 6, seed)
     for name, array in zip(images.RESULTS, cell, strict=True):
         np.testing.assert_array_equal(found[name][1, 2, 3], array)

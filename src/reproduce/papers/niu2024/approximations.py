@@ -18,8 +18,8 @@ import numpy as np
 
 from reproduce.papers.declare import Fact, Results, reproduces, studied
 from reproduce.papers.niu2024 import experiment, simulation
-from reproduce.papers.niu2024.registration import IMAGING, scale_factors
-from reproduce.papers.niu2024.simulation import NOISE, OPTICS, REGISTERED
+from reproduce.papers.niu2024.registration import scale_factors
+from reproduce.papers.niu2024.simulation import IMAGING, NOISE, OPTICS, REGISTERED
 from reproduce.physics.optics import Camera
 from reproduce.physics.registration import (
     EFFECTS,
@@ -49,8 +49,6 @@ _TITLES = {
     "tilt": "tilt",
     "second term": "second radial term",
 }
-# Lengths in px below this are what rounding leaves of zero.
-_ROUNDING = 1e-9
 
 
 @reproduces(
@@ -61,9 +59,8 @@ _ROUNDING = 1e-9
 )
 def scale_near_one(given: Given) -> Results:
     """The scale factor of Table 1 that lies farthest from one."""
-    return {
-        "scale-approximation": max(scale_factors(given).values(), key=lambda scale: abs(scale - 1))
-    }
+    found = scale_factors(given).values()
+    return {"scale-approximation": max(found, key=lambda scale: abs(scale - 1))}
 
 
 @reproduces(
@@ -127,7 +124,7 @@ def isolated(
 def _facts(door: Given) -> dict[str, Fact]:
     """Return ``EFFECT-TABLE-CHANNEL-rms``, and the printed noise over both axes as they are."""
     return {
-        f"{'-'.join(names)}-rms".lower().replace(" ", "-"): Fact(cost[1], ".2g", "px", _ROUNDING)
+        f"{'-'.join(names)}-rms".lower().replace(" ", "-"): Fact(cost[1], ".2g", "px")
         for names, cost in costs(door).items()
     } | {"noise-rms": Fact(np.sqrt(2.0) * given([NOISE])[NOISE], ".2g", "px")}
 

@@ -9,16 +9,12 @@ from typing import TYPE_CHECKING
 
 from reproduce.papers.declare import draws
 from reproduce.papers.sketch import (
-    INK,
     Block,
     Look,
-    arc,
     arrow,
     blocks,
-    box,
     canvas,
     label,
-    line,
     slim,
 )
 
@@ -70,36 +66,27 @@ def _draw_workflow(figure: Figure) -> None:
     label(axes, (9.1, 6.5) if narrow else (12.1, 7.6), "this paper", style="italic")
 
 
+_SETUP: dict[str, Block] = {
+    "simulator": (
+        "single-star simulator:\npoint source in\nthe focus of a lens",
+        ((3.2, 5.0), (5.4, 2.4)), ((5.0, 10.6), (5.8, 1.9)),
+    ),
+    "external": ("", ((13.0, 5.6), (7.2, 6.6)), ((5.0, 5.4), (9.0, 6.6))),
+    "middle": ("", ((13.0, 5.2), (5.8, 4.6)), ((5.0, 5.2), (7.0, 4.2))),
+    "sensor": ("3CMOS\nstar sensor", ((13.0, 5.0), (3.8, 2.0)), ((5.0, 4.8), (4.0, 1.6))),
+    "computer": ("frame angles\nand spots", ((3.2, 1.2), (3.6, 1.6)), ((5.0, 0.8), (4.0, 1.4))),
+}  # fmt: skip
+
+
 @draws("niu2024/fig-3")
 def _draw_calibration(figure: Figure) -> None:
     """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
-    from matplotlib.patches import Ellipse
-
-    axes = canvas(figure, 17.4, 9.6)
-    # The lamp, the collimator and the parallel light that leaves it.
-    axes.plot([0.9], [5.6], marker="*", markersize=11, color=INK)
-    label(axes, (0.9, 4.4), "point\nsource")
-    lens = Ellipse((4.6, 5.6), 0.55, 3.0, facecolor="none", edgecolor=INK, linewidth=1.3)
-    axes.add_patch(lens)
-    label(axes, (3.0, 7.9), "single-star simulator")
-    for height in (-1.1, 0.0, 1.1):
-        line(axes, [(0.9, 5.6), (4.6, 5.6 + height)], 0.8)
-        arrow(axes, (4.6, 5.6 + height), (9.2, 5.6 + height))
-    label(axes, (7.2, 7.2), "parallel light")
-    # The two frames of the table, and the sensor on the middle one.
-    box(axes, (12.8, 5.6), (6.6, 6.0), width=1.6)
-    box(axes, (12.8, 5.6), (5.6, 4.6), style="--")
-    label(axes, (12.8, 9.0), "external frame, $φ_1$")
-    label(axes, (12.8, 3.8), "middle frame, $φ_2$")
-    box(axes, (12.9, 5.5), (3.8, 2.0), "3CMOS\nstar sensor")
-    line(axes, [(16.9, 5.6), (16.1, 5.6)], 0.8, "-.")
-    line(axes, [(12.8, 7.0), (12.8, 8.3)], 0.8, "-.")
-    arc(axes, (12.8, 7.6), 0.45, (-150.0, 130.0), head=True)
-    arc(axes, (16.7, 5.6), 0.4, (-140.0, 140.0), head=True)
-    box(axes, (4.0, 1.3), (3.2, 1.2), "computer")
-    line(axes, [(12.2, 2.6), (12.2, 1.3), (6.2, 1.3)])
-    label(axes, (9.4, 0.6), "frame angles and spots")
-    arrow(axes, (6.3, 1.3), (5.6, 1.3))
+    axes = canvas(figure, 17.4, 9.6, narrow=(10.0, 11.8))
+    blocks(axes, _SETUP, ["simulator sensor", "external computer"], LOOKS)
+    narrow = slim(axes)
+    label(axes, (7.2, 9.1) if narrow else (7.6, 5.4), "parallel light")
+    label(axes, (5.0, 2.6) if narrow else (13.0, 8.2), "external frame, turns by $φ_1$")
+    label(axes, (5.0, 3.6) if narrow else (13.0, 6.8), "middle frame, turns by $φ_2$")
 
 
 _ACQUISITION: dict[str, Block] = {

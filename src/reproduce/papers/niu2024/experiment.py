@@ -38,7 +38,7 @@ from reproduce.papers.declare import (
     Fact,
     Prediction,
     Results,
-    read,
+    blocked,
     reproduces,
     seed_of,
     split_seed,
@@ -208,15 +208,12 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     [(name, ways)] = _WORDS.readings.items()
     results = {}
     for (position, channel), (place, axis) in product(enumerate(REGISTERED), enumerate("xy")):
-        readings = []
+        found = []
         for way in ways:
             x_and_y = apart[way.choices["scale"]][:, position]
             one = way.choices["rmse"] == "one"
-            found = x_and_y[:, place] if one else np.hypot(*x_and_y.T)
-            readings.append(read(way, Prediction(found)))
-        results[f"{name}-{channel}-{axis}"] = Blocked(
-            _WORDS.missing[name], readings=tuple(readings)
-        )
+            found.append(Prediction(x_and_y[:, place] if one else np.hypot(*x_and_y.T)))
+        results[f"{name}-{channel}-{axis}"] = blocked(_WORDS, name, found)
     return results
 
 

@@ -66,11 +66,9 @@ SENSOR = Detector(
     offset=60,
     bits=12,
 )
-_STUDY = "niu2024-fusion"
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 # Places in the field, as shares of the half range to the corner.
-PLACES = (0.0, 0.5, 0.95)
-_PLACE_NAMES = ("centre", "half way", "corner")
+PLACES = {"centre": 0.0, "half way": 0.5, "corner": 0.95}
 PHASES = 8
 # Blackbodies by their temperature in kelvin, tabulated spectra by their name.
 STARS: dict[str, float | str] = {
@@ -83,6 +81,7 @@ STARS: dict[str, float | str] = {
 MADE = ("green alone", "fused as they are", "fused after registration")
 RESULTS = ("error", "bias", "signal_to_noise")
 _MARGIN = 12  # px around the star, so that resampling has something to read
+_MIDDLE = slice(_MARGIN, -_MARGIN)
 # px, in which the signal is summed: the width that suits a faint Gaussian spot best, about three
 # and a half of its radii across.
 _SUMMED = 3
@@ -177,8 +176,8 @@ def _combinations(
     moved = np.zeros_like(windows[0])
     for layer, transform in zip(windows[1:], transforms, strict=True):
         moved += np.stack([registered_image(window, transform, corner=at) for window in layer])
-    middle = (..., slice(_MARGIN, -_MARGIN), slice(_MARGIN, -_MARGIN))
-    return [image[middle] for image in (windows[0], windows.sum(axis=0), windows[0] + moved)]
+    made = (windows[0], windows.sum(axis=0), windows[0] + moved)
+    return [image[..., _MIDDLE, _MIDDLE] for image in made]
 
 
 def _signal_to_noise(image: FloatArray) -> float:
@@ -201,7 +200,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
 
 def stored() -> studies.Study:
     """Return the stored comparison: `RESULTS` by star, place, magnitude and image."""
-    return studies.read(_STUDY)
+    return studies.read("niu2024-fusion")
 
 
 def _facts() -> dict[str, Fact]:
@@ -233,12 +232,10 @@ def centroids() -> Iterator[tuple[object, ...]]:
     arrays = stored().arrays
     for at in np.ndindex(arrays["error"].shape):
         star, place, magnitude, image = at
-        labels = list(STARS)[star], _PLACE_NAMES[place], MAGNITUDES[magnitude], MADE[image]
+        labels = list(STARS)[star], list(PLACES)[place], MAGNITUDES[magnitude], MADE[image]
         yield (*labels, *(arrays[name][at] for name in RESULTS))
 
 
-# The star that is drawn: its V, and the seed of its noise.
-_MAGNITUDE, _NOISE_SEED = 3.0, 9
 _KINDS = (
     Look("green", "#777777", ":", "^"),
     Look("raw", "#D55E00", "--", "s"),
@@ -253,16 +250,15 @@ def _draw_star(figure: Figure) -> None:
 
     door = given(READS)
     spots = _imaged(door, 0.95 * np.array(experiment.half_field(door)))
-    photons = light_of(door, "solar", _MAGNITUDE)
-    windows, corner = _exposures(spots, photons, 1, np.random.default_rng(_NOISE_SEED))
+    photons = light_of(door, "solar", magnitude=3.0)
+    windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, plain, registered = _combinations(windows, corner, similarities(door))
-    middle = slice(_MARGIN, -_MARGIN)
     # What is seen, and which spots are marked in it, at which place each.
     at = dict(zip(("green", "red", "blue"), spots - corner - _MARGIN + 0.5, strict=True))
     panels = {
-        "red": (windows[1, 0, middle, middle], {"red": at["red"]}),
+        "red": (windows[1, 0, _MIDDLE, _MIDDLE], {"red": at["red"]}),
         "green": (green[0], {"green": at["green"]}),
-        "blue": (windows[2, 0, middle, middle], {"blue": at["blue"]}),
+        "blue": (windows[2, 0, _MIDDLE, _MIDDLE], {"blue": at["blue"]}),
         "fused as they are": (plain[0], {name: at[name] for name in LOOKS}),
         "fused after registration": (registered[0], dict.fromkeys(LOOKS, at["green"])),
     }

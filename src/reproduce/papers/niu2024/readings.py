@@ -41,7 +41,6 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
-_STUDY = "niu2024-readings"
 SEED = 2024_0259
 REPLICATES = 10_000
 CHUNK = 500  # replicates simulated at once
@@ -93,9 +92,7 @@ def readings(door: Given) -> list[Choices]:
 
 def literal(door: Given) -> Choices:
     """Return the literal reading, the one that the ledger uses where all give one verdict."""
-    names = [found.name for found in simulation.candidates(door)]
-    place = names.index(simulation.literal(door).name)
-    return next(found for found in readings(door) if found.arrangement == place)
+    return readings(door)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +187,7 @@ def all_draws(
 
 def stored() -> studies.Study:
     """Return the stored run: its first replicates, and arrays as in `judge.readings.COMPARED`."""
-    return studies.read(_STUDY)
+    return studies.read("niu2024-readings")
 
 
 # The columns that tell readings apart, and the one by whose values they are folded.

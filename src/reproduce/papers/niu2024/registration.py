@@ -12,6 +12,7 @@ import numpy as np
 
 from reproduce.papers.declare import Results, draws, reproduces
 from reproduce.papers.niu2024.diagrams import BLUE, GREEN
+from reproduce.papers.niu2024.simulation import IMAGING, REGISTERED
 from reproduce.papers.sketch import Look, Point, arc, arrow, canvas, label, line, turned
 from reproduce.physics import optics
 from reproduce.printed.given import Given
@@ -21,14 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-IMAGING = "niu2024/table-1"
-_CHANNELS = ("red", "blue")
-
-
 def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
     """Return the ratio of green's focal length in a table to that of each channel."""
     green = given[f"{table}#focal-length.green"]
-    lengths = {channel: given[f"{table}#focal-length.{channel}"] for channel in _CHANNELS}
+    lengths = {channel: given[f"{table}#focal-length.{channel}"] for channel in REGISTERED}
     return {c: float(optics.scale_factor(green, length)) for c, length in lengths.items()}
 
 
@@ -55,7 +52,7 @@ def true_translation(given: Given) -> Results:
         f"translation-{axis}.{channel}": given[f"{IMAGING}#principal-point-{axis}.{channel}"]
         - given[f"{IMAGING}#principal-point-{axis}.green"]
         for axis in "xy"
-        for channel in _CHANNELS
+        for channel in REGISTERED
     }
 
 

@@ -41,6 +41,7 @@ from reproduce.papers.declare import (
     Results,
     Way,
     agree,
+    blocked,
     draws,
     read,
     reproduces,
@@ -284,8 +285,7 @@ def calibrated_translations(
     results = {}
     for (position, channel), (place, axis) in product(enumerate(REGISTERED, 1), enumerate("xy")):
         draws = found[channel][:, 2 + place] + moved[:, position, place, None]
-        readings = tuple(map(read, ways, map(Prediction, draws)))
-        results[f"{name}-{axis}.{channel}"] = Blocked(text.missing[name], readings=readings)
+        results[f"{name}-{axis}.{channel}"] = blocked(text, name, map(Prediction, draws))
     return results
 
 
