@@ -65,16 +65,16 @@ PRINCIPAL_POINTS = {"green": (5.4, 5.0), "blue": (7.8, 6.4)}
 def _draw_planes(figure: Figure) -> None:
     """Rotation and translation of the blue image plane against the green one."""
     axes = canvas(figure, 14.0, 11.6, 5.6)
-    (left, low), (right, high) = green, blue = tuple(PRINCIPAL_POINTS.values())
+    green, blue = PRINCIPAL_POINTS["green"], PRINCIPAL_POINTS["blue"]
+    (left, low), (right, high) = green, blue
     _plane(axes, green, 0.0, GREEN)
     _plane(axes, blue, PLANE_ANGLE, BLUE)
-    line(axes, [blue, (right + 5.4, high)], 0.7)
     arc(axes, blue, 4.8, (0.0, PLANE_ANGLE), head=True)
     label(axes, (right + 5.2, high + 0.65), "θ")
     # The step from one principal point to the other, along each axis.
-    for x, y in (green, blue):
-        line(axes, [(x, low - 1.6), (x, y)], 0.6)
-        line(axes, [(x + 3.8 * (y == low), y), (right + 2.3, y)], 0.6)
+    line(axes, [green, (left, low - 1.6)], 0.6)
+    line(axes, [(right, low - 1.6), blue, (right + 5.4, high)], 0.6)
+    line(axes, [(left + 3.8, low), (right + 2.3, low)], 0.6)
     arrow(axes, (left, low - 1.4), (right, low - 1.4), style="<|-|>")
     label(axes, ((left + right) / 2, low - 1.0), "Δx")
     arrow(axes, (right + 2.1, low), (right + 2.1, high), style="<|-|>")
