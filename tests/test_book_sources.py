@@ -8,7 +8,7 @@ import yaml
 
 from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.words import words
+from reproduce.papers.declare import words
 from reproduce.printed.cells import library
 from reproduce.views.writing.figures import drawable
 
@@ -189,12 +189,12 @@ def test_pages_with_code_are_notebooks(path):
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_a_chapter_has_one_name(paper):
-    """As page, module and test, and as its group of quoted numbers where the paper quotes some."""
+    """As page and test, as the module that makes its numbers, and as its group of quoted ones."""
     other = {"index", "context", "own"}  # the paper as a whole, and a reader's own stars
     pages = {path.stem for path in (BOOK / paper).glob("*.md")} - other
-    sources = {path.stem for path in (BOOK.parent / "src/reproduce/papers" / paper).glob("*.py")}
+    made = [one for key, item in catalogue().items() if paper in key for one in item.computations]
     tests = {path.stem for path in (BOOK.parent / "tests/papers" / paper).glob("test_*.py")}
-    assert sorted(pages - sources) == []
+    assert {one.function.__module__.rpartition(".")[2] for one in made} <= pages
     assert {f"test_{name}" for name in pages} == tests
     groups = {key.partition("/text-")[2] for key in library() if key.startswith(f"{paper}/text-")}
     # What Section IV-A quotes of the hardware is read by several chapters and computed by none.

@@ -10,8 +10,8 @@ from sphinx.application import Sphinx
 
 import book_facts as facts
 import reproduce as rp
+from reproduce.papers.declare import Study
 from reproduce.papers.posteriors import posteriors
-from reproduce.papers.study import Study
 from reproduce.views import computed
 
 BOOK = Path(__file__).resolve().parents[2] / "book"

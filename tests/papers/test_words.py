@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.papers.words import parsed, words
+from reproduce.papers.declare import parsed, words
 from reproduce.printed.cells import library
 
 FOLDER = Path(__file__).parents[2] / "data" / "words"

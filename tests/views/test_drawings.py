@@ -31,5 +31,5 @@ def test_every_axis_has_its_unit_or_counts(name):
 
 
 def test_unknown_drawings_are_refused():
-    with pytest.raises(ValueError, match="niu2024/drawing-arrangements"):
+    with pytest.raises(ValueError, match="niu2024/drawing-fusion-star"):
         figures.draw("nothing")

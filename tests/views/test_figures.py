@@ -246,20 +246,6 @@ def test_an_alternative_text_is_filled_with_numbers_of_the_ledger():
         filled("a {blank}", {})
 
 
-def test_the_facts_of_a_drawing_are_those_it_draws():
-    shown = drawings()["niu2024/drawing-arrangements"].named()
-    pictures = drawn("niu2024/drawing-arrangements").axes
-    assert len(pictures) == shown["arrangements"].value
-    assert {len(one.lines[0].get_xdata()) for one in pictures} == {shown["angles"].value}
-    rings = [line for one in pictures for line in one.lines if line.get_fillstyle() == "none"]
-    assert len(rings) == shown["with-zero"].value
-    errors = drawings()["niu2024/drawing-fusion-errors"].named()
-    middle = drawn("niu2024/drawing-fusion-errors").axes[1]
-    lines = {line.get_label(): line.get_ydata() for line in middle.lines}
-    assert errors["green-faint"].value == lines["green alone, corner"][-1]
-    assert errors["raw-most"].value == lines["fused as they are, corner"].max()
-
-
 @pytest.mark.parametrize(
     ("written", "read"),
     [

@@ -8,8 +8,7 @@ import pytest
 import reproduce as rp
 from book_facts import write_tables
 from reproduce.judge.studies import studies
-from reproduce.papers.study import Fact
-from reproduce.papers.words import Column
+from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views.computed import whole_ledger
 from reproduce.views.facts import facts_of

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from reproduce.inference import Store, run_parts
 from reproduce.judge import laws
 from reproduce.judge.verdicts import CENTRAL, judge_prediction
+from reproduce.papers.declare import LEAST_DRAWS, Column, Fact, studied
 from reproduce.papers.niu2024 import readings, simulation
-from reproduce.papers.study import LEAST_DRAWS, Fact, studied
-from reproduce.papers.words import Column
 from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
@@ -52,12 +51,12 @@ def recomputed(
 ) -> tuple[dict[str, Array], int]:
     """Simulate the paper under every reading, compare each with the print, and count replicates.
 
-    Arrays as in `readings.summary`, and those of `COMPARED`.
+    The first replicates, shape (readings, 20, 2, 8), and arrays as in `COMPARED`.
     """
     note = {**note, "replicates": str(readings.REPLICATES)}
     draws = readings.all_draws(readings.REPLICATES, executor, Store(folder / "draws", note))
     rows = run_parts(compare, list(draws), executor, Store(folder / "compared", note))
-    return {**readings.summary(draws), **stacked(rows)}, readings.REPLICATES
+    return {"first": draws[:, : readings.KEPT], **stacked(rows)}, readings.REPLICATES
 
 
 def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
@@ -87,13 +86,8 @@ def _cells() -> list[Cell]:
 
 def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]:
     """Return the draws of one reading cell by cell, shape (replicates,), in the unit of print."""
-    flat = readings.counted(readings.summarised(draws), axes).reshape(len(draws), -1)
+    flat = readings.counted(draws, axes).reshape(len(draws), -1)
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
-
-
-def printed_values() -> list[float]:
-    """Return the print, in the order of `ADDRESSES`, in rad and px."""
-    return [cell.number.value * si_factor(cell.unit) for cell in _cells()]
 
 
 def corrected(joint: Array, readings: int) -> Array:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from functools import cache
 
 from reproduce.papers import catalogue
-from reproduce.papers.study import Study
+from reproduce.papers.declare import Study
 
 # The modules of the tables that see printed answers, which no module of a paper may.
 JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")
 
-# The modules whose `recomputed` redoes a slow study, by the name of its files.
+# The modules, of the package or of tools, whose `recomputed` redoes a slow study.
 SLOW = {
     "niu2024-readings": "reproduce.judge.readings",
-    "niu2024-fusion": "reproduce.papers.niu2024.images",
+    "niu2024-fusion": "fusion",
 }
 
 
@@ -26,4 +26,4 @@ def studies() -> catalogue.Declared[Study]:
     >>> "niu2024/readings" in studies()
     True
     """
-    return catalogue.Declared(Study, {**catalogue.studies().modules, **JUDGED})
+    return catalogue.Declared({**catalogue.studies().modules, **JUDGED}, catalogue.own)

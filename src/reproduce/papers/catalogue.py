@@ -3,39 +3,27 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
 from reproduce.locate import papers
-from reproduce.papers.declare import Computation, Drawing, Item
-from reproduce.papers.study import Study
+from reproduce.papers.declare import Computation, Drawing, Item, Own, Study
 
-Own = TypeVar("Own", bound=Item | Study | Drawing)
+Made = TypeVar("Made")
 
 
-class Declared(Mapping[str, Own]):
-    """Tables or drawings of our own by their key; a module is imported when it is used."""
+class Declared(Mapping[str, Made]):
+    """What is declared, by key; a module is imported when it is used."""
 
-    def __init__(self, kind: type[Own], modules: Mapping[str, str]) -> None:
-        self.kind, self.modules = kind, modules
-        self._found: dict[str, Own] = {}
+    def __init__(self, modules: Mapping[str, str], make: Callable[[str, str], Made]) -> None:
+        self.modules, self._make = modules, cache(make)
 
-    def __getitem__(self, key: str) -> Own:
+    def __getitem__(self, key: str) -> Made:
         """Return what is declared under a key."""
         if key not in self.modules:
             raise KeyError(f"unknown key {key!r}; expected one of {', '.join(self.modules)}")
-        if key not in self._found:
-            self._found[key] = self._made(key)
-        return self._found[key]
-
-    def _made(self, key: str) -> Own:
-        found: Own = _declared(key, self.modules[key], self.kind)[0]
-        return found
-
-    def __contains__(self, key: object) -> bool:
-        """Tell whether there is such a one, without importing it."""
-        return key in self.modules
+        return self._make(key, self.modules[key])
 
     def __iter__(self) -> Iterator[str]:
         """Go through the keys, paper by paper, in order of print."""
@@ -46,18 +34,8 @@ class Declared(Mapping[str, Own]):
         return len(self.modules)
 
 
-class Catalogue(Declared[Item]):
-    """Every item by its key, made of its computations and its drawing."""
-
-    def _made(self, key: str) -> Item:
-        found = _declared(key, self.modules[key], Computation, Drawing)
-        computations = tuple(one for one in found if isinstance(one, Computation))
-        drawings = [one for one in found if isinstance(one, Drawing)]
-        return Item(key, computations, *drawings)
-
-
 @cache
-def catalogue() -> Catalogue:
+def catalogue() -> Declared[Item]:
     """Return every item by its key, paper by paper, in order of print.
 
     Examples
@@ -65,7 +43,7 @@ def catalogue() -> Catalogue:
     >>> list(catalogue())[0]
     'niu2024/text-context'
     """
-    return Catalogue(Item, _modules("ITEMS"))
+    return Declared(_modules("ITEMS"), _item)
 
 
 @cache
@@ -77,7 +55,7 @@ def studies() -> Declared[Study]:
     >>> "chen2023/heat" in studies()
     True
     """
-    return Declared(Study, _modules("STUDIES"))
+    return Declared(_modules("STUDIES"), own)
 
 
 @cache
@@ -86,10 +64,10 @@ def drawings() -> Declared[Drawing]:
 
     Examples
     --------
-    >>> "niu2024/drawing-arrangements" in drawings()
+    >>> "niu2024/drawing-fusion-star" in drawings()
     True
     """
-    return Declared(Drawing, _modules("DRAWINGS"))
+    return Declared(_modules("DRAWINGS"), own)
 
 
 def _modules(kind: str) -> dict[str, str]:
@@ -101,15 +79,23 @@ def _modules(kind: str) -> dict[str, str]:
     return found
 
 
-def _declared(key: str, names: str, *kinds: type[Any]) -> list[Any]:
-    """Return what modules, named in one string, declare under a key; not what they import."""
+def _item(key: str, names: str) -> Item:
+    found = _declared(key, names) if names else []
+    computations = tuple(one for one in found if isinstance(one, Computation))
+    return Item(key, computations, *(one for one in found if isinstance(one, Drawing)))
+
+
+def own(key: str, names: str) -> Any:
+    """Return the study or the drawing that modules, named in one string, declare under a key."""
+    return _declared(key, names)[0]
+
+
+def _declared(key: str, names: str) -> list[Computation | Own]:
+    """Return what modules declare under a key; not what they import."""
     modules = [importlib.import_module(name) for name in names.split()]
-    found = [
-        one
-        for module in modules
-        for one in vars(module).values()
-        if isinstance(one, kinds) and one.key == key and one.function.__module__ == module.__name__
-    ]
-    if modules and not found:
+    every = ((module, one) for module in modules for one in vars(module).values())
+    own = ((module, one) for module, one in every if isinstance(one, Computation | Own))
+    found = [one for m, one in own if one.key == key and one.function.__module__ == m.__name__]
+    if not found:
         raise ValueError(f"{key}: expected its declaration in {names}")
     return found

@@ -1,29 +1,144 @@
-"""How a computation declares what it makes and what it reads."""
+"""How computations, drawings and tables of our own are declared: what they make and read.
+
+Their texts, which are no code, stand in ``data/words/PAPER.toml``: a table of the file has a key's
+last part as its name, and what `Words` says.
+"""
 
 from __future__ import annotations
 
 import fnmatch
 import inspect
+import tomllib
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from types import MappingProxyType
-from typing import TYPE_CHECKING
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, TypeAdapter
+from pydantic import dataclasses as checked
 
-from reproduce.papers.study import Fact, first_line
-from reproduce.papers.words import Way
+from reproduce.locate import words_files
 from reproduce.printed.given import Given, given
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
+
+_EXACT = ConfigDict(extra="forbid")
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Column:
+    """A column of a study, and how its numbers are written.
+
+    Parameters
+    ----------
+    name : str
+        Its head, with the unit in brackets.
+    form : str
+        A format specification for numbers, such as ``.2f``; empty for words; ``±`` for two digits
+        of the error; ``chance`` for a probability, with the digits that its draws can tell.
+    zero : float
+        Numbers smaller than this are what rounding leaves of zero, and are shown as 0;
+        probabilities smaller than this are shown as a bound.
+    infinite : str
+        The word for a number without limit.
+    error : str
+        The name of the column that holds its standard error, shown behind ± in that column's form
+        or with one digit; that column is not shown on its own.
+    missing : str
+        What stands where there is no number.
+    draws : int
+        How many draws a probability is counted from; without them it is a power of ten.
+    bold : float
+        Numbers below this are bold.
+    """
+
+    name: str
+    form: str = ""
+    zero: float = 0.0
+    infinite: str = "any"
+    error: str = ""
+    missing: str = ""
+    draws: int = 0
+    bold: float = 0.0
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Way:
+    """One way to read what a text leaves open, as `Reading` has it."""
+
+    name: str
+    place: str
+    added: str
+    choices: dict[str, str]
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Pictured:
+    """What a figure shows, for a reader who does not see it, and its caption."""
+
+    alternative: str
+    caption: str
+
+
+@checked.dataclass(frozen=True, config=_EXACT)
+class Words:
+    """The texts of one key.
+
+    - `caption`, `columns`, `folded`, `settings`: of a study, as `Study` has them.
+    - `options`: what the text of a paper leaves open: option to its alternatives, each with what
+      it stands for.
+    - `readings`: every way tried to read it, the literal one first, by what they give.
+    - `missing`: what the text would have to say, by the same names.
+    - `figure`: of what is drawn; ``{name}`` stands for a fact that the drawing names, and
+      ``{ADDRESS printed}`` or another side for a printed cell.
+    """
+
+    caption: str = ""
+    columns: tuple[Column, ...] = ()
+    folded: str = ""
+    settings: dict[str, str] = field(default_factory=dict)
+    options: dict[str, dict[str, str]] = field(default_factory=dict)
+    readings: dict[str, tuple[Way, ...]] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    figure: Pictured = Pictured("", "")
+
+
+_FILE = TypeAdapter(dict[str, Words])
+
+
+def words(key: str) -> Words:
+    """Return the texts of a key; empty ones where its paper's file has none."""
+    paper, _, name = key.partition("/")
+    return _of_paper(paper).get(name, Words())
+
+
+@cache
+def _of_paper(paper: str) -> dict[str, Words]:
+    found: dict[str, Words] = {}
+    for path in words_files(paper):
+        found |= parsed(path.read_text(encoding="utf-8"), path)
+    return found
+
+
+def parsed(text: str, path: Path) -> dict[str, Words]:
+    """Return the words of a file by name; raises ValueError with the place of every fault."""
+    try:
+        return _FILE.validate_python(tomllib.loads(text))
+    except ValueError as error:  # pydantic's own and that of TOML are such
+        raise ValueError(f"{path}: {error}") from error
+
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
-_NOTHING: Mapping[str, float] = MappingProxyType({})
+# Draws that must lie beyond a value before their count says how likely it is.
+LEAST_DRAWS = 20
+_NOTHING: Mapping[str, float] = {}
 
 
 @dataclass(frozen=True)
@@ -88,6 +203,11 @@ class Blocked:
     missing: str
     stand_in: float | None = None
     readings: tuple[Reading, ...] = ()
+
+
+def blocked(text: Words, name: str, results: Iterable[float | Prediction]) -> Blocked:
+    """Return a number that depends on how the text is read, from what every way gives."""
+    return Blocked(text.missing[name], readings=tuple(map(read, text.readings[name], results)))
 
 
 Result = float | Prediction | Blocked
@@ -275,57 +395,72 @@ def reproduces(
     return lambda function: Computation(key, function, *declared)
 
 
-class Marks(dict[str, float]):
-    """Values of printed cells by address, with the interval that each of them stands for."""
+@dataclass(frozen=True)
+class Fact:
+    """A number or a word that sentences quote; `form` and `zero` as in `Column`."""
 
-    def __init__(
-        self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]]
-    ) -> None:
-        super().__init__(values)
-        self.intervals = intervals
+    value: float | str
+    form: str = ""
+    unit: str = ""
+    zero: float = 0.0
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """A function that draws an item, or a picture of our own, with what it marks.
+class Own:
+    """What drawings and tables of our own declare.
 
     Parameters
     ----------
     key : str
-        The item or the picture.
+        Such as ``chen2023/heat``.
     function : callable
-        Takes the figure and, as far as it has room for them: ``printed``, which maps the addresses
-        of the cells to be marked to their values and comes from the caller as `Marks`; the door.
+        What makes it.
     given : tuple of str
-        Addresses of all printed cells that what is drawn is computed from.
-    marks : tuple of str
-        Addresses of cells of other items that the drawing marks, such as a figure's optimum that
-        is quoted in the text; an item's own cells need no mention.
+        Addresses of all printed cells that it reads.
     named : callable, optional
-        Returns the facts that the drawing's alternative text quotes, by name.
+        Returns the facts that sentences quote, by name.
     random : bool
         Whether it draws random numbers, with seeds from the door's root.
     """
 
     key: str
-    function: Callable[..., None]
+    function: Callable[..., Any]
     given: tuple[str, ...] = ()
-    marks: tuple[str, ...] = ()
-    named: Callable[[], Mapping[str, Fact]] | None = None
+    named: Callable[..., Mapping[str, Fact]] | None = None
     random: bool = False
 
     @property
     def title(self) -> str:
-        """What the figure shows: the first line of the function's docstring."""
-        return first_line(self.function)
+        """What it shows: the first line of the function's docstring, without its full stop."""
+        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+
+    def _doors(self, door: Given | None = None) -> list[Given]:
+        return [given(self.given) if door is None else door] if self.given else []
+
+
+@dataclass(frozen=True)
+class Drawing(Own):
+    """A function that draws an item, or a picture of our own, with what it marks.
+
+    The function takes the figure and, as far as it has room for them: ``printed``, which maps the
+    addresses of the cells to be marked to their values and comes from the caller; the door. What
+    `named` returns is quoted by the alternative text.
+
+    Parameters
+    ----------
+    marks : tuple of str
+        Addresses of cells of other items that the drawing marks, such as a figure's optimum that
+        is quoted in the text; an item's own cells need no mention.
+    """
+
+    marks: tuple[str, ...] = ()
 
     def __call__(
         self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
         taken = inspect.signature(self.function, follow_wrapped=False).parameters
-        doors = [given(self.given) if door is None else door] if self.given else []
-        self.function(*[figure, printed, *doors][: len(taken)])
+        self.function(*[figure, printed, *self._doors(door)][: len(taken)])
 
 
 def draws(
@@ -337,7 +472,71 @@ def draws(
     random: bool = False,
 ) -> Callable[[Callable[..., None]], Drawing]:
     """Declare that a function draws `key`; the arguments are those of `Drawing`."""
-    return lambda function: Drawing(key, function, tuple(given), tuple(marks), named, random)
+    return lambda function: Drawing(key, function, tuple(given), named, random, tuple(marks))
+
+
+@dataclass(frozen=True)
+class Study(Own):
+    """A table that no paper prints.
+
+    The function takes the door, if anything is given, and returns the rows, or a DataFrame whose
+    ``attrs`` fill the blanks of the caption; `named` takes what it takes.
+
+    Parameters
+    ----------
+    columns : tuple of Column
+        As many as a row has entries; the first names the row.
+    caption : str
+        What it shows, in one or two sentences.
+    folded : str
+        The name of a column by whose values a long table is shown in parts.
+    settings : mapping
+        Arguments of `function` that a reader may give, each with what it is; all are numbers.
+    """
+
+    columns: tuple[Column, ...] = ()
+    caption: str = ""
+    folded: str = ""
+    settings: Mapping[str, str] = field(default_factory=dict)
+
+    def __call__(self, door: Given | None = None, **settings: float) -> pd.DataFrame:
+        """Compute the table, from the print or from what another door holds."""
+        import pandas as pd
+
+        found = self.function(*self._doors(door), **settings)
+        frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
+        frame.attrs["caption"] = self.caption.format_map(frame.attrs)
+        return frame
+
+    def facts(self) -> Mapping[str, Fact]:
+        """Compute what sentences quote of it, by name."""
+        return self.named(*self._doors()) if self.named else {}
+
+    def frame(self, rows: Iterable[Sequence[Any]], **blanks: Any) -> pd.DataFrame:
+        """Return rows under the declared heads, with what fills the blanks of the caption."""
+        import pandas as pd
+
+        frame = pd.DataFrame(list(rows), columns=[column.name for column in self.columns])
+        frame.attrs.update(blanks)
+        return frame
+
+
+def studied(
+    key: str,
+    *,
+    given: Sequence[str] = (),
+    named: Callable[..., Mapping[str, Fact]] | None = None,
+    random: bool = False,
+    **shown: Any,
+) -> Callable[[Callable[..., Any]], Study]:
+    """Declare that a function computes the study `key`; the arguments are those of `Study`.
+
+    Columns, caption, folded and settings are the texts of the key in the paper's file of words,
+    unless they are given.
+    """
+    text = words(key)
+    of_words = {name: getattr(text, name) for name in ("columns", "caption", "folded", "settings")}
+    return lambda function: Study(key, function, tuple(given), named, random, **of_words | shown)
 
 
 @dataclass(frozen=True)
@@ -357,8 +556,3 @@ class Item:
     key: str
     computations: tuple[Computation, ...] = ()
     draw: Drawing | None = None
-
-    @property
-    def paper(self) -> str:
-        """The paper's key."""
-        return self.key.split("/")[0]

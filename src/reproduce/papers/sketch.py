@@ -1,4 +1,4 @@
-"""Pieces of the drawings of both papers: boxes, arrows, arcs, and looks that need no colour.
+"""Pieces of the drawings of both papers: boxes, arrows, frames in space, looks without colour.
 
 Everything that carries no look of its own is drawn in `INK`, which follows the page's text.
 """
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.physics.attitude import rotation_from_vector, unit
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
@@ -95,12 +96,6 @@ def diagram(
     return declare
 
 
-def _pair(point: ArrayLike) -> Point:
-    """Return a point as two plain numbers, as matplotlib's annotations want them."""
-    x, y = np.asarray(point, dtype=np.float64)
-    return float(x), float(y)
-
-
 def beside(place: ArrayLike, right: float, up: float) -> FloatArray:
     """Return the place so far to the right of another and so far above it."""
     return np.add(place, [right, up], dtype=np.float64)
@@ -119,7 +114,8 @@ def label(axes: Axes, place: ArrayLike, text: str, *, size: float = SIZE, **look
     size = min(size, LEAST) if slim(axes) else size
     settings = {"ha": "center", "va": "center", "fontsize": size, **look}
     # Matplotlib types every property of a text apart; here they are mixed in one mapping.
-    axes.text(*_pair(place), text, **settings)  # type: ignore[arg-type]
+    x, y = np.asarray(place).tolist()
+    axes.text(x, y, text, **settings)  # type: ignore[arg-type]
 
 
 def line(axes: Axes, points: ArrayLike, width: float = 1.0, style: str = "-") -> None:
@@ -139,9 +135,8 @@ def arrow(
     """Draw an arrow, in a look or in ink."""
     from matplotlib.patches import FancyArrowPatch
 
-    patch = FancyArrowPatch(
-        _pair(start), _pair(end), arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9
-    )
+    ends = np.array([start, end], dtype=np.float64).tolist()
+    patch = FancyArrowPatch(*ends, arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9)
     patch.set(color=look.colour, linestyle=look.line, linewidth=width)
     axes.add_patch(patch)
 
@@ -175,7 +170,7 @@ def box(
         label(axes, centre, text)
 
 
-def joined(
+def _joined(
     axes: Axes, one: tuple[Point, Point], other: tuple[Point, Point], look: Look = INKED
 ) -> None:
     """Draw an arrow from one box to another, each a centre and a size, from edge to edge."""
@@ -184,6 +179,22 @@ def joined(
     with np.errstate(divide="ignore"):
         out, into = (0.5 * np.min(size / np.abs(way)) for size in (width, across))
     arrow(axes, start + out * way, end - into * way, look)
+
+
+# A box of a diagram: its text, then centre and size on a wide page and on a narrow one.
+Block = tuple[str, tuple[Point, Point], tuple[Point, Point]]
+
+
+def blocks(
+    axes: Axes, boxes: Mapping[str, Block], steps: Sequence[str], looks: Mapping[str, Look]
+) -> None:
+    """Draw boxes, dotted where they have no text, and arrows; a step names the boxes it joins."""
+    places = {name: layouts[slim(axes)] for name, (_, *layouts) in boxes.items()}
+    for name, (text, *_) in boxes.items():
+        style, width = ("-", 1.3) if text else (":", 0.8)
+        box(axes, *places[name], text, looks.get(name), style=style, width=width)
+    for start, end in map(str.split, steps):
+        _joined(axes, places[start], places[end], looks.get(start) or looks.get(end) or INKED)
 
 
 def arc(
@@ -198,14 +209,14 @@ def arc(
     """Draw an arc from one angle to another, in degrees, its label outside, a head at its end."""
     sweep = np.radians(np.linspace(*angles, 60))
     points = np.asarray(centre) + radius * np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
-    (turning if head else line)(axes, points)
+    (_turning if head else line)(axes, points)
     if text:
         middle = np.radians(sum(angles) / 2)
         beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
         label(axes, np.asarray(centre) + beyond, text)
 
 
-def turning(axes: Axes, points: FloatArray) -> None:
+def _turning(axes: Axes, points: FloatArray) -> None:
     """Draw a curve of shape (n, 2) with a head at its end: the sense of a turn."""
     line(axes, points, 1.2)
     # From a few points back: over the last step alone the head would not know its direction.
@@ -222,13 +233,7 @@ def key(axes: Axes, looks: Sequence[Look], place: Point) -> None:
 
 def again(axes: Axes, which: Literal["x", "y"], label: str, factor: float) -> None:
     """Give axes with a logarithmic scale the same scale in another unit, across from it."""
-
-    def there(value: ArrayLike) -> ArrayLike:
-        return np.multiply(value, factor)
-
-    def back(value: ArrayLike) -> ArrayLike:
-        return np.divide(value, factor)
-
+    there, back = (functools.partial(np.multiply, by) for by in (factor, 1 / factor))
     axis: Axis
     if which == "x":
         axis = axes.secondary_xaxis("top", functions=(there, back)).xaxis
@@ -237,3 +242,79 @@ def again(axes: Axes, which: Literal["x", "y"], label: str, factor: float) -> No
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter("")
     axis.set_label_text(label)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A parallel projection onto the paper.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (2, 3)
+        To the right and upwards on the paper, as rows, in the frame that is seen.
+    centre : tuple of float
+        Where the origin of that frame lies on the paper.
+    scale : float
+        Units of the paper per unit of the frame.
+    """
+
+    matrix: FloatArray
+    centre: Point = (0.0, 0.0)
+    scale: float = 1.0
+
+    def point(self, places: ArrayLike) -> FloatArray:
+        """Return where places of shape (..., 3) lie on the paper, shape (..., 2)."""
+        flat = np.asarray(places, dtype=np.float64) @ self.matrix.T
+        return np.asarray(self.centre + self.scale * flat)
+
+
+def seen_from(
+    azimuth: float, elevation: float, centre: Point = (0.0, 0.0), scale: float = 1.0
+) -> View:
+    """Return the view of somebody who stands far out in a direction, Z upwards.
+
+    Examples
+    --------
+    From negative Y, X points to the right and Z upwards.
+
+    >>> seen_from(-90.0, 0.0).matrix.round(12) + 0.0
+    array([[1., 0., 0.],
+           [0., 0., 1.]])
+    """
+    around, above = np.radians([azimuth, elevation])
+    viewer = np.array(
+        [np.cos(above) * np.cos(around), np.cos(above) * np.sin(around), np.sin(above)]
+    )
+    right = np.array([-np.sin(around), np.cos(around), 0.0])
+    return View(np.stack([right, np.cross(viewer, right)]), centre, scale)
+
+
+def triad(
+    axes: Axes,
+    view: View,
+    origin: ArrayLike,
+    directions: FloatArray,
+    names: Sequence[str],
+    *,
+    look: Look = INKED,
+    width: float = 1.3,
+) -> None:
+    """Draw axes of a frame with their names."""
+    start = view.point(origin)
+    for direction, name in zip(directions, names, strict=True):
+        end = view.point(np.asarray(origin) + direction)
+        arrow(axes, start, end, look, width=width)
+        if name:
+            away = (end - start) / np.hypot(*(end - start))
+            # Beside an arrow that runs sideways, above or below one that runs up or down.
+            side = "center" if abs(away[0]) < 0.6 else "left" if away[0] > 0 else "right"
+            gap = (0.36 if side == "center" else 0.16) * (1.2 if slim(axes) else 1.0)
+            label(axes, end + gap * away, name, size=SIZE, ha=side)
+
+
+def sense(
+    axes: Axes, view: View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
+) -> None:
+    """Draw the sense of a right-handed turn: the way of a vector while it turns about an axis."""
+    steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)
+    _turning(axes, view.point(np.asarray(origin) + rotation_from_vector(steps) @ np.asarray(start)))

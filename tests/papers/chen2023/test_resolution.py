@@ -7,7 +7,7 @@ import pytest
 
 from reproduce.judge.ledger import build
 from reproduce.papers.chen2023 import resolution
-from reproduce.papers.words import words
+from reproduce.papers.declare import words
 from reproduce.physics.images import (
     Detector,
     Light,

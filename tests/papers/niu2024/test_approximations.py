@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from reproduce.papers.catalogue import drawings
 from reproduce.papers.niu2024 import approximations
-from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.registration import analytic_bias, even_positions, simulated_bias
 from reproduce.printed.given import given
 
@@ -45,21 +42,6 @@ def test_the_pivot_errs_by_the_printed_difference_of_principal_points_by_hand():
     factor = 25.0237 / 25.0134 * np.exp(1j * np.radians(-0.0351)) - 1
     expected = abs(factor * (-0.9256 + 1.0961j))
     assert COSTS["pivot", "Table 4", "blue"][PEAK] == pytest.approx(expected, rel=1e-6)
-
-
-def test_the_drawing_has_every_cost_and_the_printed_noise():
-    figure = Figure()
-    drawings()["niu2024/drawing-approximations"](figure, {NOISE: 0.05})
-    costs = approximations.costs(DOOR)
-    for axes, table in zip(figure.axes, ("Table 1", "Table 4"), strict=True):
-        lines = {line.get_label(): line.get_xdata() for line in axes.lines}
-        np.testing.assert_allclose(lines.pop("noise, both axes"), 0.05 * np.sqrt(2))
-        for channel in ("red", "blue"):
-            own = {names[0]: cost for names, cost in costs.items() if names[1:] == (table, channel)}
-            np.testing.assert_array_equal(lines[channel], [cost[RMS] for cost in own.values()])
-            own.pop("pivot")
-            left = [cost[LEFT] for cost in own.values()]
-            np.testing.assert_array_equal(lines[f"{channel}, after a fit"], left)
 
 
 def test_a_fit_takes_up_the_pivot_whole_and_the_radial_terms_in_part():

@@ -156,7 +156,7 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     """Even with ten repeats averaged of the noise that the simulation has."""
     door = given([*experiment.INSTRUMENT, *simulation.READS])
     seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
-    fits = experiment.calibrated_cameras(door, seed, 2000, error)
+    fits, _ = experiment.twin_fits(door, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
         draws = fits[channel].camera.radial_distortion
         assert draws.mean() == pytest.approx(coefficient, abs=4 * draws.std() / np.sqrt(2000))
@@ -168,7 +168,7 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     """As precisely as the bound says; so the printed scales contradict the focal lengths."""
     door = given([*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"])
     error, replicates = 0.05 / np.sqrt(10), 400
-    fits = experiment.registrations(door, np.random.SeedSequence(3), replicates, error)
+    _, fits = experiment.twin_fits(door, np.random.SeedSequence(3), replicates, error)
     used, turns = experiment.cameras(door), experiment.rotations(door)
     true = channel_centroids(used, turns, simulation.literal(door).angles)
     for place, channel in enumerate(("red", "blue"), start=1):
@@ -185,7 +185,7 @@ def test_the_printed_residuals_leave_the_scale_close_to_the_focal_lengths():
     """What the page says of the fit: with centroid errors so large, blue would still be close."""
     door = given([*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"])
     error = float(experiment.centroid_errors(DOOR).max())
-    fits = experiment.registrations(door, np.random.SeedSequence(4), 400, error)
+    _, fits = experiment.twin_fits(door, np.random.SeedSequence(4), 400, error)
     for channel, times in (("red", 2), ("blue", 10)):
         scatter = fits[channel].parameters[:, 0]
         apart = abs(door[f"niu2024/table-4#scale.{channel}"] - scatter.mean())

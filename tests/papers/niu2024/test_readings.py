@@ -4,16 +4,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
 from reproduce.inference import Store
 from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
-from reproduce.papers.catalogue import drawings, studies
-from reproduce.papers.declare import Reading
+from reproduce.papers.declare import LEAST_DRAWS, Reading
 from reproduce.papers.niu2024 import readings, simulation
-from reproduce.papers.study import LEAST_DRAWS
 from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import calibrate, starting_values
 from reproduce.printed.cells import find
@@ -71,7 +68,7 @@ def test_the_ledgers_readings_are_those_of_the_study(drawn):
             literal = [Reading("principal points of Table 1", "", result)]
             for reading in getattr(result, "readings", literal):
                 changed, axes = choices[reading.name]
-                ours = readings.counted(readings.summarised(drawn[place(**changed)]), axes)
+                ours = readings.counted(drawn[place(**changed)], axes)
                 found = ks_2samp(ours[:, channel_place, cell_place], reading.result.draws)
                 assert found.pvalue > 1e-3, (name, reading.name)
 
@@ -151,7 +148,7 @@ def test_every_way_of_counting_the_axes():
     }
     assert set(expected) == set(readings.COUNTED)
     for axes, residuals in expected.items():
-        found = readings.counted(readings.summarised(measured), axes)
+        found = readings.counted(measured, axes)
         np.testing.assert_allclose(found[0], [1, 2, 3, 4, *residuals])
 
 
@@ -172,16 +169,6 @@ def test_test_points_among_the_angles_are_never_drawn_twice():
 
 def test_the_stored_replicates_are_recomputed(stored):
     np.testing.assert_allclose(readings.simulate(DOOR, 3), stored.arrays["first"][:, :3], atol=1e-9)
-
-
-def test_the_stored_moments_are_those_of_a_small_run(stored, drawn):
-    count = drawn.shape[1]
-    mean, sd = stored.arrays["mean"], stored.arrays["sd"]
-    assert (np.abs(drawn.mean(axis=1) - mean) < 5.5 * sd / np.sqrt(count)).all()
-    np.testing.assert_allclose(drawn.std(axis=1), sd, rtol=5.5 / np.sqrt(2 * count))
-    middle = stored.arrays["quantiles"][:, 2]
-    below = (readings.summarised(drawn) < middle[:, None]).mean(axis=1)
-    assert (np.abs(below - 0.5) < 5.5 * 0.5 / np.sqrt(count)).all()
 
 
 def test_the_stored_tails_are_those_of_a_small_run(stored, drawn):
@@ -253,56 +240,6 @@ def test_correction_for_many_readings():
     np.testing.assert_allclose(judged.corrected(np.array([0.001, 0.9]), 288), [0.288, 1.0])
 
 
-def test_all_starts_end_at_one_point():
-    own, restarted = readings.convergence()
-    ends = np.broadcast_to(own.parameters, restarted.parameters.shape)
-    np.testing.assert_allclose(restarted.parameters, ends, atol=1e-9)
-    distance = readings.distance_to_end(restarted)
-    assert (distance[0] > 10).all()
-    assert (distance[-2] < 1e-6).all()
-
-
-def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold():
-    printed = dict(zip(readings.ADDRESSES, judged.printed_values(), strict=True))
-    figure = Figure()
-    drawings()["niu2024/drawing-distributions"](figure, printed)
-    levels = readings.stored().arrays["quantiles"]
-    chosen = list(readings.chosen().values())
-    assert len(set(chosen)) == len(chosen) == 10
-    for channel, axes in enumerate(figure.axes):
-        inside = {(int(x), int(y)) for x, y in axes.lines[0].get_xydata()}
-        away = {tuple(one.get_position()): float(one.get_text()) for one in axes.texts}
-        for row, (number, counted) in enumerate(chosen):
-            low, high = readings.counted(levels[number], counted)[[0, -1], channel]
-            value = judged.printed_values()[channel * 6 : channel * 6 + 6]
-            held = (low <= value) & (value <= high)
-            assert {x for x, y in inside if y == row} == set(np.flatnonzero(held))
-            for column in np.flatnonzero(~held):
-                end = low[column] if value[column] < low[column] else high[column]
-                beyond = abs(value[column] - end) / (high[column] - low[column]) * 2
-                assert away[column, row] == pytest.approx(
-                    1 + beyond, abs=0.51 if beyond > 9 else 0.051
-                )
-    assert judged.printed_values()[:2] == pytest.approx([0.9973, np.radians(0.0698)])
-
-
-def test_what_the_book_says_of_the_distributions():
-    """Which bars hold the print, by the quantiles: scales none, rotations nearly all, and so on."""
-    levels = readings.stored().arrays["quantiles"]
-    chosen = readings.chosen()
-    print_, inside = np.reshape(judged.printed_values(), (2, 6)), {}
-    for name, (number, way) in chosen.items():
-        bars = readings.counted(levels[number], way)
-        inside[name] = (bars[0] <= print_) & (print_ <= bars[-1])
-    held = np.array(list(inside.values()))
-    shifted = ["Table 2" in name for name in chosen]
-    assert not held[..., 0].any(), "scales"
-    assert held[..., 1].mean() > 0.8, "rotations"
-    np.testing.assert_array_equal(held[..., 2:4].all(axis=(1, 2)), shifted)
-    one_axis = [n for n, (_, way) in chosen.items() if way != "both axes"]
-    assert [n for n in chosen if inside[n][:, 5].all()] == one_axis
-
-
 def test_every_reading_has_its_row_and_every_cell_its_probability(stored):
     table = judged.probabilities()
     assert len(table) == len(READINGS) * len(readings.COUNTED)
@@ -335,15 +272,6 @@ def test_the_closest_readings_stand_with_their_distance(stored):
     for row, group in enumerate(judged.GROUPS, start=2):
         nearest = stored.arrays["distance"][..., row - 2].min()
         assert table[f"Distance, {group} (σ)"][row] == nearest
-
-
-def test_the_scheme_is_as_efficient_as_replicates_can_tell():
-    table = studies()["niu2024/precision"]()
-    assert list(table["Channel"]) == ["red"] * 4 + ["blue"] * 4
-    off = (table["Efficiency"] - 1) / table["Efficiency, error"]
-    assert (off.abs() < 5).all()
-    bias = (table["Bias"] - table["Bias by theory"]) / table["Bias, error"]
-    assert (bias.abs() < 5).all()
 
 
 def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path, monkeypatch):

@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from reproduce.judge import ledger
-from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Marks
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.niu2024 import simulation
 from reproduce.physics.optics import channel_centroids, noisy_centroids
 from reproduce.physics.registration import fit_registration
-from reproduce.printed.cells import find, library
+from reproduce.printed.cells import find
 from reproduce.printed.given import given
-from reproduce.printed.units import si_factor
 
 DOOR = given(simulation.calibrated_parameters.given)
 SEED = np.random.SeedSequence(99)
@@ -208,30 +205,3 @@ def test_no_green_point_reconciles_tables_1_and_2():
             )
         }
         assert abs(np.subtract(*apart.values())) > 4 * 0.05
-
-
-def test_the_drawing_of_table_3_shows_the_predictions_that_judge_it():
-    """Bars are the ledger's intervals, one for each reading."""
-    records = {record.cell: record for record in ledger.build(["niu2024/table-3"]).records}
-    rows = list(simulation.predicted_rows())
-    assert {address for address, *_ in rows} == set(records)
-    for address, _, (low, _, high) in rows:
-        record = records[address]
-        factor = si_factor(library()["niu2024/table-3"][record.cell.partition("#")[2]].unit)
-        predicted = [record.interval] if record.interval else [r.interval for r in record.readings]
-        ends = np.array([one for one in predicted if one is not None]) * factor
-        assert np.isclose(ends, [low, high], rtol=1e-12, atol=0).all(axis=1).any()
-    assert len({(address, ends[0]) for address, _, ends in rows}) == len(rows) == 12
-
-
-def test_a_far_print_is_an_arrow_at_its_side_and_a_near_one_keeps_its_rounding(monkeypatch):
-    rows = [("a", "scale, red", (1.0, 2.0, 3.0)), ("b", "scale, blue", (1.0, 2.0, 3.0))]
-    monkeypatch.setattr(simulation, "predicted_rows", lambda: rows)
-    figure, marks = Figure(), {"a": (-50.5, -49.5), "b": (3.5, 4.5)}
-    drawings()["niu2024/drawing-table-3"](figure, Marks({"a": -50.0, "b": 4.0}, marks))
-    [axes] = figure.axes
-    _, _, *far, _, _, interval, _, near, _ = axes.lines
-    assert [one.get_text() for one in axes.texts] == ["52 away"]
-    assert [one.get_marker() for one in far] == ["<"]
-    np.testing.assert_allclose(interval.get_xdata(), [1.5, 2.5])
-    np.testing.assert_allclose(near.get_xdata(), [2.0])

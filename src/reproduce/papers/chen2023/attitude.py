@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.chen2023.satellite import LASER, lens
-from reproduce.papers.declare import draws
+from reproduce.papers.declare import draws, studied
 from reproduce.papers.sketch import (
     INK,
     Look,
@@ -25,10 +25,11 @@ from reproduce.papers.sketch import (
     label,
     line,
     path,
+    seen_from,
+    sense,
     slim,
+    triad,
 )
-from reproduce.papers.space import seen_from, sense, triad
-from reproduce.papers.study import studied
 from reproduce.physics.attitude import emitted_directions, rotation_from_vector, transpose
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given

@@ -28,9 +28,8 @@ from reproduce.papers.chen2023.posteriors import (
     table_5,
     under_floors,
 )
-from reproduce.papers.declare import draws
+from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.sketch import INK, again, sized
-from reproduce.papers.study import Fact, studied
 from reproduce.physics.attitude import averaged_error, stage_angle
 from reproduce.physics.ground import DAY
 from reproduce.physics.validate import FloatArray

@@ -26,16 +26,17 @@ from numpy.random import SeedSequence
 from reproduce.papers.chen2023 import accuracy, platform
 from reproduce.papers.declare import (
     Blocked,
+    Fact,
     Prediction,
     Reading,
     Result,
     Results,
     draws,
     reproduces,
+    studied,
+    words,
 )
 from reproduce.papers.sketch import thin
-from reproduce.papers.study import Fact, studied
-from reproduce.papers.words import words
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray

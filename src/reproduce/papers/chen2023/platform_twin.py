@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
 from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.satellite import LASER, STAR, lens, mirror, reflected
-from reproduce.papers.declare import draws, seed_of
+from reproduce.papers.declare import draws, seed_of, studied
 from reproduce.papers.sketch import (
     INK,
     arc,
@@ -43,7 +43,6 @@ from reproduce.papers.sketch import (
     sized,
     turned,
 )
-from reproduce.papers.study import studied
 from reproduce.physics.attitude import (
     Platform,
     emitted_directions,

@@ -21,11 +21,21 @@ from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.chen2023.satellite import SCENE, STAR
-from reproduce.papers.declare import Results, draws, reproduces, seed_of
-from reproduce.papers.sketch import INK, Look, arrow, beside, diagram, key, label, line, path
-from reproduce.papers.space import seen_from, sense, triad
-from reproduce.papers.study import studied
-from reproduce.papers.words import Column
+from reproduce.papers.declare import Column, Results, draws, reproduces, seed_of, studied
+from reproduce.papers.sketch import (
+    INK,
+    Look,
+    arrow,
+    beside,
+    diagram,
+    key,
+    label,
+    line,
+    path,
+    seen_from,
+    sense,
+    triad,
+)
 from reproduce.physics.attitude import rotation_from_vector, transpose, unit
 from reproduce.physics.ground import (
     DAY,

@@ -45,10 +45,10 @@ from reproduce.papers.declare import (
     draws,
     reproduces,
     seed_of,
+    studied,
+    words,
 )
 from reproduce.papers.sketch import thin
-from reproduce.papers.study import studied
-from reproduce.papers.words import words
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,

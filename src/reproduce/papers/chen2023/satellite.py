@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Blocked, Results, draws, reproduces
+from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
 from reproduce.papers.sketch import (
     INK,
     Look,
@@ -37,7 +37,6 @@ from reproduce.papers.sketch import (
     sized,
     turned,
 )
-from reproduce.papers.study import studied
 from reproduce.physics import ground
 from reproduce.physics.attitude import (
     emitted_directions,

@@ -3,10 +3,10 @@
 # The modules that make and draw each item, in order of print; none for one that is only quoted.
 ITEMS = {
     "niu2024/text-context": "",
-    "niu2024/fig-1": "index",
+    "niu2024/fig-1": "diagrams",
     "niu2024/text-approximations": "approximations",
     "niu2024/fig-2": "registration",
-    "niu2024/fig-3": "calibration",
+    "niu2024/fig-3": "diagrams",
     "niu2024/text-optics": "optics",
     "niu2024/table-1": "",
     "niu2024/table-2": "registration",
@@ -14,29 +14,21 @@ ITEMS = {
     "niu2024/fig-4": "simulation",
     "niu2024/table-3": "simulation",
     "niu2024/text-experiment": "experiment",
-    "niu2024/fig-5": "experiment",
+    "niu2024/fig-5": "diagrams",
     "niu2024/table-4": "experiment",
 }
 
 # The modules of our own tables beside the paper's; judge.studies has those that see the print.
 STUDIES = {
     "niu2024/approximations": "approximations",
-    "niu2024/precision": "readings",
     "niu2024/scale-errors": "experiment",
-    "niu2024/image-stand-ins": "images",
     "niu2024/fusion": "images",
-    "niu2024/star-colours": "images",
     "niu2024/instrument-errors": "decisions",
     "niu2024/stars": "decisions",
 }
 
 # The modules of our own drawings.
 DRAWINGS = {
-    "niu2024/drawing-registration": "registration",
-    "niu2024/drawing-approximations": "approximations",
-    "niu2024/drawing-arrangements": "simulation",
-    "niu2024/drawing-table-3": "simulation",
-    "niu2024/drawing-distributions": "readings",
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
 }

@@ -10,20 +10,16 @@ does not print; the stand-ins are ours:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.papers.declare import Results, draws, reproduces
+from reproduce.papers.declare import Fact, Results, reproduces, studied
 from reproduce.papers.niu2024 import experiment, simulation
-from reproduce.papers.niu2024.index import LOOKS
-from reproduce.papers.niu2024.registration import IMAGING, scale_factors
-from reproduce.papers.niu2024.simulation import NOISE, OPTICS, REGISTERED
-from reproduce.papers.sketch import INK, sized
-from reproduce.papers.study import Fact, studied
+from reproduce.papers.niu2024.registration import scale_factors
+from reproduce.papers.niu2024.simulation import IMAGING, NOISE, OPTICS, REGISTERED
 from reproduce.physics.optics import Camera
 from reproduce.physics.registration import (
     EFFECTS,
@@ -35,11 +31,6 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 APPROXIMATIONS = "niu2024/text-approximations"
 _SHARE = f"{APPROXIMATIONS}#first-term-share"
@@ -58,8 +49,6 @@ _TITLES = {
     "tilt": "tilt",
     "second term": "second radial term",
 }
-# Lengths in px below this are what rounding leaves of zero.
-_ROUNDING = 1e-9
 
 
 @reproduces(
@@ -70,9 +59,8 @@ _ROUNDING = 1e-9
 )
 def scale_near_one(given: Given) -> Results:
     """The scale factor of Table 1 that lies farthest from one."""
-    return {
-        "scale-approximation": max(scale_factors(given).values(), key=lambda scale: abs(scale - 1))
-    }
+    found = scale_factors(given).values()
+    return {"scale-approximation": max(found, key=lambda scale: abs(scale - 1))}
 
 
 @reproduces(
@@ -133,11 +121,11 @@ def isolated(
     return found - measured(whole.only("cube"), positions) if effect == "coefficients" else found
 
 
-def _facts(door: Given | None = None) -> dict[str, Fact]:
+def _facts(door: Given) -> dict[str, Fact]:
     """Return ``EFFECT-TABLE-CHANNEL-rms``, and the printed noise over both axes as they are."""
     return {
-        f"{'-'.join(names)}-rms".lower().replace(" ", "-"): Fact(cost[1], ".2g", "px", _ROUNDING)
-        for names, cost in costs(door or given(READS)).items()
+        f"{'-'.join(names)}-rms".lower().replace(" ", "-"): Fact(cost[1], ".2g", "px")
+        for names, cost in costs(door).items()
     } | {"noise-rms": Fact(np.sqrt(2.0) * given([NOISE])[NOISE], ".2g", "px")}
 
 
@@ -146,36 +134,3 @@ def errors(door: Given) -> Iterator[tuple[object, ...]]:
     """How large each error is over the detector, and what a fit leaves of it."""
     for (effect, table, channel), cost in costs(door).items():
         yield (_TITLES[effect], table, channel, *cost.tolist())
-
-
-@draws("niu2024/drawing-approximations", marks=[NOISE], named=_facts)
-def _draw_costs(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Error of each approximation over the field, before and after a fit, for Tables 1 and 4."""
-    sized(figure, 4.9, 5.6, 6.0)
-    panels = figure.subplots(2, 1, sharex=True, sharey=True)
-    for axes, (table, rows) in zip(panels, errors().groupby("Parameters of"), strict=True):
-        _panel(axes, rows)
-        # A length in the plane, as the errors are.
-        noise = np.sqrt(2.0) * printed[NOISE]
-        axes.axvline(noise, color=INK, linestyle="--", linewidth=1, label="noise, both axes")
-        axes.set_title(f"cameras of {table}", fontsize=10)
-    panels[-1].set_xlabel("error over the field, RMS (px)", fontsize=9)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=9)
-
-
-def _panel(axes: Axes, costs: pd.DataFrame) -> None:
-    """Draw the costs of one table, a row for each approximation."""
-    for channel, beside in (("red", -0.15), ("blue", 0.15)):
-        look, own = LOOKS[channel], costs[costs["Channel"] == channel]
-        rows, left = np.arange(len(own)) + beside, own["RMS after a fit (px)"].to_numpy()
-        seen = left > _ROUNDING
-        for name, values, at, fill in (
-            (channel, own["RMS (px)"], rows, "full"),
-            (f"{channel}, after a fit", left[seen], rows[seen], "none"),
-        ):
-            axes.plot(values, at, look.marker, color=look.colour, fillstyle=fill, label=name)
-    axes.set_yticks(range(len(_TITLES)), list(_TITLES.values()), fontsize=9)
-    axes.set_ylim(len(_TITLES) - 0.5, -0.5)
-    axes.set_xscale("log")
-    axes.tick_params(axis="x", labelsize=9)

@@ -21,6 +21,7 @@ from reproduce.inference.models import (
     true_places,
 )
 from reproduce.inference.quadrature import summed
+from reproduce.papers.declare import Fact, studied
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.posteriors import (
     ESTIMATES,
@@ -34,7 +35,6 @@ from reproduce.papers.niu2024.posteriors import (
     truth,
 )
 from reproduce.papers.niu2024.simulation import NOISE, RESULTS
-from reproduce.papers.study import Fact, studied
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray

@@ -28,29 +28,32 @@ nothing is judged with them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from reproduce.papers.declare import (
     Blocked,
+    Fact,
     Prediction,
     Results,
-    draws,
-    read,
+    blocked,
     reproduces,
     seed_of,
     split_seed,
+    studied,
+    words,
 )
 from reproduce.papers.niu2024 import registration, simulation
-from reproduce.papers.niu2024.index import LOOKS, Place
-from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS, REGISTERED, SETTINGS, cameras_of
-from reproduce.papers.sketch import arrow, box, diagram, joined, label, slim
-from reproduce.papers.study import Fact, studied
-from reproduce.papers.words import words
+from reproduce.papers.niu2024.simulation import (
+    CHANNELS,
+    OPTICS,
+    REGISTERED,
+    SETTINGS,
+    cameras_of,
+    zero_places,
+)
 from reproduce.physics.optics import (
     Camera,
     CameraFit,
@@ -71,24 +74,17 @@ from reproduce.physics.registration import (
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-
 CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
 _WORDS = words(OUTCOME)
 _REPLICATES = 10_000
-_ARRANGEMENT = (
-    f"{CALIBRATION}#rotation.*",
-    f"{CALIBRATION}#translation-*",
-    f"{OPTICS}#pixel-pitch-x",
-)
 # The cameras of all channels, each by its own focal length and distortion.
 CAMERAS = (
     f"{CALIBRATION}#focal-length.*",
     f"{CALIBRATION}#radial-distortion.*",
-    *_ARRANGEMENT,
+    f"{CALIBRATION}#rotation.*",
+    f"{CALIBRATION}#translation-*",
+    f"{OPTICS}#pixel-pitch-x",
 )
 # The same, and how far the positions reach.
 INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
@@ -119,9 +115,9 @@ def fitted_parameters(given: Given) -> Results:
     return dict.fromkeys([*fitted, "radial-distortion.green"], centroids)
 
 
-def cameras(given: Given, channels: Sequence[str] = CHANNELS) -> list[Camera]:
+def cameras(given: Given) -> list[Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
-    return cameras_of(given, CALIBRATION, {c: _shift(given, c) for c in channels})
+    return cameras_of(given, CALIBRATION, {c: _shift(given, c) for c in CHANNELS})
 
 
 def _shift(given: Given, channel: str) -> list[float]:
@@ -153,12 +149,11 @@ def centroid_errors(given: Given) -> FloatArray:
     squares = np.square(after)
     green = squares.mean(axis=0) / 2
     for axis in np.flatnonzero((squares < green).any(axis=0)):
-        red, blue = after[:, axis]
+        pair = zip(REGISTERED, after[:, axis], strict=True)
+        shown = (f"{OUTCOME}#rmse-after-{c}-{'xy'[axis]} = {value:.4g} px" for c, value in pair)
         raise ValueError(
-            f"{OUTCOME}#rmse-after-red-{'xy'[axis]} = {red:.4g} px and "
-            f"{OUTCOME}#rmse-after-blue-{'xy'[axis]} = {blue:.4g} px: expected neither to be more "
-            "than √3 times the other; green's part, half of their mean square, would exceed the "
-            "whole of the smaller one"
+            f"{' and '.join(shown)}: expected neither to be more than √3 times the other; green's "
+            "part, half of their mean square, would exceed the whole of the smaller one"
         )
     return np.asarray(np.sqrt(np.stack([green, *(squares - green)]))[:, None, :])
 
@@ -168,7 +163,7 @@ def registered_points(given: Given, angles: FloatArray) -> FloatArray:
 
     Shape (..., 3, n, 2). In px from the green principal point; channels green, red, blue.
     """
-    green = channel_centroids(cameras(given, ["green"]), [0.0], angles)[..., 0, :, :]
+    green = channel_centroids(cameras(given)[:1], [0.0], angles)[..., 0, :, :]
     points = [green]
     for position, channel in enumerate(REGISTERED, start=1):
         # The source's principal point is the shift, as green's is the origin here.
@@ -213,15 +208,12 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     [(name, ways)] = _WORDS.readings.items()
     results = {}
     for (position, channel), (place, axis) in product(enumerate(REGISTERED), enumerate("xy")):
-        readings = []
+        found = []
         for way in ways:
             x_and_y = apart[way.choices["scale"]][:, position]
             one = way.choices["rmse"] == "one"
-            found = x_and_y[:, place] if one else np.hypot(*x_and_y.T)
-            readings.append(read(way, Prediction(found)))
-        results[f"{name}-{channel}-{axis}"] = Blocked(
-            _WORDS.missing[name], readings=tuple(readings)
-        )
+            found.append(Prediction(x_and_y[:, place] if one else np.hypot(*x_and_y.T)))
+        results[f"{name}-{channel}-{axis}"] = blocked(_WORDS, name, found)
     return results
 
 
@@ -261,53 +253,30 @@ def pointing_errors(given: Given) -> Results:
     pitches = given.array(f"{OPTICS}#pixel-pitch-?")
     focal_length = given[f"{CALIBRATION}#focal-length.green"]
     results = {}
-    for channel in REGISTERED:
-        for axis, pitch in zip("xy", pitches, strict=True):
-            residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
-            angle = angle_from_pixels(residual, pitch, focal_length)
-            results[f"pointing-error-{channel}-{axis}"] = float(angle)
+    for channel, (axis, pitch) in product(REGISTERED, zip("xy", pitches, strict=True)):
+        residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
+        angle = angle_from_pixels(residual, pitch, focal_length)
+        results[f"pointing-error-{channel}-{axis}"] = float(angle)
     return results
 
 
-def calibrated_cameras(
+def twin_fits(
     given: Given, seed: SeedSequence, replicates: int, error: float
-) -> dict[str, CameraFit]:
-    """Calibrate each channel's own camera on the twin, as the last two rows of Table 4 were.
+) -> tuple[dict[str, CameraFit], dict[str, RegistrationFit]]:
+    """Fit both parts of Table 4 to the twin at the angles of the simulation, with some noise in px.
 
-    Channel to its calibrations, batch shape (replicates,).
+    Each channel's own camera, as its last two rows; both channels registered with green, as its
+    first rows: by the closed form, which is where the paper's iteration ends, with the spot at the
+    zero position for a pivot, as in section 3.2. By channel, batch shape (replicates,).
     """
-    table, noisy = _twin(given, seed, replicates, error)
-    directions, pitch = table_starlight(table), given[f"{OPTICS}#pixel-pitch-x"]
-    return {
-        channel: fit_camera(directions, noisy[:, position], pitch, rotations(given)[position])
-        for position, channel in enumerate(CHANNELS)
-    }
-
-
-def registrations(
-    given: Given, seed: SeedSequence, replicates: int, error: float
-) -> dict[str, RegistrationFit]:
-    """Register both channels with green on the twin, as the first rows of Table 4 were.
-
-    The fit is the closed form, which is where the paper's iteration ends; its pivot is the spot at
-    the zero position, as in section 3.2.
-
-    Channel to its fits, batch shape (replicates,).
-    """
-    table, noisy = _twin(given, seed, replicates, error)
-    [zero] = simulation.zero_places(table)
-    return {
-        channel: fit_registration(noisy[:, place], noisy[:, 0], noisy[:, place, zero])
-        for place, channel in enumerate(REGISTERED, start=1)
-    }
-
-
-def _twin(
-    given: Given, seed: SeedSequence, replicates: int, error: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the angles of the simulation, and what the twin measures there."""
     table = simulation.literal(given).angles
-    return table, noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
+    noisy = noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
+    directions, pitch = table_starlight(table), given[f"{OPTICS}#pixel-pitch-x"]
+    spots, [zero] = dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)), zero_places(table)
+    turns = dict(zip(CHANNELS, rotations(given), strict=True))
+    alone = {c: fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
+    laid = {c: fit_registration(spots[c], spots["green"], spots[c][:, zero]) for c in REGISTERED}
+    return alone, laid
 
 
 # Replicates of both kinds of fit, and how much of a printed residual is the error of one centroid.
@@ -319,13 +288,12 @@ _SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel":
 
 def _scale_facts(given: Given) -> dict[str, Fact]:
     """What sentences say of the scale factors: how far each lies from the ratio, at both noises."""
-    found = _scale_errors(given)
-    far = found.groupby("Channel")["Distance (σ)"].agg(["min", "max"])
+    far = _scale_errors(given).groupby("Channel")["Distance (σ)"].agg(["min", "max"])
     return {
         f"{channel}-{end}": Fact(value, ".1f")
         for channel, ends in far.iterrows()
         for end, value in zip(("least", "most"), ends, strict=True)
-    } | {"sd": Fact(found["Standard deviation in the twin"].max(), ".1e")}
+    }
 
 
 @studied(
@@ -346,52 +314,10 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
     printed = registration.scale_factors(given, CALIBRATION)
     rows = []
     for name, share in _SHARES.items():
-        cameras_found = calibrated_cameras(given, seed, _FITS, share * residual)
-        found = registrations(given, seed, _FITS, share * residual)
+        alone, laid = twin_fits(given, seed, _FITS, share * residual)
         for channel in REGISTERED:
-            lengths = (cameras_found[one].camera.focal_length for one in ("green", channel))
-            sd = float(np.std(found[channel].parameters[:, 0] - np.divide(*lengths)))
+            lengths = (alone[one].camera.focal_length for one in ("green", channel))
+            sd = float(np.std(laid[channel].parameters[:, 0] - np.divide(*lengths)))
             apart = given[f"{CALIBRATION}#scale.{channel}"] - printed[channel]
             rows.append((channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd))
     return rows
-
-
-@draws("niu2024/fig-5")
-@diagram(17.2, 10.0, narrow=(10.0, 12.4))
-def _draw_acquisition(axes: Axes) -> None:
-    """Data acquisition: simulated starlight of a chosen band and magnitude, three images."""
-    narrow = slim(axes)
-
-    def placed(
-        wide: Place, slender: Place, text: str = "", width: float = 1.3, style: str = "-"
-    ) -> Place:
-        """Draw a box where it stands on this page, and return its place."""
-        place = slender if narrow else wide
-        box(axes, *place, text, width=width, style=style)
-        return place
-
-    placed(((8.6, 6.45), (16.8, 6.5)), ((5.0, 7.6), (9.8, 9.4)), width=0.8)
-    label(axes, (0.4, 11.9) if narrow else (0.6, 9.2), "dark room", ha="left", style="italic")
-    star = placed(
-        ((2.9, 6.3), (4.9, 2.2)),
-        ((5.0, 10.5), (5.2, 1.8)),
-        "single-star simulator:\nband and magnitude\ncan be chosen",
-    )
-    table = placed(((10.0, 6.3), (5.0, 4.4)), ((2.8, 6.3), (4.8, 3.6)), width=1.5)
-    joined(axes, star, table)
-    label(axes, (5.0, 8.8) if narrow else (6.4, 6.75), "starlight")
-    label(axes, (2.8, 5.1) if narrow else (10.0, 8.95), "two-axis rotary table")
-    camera = "3CMOS camera on\nthe middle frame"
-    placed(((10.0, 6.3), (4.4, 2.0)), ((2.8, 6.6), (4.2, 1.6)), camera)
-    images = placed(((14.9, 6.3), (3.6, 4.8)), ((8.0, 6.3), (3.2, 4.6)), style=":", width=0.8)
-    (x, _), start = images[0], (5.2 if narrow else 12.5, 6.3)
-    for look, y in zip(LOOKS.values(), (7.9, 6.3, 4.7), strict=True):
-        box(axes, (x, y), (2.8, 1.0), f"{look.name} image", look)
-        axes.plot([x + 1.25], [y], look.marker, color=look.colour, markersize=4)
-        arrow(axes, start, (x - 1.4, y), look)
-    course = placed(((10.0, 1.5), (3.6, 1.5)), ((2.8, 1.3), (3.4, 1.3)), "trajectory\nof the table")
-    kept = placed(
-        ((14.9, 1.5), (4.0, 1.5)), ((8.0, 1.3), (3.4, 1.3)), "spots and angles\nare recorded"
-    )
-    for one, other in ((course, table), (course, kept), (images, kept)):
-        joined(axes, one, other)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import Blocked, Results, read, reproduces
-from reproduce.papers.words import words
+from reproduce.papers.declare import Results, blocked, reproduces, words
 from reproduce.physics import optics
 from reproduce.printed.given import Given
 
@@ -47,11 +46,6 @@ def middles(given: Given, band: str) -> tuple[float, float]:
 )
 def centre_wavelengths(given: Given) -> Results:
     """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
-    [(name, ways)] = _WORDS.readings.items()
-    return {
-        f"{name}-{band}": Blocked(
-            _WORDS.missing[name],
-            readings=tuple(map(read, ways, middles(given, band))),
-        )
-        for band in ("blue", "green", "red")
-    }
+    [name] = _WORDS.readings
+    bands = ("blue", "green", "red")
+    return {f"{name}-{band}": blocked(_WORDS, name, middles(given, band)) for band in bands}

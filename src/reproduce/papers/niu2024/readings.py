@@ -22,51 +22,30 @@ radians and px, residuals in px.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.inference import Store, run_parts
-from reproduce.papers.declare import draws
+from reproduce.papers.declare import Column
 from reproduce.papers.niu2024 import simulation
-from reproduce.papers.niu2024.index import LOOKS
-from reproduce.papers.sketch import sized
-from reproduce.papers.study import studied
-from reproduce.papers.words import Column
 from reproduce.physics.optics import channel_centroids, spawned_angles, spawned_normals
-from reproduce.physics.registration import (
-    Calibration,
-    calibrate,
-    fit_registration,
-    model_points,
-    random_starts,
-    registration_bound,
-    rmse,
-    rmse_per_axis,
-    similarity_between,
-    starting_values,
-)
+from reproduce.physics.registration import fit_registration, rmse_per_axis
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_STUDY = "niu2024-readings"
 SEED = 2024_0259
 REPLICATES = 10_000
 CHUNK = 500  # replicates simulated at once
 # Replicates stored whole, so that a small part can be recomputed and compared.
-_KEPT = 20
-_QUANTILES = (0.005, 0.025, 0.5, 0.975, 0.995)
+KEPT = 20
 # What the principal points of red and blue are, by the option of `simulation`; draws averaged.
 _SHIFTS = {"Table 1": "table-1", "Table 2": "table-2"}
 REPEATS = (1, 10)
@@ -84,16 +63,9 @@ ADDRESSES = tuple(
     for channel in simulation.REGISTERED
     for cell in CELLS
 )
-# All that the ways of counting need, but for the root of two between both axes and their average.
-_SUMMARISED = (*_MEASURED, "rmse-before", "rmse-after")
-# Ways to count the axes, (26) as it stands first: places among `_SUMMARISED`, and a factor.
-_RESIDUALS = {
-    "both axes": ([8, 9], 1.0),
-    "one axis on average": ([8, 9], np.sqrt(0.5)),
-    "x alone": ([4, 6], 1.0),
-    "y alone": ([5, 7], 1.0),
-}
-COUNTED = tuple(_RESIDUALS)
+# Ways to count the axes, (26) as it stands first, by the option of `simulation`.
+_AXES = {"both axes": "both", "one axis on average": "one", "x alone": "x", "y alone": "y"}
+COUNTED = tuple(_AXES)
 READS = (
     *simulation.READS,
     f"{simulation.TRUTH}#translation-*",
@@ -120,9 +92,7 @@ def readings(door: Given) -> list[Choices]:
 
 def literal(door: Given) -> Choices:
     """Return the literal reading, the one that the ledger uses where all give one verdict."""
-    names = [found.name for found in simulation.candidates(door)]
-    place = names.index(simulation.literal(door).name)
-    return next(found for found in readings(door) if found.arrangement == place)
+    return readings(door)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,28 +159,16 @@ def simulate_channel(door: Given, drawn: _Numbers, channel: str) -> Iterator[Flo
                 yield np.concatenate([similarity.parameters, before, after], axis=-1)
 
 
-def summarised(measured: FloatArray) -> FloatArray:
-    """Return draws with the RMSE of both axes together beside those of each, as in `_SUMMARISED`.
+def counted(measured: FloatArray, axes: str) -> FloatArray:
+    """Return the numbers of `CELLS` from those of `_MEASURED`.
 
     Examples
     --------
-    >>> summarised(np.array([1.0, 0, 0, 0, 3, 4, 6, 8]))[-2:]
-    array([ 5., 10.])
-    """
-    both = np.hypot(measured[..., 4::2], measured[..., 5::2])
-    return np.concatenate([measured, both], axis=-1)
-
-
-def counted(summaries: FloatArray, axes: str) -> FloatArray:
-    """Return the numbers of `CELLS`, or quantiles of them, from those of `_SUMMARISED`.
-
-    Examples
-    --------
-    >>> counted(np.arange(10.0), "y alone")
+    >>> counted(np.arange(8.0), "y alone")
     array([0., 1., 2., 3., 5., 7.])
     """
-    places, factor = _RESIDUALS[axes]
-    return np.concatenate([summaries[..., :4], factor * summaries[..., places]], axis=-1)
+    residuals = simulation.counted(measured[..., 4::2], measured[..., 5::2], _AXES[axes])
+    return np.concatenate([measured[..., :4], residuals], axis=-1)
 
 
 def _part(span: tuple[int, int]) -> tuple[FloatArray]:
@@ -227,25 +185,9 @@ def all_draws(
     return np.concatenate([part for (part,) in parts], axis=1)
 
 
-def summary(draws: FloatArray) -> dict[str, FloatArray]:
-    """Return what is stored of all draws.
-
-    ``mean``, ``sd`` (readings, 2, 8); ``quantiles`` (readings, 5, 2, 10), of what `_SUMMARISED`
-    names; ``first``, the first replicates (readings, 20, 2, 8).
-    """
-    # One reading at a time: a second copy of the draws would not fit the promised memory.
-    levels = [np.quantile(summarised(reading), _QUANTILES, axis=0) for reading in draws]
-    return {
-        "mean": draws.mean(axis=1),
-        "sd": draws.std(axis=1, ddof=1),
-        "quantiles": np.stack(levels),
-        "first": draws[:, :_KEPT],
-    }
-
-
 def stored() -> studies.Study:
-    """Return the stored run: arrays as in `summary`, and as in `judge.readings.COMPARED`."""
-    return studies.read(_STUDY)
+    """Return the stored run: its first replicates, and arrays as in `judge.readings.COMPARED`."""
+    return studies.read("niu2024-readings")
 
 
 # The columns that tell readings apart, and the one by whose values they are folded.
@@ -262,135 +204,3 @@ def choices() -> Iterator[tuple[str, ...]]:
     for reading in readings(door):
         repeats = str(reading.repeats)
         yield names[reading.arrangement], reading.shifts, repeats, reading.noisy, reading.tests
-
-
-def precision(door: Given, channel: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the theory of one channel's k, theta, shift x and shift y under the literal reading.
-
-    What the imaging parameters imply, distortion left aside; what the unequal distortions add to
-    the fit without noise; standard deviations of the Cramér-Rao bound.
-    """
-    place = simulation.CHANNELS.index(channel)
-    cameras, turns = simulation.cameras(door), simulation.rotations(door)
-    true = simulation.imaged(door, simulation.literal(door).angles)
-    implied = similarity_between(cameras[place], turns[place], cameras[0])
-    fitted = fit_registration(true[place], true[0], cameras[place].principal_point)
-    sigma = door[simulation.NOISE]
-    bound = registration_bound(true[place], implied, sigma, sigma).diagonal() ** 0.5
-    return implied.parameters, fitted.parameters - implied.parameters, bound
-
-
-@studied("niu2024/precision")
-def _scheme_precision() -> Iterator[tuple[object, ...]]:
-    """Bias, scatter, Cramér-Rao bound and efficiency of the paper's calibration scheme."""
-    door, arrays = given(READS), stored().arrays
-    row = readings(door).index(literal(door))
-    for place, channel in enumerate(simulation.REGISTERED):
-        drawn = (arrays[name][row, place, :4] for name in ("mean", "sd"))
-        numbers = zip(simulation.ROWS, *drawn, *precision(door, channel), strict=True)
-        for name, mean, scatter, truth, bias, bound in numbers:
-            efficiency = (bound / scatter) ** 2
-            found = (mean - truth, scatter / np.sqrt(REPLICATES), bias)
-            error = efficiency * np.sqrt(2 / REPLICATES)
-            yield name, channel, *found, scatter, bound, efficiency, error
-
-
-_TITLES = ("k", "θ", "Δx", "Δy", "RMSE before", "RMSE after")
-
-
-def chosen() -> dict[str, tuple[int, str]]:
-    """Return readings to show: the literal one, and each other choice made in it alone.
-
-    What is other, to the place of the reading in `readings` and the axes that are counted.
-    """
-    door = given(READS)
-    every, first = readings(door), literal(door)
-    both, *counted = COUNTED
-    others = {
-        "the literal one": first,
-        "noise in red and blue": replace(first, noisy="red and blue"),
-        "noise in green": replace(first, noisy="green"),
-        "ten draws": replace(first, repeats=REPEATS[1]),
-        "shifts of Table 2": replace(first, shifts="Table 2"),
-        "tests among angles": replace(first, tests=TESTS[1]),
-    }
-    nearest = replace(first, shifts="Table 2", tests=TESTS[1])
-    return {
-        **{name: (every.index(reading), both) for name, reading in others.items()},
-        **{f"RMSE of {axes}": (every.index(first), axes) for axes in counted},
-        "Table 2, angles, y": (every.index(nearest), COUNTED[-1]),
-    }
-
-
-def _distances(printed: Mapping[str, float]) -> FloatArray:
-    """Return how far each print lies from what each of the chosen readings predicts.
-
-    Shape (readings, channels, numbers). From the middle of the central 99 %, in its half-widths: up
-    to one it lies inside.
-    """
-    quantiles = stored().arrays["quantiles"]
-    ends = np.array([counted(quantiles[n], way)[[0, -1]] for n, way in chosen().values()])
-    values = np.array([printed[address] for address in ADDRESSES])
-    low, high = ends.swapaxes(0, 1)
-    result: FloatArray = np.abs(values.reshape(low.shape[1:]) - (low + high) / 2) * 2 / (high - low)
-    return result
-
-
-@draws("niu2024/drawing-distributions", marks=ADDRESSES)
-def _draw_distributions(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Which readings predict which printed number, and how far the print lies from the others."""
-    found, names = _distances(printed), list(chosen())
-    narrow = sized(figure, 6.4, 4.4, 8.2)
-    panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True)
-    for axes, channel, table in zip(
-        panels, simulation.REGISTERED, found.swapaxes(0, 1), strict=True
-    ):
-        rows, columns = np.nonzero(table <= 1)
-        look = LOOKS[channel]
-        axes.plot(columns, rows, look.marker, color=look.colour, markersize=9, label="inside")
-        for row, column in zip(*np.nonzero(table > 1), strict=True):
-            away = table[row, column]
-            text = f"{away:.1f}" if away < 10 else f"{away:.0f}"
-            axes.text(column, row, text, ha="center", va="center", fontsize=8)
-        axes.set_xticks(range(len(_TITLES)), _TITLES, rotation=90)
-        axes.set(title=channel, xlim=(-0.6, len(_TITLES) - 0.4))
-        axes.tick_params(length=0)
-        axes.grid(visible=False)
-    panels[0].set_yticks(range(len(names)), names, fontsize=8.5)
-    panels[0].set_ylim(len(names) - 0.5, -0.5)
-
-
-# The paper draws restarts "within a certain range" that it does not print; this one is ours.
-_HALF_WIDTHS = (0.1, np.radians(5.0), 50.0, 50.0)
-_RESTARTS = 20
-
-
-def _imaged(door: Given) -> tuple[FloatArray, FloatArray]:
-    """Return the angles of the simulation, and where the channels image them."""
-    table = simulation.literal(door).angles
-    return table, simulation.imaged(door, table)
-
-
-def convergence() -> tuple[Calibration, Calibration]:
-    """Calibrate the red channel of one replicate from the paper's start and from random ones."""
-    door = given(READS)
-    table, true = _imaged(door)
-    noise = numbers(door, 1).calibration[0]
-    green, red, _ = true + door[simulation.NOISE] * noise
-    still = np.isclose(table[:, 1], 0.0)
-    [zero] = simulation.zero_places(table)
-    pivot, generator = red[zero], np.random.default_rng(SEED)
-    start = starting_values(red[still], green[still], pivot, green[zero])
-    starts = random_starts(start, _HALF_WIDTHS, _RESTARTS, generator)
-    return calibrate(red, green, pivot, start), calibrate(red, green, pivot, starts)
-
-
-def distance_to_end(calibration: Calibration) -> FloatArray:
-    """Return how far the modelled points are from where they end, after every step.
-
-    Shape (m + 1, ...). Root mean square over the table's points of one frame, in px; never below
-    1e-11, where rounding takes over.
-    """
-    red = _imaged(given(READS))[1][1]
-    at = model_points(calibration.history, red, calibration.pivot)
-    return np.maximum(rmse(at, np.broadcast_to(at[-1], at.shape)), 1e-11)

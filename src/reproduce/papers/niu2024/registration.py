@@ -1,7 +1,7 @@
-"""Registration (niu2024, section 2): what Table 1 implies, Figure 2, and the steps drawn.
+"""Registration (niu2024, section 2): what Table 1 implies, and Figure 2.
 
-Figure 2 is drawn from the caption and the text; the paper's own picture was not at hand. Angle,
-scale and shift are drawn far too large, or nothing would be seen.
+Figure 2 is drawn from the caption and the text; the paper's own picture was not at hand. Angle and
+shift are drawn far too large, or nothing would be seen.
 """
 
 from __future__ import annotations
@@ -11,22 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.papers.declare import Results, draws, reproduces
-from reproduce.papers.niu2024.index import BLUE, GREEN
-from reproduce.papers.sketch import (
-    Look,
-    Point,
-    arc,
-    arrow,
-    beside,
-    canvas,
-    diagram,
-    label,
-    line,
-    turning,
-)
+from reproduce.papers.niu2024.diagrams import BLUE, GREEN
+from reproduce.papers.niu2024.simulation import IMAGING, REGISTERED
+from reproduce.papers.sketch import Look, Point, arc, arrow, canvas, label, line, turned
 from reproduce.physics import optics
-from reproduce.physics.registration import Registration, principal_point_shift
-from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
@@ -34,14 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-IMAGING = "niu2024/table-1"
-_CHANNELS = ("red", "blue")
-
-
 def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
     """Return the ratio of green's focal length in a table to that of each channel."""
     green = given[f"{table}#focal-length.green"]
-    lengths = {channel: given[f"{table}#focal-length.{channel}"] for channel in _CHANNELS}
+    lengths = {channel: given[f"{table}#focal-length.{channel}"] for channel in REGISTERED}
     return {c: float(optics.scale_factor(green, length)) for c, length in lengths.items()}
 
 
@@ -68,110 +52,44 @@ def true_translation(given: Given) -> Results:
         f"translation-{axis}.{channel}": given[f"{IMAGING}#principal-point-{axis}.{channel}"]
         - given[f"{IMAGING}#principal-point-{axis}.green"]
         for axis in "xy"
-        for channel in _CHANNELS
+        for channel in REGISTERED
     }
 
 
-# Angle and principal points of Figure 2, in units of the canvas.
-PLANE_ANGLE = float(np.radians(14.0))
-PRINCIPAL_POINTS = {"green": np.array([5.4, 5.0]), "blue": np.array([7.8, 6.4])}
-# The registration whose steps are drawn, and the spot that takes them.
-SCALE, ANGLE, SHIFT = 1.3, float(np.radians(38.0)), np.array([2.0, 1.0])
-PIVOT, _SPOT = np.array([3.2, 2.0]), np.array([8.2, 2.6])
+# Angle in degrees and principal points of Figure 2, in units of the canvas.
+PLANE_ANGLE = 14.0
+PRINCIPAL_POINTS = {"green": (5.4, 5.0), "blue": (7.8, 6.4)}
 
 
 @draws("niu2024/fig-2")
-@diagram(14.0, 11.6, 5.6)
-def _draw_planes(axes: Axes) -> None:
+def _draw_planes(figure: Figure) -> None:
     """Rotation and translation of the blue image plane against the green one."""
+    axes = canvas(figure, 14.0, 11.6, 5.6)
     green, blue = PRINCIPAL_POINTS["green"], PRINCIPAL_POINTS["blue"]
+    (left, low), (right, high) = green, blue
     _plane(axes, green, 0.0, GREEN)
     _plane(axes, blue, PLANE_ANGLE, BLUE)
-    _shift(axes, green, principal_point_shift(blue, green))
-    line(axes, [blue, beside(blue, 5.4, 0.0)], 0.7)
-    arc(axes, blue, 4.8, (0.0, float(np.degrees(PLANE_ANGLE))), head=True)
-    label(axes, beside(blue, 5.2, 0.65), "θ")
+    arc(axes, blue, 4.8, (0.0, PLANE_ANGLE), head=True)
+    label(axes, (right + 5.2, high + 0.65), "θ")
+    # The step from one principal point to the other, along each axis.
+    line(axes, [green, (left, low - 1.6)], 0.6)
+    line(axes, [(right, low - 1.6), blue, (right + 5.4, high)], 0.6)
+    line(axes, [(left + 3.8, low), (right + 2.3, low)], 0.6)
+    arrow(axes, (left, low - 1.4), (right, low - 1.4), style="<|-|>")
+    label(axes, ((left + right) / 2, low - 1.0), "Δx")
+    arrow(axes, (right + 2.1, low), (right + 2.1, high), style="<|-|>")
+    label(axes, (right + 2.6, (low + high) / 2), "Δy")
 
 
-def _plane(axes: Axes, origin: FloatArray, turn: float, look: Look) -> None:
+def _plane(axes: Axes, origin: Point, turn: float, look: Look) -> None:
     """Draw a detector about its principal point, with its axes."""
-    # A spot of this channel is laid into the other by the same turn that turns the axes.
-    turned = Registration.similarity(1.0, turn, (0.0, 0.0), (0.0, 0.0)).apply
-    corners = turned([[-4, -3], [4, -3], [4, 3], [-4, 3], [-4, -3]]) + origin
+    corners = turned([[-4, -3], [4, -3], [4, 3], [-4, 3], [-4, -3]], turn) + origin
     axes.plot(*corners.T, color=look.colour, linestyle=look.line, label=look.name)
     axes.plot(*origin, look.marker, color=look.colour, markersize=7)
     letter = look.name[0]
-    for tip, name in zip(turned([[3.0, 0.0], [0.0, 2.2]]), "XY", strict=True):
+    for tip, name in zip(turned([[3.0, 0.0], [0.0, 2.2]], turn), "XY", strict=True):
         arrow(axes, origin, origin + tip, look)
-        away = tip / np.hypot(*tip)
-        label(axes, origin + tip + 0.38 * away, f"${name}_{letter}$")
-    below, corner = turned([[-0.55, -0.5], [2.1, -2.35]])
-    label(axes, origin + below, f"$O_{letter}$")
-    label(axes, origin + corner, look.name, ha="left", rotation=np.degrees(turn))
-
-
-def _shift(axes: Axes, green: FloatArray, shift: FloatArray) -> None:
-    """Mark the translation from one principal point to the other."""
-    low, right = green - [0.0, 1.4], beside(green, shift[0] + 2.1, 0.0)
-    for x, top in ((0.0, 0.0), (shift[0], shift[1])):
-        line(axes, [beside(low, x, -0.2), beside(green, x, top)], 0.6)
-    arrow(axes, low, beside(low, shift[0], 0.0), style="<|-|>")
-    label(axes, beside(low, shift[0] / 2, 0.4), "Δx")
-    for y, start in ((0.0, 3.8), (shift[1], shift[0])):
-        line(axes, [beside(green, start, y), beside(right, 0.2, y)], 0.6)
-    arrow(axes, right, beside(right, 0.0, shift[1]), style="<|-|>")
-    label(axes, beside(right, 0.5, shift[1] / 2), "Δy")
-
-
-def registration_steps() -> FloatArray:
-    """Return a blue spot on its way to the green image: as it is, turned, stretched, shifted.
-
-    Shape (4, 2). Pixel coordinates in the units of the drawing; the last row is the registered
-    spot.
-    """
-    steps = Registration.similarity(
-        scale=[1.0, 1.0, SCALE, SCALE],
-        rotation=[0.0, ANGLE, ANGLE, ANGLE],
-        shift=np.outer([0.0, 0.0, 0.0, 1.0], SHIFT),
-        pivot=PIVOT,
-    )
-    return steps.apply([_SPOT])[:, 0]
-
-
-@draws("niu2024/drawing-registration")
-def _draw_registration(figure: Figure) -> None:
-    """How a blue spot is laid over the green one: turn and stretch about the pivot, then shift."""
-    axes = canvas(figure, 13.0, 8.4, 6.0)
-    _image_axes(axes, (0.5, 0.5), 1.8)
-    before, turned, stretched, after = registration_steps()
-    axes.plot(*PIVOT, "+", color="#000000", markersize=12)
-    label(axes, beside(PIVOT, 0.3, -0.8), "pivot: blue\nprincipal point", ha="left")
-    for end in (before, stretched):
-        line(axes, [PIVOT, end], 0.8, ":")
-    axes.plot(*before, BLUE.marker, color=BLUE.colour, markersize=8)
-    label(axes, beside(before, 0.4, -0.1), "blue spot", ha="left")
-    shares = np.linspace(0.0, 1.0, 60)
-    turning(axes, np.stack([_turned(share) for share in shares]))
-    label(axes, beside(_turned(0.5), 0.5, 0.1), "turned by θ", ha="left")
-    arrow(axes, turned, stretched, width=2.0)
-    label(axes, beside(stretched, 0.35, 0.1), "stretched by $k$", ha="left")
-    arrow(axes, stretched, after)
-    label(axes, beside((stretched + after) / 2, -0.25, 0.35), "less Δ", ha="right")
-    axes.plot(*after, GREEN.marker, color=GREEN.colour, markersize=8)
-    label(axes, beside(after, -0.35, -0.35), "laid over green", ha="right")
-
-
-def _image_axes(axes: Axes, corner: Point, length: float) -> None:
-    """Draw the x and y axes of an image from its corner."""
-    start = np.array(corner)
-    for tip, name in (([length, 0.0], "x"), ([0.0, length], "y")):
-        arrow(axes, start, start + tip)
-        label(axes, start + 1.18 * np.array(tip), f"${name}$")
-
-
-def _turned(share: float) -> FloatArray:
-    """Return the spot after a share of its turn about the pivot."""
-    about: FloatArray = Registration.similarity(1.0, share * ANGLE, (0.0, 0.0), PIVOT).apply(
-        [_SPOT]
-    )[0]
-    return about
+        label(axes, origin + tip + 0.38 * tip / np.hypot(*tip), f"${name}_{letter}$")
+    below, corner = turned([[-0.55, -0.5], [2.1, -2.35]], turn) + origin
+    label(axes, below, f"$O_{letter}$")
+    label(axes, corner, look.name, ha="left", rotation=turn)

@@ -26,9 +26,8 @@ had been computed.
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache, partial
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -38,19 +37,17 @@ from numpy.typing import NDArray
 
 from reproduce.papers.declare import (
     Blocked,
-    Marks,
     Prediction,
-    Result,
     Results,
+    Way,
     agree,
+    blocked,
     draws,
     read,
     reproduces,
     split_seed,
+    words,
 )
-from reproduce.papers.sketch import INK, sized, thin
-from reproduce.papers.study import Fact
-from reproduce.papers.words import Way, words
 from reproduce.physics.optics import (
     Arrangement,
     Camera,
@@ -68,10 +65,9 @@ from reproduce.physics.registration import (
     starting_values,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 IMAGING = "niu2024/table-1"
@@ -92,8 +88,6 @@ _NOISY = {
     "red-and-blue": (0.0, 1.0, 1.0),
     "green": (1.0, 0.0, 0.0),
 }
-# Ends of the central 99 %, which counts as consistent, and the median.
-_LEVELS = (0.005, 0.5, 0.995)
 _DRAWS = {"one": 1, "ten": 10}
 # What the text leaves open, as options of a rerun; of each the literal reading first.
 _WORDS = words(SETTINGS)
@@ -182,15 +176,23 @@ def zero_places(angles: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 
 
-def calibrations(
+def _measured(
     given: Given,
     seed: SeedSequence,
     replicates: int,
-    first: int = 0,
-    angles: str = _LITERAL["angles"],
-    noise: str = _LITERAL["noise"],
-    repeats: str = _LITERAL["repeats"],
-    translations: str = _LITERAL["translations"],
+    first: int,
+    angles: FloatArray,
+    setting: Mapping[str, str],
+) -> FloatArray:
+    """Return the centroids of some replicates, shape (replicates, 3, n, 2)."""
+    true = imaged(given, angles, setting["translations"])
+    sigma = given[NOISE] * np.asarray(_NOISY[setting["noise"]])
+    repeats = _DRAWS[setting["repeats"]]
+    return noisy_centroids(true, sigma, seed, replicates, repeats=repeats, first=first)
+
+
+def calibrations(
+    given: Given, seed: SeedSequence, replicates: int, first: int = 0, **chosen: str
 ) -> dict[str, Registration]:
     """Simulate and calibrate both channels in every replicate.
 
@@ -200,14 +202,13 @@ def calibrations(
 
     Channel to its calibrated transforms, shape (replicates,).
     """
-    table = _arrangement(given, angles).angles
+    setting = _LITERAL | chosen
+    table = _arrangement(given, setting["angles"]).angles
     still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
     at_zero = zero_places(table)
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
     zero = at_zero.item() if at_zero.size else len(table)
-    true = imaged(given, measured_at, translations)
-    sigma = given[NOISE] * np.asarray(_NOISY[noise])
-    measured = noisy_centroids(true, sigma, seed, replicates, repeats=_DRAWS[repeats], first=first)
+    measured = _measured(given, seed, replicates, first, measured_at, setting)
     pivots, spots = measured[..., zero, :], measured[..., : len(table), :]
     green = spots[:, 0]
     found = {}
@@ -284,40 +285,29 @@ def calibrated_translations(
     results = {}
     for (position, channel), (place, axis) in product(enumerate(REGISTERED, 1), enumerate("xy")):
         draws = found[channel][:, 2 + place] + moved[:, position, place, None]
-        readings = tuple(map(read, ways, map(Prediction, draws)))
-        results[f"{name}-{axis}.{channel}"] = Blocked(text.missing[name], readings=readings)
+        results[f"{name}-{axis}.{channel}"] = blocked(text, name, map(Prediction, draws))
     return results
 
 
 def _tested(
-    given: Given,
-    seed: SeedSequence,
-    replicates: int,
-    first: int,
-    angles: str,
-    noise: str,
-    repeats: str,
-    translations: str,
-    tests: str,
+    given: Given, seed: SeedSequence, replicates: int, first: int, setting: Mapping[str, str]
 ) -> FloatArray:
     """Simulate the test points, shape (replicates, channels, points, 2)."""
     _, for_angles, for_noise = split_seed(seed, 3)
     count = given.count(f"{SETTINGS}#test-points")
-    if tests == "range":
+    if setting["tests"] == "range":
         half = half_ranges(given)
         points = spawned_angles(for_angles, replicates, count, half, first=first)
     else:
-        table = _arrangement(given, angles).angles
+        table = _arrangement(given, setting["angles"]).angles
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),), first=first).argsort()
         points = table[order[:, :count]]
-    true = imaged(given, points, translations)
-    sigma = given[NOISE] * np.asarray(_NOISY[noise])
-    return noisy_centroids(true, sigma, for_noise, replicates, repeats=_DRAWS[repeats], first=first)
+    return _measured(given, for_noise, replicates, first, points, setting)
 
 
 def _residuals(
-    given: Given, seed: SeedSequence, replicates: int, when: str, *setting: str
+    given: Given, seed: SeedSequence, replicates: int, when: str, setting: Mapping[str, str]
 ) -> dict[str, FloatArray]:
     """Return the RMSE per axis at test points, before or after registration, for one setting.
 
@@ -326,19 +316,19 @@ def _residuals(
     for_noise = split_seed(seed, 3)[0]
 
     def part(first: int, count: int) -> dict[str, FloatArray]:
-        measured = _tested(given, seed, count, first, *setting)
+        measured = _tested(given, seed, count, first, setting)
         points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
         green = points.pop(CHANNELS[0])
         if when == "after":
-            found = calibrations(given, for_noise, count, first, *setting[:-1])
+            found = calibrations(given, for_noise, count, first, **setting)
             points = {channel: found[channel].apply(points[channel]) for channel in REGISTERED}
         return {channel: rmse_per_axis(laid, green) for channel, laid in points.items()}
 
     return _in_batches(part, replicates)
 
 
-def _counted(per_axis: FloatArray, axes: str) -> FloatArray:
-    x, y = per_axis.T
+def counted(x: FloatArray, y: FloatArray, axes: str) -> FloatArray:
+    """Return residuals of both axes as one of the options has it."""
     both = np.hypot(x, y)
     found: FloatArray = {"both": both, "one": both / np.sqrt(2), "x": x, "y": y}[axes]
     return found
@@ -354,7 +344,11 @@ def _counted(per_axis: FloatArray, axes: str) -> FloatArray:
 )
 def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chosen: str) -> Results:
     """RMSE at test points before and after registration, under each reading that decides."""
-    residuals = cache(partial(_residuals, given, seed, replicates))
+
+    @cache
+    def residuals(when: str, *setting: tuple[str, str]) -> dict[str, FloatArray]:
+        return _residuals(given, seed, replicates, when, dict(setting))
+
     chosen_alone = Way("as chosen", "", "", {})
     results = {}
     for when, channel in product(("before", "after"), REGISTERED):
@@ -363,9 +357,10 @@ def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chose
         readings = []
         # Without a reading that has all that is chosen, what is chosen is the only one.
         for way in left or [chosen_alone]:
-            *setting, axes = (_LITERAL | way.choices | chosen).values()
-            found = _counted(residuals(when, *setting)[channel], axes)
-            readings.append(read(way, Prediction(found)))
+            setting = _LITERAL | way.choices | chosen
+            axes = setting.pop("rmse")
+            x, y = residuals(when, *setting.items())[channel].T
+            readings.append(read(way, Prediction(counted(x, y, axes))))
         results[f"{name}-{channel}"] = Blocked(_WORDS.missing[name], readings=tuple(readings))
     return results
 
@@ -376,118 +371,8 @@ def _draw_angles(figure: Figure, printed: Mapping[str, float], door: Given) -> N
     angles = np.degrees(literal(door).angles)
     axes = figure.add_subplot()
     axes.plot(*angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation")
-    axes.plot(*_range(door), linestyle="--", linewidth=1, label="printed range")
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+    outline = np.degrees(corners * half_ranges(door)).T
+    axes.plot(*outline, linestyle="--", linewidth=1, label="printed range")
     axes.set(aspect="equal", xlabel="middle frame (°)", ylabel="external frame (°)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
-
-
-def _range(door: Given) -> FloatArray:
-    """Return the outline of the printed range, in degrees, shape (2, 5)."""
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
-    return np.degrees(corners * half_ranges(door)).T
-
-
-def _arrangement_facts() -> dict[str, Fact]:
-    """Return how many arrangements have the printed count, and how many of them hold zero."""
-    found = candidates(given(ANGLES))
-    return {
-        "arrangements": Fact(len(found), "d"),
-        "angles": Fact(len(found[0].angles), "d"),
-        "with-zero": Fact(sum(map(_holds_zero, found)), "d"),
-    }
-
-
-def _holds_zero(one: Arrangement) -> bool:
-    return len(zero_places(one.angles)) > 0
-
-
-@draws("niu2024/drawing-arrangements", given=ANGLES, named=_arrangement_facts)
-def _draw_arrangements(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Every arrangement of rotation angles that has the printed count."""
-    found, used = candidates(door), literal(door).name
-    columns = 2 if thin(figure) else 3
-    rows = -(-len(found) // columns)
-    sized(figure, 6.4, 1.85 * rows, narrow=1.7 * rows)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True).ravel()
-    for axes, one in zip(grid, found, strict=False):
-        axes.plot(*np.degrees(one.angles).T, "o", markersize=1.5)
-        axes.plot(*_range(door), color=INK, linewidth=0.6)
-        if _holds_zero(one):
-            axes.plot(0, 0, "o", markersize=6, fillstyle="none", color=INK)
-        name = one.name + (" (in use)" if one.name == used else "")
-        axes.set_title("\n".join(textwrap.wrap(name, 26)), fontsize=8)
-        axes.set(aspect="equal")
-    for axes in grid[len(found) :]:
-        axes.set_axis_off()
-    figure.supxlabel("middle frame (°)", fontsize=9)
-    figure.supylabel("external frame (°)", fontsize=9)
-
-
-# Half-widths of the prediction shown to either side; what lies further out is an arrow at the edge.
-_REACH = 12.0
-_PREDICTED = "#2E8BC0"
-
-
-def predicted_rows() -> Iterator[tuple[str, str, FloatArray]]:
-    """Yield address, label, and (low, median, high) of Table 3; of a translation under each table.
-
-    Low and high are the ends of the central 99 %.
-    """
-    results: dict[str, Result] = {}
-    for computation in (calibrated_parameters, calibrated_translations):
-        results |= computation(given(computation.given))
-    for row, channel in product(ROWS, REGISTERED):
-        result = results[f"{row}.{channel}"]
-        label = f"{row.replace('translation-', 'shift ')}, {channel}"
-        ways: dict[str, Result] = {label: result}
-        if isinstance(result, Blocked):
-            tables = ((one.choices["translations"], one.result) for one in result.readings)
-            ways = {f"{label}: {table.replace('table-', 'Table ')}": way for table, way in tables}
-        for name, way in ways.items():
-            if isinstance(way, Prediction):
-                yield f"{RESULTS}#{row}.{channel}", name, np.quantile(way.draws, _LEVELS)
-
-
-@draws("niu2024/drawing-table-3", marks=[RESULTS])
-def _draw_table_3(figure: Figure, printed: Marks) -> None:
-    """Table 3 printed against predicted: each prediction scaled to the same width."""
-    from matplotlib.lines import Line2D
-
-    rows = list(predicted_rows())
-    narrow = sized(figure, 4.9, 4.9, 5.2)
-    axes = figure.add_subplot()
-    for height, (address, _, (low, median, high)) in enumerate(rows):
-        values = np.array([median, printed[address], *printed.intervals[address]])
-        middle, *mark = ((values - (low + high) / 2) / ((high - low) / 2)).tolist()
-        axes.plot([-1, 1], [height, height], color=_PREDICTED, linewidth=8, solid_capstyle="butt")
-        axes.plot(middle, height, "|", color=INK, markersize=13, markeredgewidth=1.2)
-        _mark_print(axes, height, *mark)
-    axes.set_yticks(range(len(rows)), [label for _, label, _ in rows], fontsize=9)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlim(-_REACH, _REACH)
-    axes.axvline(0, color=INK, linewidth=0.6, alpha=0.5, zorder=0)
-    axes.grid(visible=False, axis="y")
-    gap = "\n" if narrow else " "
-    axes.set_xlabel(f"distance from the median{gap}(half-widths)", fontsize=9)
-    axes.tick_params(axis="x", labelsize=9)
-    kinds = [
-        Line2D([], [], color=_PREDICTED, linewidth=8, label="predicted, central 99 %"),
-        Line2D([], [], color=INK, marker="|", markersize=13, linewidth=0, label="median"),
-        Line2D([], [], color=INK, marker="D", markersize=4.5, label="printed, with its rounding"),
-    ]
-    figure.legend(handles=kinds, loc="outside lower center", ncols=1 if narrow else 2, fontsize=9)
-
-
-def _mark_print(axes: Axes, height: int, place: float, low: float, high: float) -> None:
-    """Mark a printed value with its rounding, in half-widths; one far out by an arrow."""
-    if abs(place) < _REACH:
-        axes.plot([low, high], [height, height], color=INK, linewidth=1.3)
-        axes.plot([low, high], [height, height], "|", color=INK, markersize=7)
-        axes.plot(place, height, "D", color=INK, markersize=4.5)
-        return
-    side = float(np.sign(place))
-    axes.plot(0.97 * side * _REACH, height, "<" if side < 0 else ">", color=INK, markersize=7)
-    where = "left" if side < 0 else "right"
-    axes.text(
-        0.86 * side * _REACH, height, f"{abs(place):.0f} away", ha=where, va="center", fontsize=9
-    )

@@ -19,8 +19,7 @@ from reproduce.views.writing.export import export_frame
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reproduce.papers.declare import Drawing
-    from reproduce.papers.study import Study
+    from reproduce.papers.declare import Drawing, Study
     from reproduce.printed.given import Given
 
 

@@ -23,8 +23,8 @@ from reproduce.audit.rounding import sheet
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record
 from reproduce.locate import data_folders
+from reproduce.papers.declare import words
 from reproduce.papers.sketch import sized
-from reproduce.papers.words import words
 from reproduce.printed.cells import PAPERS, anchor, find, read
 from reproduce.printed.units import si_factor, symbol
 from reproduce.version import __version__

@@ -13,8 +13,7 @@ from markupsafe import Markup
 
 from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Drawing
-from reproduce.papers.words import words
+from reproduce.papers.declare import Drawing, words
 from reproduce.printed.cells import anchor
 from reproduce.views import computed, keys
 from reproduce.views.facts import filled
@@ -55,7 +54,7 @@ class Figure(Changeable, Item):
     Parameters
     ----------
     key : str
-        Such as ``chen2023/fig-11a``, or ``niu2024/drawing-registration``.
+        Such as ``chen2023/fig-11a``, or ``niu2024/drawing-fusion-star``.
     changes : mapping, optional
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional

@@ -10,10 +10,10 @@ import pandas as pd
 from markupsafe import Markup
 
 from reproduce.inference import Gates, Share, Summary
+from reproduce.papers.declare import words
 from reproduce.papers.niu2024 import decisions
 from reproduce.papers.niu2024.posteriors import pixel_angle
 from reproduce.papers.posteriors import posteriors
-from reproduce.papers.words import words
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.given import given
 from reproduce.printed.units import UNITS, symbol

@@ -9,8 +9,7 @@ from markupsafe import Markup
 
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
-from reproduce.papers.study import Study
-from reproduce.papers.words import Column
+from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views.computed import once
 from reproduce.views.objects.bar import bar

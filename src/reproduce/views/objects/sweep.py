@@ -11,8 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from reproduce.judge.rerun import ChangedCell, Rerun, in_si
-from reproduce.papers.study import Study
-from reproduce.papers.words import Column
+from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import library
 from reproduce.printed.number import Interval
 from reproduce.printed.units import symbol

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Drawing, Marks
+from reproduce.papers.declare import Drawing
 from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
 from reproduce.views.computed import once
@@ -81,7 +81,7 @@ def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Figure
     table = library().get(key)
     marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
     numbers = [cell for cell in marked if cell.is_number]
-    printed = Marks({c.address: c.si for c in numbers}, {c.address: c.si_interval for c in numbers})
+    printed = {cell.address: cell.si for cell in numbers}
     return drawn(lambda figure: drawing(figure, printed, door), narrow=narrow)
 
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from reproduce.inference import Share
-    from reproduce.papers.study import Fact
-    from reproduce.papers.words import Column
+    from reproduce.papers.declare import Column, Fact
 
 # Below this a probability is written with its power of ten.
 SMALL = 1e-3
@@ -65,7 +64,7 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
 
     Examples
     --------
-    >>> from reproduce.papers.words import Column
+    >>> from reproduce.papers.declare import Column
     >>> entry(1.0, Column("RMSE (px)", "±"), (0.0423, "")), entry(2e-9, Column("p", "chance"))
     ('1.000 ± 0.042', '10⁻⁹')
     """
@@ -87,11 +86,11 @@ def fact(quoted: Fact) -> str:
 
     Examples
     --------
-    >>> from reproduce.papers.study import Fact
+    >>> from reproduce.papers.declare import Fact
     >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
     ('0.04\u202fpx', 'Table 2')
     """
-    from reproduce.papers.words import Column  # only now: a user's own stars need no paper
+    from reproduce.papers.declare import Column  # only now: a user's own stars need no paper
 
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
     return f"{text}\u202f{quoted.unit}" if quoted.unit else text
@@ -149,7 +148,7 @@ def chance(value: float, mcse: float) -> str:
 
 def _counted(probability: float, draws: int, least: float) -> str:
     """Write a probability by its count where the draws can tell, else as a power of ten."""
-    from reproduce.papers.study import LEAST_DRAWS  # only now: a user's own stars need no paper
+    from reproduce.papers.declare import LEAST_DRAWS  # only now: a user's own stars need no paper
 
     if probability * draws >= LEAST_DRAWS:
         return chance(probability, math.sqrt(probability * max(2 - probability, 0) / draws))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import draws, reproduces
-from reproduce.papers.study import studied
+from reproduce.papers.declare import draws, reproduces, studied
 from reproduce.physics.optics import angle_from_pixels
 
 LENSES = "lamp2025/table-1"

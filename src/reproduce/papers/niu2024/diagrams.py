@@ -1,0 +1,120 @@
+"""Figures 1, 3 and 5 of niu2024, and the looks of its channels in every drawing.
+
+Drawn from the captions and the text; the paper's own pictures were not at hand.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from reproduce.papers.declare import draws
+from reproduce.papers.sketch import (
+    Block,
+    Look,
+    arrow,
+    blocks,
+    canvas,
+    label,
+    slim,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+RED = Look("red", "#D55E00", "--", "s")
+GREEN = Look("green", "#009E73", "-.", "o")
+BLUE = Look("blue", "#0072B2", ":", "^")
+LOOKS = {look.name: look for look in (RED, GREEN, BLUE)}
+
+_WORKFLOW: dict[str, Block] = {
+    "light": ("starlight", ((1.3, 6.2), (2.4, 1.2)), ((5.0, 12.4), (3.0, 0.8))),
+    "prism": ("lens and\nprism", ((4.2, 6.2), (2.2, 1.6)), ((5.0, 10.8), (3.0, 1.3))),
+    "images": ("", ((8.0, 6.2), (4.2, 6.3)), ((5.0, 8.1), (9.9, 2.2))),
+    "red": ("red detector\nimage and spots", ((8.0, 8.4), (3.6, 1.5)), ((1.7, 8.1), (3.0, 1.6))),
+    "green": (
+        "green detector\nimage and spots", ((8.0, 6.2), (3.6, 1.5)), ((5.0, 8.1), (3.0, 1.6)),
+    ),
+    "blue": ("blue detector\nimage and spots", ((8.0, 4.0), (3.6, 1.5)), ((8.3, 8.1), (3.0, 1.6))),
+    "registration": (
+        "registration\nonto green", ((12.1, 6.2), (3.2, 1.8)), ((7.4, 5.3), (3.2, 1.4)),
+    ),
+    "fusion": ("fusion", ((15.6, 6.2), (2.2, 1.2)), ((7.4, 3.4), (2.4, 0.9))),
+    "centroids": ("centroids", ((15.6, 3.6), (2.6, 1.2)), ((7.4, 1.6), (2.8, 0.9))),
+    "colour": (
+        "ratio of brightness:\nthe star's colour",
+        ((7.6, 1.1), (4.4, 1.5)), ((2.3, 5.3), (4.2, 1.4)),
+    ),
+    "star": ("star\nidentification", ((12.4, 1.1), (3.2, 1.5)), ((2.3, 2.9), (3.0, 1.4))),
+    "attitude": ("attitude", ((15.8, 1.1), (2.2, 1.2)), ((2.3, 0.6), (2.4, 0.9))),
+}  # fmt: skip
+_STEPS = (
+    *("light prism", "registration fusion", "fusion centroids", "centroids star", "colour star"),
+    *("star attitude", "prism red", "prism green", "prism blue"),
+    *("red registration", "green registration", "blue registration"),
+)
+
+
+@draws("niu2024/fig-1")
+def _draw_workflow(figure: Figure) -> None:
+    """Workflow of a 3CMOS star sensor, from starlight to attitude."""
+    axes = canvas(figure, 17.0, 9.6, narrow=(10.0, 13.0))
+    blocks(axes, _WORKFLOW, _STEPS, LOOKS)
+    # All three images make the colour.
+    narrow = slim(axes)
+    arrow(axes, *(((2.3, 7.0), (2.3, 6.0)) if narrow else ((7.6, 3.05), (7.6, 1.85))))
+    label(axes, (9.1, 6.5) if narrow else (12.1, 7.6), "this paper", style="italic")
+
+
+_SETUP: dict[str, Block] = {
+    "simulator": (
+        "single-star simulator:\npoint source in\nthe focus of a lens",
+        ((3.2, 5.0), (5.4, 2.4)), ((5.0, 10.6), (5.8, 1.9)),
+    ),
+    "external": ("", ((13.0, 5.6), (7.2, 6.6)), ((5.0, 5.4), (9.0, 6.6))),
+    "middle": ("", ((13.0, 5.2), (5.8, 4.6)), ((5.0, 5.2), (7.0, 4.2))),
+    "sensor": ("3CMOS\nstar sensor", ((13.0, 5.0), (3.8, 2.0)), ((5.0, 4.8), (4.0, 1.6))),
+    "computer": ("frame angles\nand spots", ((3.2, 1.2), (3.6, 1.6)), ((5.0, 0.8), (4.0, 1.4))),
+}  # fmt: skip
+
+
+@draws("niu2024/fig-3")
+def _draw_calibration(figure: Figure) -> None:
+    """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
+    axes = canvas(figure, 17.4, 9.6, narrow=(10.0, 11.8))
+    blocks(axes, _SETUP, ["simulator sensor", "external computer"], LOOKS)
+    narrow = slim(axes)
+    label(axes, (7.2, 9.1) if narrow else (7.6, 5.4), "parallel light")
+    label(axes, (5.0, 2.6) if narrow else (13.0, 8.2), "external frame, turns by $φ_1$")
+    label(axes, (5.0, 3.6) if narrow else (13.0, 6.8), "middle frame, turns by $φ_2$")
+
+
+_ACQUISITION: dict[str, Block] = {
+    "room": ("", ((8.6, 6.45), (16.8, 6.5)), ((5.0, 7.6), (9.8, 9.4))),
+    "simulator": (
+        "single-star simulator:\nband and magnitude\ncan be chosen",
+        ((2.9, 6.3), (4.9, 2.2)), ((5.0, 10.5), (5.2, 1.8)),
+    ),
+    "table": (
+        "two-axis rotary table,\n3CMOS camera on\nits middle frame",
+        ((10.0, 6.3), (4.8, 3.4)), ((2.8, 6.3), (4.6, 3.0)),
+    ),
+    "images": ("", ((14.9, 6.3), (3.6, 4.8)), ((8.0, 6.3), (3.2, 4.6))),
+    "red": ("red image", ((14.9, 7.9), (2.8, 1.0)), ((8.0, 7.9), (2.8, 1.0))),
+    "green": ("green image", ((14.9, 6.3), (2.8, 1.0)), ((8.0, 6.3), (2.8, 1.0))),
+    "blue": ("blue image", ((14.9, 4.7), (2.8, 1.0)), ((8.0, 4.7), (2.8, 1.0))),
+    "course": ("trajectory\nof the table", ((10.0, 1.5), (3.6, 1.5)), ((2.8, 1.3), (3.4, 1.3))),
+    "kept": ("spots and angles\nare recorded", ((14.9, 1.5), (4.0, 1.5)), ((8.0, 1.3), (3.4, 1.3))),
+}  # fmt: skip
+_FLOWS = ("simulator table", "table red", "table green", "table blue", "course table",
+          "course kept", "images kept")  # fmt: skip
+
+
+@draws("niu2024/fig-5")
+def _draw_acquisition(figure: Figure) -> None:
+    """Data acquisition: simulated starlight of a chosen band and magnitude, three images."""
+    axes = canvas(figure, 17.2, 10.0, narrow=(10.0, 12.4))
+    blocks(axes, _ACQUISITION, _FLOWS, LOOKS)
+    narrow = slim(axes)
+    label(axes, (0.4, 11.9) if narrow else (0.6, 9.2), "dark room", ha="left", style="italic")
+    label(axes, (5.0, 8.8) if narrow else (6.4, 6.75), "starlight")
