@@ -73,7 +73,7 @@ ENSEMBLES = 24
 
 
 def command(out, *more):
-    sampled = ["posterior", "frame-averaging", "--ensembles", str(ENSEMBLES), "--workers", "2"]
+    sampled = ["posterior", "registration", "--ensembles", str(ENSEMBLES), "--workers", "2"]
     return [sys.executable, "-m", "reproduce", *sampled, "--out", str(out), *more]
 
 
@@ -93,6 +93,6 @@ def test_a_killed_run_is_resumed_with_identical_chains(tmp_path):
     kept = {name: (out / name).stat().st_mtime_ns for name in done}
     assert kept == done, "finished ensembles are not run again"
     found = np.array([np.load(out / f"part-{index}.npz")["arr_0"] for index in range(ENSEMBLES)])
-    declared = posteriors()["frame-averaging"]
+    declared = posteriors()["registration"]
     alone = sample(declared.model(), declared.plan(ensembles=ENSEMBLES))
     np.testing.assert_array_equal(found, alone.chain)

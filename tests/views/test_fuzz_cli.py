@@ -13,8 +13,7 @@ from reproduce.inference import sampling
 from reproduce.judge import rerun
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare_posterior import File
-from reproduce.papers.posteriors import posteriors
+from reproduce.papers.posteriors import File, posteriors
 from reproduce.physics.registration import MODELS
 from reproduce.printed.cells import find
 from reproduce.views.cli import main

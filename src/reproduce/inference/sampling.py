@@ -26,7 +26,7 @@ from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
 from scipy.special import gammaln
 
 from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require
-from reproduce.inference.model import Coordinates, Declared, Mirrored, Model
+from reproduce.inference.model import Coordinates, Model
 from reproduce.inference.parts import Progress, Store, run_parts
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray, whole_number
@@ -40,13 +40,10 @@ FAR_SHARE = 0.2
 
 # emcee has no types: what stands on its classes is of an unknown kind to mypy.
 class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
-    """A red-blue move whose acceptance is decided for a whole half at once.
+    """A red-blue move, made in coordinates, whose acceptance is decided for a half at once."""
 
-    - `coordinates`, optional: in which proposals are made; the parameters themselves by default.
-    """
-
-    def __init__(self, coordinates: Coordinates | None = None) -> None:
-        self.coordinates = coordinates or Declared()
+    def __init__(self, coordinates: Coordinates) -> None:
+        self.coordinates = coordinates
         super().__init__()
 
     def propose(self, model: Any, state: State) -> tuple[State, Any]:
@@ -134,52 +131,25 @@ def _log_proposal(squared: FloatArray, dimension: int) -> FloatArray:
     return np.asarray(np.logaddexp(np.log1p(-FAR_SHARE) + near, np.log(FAR_SHARE) + far))
 
 
-class Mirror(_AtOnce):
-    """A reflection into the other mode of a posterior that has two."""
-
-    def get_proposal(
-        self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState
-    ) -> tuple[FloatArray, FloatArray]:
-        """Propose for every walker; a reflection neither stretches nor shrinks."""
-        if not isinstance(self.coordinates, Mirrored):
-            raise TypeError(
-                f"coordinates: expected a mirror, got {type(self.coordinates).__name__}"
-            )
-        return self.coordinates.mirrored(sample), np.zeros(len(sample))
+# Shares of the moves. In the warm-up the stretch and the differential evolution carry a far-off
+# ensemble in; later they keep curved or heavy-tailed posteriors moving, and the complement makes
+# draws nearly independent.
+INWARD, STEADY = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
 
 
-def _inward(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
-    """Return the moves of the warm-up for emcee, with their shares.
-
-    The stretch and the differential evolution carry a far-off ensemble in.
-    """
-    return _shared(coordinates, (0.3, 0.4, 0.0))
-
-
-def mixture(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
+def mixture(
+    coordinates: Coordinates | None = None, shares: tuple[float, float, float] = STEADY
+) -> list[tuple[moves.Move, float]]:
     """Return the moves of an ensemble for emcee, with their shares.
-
-    The complement makes draws nearly independent; the stretch and the differential evolution keep
-    curved or heavy-tailed posteriors moving. Where the coordinates know of a second mode, a mirror
-    joins them.
 
     Examples
     --------
-    >>> sum(weight for _, weight in mixture())
-    1.0
+    >>> [share for _, share in mixture()]
+    [0.05, 0.1, 0.85]
     """
-    mirrored = isinstance(coordinates, Mirrored)
-    return _shared(coordinates, (0.05, 0.1, 0.15 if mirrored else 0.0))
-
-
-def _shared(
-    coordinates: Coordinates | None, shares: tuple[float, float, float]
-) -> list[tuple[moves.Move, float]]:
-    kinds = (Stretch, DifferentialEvolution, Mirror)
-    chosen = [
-        (kind(coordinates), share) for kind, share in zip(kinds, shares, strict=True) if share
-    ]
-    return [*chosen, (Complement(coordinates), 1 - sum(shares))]
+    kinds = (Stretch, DifferentialEvolution, Complement)
+    made = [kind(coordinates or Coordinates()) for kind in kinds]
+    return list(zip(made, shares, strict=True))
 
 
 # Steps beyond which a chain that asks for more is refused.
@@ -279,9 +249,9 @@ def run_ensemble(
     warming, sampler = (
         emcee.EnsembleSampler(
             walkers, dimension, job.model.log_posterior, vectorize=True,
-            moves=kinds(job.model.coordinates()),
+            moves=mixture(job.model.coordinates, shares),
         )
-        for kinds in (_inward, mixture)
+        for shares in (INWARD, STEADY)
     )  # fmt: skip
     generator, random_state = _streams(plan.seed, job.ensemble)
     state = State(job.model.start(generator, walkers), random_state=random_state)
