@@ -127,18 +127,6 @@ def _rhat(scores: FloatArray) -> float:
     return float(np.sqrt((count - 1) / count + between / (count * within)))
 
 
-def mcse_mean(chains: FloatArray) -> float:
-    """Monte Carlo standard error of the mean, in the unit of the draws."""
-    return float(chains.std() / np.sqrt(effective_size(chains)))
-
-
-def mcse_deviation(chains: FloatArray) -> float:
-    """Monte Carlo standard error of the standard deviation, in the unit of the draws."""
-    squares = np.square(chains - chains.mean())
-    error = squares.std() / np.sqrt(effective_size(squares))
-    return float(error / (2 * chains.std()))
-
-
 def mcse_quantile(chains: FloatArray, probability: float) -> float:
     """Monte Carlo standard error of a quantile, in the unit of the draws.
 

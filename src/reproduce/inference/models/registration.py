@@ -99,7 +99,7 @@ def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> t
     return float(minimize_scalar(surprise).x), float(0.5 / np.sqrt(off @ off))
 
 
-def triangular(columns: ComplexArray) -> ComplexArray:
+def _triangular(columns: ComplexArray) -> ComplexArray:
     """Triangular factor of complex columns, shape (m, m) for columns of shape (n, m)."""
     return np.asarray(np.linalg.qr(columns.astype(np.complex128), mode="r"))
 
@@ -141,7 +141,7 @@ class GaussianRegistration:
     def root(self) -> ComplexArray:
         """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""
         target = as_complex(self.target) - as_complex(self.pivot)
-        return triangular(np.stack([self.offsets, np.ones(len(target)), target], axis=-1))
+        return _triangular(np.stack([self.offsets, np.ones(len(target)), target], axis=-1))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -207,7 +207,7 @@ def shifts(parameters: FloatArray) -> ComplexArray:
     return np.asarray(parameters[:, 2:3] + 1j * parameters[:, 3:4])
 
 
-def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
+def _registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
     """Parameters (k, theta, shift x, shift y, noise), priors on the scale of the data alone."""
     source, target = paired_points(source, target)
     extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
@@ -253,7 +253,7 @@ def registration_model(
     fit = fit_registration(source, target, pivot)
     return Model(
         "registration",
-        with_priors(registration_parameters(source, target), priors),
+        with_priors(_registration_parameters(source, target), priors),
         GaussianRegistration(source, target, pivot),
         dict(zip(TRANSFORM, fit.parameters.tolist(), strict=True)),
     )
@@ -448,7 +448,7 @@ class JointRegistration:
     @cached_property
     def root(self) -> ComplexArray:
         """Triangular factor of the columns, shape (4, 4)."""
-        return triangular(self.columns)
+        return _triangular(self.columns)
 
     def weights(self, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Coefficients of the columns in the two residuals, each of shape (n, 4)."""
@@ -532,10 +532,10 @@ def joint_model(
     likelihood = JointRegistration(sources, target, pivots)
     parameters = []
     for channel, source in zip(CHANNELS, sources, strict=True):
-        for one in registration_parameters(source, target)[:4]:
+        for one in _registration_parameters(source, target)[:4]:
             label = f"{one.label}_\\mathrm{{{channel[0]}}}"
             parameters.append(replace(one, name=f"{channel}-{one.name}", label=label))
     names = [p.name for p in parameters]
     estimate = dict(zip(names, likelihood.start()[0].tolist(), strict=False))
-    parameters.append(registration_parameters(sources[0], target)[4])
+    parameters.append(_registration_parameters(sources[0], target)[4])
     return Model("registration-joint", tuple(parameters), likelihood, estimate)

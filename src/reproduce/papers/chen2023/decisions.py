@@ -122,7 +122,7 @@ class Column(NamedTuple):
         return np.asarray(np.interp(ENDS, np.cumsum(shares) - shares / 2, values[order]))
 
 
-def column(door: Given, axis: str, wider: float = 1.0) -> Column:
+def _column(door: Given, axis: str, wider: float = 1.0) -> Column:
     """Return what Table IV says of the misalignment about an axis, or under a wider prior."""
     return _summed(door.narrowed(_AVERAGES), AXES[axis], wider)
 
@@ -143,7 +143,7 @@ def _summed(door: Given, name: str, wider: float) -> Column:
 
 def averages(door: Given, axis: str, counts: FloatArray) -> FloatArray:
     """Error of an average: low end, median and high end for every number of frames, (3, n)."""
-    one = column(door, axis)
+    one = _column(door, axis)
     errors = (averaged_error(n, one.white, one.floor) for n in counts)
     return np.stack([one.quantiles(error) for error in errors], axis=-1)
 
@@ -161,7 +161,7 @@ def _differences(door: Given) -> tuple[float, int]:
     return float(np.sqrt(left.var(axis=1, ddof=1).mean())), left.size - len(left)
 
 
-def states(door: Given) -> FloatArray:
+def _states(door: Given) -> FloatArray:
     """Noise of one state of Table V in the differences: low end, median and high end, (3,)."""
     scatter, freedom = _differences(door)
     chi = 2 * gammaincinv(freedom / 2, ENDS[::-1])  # quantiles of chi-squared
@@ -170,15 +170,15 @@ def states(door: Given) -> FloatArray:
 
 def _stops(door: Given) -> FloatArray:
     """Frames whose white noise about X is as large as the noise of one state, (3,)."""
-    one = column(door, "X")
-    return np.asarray((one.shares @ one.white / states(door)[::-1]) ** 2)
+    one = _column(door, "X")
+    return np.asarray((one.shares @ one.white / _states(door)[::-1]) ** 2)
 
 
 def _frame_facts(door: Given) -> dict[str, Fact]:
     """Return the knees of averaging, where Table V stops, and errors that pages compare."""
     height, count = satellite.altitude(door), door.count(effectiveness.FRAMES)
     triples = {
-        "stage-noise": (states(door) * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
+        "stage-noise": (_states(door) * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "stage-frames": (_stops(door), ".0f", ""),
     }
     found = {
@@ -188,11 +188,11 @@ def _frame_facts(door: Given) -> dict[str, Fact]:
     }
     for axis in AXES:
         for what, wider in (("", 1.0), ("-wide", WIDE)):
-            one = column(door, axis, wider)
+            one = _column(door, axis, wider)
             knee = one.quantiles(np.square(one.white / one.floor))[0]
             found[f"knee-{axis.lower()}{what}"] = Fact(float(knee), ".0f")
     single, many = averages(door, "X", np.array([1, 100]))[1].tolist()
-    about_x = column(door, "X")
+    about_x = _column(door, "X")
     white = float(about_x.shares @ about_x.white / np.sqrt(count))
     return found | {
         "state": Fact(count, "d"),
@@ -219,7 +219,7 @@ def frames(door: Given) -> pd.DataFrame:
 @draws("chen2023/drawing-frames", given=FRAME_READS, marks=MARKS)
 def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the misalignment against frames averaged, and the scatter of Table V."""
-    counts, noise = np.geomspace(1, 1000, 40), states(door)
+    counts, noise = np.geomspace(1, 1000, 40), _states(door)
     narrow = sized(figure, 6.4, 3.9, 6.0)
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharex=True, sharey=True)
     for axes, (axis, column) in zip(panels, AXES.items(), strict=True):
@@ -364,13 +364,13 @@ def errors(door: Given) -> pd.DataFrame:
     found: dict[tuple[str, str], FloatArray] = {}
     for n, what in enumerate(("White noise of one frame", "Floor that averaging leaves")):
         for axis in AXES:
-            one = column(door, axis)
+            one = _column(door, axis)
             found[f"{what}, {axis}", "Table IV"] = one.quantiles(one[n])
     count = door.count(effectiveness.FRAMES)
     found[f"Mean of {count} frames, X (extrapolated)", "Table IV"] = averages(
         door, "X", np.array([count])
     )[:, 0]
-    found["Scatter of one state of Table V", "Table V"] = states(door)
+    found["Scatter of one state of Table V", "Table V"] = _states(door)
     angle, roll = _calibrated(door)
     group = f"{door.count(accuracy.FRAMES)} images"
     found[f"Misalignment X, {group}", "simulated"] = angle

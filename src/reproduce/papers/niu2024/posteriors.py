@@ -179,7 +179,7 @@ def pixel_angle(given: Given) -> float:
     return float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
 
 
-def beside_the_registration(given: Given, model: Model) -> dict[str, Aside]:
+def _beside_the_registration(given: Given, model: Model) -> dict[str, Aside]:
     """Whether the noise grows across the field, and what a principal point that is off does."""
     plain = model.likelihood_of(GaussianRegistration)
     scale, rotation = fit_registration(plain.source, plain.target, plain.pivot).parameters[:2]
@@ -286,7 +286,7 @@ POSTERIORS = (
     Declaration(
         "registration", "Registration of one channel: similarity and Gaussian noise", "niu2024",
         READS, _registration, _file(_users_registration), truth,
-        asides=beside_the_registration, walkers=240,
+        asides=_beside_the_registration, walkers=240,
     ),
     Declaration(
         "registration-joint", "Registration of both channels: they share the green noise",
