@@ -96,7 +96,7 @@ def test_users_spots_take_the_place_of_ours(tmp_path):
         (["posterior"], "name a model"),
         (["posterior", "misalingment"], "did you mean misalignment"),
         (["posterior", "registration", "--data", __file__], "line 1: missing column x, y, x_ref"),
-        (["posterior", "registration", "--resume"], "--resume needs --out"),
+        (["posterior", "registration", "--out", "folder"], "expected .nc or .npz, got folder"),
     ],
 )
 def test_bad_calls(arguments, message):
@@ -109,15 +109,6 @@ def test_refused_chains_exit_with_one_and_their_numbers():
     result = run("posterior", "registration", "--steps", "60")
     assert result.exit_code == 1
     assert "autocorrelation times" in result.output
-
-
-def test_stored_run_is_continued_only_on_request(tmp_path):
-    out = str(tmp_path / "run")
-    first = run("posterior", "registration", "--steps", "600", "--out", out, "--json")
-    assert first.exit_code == 0, first.output
-    assert run("posterior", "registration", "--steps", "600", "--out", out).exit_code == 2
-    again = run("posterior", "registration", "--steps", "600", "--out", out, "--resume", "--json")
-    assert again.output == first.output
 
 
 @pytest.mark.parametrize("paper", sorted({one.paper for one in posteriors().values()}))

@@ -410,15 +410,6 @@ def test_priors_and_seed_are_those_of_python(tmp_path):
     assert prior == "uniform from 0.1145 to 0.1147"
 
 
-def test_a_damaged_run_is_refused(tmp_path):
-    out = tmp_path / "run"
-    out.mkdir()
-    (out / "plan.json").write_text("[]x")
-    result = run("registration", "--out", out, "--resume")
-    assert result.exit_code == 2
-    assert "expected the plan of a stored run" in result.stderr
-
-
 def test_refused_chains_tell_the_steps_that_would_do(tmp_path):
     path = written(tmp_path, *stars())
     result = run("registration", "--data", path, "--steps", 60, "--json")

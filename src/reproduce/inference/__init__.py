@@ -19,10 +19,11 @@ from reproduce.inference.model import (
     Normal,
     Parameter,
     Prior,
+    Progress,
     StartError,
     Uniform,
 )
-from reproduce.inference.parts import Progress, ResumeError, Store, processes, run_parts
+from reproduce.inference.parts import ResumeError, Store, processes, run_parts
 from reproduce.inference.posterior import (
     PredictiveCheck,
     Sampled,

@@ -22,6 +22,8 @@ from numpy.random import Generator
 from reproduce.physics.validate import FloatArray, finite_array, positive
 
 Kind = TypeVar("Kind")
+# Called with the parts of long work that are done, and all.
+Progress = Callable[[int, int], None]
 
 # A start is this many times wider than the posterior is expected to be.
 OVERDISPERSION = 3.0

@@ -1,7 +1,7 @@
 """Sampling a model with several independent emcee ensembles, on any executor.
 
 Every ensemble has its own stream of random numbers, spawned from one seed: the draws do not depend
-on the order of the ensembles, on how many processes carry them, or on interruptions.
+on the order of the ensembles, or on how many processes carry them.
 
 The moves accept or reject a whole half-ensemble at once: emcee decides walker by walker in Python,
 which for likelihoods that cost next to nothing is most of the time. `Complement` adds a proposal
@@ -11,11 +11,9 @@ of their own (`inference.model`).
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import emcee
@@ -26,8 +24,7 @@ from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
 from scipy.special import gammaln
 
 from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require
-from reproduce.inference.model import Coordinates, Model
-from reproduce.inference.parts import Progress, Store, run_parts
+from reproduce.inference.model import Coordinates, Model, Progress
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray, whole_number
 
@@ -207,18 +204,19 @@ def sample(
     *,
     longer: bool = False,
     executor: Executor | None = None,
-    folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Sampled:
     """Sample the posterior of a model, and refuse chains that miss the gates.
 
     Chains that are too short may be run again, `longer`: with as many steps as they are found to
-    need, up to `MOST`. Without an executor the ensembles run here, one after the other. In a
-    folder each finished ensemble of the first run is kept; what lies there is not run again.
+    need, up to `MOST`. Without an executor the ensembles run here, one after the other.
     """
-    store = None if folder is None else Store(folder, _note(model, plan))
     jobs = [Job(model, plan, ensemble) for ensemble in range(plan.ensembles)]
-    results = run_parts(run_ensemble, jobs, executor, store, progress)
+    results = []
+    for result in (map if executor is None else executor.map)(run_ensemble, jobs):
+        results.append(result)
+        if progress is not None:
+            progress(len(results), len(jobs))
     chain, log_posterior, accepted = (np.stack(column) for column in zip(*results, strict=True))
     acceptance = tuple(accepted.tolist())
     diagnoses = diagnose(model.names, chain)
@@ -267,19 +265,3 @@ def _streams(seed: int, ensemble: int) -> tuple[Generator, Any]:
     """Return the generator of the start and emcee's random state, for one ensemble."""
     child = [SeedSequence(seed, spawn_key=(ensemble, i)) for i in (0, 1)]
     return Generator(PCG64(child[0])), RandomState(MT19937(child[1])).get_state(legacy=True)
-
-
-def _note(model: Model, plan: Plan) -> dict[str, Any]:
-    """Return what a folder of chains is for: the model, its data and how it is sampled."""
-    settings = {key: value for key, value in asdict(plan).items() if key != "gates"}
-    return {"model": model.name, "parameters": list(model.names), **settings,
-            "data": _fingerprint(model)}  # fmt: skip
-
-
-def _fingerprint(model: Model) -> str:
-    """Return a hash that changes with the data, the likelihood and the priors."""
-    centre, spread = model.likelihood.start()
-    points = np.concatenate([centre[None], model.start(Generator(PCG64(0)), 4)])
-    # Rounded, so that another build of NumPy does not call the same data others.
-    numbers = [np.round(model.log_posterior(points), 4), (centre / spread).round(4)]
-    return hashlib.sha256(np.concatenate(numbers).tobytes()).hexdigest()

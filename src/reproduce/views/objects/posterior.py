@@ -189,10 +189,9 @@ class Posterior(Shown):
     def sample(
         self,
         executor: Executor | None = None,
-        folder: Path | None = None,
         progress: Progress | None = None,
     ) -> Sampled:
-        """Sample now: on an executor, with its chains kept in a folder and continued from there.
+        """Sample now, on an executor if one is given.
 
         Where no number of steps was asked for, chains that are too short are run again, longer.
         """
@@ -200,7 +199,7 @@ class Posterior(Shown):
 
         self.sampled = sampling.sample(
             self.model, self.plan, longer="steps" not in self.settings,
-            executor=executor, folder=folder, progress=progress,
+            executor=executor, progress=progress,
         )  # fmt: skip
         return self.sampled
 
