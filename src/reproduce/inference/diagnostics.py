@@ -241,8 +241,11 @@ def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
     )
 
 
-def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates) -> None:
+def require(
+    diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates | None = None
+) -> None:
     """Raise `UnconvergedError` where a gate is missed, or a number is not finite."""
+    gates = gates or Gates()
     # How many times more steps each gate needs, and which it is; NaN misses and comes first.
     missed: list[tuple[float, str]] = []
     for one in diagnoses:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import emcee
@@ -162,7 +162,6 @@ class Plan:
       calibration uses one per replicate) and walkers in each; zero walkers stands for the usual
       number.
     - `steps`, `warmup`: steps kept and steps dropped before them.
-    - `gates`: what the chains must reach.
     """
 
     seed: int
@@ -170,7 +169,6 @@ class Plan:
     walkers: int = 0
     steps: int = 1000
     warmup: int = 500
-    gates: Gates = field(default_factory=Gates)
 
     def __post_init__(self) -> None:
         for name in ("ensembles", "steps"):
@@ -220,9 +218,9 @@ def sample(
     chain, log_posterior, accepted = (np.stack(column) for column in zip(*results, strict=True))
     acceptance = tuple(accepted.tolist())
     diagnoses = diagnose(model.names, chain)
-    found = Sampled(model, plan.seed, chain, log_posterior, acceptance, diagnoses, plan.gates)
+    found = Sampled(model, plan.seed, chain, log_posterior, acceptance, diagnoses, Gates())
     try:
-        require(diagnoses, acceptance, plan.gates)
+        require(diagnoses, acceptance)
         if longer:
             found.consequences()
     except UnconvergedError as error:
