@@ -368,7 +368,10 @@ REFUSED = {
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
         "misalignment takes no --pivot",
     ),
-    "no folder": (with_stars("--out", "/dev/null/nothing"), "--out: cannot use /dev/null/nothing"),
+    "no ending": (
+        with_stars("--out", "/dev/null/nothing"),
+        "expected .nc or .npz, got /dev/null/nothing",
+    ),
     "no folder for a file": (with_stars("--out", "nowhere/p.nc"), "cannot write nowhere/p.nc"),
     "too few to tell": (
         text(
@@ -511,10 +514,7 @@ def test_what_the_data_are_is_said():
     rows = {row["name"]: row for row in record["parameters"]}
     for name in ("rotation", "shift-x", "shift-y", "noise"):
         assert abs(rows[name]["mean"] - truth[name]) < 4 * rows[name]["deviation"]
-    printed = Posterior("table-5")
     cells = given(posteriors()["registration"].given).cells
     lines = "".join(f"{address} {cells[address].text}\n" for address in sorted(cells))
     assert digest == hashlib.sha256(lines.encode()).hexdigest()
-    assert printed.provenance.pop("sha256") != digest
-    assert printed.provenance == {"kind": "printed", "paper": "chen2023"}
-    assert printed.told == "as printed in chen2023"
+    assert Posterior("misalignment").provenance["sha256"] != digest

@@ -91,11 +91,6 @@ def _rank_normalised(values: FloatArray) -> FloatArray:
     return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))[place].reshape(values.shape)
 
 
-def _bulk_size(chains: FloatArray) -> float:
-    """Effective sample size of the rank-normalised draws."""
-    return effective_size(_rank_normalised(chains))
-
-
 def _tail_size(chains: FloatArray) -> float:
     """Smaller effective sample size of the two tail indicators, at 5 % and 95 %."""
     low, high = np.quantile(chains, TAILS)
@@ -235,7 +230,7 @@ def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
         split_rhat(thinned(draws, time)),
         time,
         draws.shape[1] / time,
-        _bulk_size(draws),
+        effective_size(_rank_normalised(draws)),
         _tail_size(draws),
         float(draws.std() / np.sqrt(draws.size / time)),
     )
