@@ -370,7 +370,7 @@ REFUSED = {
     ),
     "no ending": (
         with_stars("--out", "/dev/null/nothing"),
-        "expected .nc or .npz, got /dev/null/nothing",
+        "expected .nc or .npz, got /dev/null",
     ),
     "no folder for a file": (with_stars("--out", "nowhere/p.nc"), "cannot write nowhere/p.nc"),
     "too few to tell": (
