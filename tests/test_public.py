@@ -42,9 +42,9 @@ ROOMS = {
     if path.name == "__init__.py" and re.search(r"\.physics\.|\.inference", name)
 }
 DOORS = {room: imported(MODULES[room]) for room in sorted(ROOMS)}
-# Not at the door: they load emcee, SciPy's splines, or SciPy at all before a star is registered.
+# Not at the door: they load emcee, or SciPy at all before a star is registered.
 APART = {
-    *(f"reproduce.inference.{name}" for name in ("quadrature", "sampling")),
+    "reproduce.inference.sampling",
     "reproduce.physics.attitude.diagnosis",
 }
 PAGES = [path for path in sorted(ROOT.glob("book/**/*.md")) if "_build" not in path.parts]

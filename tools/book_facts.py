@@ -36,7 +36,7 @@ from reproduce.views.writing import numbers, verdicts
 from reproduce.views.writing.export import export, signed, table_files
 
 if TYPE_CHECKING:
-    from reproduce.papers.declare_posterior import Aside
+    from reproduce.papers.posteriors import Aside
 
 
 def facts(*papers: str) -> dict[str, str]:
@@ -117,20 +117,12 @@ def _of_posterior(name: str) -> dict[str, str]:
     """Return the numbers of a posterior that sentences may say, by name.
 
     ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, the asides of the
-    declaration, ``sbc-...`` of the stored calibration, and how many printed numbers lie
-    ``outside`` what repeats print; for printed data, ``check-...``, the tail probability of each
-    predictive check.
+    declaration, and ``sbc-...`` of the stored calibration.
     """
-    from reproduce.inference import posterior_checks
     from reproduce.papers.posteriors import posteriors
-    from reproduce.views.objects.posterior import (
-        Posterior,
-        book_posterior,
-        book_repeats,
-        spread,
-    )
+    from reproduce.views.objects.posterior import Posterior, book_posterior, spread
 
-    declared, found, texts = posteriors()[name], book_posterior(name), {}
+    found, texts = book_posterior(name), {}
     for row in found.summaries():
         label = _label(row.name)
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
@@ -138,17 +130,9 @@ def _of_posterior(name: str) -> dict[str, str]:
     for label, value in Posterior(name).truth.items():
         row = next(row for row in found.rows() if row.name == label)
         texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
-    for key, aside in (declared.asides(found.model) if declared.asides else {}).items():
+    for key, aside in posteriors()[name].beside().items():
         texts |= _of_aside(key, aside)
-    texts |= dict(_of_calibration(name))
-    if not declared.simulated:
-        for check in posterior_checks(found):
-            texts[f"check-{_label(check.name)}"] = numbers.shared(check.tail)
-    if compared := book_repeats(name):
-        rows = compared[0]
-        outside = sum(row.tail.value < 0.05 / len(rows) for row in rows)
-        texts |= {"outside": str(outside), "printed-count": str(len(rows))}
-    return texts
+    return texts | dict(_of_calibration(name))
 
 
 def _label(name: str) -> str:

@@ -91,7 +91,7 @@ def check_oldest(uv: tuple[str, ...], wheel: Path, folder: Path) -> None:
     reproduce = python.with_name("reproduce")
     run(reproduce, "check", folder=folder)
     run(reproduce, "show", "niu2024/instrument-errors", folder=folder)
-    run(reproduce, "posterior", "centroid-noise", folder=folder)
+    run(reproduce, "posterior", "registration", folder=folder)
 
 
 def check_archive(archive: Path, folder: Path) -> None:

@@ -1,20 +1,72 @@
-"""What posteriors mean for pointing and on the ground, against simulations of the instruments."""
+"""What a registration foretells of stars that it was not fitted to, and what of pointing."""
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from reproduce.papers.chen2023.posteriors import (
-    Averaged,
-    OnTheGround,
-    StageTest,
-)
-from reproduce.papers.niu2024.posteriors import NoiseAlone
+from reproduce.inference.models import NewStars, distortion_model, registration_posterior
+from reproduce.papers.chen2023.posteriors import OnTheGround
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude import scatter_of_averages
+from reproduce.physics.registration import Registration, fit_registration
 from reproduce.units import ARCSEC_PER_RADIAN
 
+PIVOT = np.array([1030.0, 770.0])
 ALTITUDE = 500e3
 MODELS = list(posteriors())
+
+
+@pytest.fixture(scope="module")
+def draws(registration):
+    """Exact draws of the registration's posterior."""
+    data = registration.likelihood
+    exact = registration_posterior(data.source, data.target, data.pivot)
+    return exact.draw(np.random.default_rng(1), 6000)
+
+
+def test_rmse_at_new_stars_is_the_chi_square_one(registration, draws):
+    """Known transform, known noise: the squared sum is chi square with two degrees per star."""
+    source = np.random.default_rng(3).uniform((0, 0), (2064, 1544), (52, 2))
+    stars = registration.likelihood.elsewhere(source)
+    truth = np.repeat(draws[:1], 4000, axis=0)
+    k, theta, *shift = truth[0, :4]
+    registered = Registration.similarity(k, theta, shift, PIVOT).apply(source)
+    found = NewStars(stars, registered, 1.0)(truth)["test points, RMSE"].values
+    law = stats.chi2(2 * len(source))
+    scaled = np.square(found / truth[0, 4]) * len(source)
+    assert stats.kstest(scaled, law.cdf).pvalue > 0.001
+
+
+def test_consequences_at_new_stars_follow_the_noise_and_the_error_of_the_transform(
+    registration, draws
+):
+    data = registration.likelihood
+    fit = fit_registration(data.source, data.target, data.pivot)
+    source = np.random.default_rng(3).uniform((0, 0), (2064, 1544), (52, 2))
+    consequence = NewStars(data.elsewhere(source), fit.transform.apply(source), 28.5)
+    found = consequence(draws)
+    rmse = found["test points, RMSE"].values
+    # Noise of both axes, and a little more: four fitted numbers over so many stars.
+    expected = np.sqrt(2) * draws[:, 4].mean()
+    assert 1 < np.sqrt(np.square(rmse).mean()) / expected < 1.03
+    angle = found["test points, pointing error"].values
+    np.testing.assert_allclose(angle / rmse, 28.5)
+    assert (consequence(draws)["test points, RMSE"].values == rmse).all()
+
+
+def test_a_variant_knows_its_places_and_noise_elsewhere(registration):
+    """At the stars of the fit, new stars are those that the likelihood simulates."""
+    likelihood = distortion_model(registration).likelihood
+    same = likelihood.elsewhere(likelihood.source)
+    truth = np.append(likelihood.start()[0][:5], [0.6] * (len(likelihood.start()[0]) - 5))
+    rows = np.repeat(truth[None], 2, axis=0)
+    places = same.places(rows)
+    noise = same.scatter(rows, np.random.default_rng(1))
+    simulated = likelihood.simulate(truth, np.random.default_rng(1))
+    np.testing.assert_allclose(places[0] + noise[0], simulated, atol=1e-9)
+    assert not np.allclose(noise[0], noise[1])
+    # Half as far out the field is the same field: its edge does not follow the stars.
+    inner = likelihood.elsewhere(likelihood.pivot + 0.5 * (likelihood.source - likelihood.pivot))
+    assert inner.field == likelihood.field
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -30,50 +82,11 @@ def test_every_posterior_has_a_pointing_error(name):
     assert units >= {"arcsec"} | ({"m"} if declared.paper == "chen2023" else set())
 
 
-def test_bias_and_noise_of_the_stage_test():
-    generator = np.random.default_rng(2)
-    noise, bias = 0.08 / ARCSEC_PER_RADIAN, np.array([0.05, -0.03]) / ARCSEC_PER_RADIAN
-    consequence = StageTest(ALTITUDE, np.array([1e-4, -3e-5]), 2.0)
-    found = consequence(np.array([[2.06, noise, *bias, -4.0]]))
-    errors = bias + noise * generator.normal(size=(200_000, 2))
-    rms = np.sqrt(np.square(errors).sum(axis=1).mean())
-    np.testing.assert_allclose(found["pointing error"].values, rms * ARCSEC_PER_RADIAN, rtol=5e-3)
-    np.testing.assert_allclose(found["position error"].values, rms * ALTITUDE, rtol=5e-3)
-    length = np.hypot(1e-4, 3e-5)
-    wrong = (length / 2.0 - length / 2.06) * ARCSEC_PER_RADIAN
-    told = found["last state, nominal focal length"].values
-    np.testing.assert_allclose(told, wrong, rtol=1e-6)
-
-
-def test_errors_of_averages_on_the_ground():
-    """Three standard deviations of simulated averages, times the altitude."""
-    generator = np.random.default_rng(3)
-    parameters = np.array([[2e-6, 3e-6, 1e-6, 0.0]])
-    told = Averaged(("a", "b"), (1, 25), ALTITUDE)(parameters)
-    series = 1e-6 * generator.normal(size=(2000, 800))
-    scatter = np.sqrt(np.mean([scatter_of_averages(one, (1, 25)) ** 2 for one in series], axis=0))
-    names = ("b, error of 1 frame", "b, error of 25 frames")
-    for name, one in zip(names, 3 * scatter, strict=True):
-        np.testing.assert_allclose(told[name].values, one * ARCSEC_PER_RADIAN, rtol=0.02)
-        np.testing.assert_allclose(told[f"{name}, position"].values, one * ALTITUDE, rtol=0.02)
-    floor = told["a, error of 25 frames"].values / ARCSEC_PER_RADIAN
-    np.testing.assert_allclose(floor, 3 * np.hypot(2e-6 / 5, 3e-6))
-
-
 def test_ground_error_of_a_misalignment():
     angles = np.random.default_rng(4).normal((1e-4, -5e-5, 2e-4), 1e-6, (1000, 3))
-    found = OnTheGround(ALTITUDE, 0)(angles)
+    found = OnTheGround(ALTITUDE)(np.pad(angles, ((0, 0), (3, 0))))
     off = angles[:, :2] - angles[:, :2].mean(axis=0)
     np.testing.assert_allclose(found["pointing error"].values, np.hypot(*off.T) * ARCSEC_PER_RADIAN)
     np.testing.assert_allclose(found["position error"].values, np.hypot(*off.T) * ALTITUDE)
     ignored = found["position error uncorrected"].values
     np.testing.assert_allclose(ignored.mean(), np.hypot(1e-4, 5e-5) * ALTITUDE, rtol=1e-3)
-
-
-def test_noise_of_two_images_of_a_star():
-    pair = 0.3 * np.random.default_rng(5).normal(size=(2, 100_000, 2))
-    rmse = np.sqrt(np.square(pair[0] - pair[1]).sum(axis=1).mean())
-    found = NoiseAlone(28.5)(np.array([[0.3]]))
-    np.testing.assert_allclose(found["registered star, RMSE"].values, rmse, rtol=5e-3)
-    angle = found["registered star, pointing error"].values
-    np.testing.assert_allclose(angle, 28.5 * rmse, rtol=5e-3)

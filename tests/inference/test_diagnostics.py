@@ -4,6 +4,7 @@ import emcee
 import numpy as np
 import pytest
 from arviz_stats.base import array_stats
+from errors import mcse_mean
 
 from reproduce.inference import Gates, UnconvergedError, diagnose, diagnostics, thinned
 from reproduce.inference.diagnostics import require
@@ -56,7 +57,7 @@ def test_standard_errors_are_honest():
     found = []
     for seed in range(60):
         chains = autoregressive(0.7, (4, 500, 8), seed)
-        found.append(chains.mean() / diagnostics.mcse_mean(chains))
+        found.append(chains.mean() / mcse_mean(chains))
     assert abs(np.std(found) - 1) < 4 / np.sqrt(2 * 60)
 
 
@@ -107,7 +108,7 @@ def test_moves_leave_a_curved_density_unchanged():
     chain = np.stack(chains)
     x, y = chain[..., 0], chain[..., 1]
     for values, truth in ((x, 0.0), (x**2, 1.0), (y, 1.0), ((y - 1) ** 2, 3.0), (x * y, 0.0)):
-        assert abs(values.mean() - truth) < 4 * diagnostics.mcse_mean(values)
+        assert abs(values.mean() - truth) < 4 * mcse_mean(values)
 
 
 def test_digits_follow_the_error():

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from errors import mcse_deviation, mcse_mean
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from reproduce.inference import LogUniform
-from reproduce.inference.diagnostics import mcse_deviation, mcse_mean, mcse_quantile
+from reproduce.inference.diagnostics import mcse_quantile
 from reproduce.inference.models import (
     SpotStatistics,
     errors_with_free_lasers,

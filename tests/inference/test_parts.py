@@ -1,9 +1,5 @@
 """Work in parts: on any executor, in any order, killed and resumed; sampling is such work."""
 
-import os
-import signal
-import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -11,8 +7,6 @@ import numpy as np
 import pytest
 
 from reproduce.inference import ResumeError, Store, processes, run_parts
-from reproduce.inference.sampling import sample
-from reproduce.papers.posteriors import posteriors
 
 
 def squares(part):
@@ -67,32 +61,3 @@ def test_an_error_keeps_what_was_done(tmp_path):
         run_parts(broken, range(4), pool, store)
     assert {0, 1} <= set(store.opened(4))
     assert 2 not in store.opened(4)
-
-
-ENSEMBLES = 24
-
-
-def command(out, *more):
-    sampled = ["posterior", "frame-averaging", "--ensembles", str(ENSEMBLES), "--workers", "2"]
-    return [sys.executable, "-m", "reproduce", *sampled, "--out", str(out), *more]
-
-
-def test_a_killed_run_is_resumed_with_identical_chains(tmp_path):
-    """A real kill of the command and its processes, after the first ensembles."""
-    out = tmp_path / "run"
-    process = subprocess.Popen(command(out), start_new_session=True, stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + 120
-    while len(list(out.glob("part-*.npz"))) < 3 and time.monotonic() < deadline:
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL, "the run was to be killed before its end"
-    done = {path.name: path.stat().st_mtime_ns for path in out.glob("part-*.npz")}
-    assert 3 <= len(done) < ENSEMBLES
-    assert subprocess.run(command(out), capture_output=True, check=False).returncode == 2
-    subprocess.run(command(out, "--resume"), capture_output=True, check=True)
-    kept = {name: (out / name).stat().st_mtime_ns for name in done}
-    assert kept == done, "finished ensembles are not run again"
-    found = np.array([np.load(out / f"part-{index}.npz")["arr_0"] for index in range(ENSEMBLES)])
-    declared = posteriors()["frame-averaging"]
-    alone = sample(declared.model(), declared.plan(ensembles=ENSEMBLES))
-    np.testing.assert_array_equal(found, alone.chain)

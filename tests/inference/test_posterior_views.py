@@ -11,15 +11,14 @@ from click.testing import CliRunner
 import reproduce as rp
 from book_facts import of_posteriors
 from reproduce.inference import posterior, sampling
-from reproduce.papers import declare_posterior
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
+from reproduce.printed.given import given
 from reproduce.store import studies
 from reproduce.views import computed
 from reproduce.views.cli import main
 from reproduce.views.objects import posteriors as pages
-from reproduce.views.objects.posterior import book_posterior, book_repeats
-from reproduce.views.writing.numbers import shared
+from reproduce.views.objects.posterior import book_posterior
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
 PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]
@@ -95,10 +94,9 @@ def test_users_spots_take_the_place_of_ours(tmp_path):
     ("arguments", "message"),
     [
         (["posterior"], "name a model"),
-        (["posterior", "tabel-5"], "did you mean table-5"),
-        (["posterior", "centroid-noise", "--data", __file__], "centroid-noise takes no file"),
+        (["posterior", "misalingment"], "did you mean misalignment"),
         (["posterior", "registration", "--data", __file__], "line 1: missing column x, y, x_ref"),
-        (["posterior", "registration", "--resume"], "--resume needs --out"),
+        (["posterior", "registration", "--out", "folder"], "expected .nc or .npz, got folder"),
     ],
 )
 def test_bad_calls(arguments, message):
@@ -113,15 +111,6 @@ def test_refused_chains_exit_with_one_and_their_numbers():
     assert "autocorrelation times" in result.output
 
 
-def test_stored_run_is_continued_only_on_request(tmp_path):
-    out = str(tmp_path / "run")
-    first = run("posterior", "registration", "--steps", "600", "--out", out, "--json")
-    assert first.exit_code == 0, first.output
-    assert run("posterior", "registration", "--steps", "600", "--out", out).exit_code == 2
-    again = run("posterior", "registration", "--steps", "600", "--out", out, "--resume", "--json")
-    assert again.output == first.output
-
-
 @pytest.mark.parametrize("paper", sorted({one.paper for one in posteriors().values()}))
 def test_every_paper_with_posteriors_has_its_page_of_diagnostics(paper):
     text = (FOLDER / f"diagnostics-{paper}.md").read_text(encoding="utf-8")
@@ -129,18 +118,11 @@ def test_every_paper_with_posteriors_has_its_page_of_diagnostics(paper):
 
 
 def test_traces_have_a_line_for_each_ensemble_and_a_panel_for_each_parameter():
-    html = rp.posterior("frame-averaging").traces().text
-    assert 'id="figure-posterior-frame-averaging-traces"' in html
-    own = rp.posterior("centroid-noise").rerun(steps=400, seed=3).traces().text
-    assert "Traces of centroid-noise" in own
-    assert "figure-posterior-centroid-noise-traces-own" in own
-
-
-def test_the_predictive_checks_of_printed_data_are_facts():
-    found = of_posteriors(["centroid-noise"])
-    checks = {one.name: one.tail for one in rp.posterior("centroid-noise").checks}
-    tail = checks["errors, median over largest"]
-    assert found["posterior/centroid-noise#check-errors-median-over-largest"] == shared(tail)
+    html = rp.posterior("misalignment").traces().text
+    assert 'id="figure-posterior-misalignment-traces"' in html
+    own = rp.posterior("registration").rerun(steps=400, seed=3).traces().text
+    assert "Traces of registration" in own
+    assert "figure-posterior-registration-traces-own" in own
 
 
 @pytest.mark.parametrize("name", list(posteriors()))
@@ -153,7 +135,7 @@ def test_a_page_shows_every_posterior_with_its_model(name):
 def test_every_quantity_that_is_said_exists_in_the_unit_of_its_print():
     generator = np.random.default_rng(1)
     models = {name: declared.model() for name, declared in posteriors().items()}
-    for one in (*pages.PRINTED, *pages.SIMULATED):
+    for one in pages.SIMULATED:
         model = models[one.posterior]
         units = {parameter.name: parameter.unit for parameter in model.parameters}
         found = model.derived(model.start(generator, 4)) if model.derived else {}
@@ -161,25 +143,22 @@ def test_every_quantity_that_is_said_exists_in_the_unit_of_its_print():
         assert one.name in units, one
         if one.cell:
             assert find(one.cell)[0].unit == units[one.name], one
-    simulated = {one.posterior for one in pages.SIMULATED}
-    printed = {one.posterior for one in pages.PRINTED}
-    assert all(posteriors()[name].simulated for name in simulated)
-    assert not any(posteriors()[name].simulated for name in printed)
 
 
 def test_what_is_said_is_the_posterior_beside_the_print_and_its_verdict():
-    single = next(one for one in pages.PRINTED if one.cell == "chen2023/table-4#1.misalignment-x")
+    single = next(one for one in pages.SIMULATED if one.cell == "niu2024/table-3#scale.red")
     label, data, printed, mean, ends, truth, verdict = pages.summarised(single)
-    row = rp.posterior("frame-averaging").frame().loc[single.name]
+    row = rp.posterior("registration-joint").frame().loc[single.name]
     assert float(mean.split(" ± ")[0]) == pytest.approx(row["mean"], rel=1e-3)
     assert float(mean.split(" ± ")[1].rstrip("″")) == pytest.approx(row["deviation"], rel=0.05)
     low, high = (float(end.rstrip("″")) for end in ends.split(" to "))
     assert (low, high) == pytest.approx((row["low"], row["high"]), rel=0.01)
-    cell = rp.table("chen2023/table-4")["1.misalignment-x"]
+    cell = rp.table("niu2024/table-3")["scale.red"]
     assert f">{cell.printed}" in printed
     assert f">{cell.verdict}<" in verdict
-    assert (data, truth) == ("printed", "")
-    assert 'href="#posterior-frame-averaging"' in label
+    true = rp.posterior("registration-joint").truth[single.name]
+    assert (data, truth) == ("simulated", f"{true:.6g}")
+    assert 'href="#posterior-registration-joint"' in label
 
 
 def test_a_posterior_shows_the_truth_of_simulated_data_and_what_was_changed(tmp_path):
@@ -199,9 +178,6 @@ def test_a_posterior_shows_the_truth_of_simulated_data_and_what_was_changed(tmp_
     assert "Beware: noise leans on the end" in repr(leaning)
     assert "Beware: noise leans on the end" in leaning._repr_html_()
     assert "truth" not in own.corner().text
-    printed = rp.posterior("frame-averaging")._repr_html_()
-    assert "data as printed" in printed.partition("</caption>")[0]
-    assert "consequences</summary>" in printed
 
 
 def test_the_model_as_code_holds_declaration_data_priors_and_likelihood():
@@ -210,15 +186,15 @@ def test_the_model_as_code_holds_declaration_data_priors_and_likelihood():
         assert f'"{name}"' in source.partition(")")[0]
         assert f"def {declared.build.__name__}(" in source
         assert "\ndef __call__(self, parameters" in source
-    shown = rp.posterior("table-5").setup._repr_html_()
-    assert "Data as printed." in shown
-    for parameter in rp.posterior("table-5").model.parameters:
+    shown = rp.posterior("misalignment").setup._repr_html_()
+    assert "Data simulated by us" in shown
+    for parameter in rp.posterior("misalignment").model.parameters:
         assert parameter.prior.reason in shown
-    assert "def table_5(" in shown
+    assert "def misalignment(" in shown
 
 
 def test_a_corner_plot_has_five_parameters_at_most_and_readable_labels():
-    book = rp.posterior("frame-averaging")
+    book = rp.posterior("misalignment")
     html = book.corner().text
     sizes = [float(size) for size in re.findall(r"font-size: ([\d.]+)px", html)]
     assert len(sizes) > 5
@@ -232,22 +208,33 @@ def test_a_corner_plot_has_five_parameters_at_most_and_readable_labels():
 
 
 def test_facts_are_the_numbers_of_the_object():
-    found = of_posteriors(["frame-averaging"])
-    frame = rp.posterior("frame-averaging").frame()
-    for label in ("transform-x-white", "misalignment-y-floor"):
+    found = of_posteriors(["misalignment"])
+    frame = rp.posterior("misalignment").frame()
+    for label in ("angle-x", "noise"):
         for what, column in (("mean", "mean"), ("sd", "deviation"), ("low", "low")):
-            number, unit = found[f"posterior/frame-averaging#{label}-{what}"].split("\u202f")
-            assert float(number) == pytest.approx(frame.loc[label, column], rel=0.06)
+            number, unit = found[f"posterior/misalignment#{label}-{what}"].split("\u202f")
+            number = float(number.replace("−", "-"))
+            assert number == pytest.approx(frame.loc[label, column], rel=0.06)
             assert unit == frame.loc[label, "unit"]
-    rows = studies.table("calibrations").query("posterior == 'frame-averaging'")
+    rows = studies.table("calibrations").query("posterior == 'misalignment'")
     replicates = rows["replicates"].iloc[0]
-    assert found["posterior/frame-averaging#sbc-replicates"] == f"{replicates:,}"
-    printed = posteriors()["frame-averaging"].repeats(book_posterior("frame-averaging"))[0]
-    assert found["posterior/frame-averaging#printed-count"] == str(len(printed))
+    assert found["posterior/misalignment#sbc-replicates"] == f"{replicates:,}"
+
+
+def test_the_scatter_of_table_3_under_one_noise():
+    """Against repeats of the whole table, with the noise of the posterior."""
+    printed = given(["chen2023/table-3"]).array("chen2023/table-3") / 3
+    found = book_posterior("misalignment")
+    noise = found.draws[:, found.model.names.index("noise")].mean()
+    repeats = np.sqrt(np.random.default_rng(2).chisquare(799, (20_000, 16)) / 799)
+    furthest = np.quantile(np.abs(np.log(repeats)).max(axis=1), 0.95)
+    outside = np.abs(np.log(printed / noise)) > furthest
+    told = posteriors()["misalignment"].beside()
+    assert (told["outside"].value, told["printed-count"].value) == (outside.sum(), printed.size)
 
 
 def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path, monkeypatch):
-    alone, repeated = book_posterior("frame-averaging"), book_repeats("frame-averaging")
+    alone = book_posterior("registration")
     old = tmp_path / ("0" * 64)
     old.mkdir()
     (old / computed.MARKER).touch()
@@ -255,14 +242,11 @@ def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path,
     for cached in (computed.kept, book_posterior):
         cached.cache_clear()
     try:
-        again = book_posterior("frame-averaging")
-        assert book_repeats("frame-averaging") == repeated
+        again = book_posterior("registration")
         book_posterior.cache_clear()
         monkeypatch.setattr(sampling, "run_ensemble", None)
         monkeypatch.setattr(posterior, "_summarised", None)
-        monkeypatch.setattr(declare_posterior, "repeats", None)
-        read = book_posterior("frame-averaging")
-        assert book_repeats("frame-averaging") == repeated
+        read = book_posterior("registration")
         assert read.summaries() == alone.summaries()
     finally:
         for cached in (computed.kept, book_posterior):
@@ -280,9 +264,8 @@ def test_simulated_data_are_drawn_again_with_a_seed_of_their_own():
     assert again.rerun(steps=50).data_seed == 1
     assert book.truth == again.truth
     assert again.changes == "data_seed = 1"
-    for name, more in (("centroid-noise", {}), ("registration", {"data": "stars.csv"})):
-        with pytest.raises(ValueError, match="data_seed: expected none"):
-            rp.posterior(name, data_seed=1, **more)
+    with pytest.raises(ValueError, match="data_seed: expected none"):
+        rp.posterior("registration", data_seed=1, data="stars.csv")
 
 
 def test_all_posteriors_show_themselves_and_name_their_files():

@@ -1,6 +1,5 @@
-"""Sampling: seeds, executors, interruption, a cluster."""
+"""Sampling: seeds, executors, a cluster."""
 
-import json
 import os
 import signal
 import time
@@ -12,8 +11,7 @@ import pytest
 import xarray
 from arviz_stats.base import array_stats
 
-from reproduce.inference import ResumeError, UnconvergedError, processes, sampling
-from reproduce.inference.models import registration_model
+from reproduce.inference import UnconvergedError, processes, sampling
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(3, steps=600, warmup=200)
@@ -69,34 +67,6 @@ def test_chains_that_need_too_many_steps_are_refused(registration, monkeypatch):
         sample(registration, replace(PLAN, steps=60, warmup=10), longer=True)
 
 
-def test_stored_chains_are_the_same_and_read_again(registration, alone, tmp_path, monkeypatch):
-    stored = sample(registration, PLAN, folder=tmp_path)
-    np.testing.assert_array_equal(stored.chain, alone.chain)
-    monkeypatch.setattr(sampling, "run_ensemble", None)
-    again = sample(registration, PLAN, folder=tmp_path)
-    np.testing.assert_array_equal(again.chain, alone.chain)
-    np.testing.assert_array_equal(again.log_posterior, alone.log_posterior)
-    assert again.acceptance == alone.acceptance
-
-
-def test_folder_of_another_run_is_refused(registration, tmp_path):
-    sample(registration, PLAN, folder=tmp_path)
-    with pytest.raises(ResumeError, match="differ in seed"):
-        sample(registration, replace(PLAN, seed=9), folder=tmp_path)
-    data = registration.likelihood
-    moved = registration_model(data.source, data.target + 0.001, data.pivot)
-    with pytest.raises(ResumeError, match="differ in data"):
-        sample(moved, PLAN, folder=tmp_path)
-
-
-@pytest.mark.parametrize("damage", [b"", b"half a file", None])
-def test_damaged_part_is_run_again(registration, alone, tmp_path, damage):
-    sample(registration, PLAN, folder=tmp_path)
-    path = tmp_path / "part-1.npz"
-    path.write_bytes(path.read_bytes()[:5000] if damage is None else damage)
-    np.testing.assert_array_equal(sample(registration, PLAN, folder=tmp_path).chain, alone.chain)
-
-
 def test_what_arviz_reads_back_is_the_posterior(alone, tmp_path):
     alone.to_datatree().to_netcdf(tmp_path / "p.nc")
     tree = xarray.open_datatree(tmp_path / "p.nc")
@@ -112,13 +82,6 @@ def test_what_arviz_reads_back_is_the_posterior(alone, tmp_path):
         assert array_stats.rhat(found.values) < 1.02
         assert abs(found.values.mean() - row.mean) < 0.1 * row.deviation
         assert abs(found.values.std() / row.deviation - 1) < 0.1
-
-
-def test_note_of_the_run(registration, tmp_path):
-    sample(registration, PLAN, folder=tmp_path)
-    note = json.loads((tmp_path / "plan.json").read_text())
-    assert note["model"] == "registration"
-    assert note["seed"] == PLAN.seed
 
 
 def test_odd_walkers_are_refused(registration):

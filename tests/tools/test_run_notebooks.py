@@ -119,7 +119,7 @@ def test_numbers_are_computed_once(book) -> None:
     *first, facts = run_notebooks.computing(book)
     assert facts.name == "facts"
     names = {task.name for task in first}
-    assert names > {"ledger", "posterior table-5", "figure niu2024/fig-2"}
+    assert names > {"ledger", "posterior misalignment", "figure niu2024/fig-2"}
     assert facts.needs == {name for name in names if not name.startswith("figure ")}
 
 

@@ -257,12 +257,12 @@ def test_a_verdict_that_is_not_frozen_makes_the_check_false(monkeypatch):
 
 
 def test_a_posterior_is_sampled_when_looked_at_and_rerun_with_a_change():
-    plain = rp.posterior("frame-averaging")
+    plain = rp.posterior("registration")
     assert "sampled" not in vars(plain), "nothing is sampled yet"
     assert plain.reads
     assert list(plain.frame().index)[:2] == list(plain.priors.index)[:2]
     assert len(plain.draws) == plain.sampled.draws.shape[0]
-    assert "as printed" in repr(plain)
+    assert "simulated by us" in repr(plain)
     assert "<svg" in plain.corner()._repr_html_()
     other = plain.rerun(seed=3)
     assert (other.frame()["mean"] != plain.frame()["mean"]).all()
@@ -324,7 +324,7 @@ def test_every_name_works_as_the_design_writes_it(tmp_path, monkeypatch):
         lambda: rp.table("niu2024/table-2#scale.red"),
         lambda: rp.figure("niu2024/fig-4"),
         lambda: rp.figure("chen2023/fig-11"),
-        lambda: rp.posterior("frame-averaging"),
+        lambda: rp.posterior("registration"),
         lambda: rp.register([[0, 0], [9, 0], [0, 9]], [[1, 0], [10, 0], [1, 9]]),
         lambda: rp.misalignment(spots([20, 0, 0]), spots([0, 0, 0])),
     ],
@@ -344,14 +344,14 @@ def test_every_object_has_the_same_verbs(make):
 
 
 def test_priors_of_ones_own_take_the_place_of_the_books():
-    plain = rp.posterior("frame-averaging")
-    other = plain.rerun(priors={"transform-x-white": (0.2, 0.6)})
-    assert other.priors.loc["transform-x-white", "why"] == "a reader's own"
-    assert plain.priors.loc["transform-x-white", "why"] != "a reader's own"
+    plain = rp.posterior("registration")
+    other = plain.rerun(priors={"scale": (0.6, 1.6)})
+    assert other.priors.loc["scale", "why"] == "a reader's own"
+    assert plain.priors.loc["scale", "why"] != "a reader's own"
     assert "sampled" not in vars(other)
     parameter = other.model.parameters[0]
-    assert parameter.prior.high * parameter.shown == pytest.approx(0.6)
-    with pytest.raises(ValueError, match="has no parameter whit; it has transform-x-white"):
+    assert parameter.prior.high * parameter.shown == pytest.approx(1.6)
+    with pytest.raises(ValueError, match="has no parameter whit; it has scale"):
         plain.rerun(priors={"whit": (0, 1)})
 
 

@@ -13,8 +13,7 @@ from reproduce.inference import sampling
 from reproduce.judge import rerun
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare_posterior import File
-from reproduce.papers.posteriors import posteriors
+from reproduce.papers.posteriors import File, posteriors
 from reproduce.physics.registration import MODELS
 from reproduce.printed.cells import find
 from reproduce.views.cli import main
@@ -89,7 +88,7 @@ def check(*arguments):
             TEXT,
             st.sampled_from(
                 "--json --format --out --table --relations --set --seed --data --pivot --steps "
-                "--option --list --resume --model --robust --prior -- -h niu2024 csv bibtex 3 "
+                "--option --list --model --robust --prior -- -h niu2024 csv bibtex 3 "
                 "registration niu2024/table-2 "
                 "chen2023/dichroic chen2023/dichroic#x niu2024-arrangements".split()
             ),

@@ -368,7 +368,10 @@ REFUSED = {
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
         "misalignment takes no --pivot",
     ),
-    "no folder": (with_stars("--out", "/dev/null/nothing"), "--out: cannot use /dev/null/nothing"),
+    "no ending": (
+        with_stars("--out", "/dev/null/nothing"),
+        "expected .nc or .npz, got /dev/null",
+    ),
     "no folder for a file": (with_stars("--out", "nowhere/p.nc"), "cannot write nowhere/p.nc"),
     "too few to tell": (
         text(
@@ -410,15 +413,6 @@ def test_priors_and_seed_are_those_of_python(tmp_path):
     assert prior == "uniform from 0.1145 to 0.1147"
 
 
-def test_a_damaged_run_is_refused(tmp_path):
-    out = tmp_path / "run"
-    out.mkdir()
-    (out / "plan.json").write_text("[]x")
-    result = run("registration", "--out", out, "--resume")
-    assert result.exit_code == 2
-    assert "expected the plan of a stored run" in result.stderr
-
-
 def test_refused_chains_tell_the_steps_that_would_do(tmp_path):
     path = written(tmp_path, *stars())
     result = run("registration", "--data", path, "--steps", 60, "--json")
@@ -438,8 +432,8 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
     assert rows["noise"]["mean"] > 20
     assert record["misfit"].startswith("the model does not fit: star furthest off, over rms is 3.")
     (check,) = (one for one in record["checks"] if one["name"] == "star furthest off, over rms")
-    assert check["observed"] > check["posterior"]["high"]
-    assert check["tail"]["value"] < 0.002
+    assert check["observed"] > check["high"]
+    assert check["tail"] < 0.002
     plain = Posterior("registration", path, steps=400)
     assert f"Beware: {record['misfit']}." in plain._repr_html_()
     assert f"Beware: {record['misfit']}." in " ".join(repr(plain).split())
@@ -520,10 +514,7 @@ def test_what_the_data_are_is_said():
     rows = {row["name"]: row for row in record["parameters"]}
     for name in ("rotation", "shift-x", "shift-y", "noise"):
         assert abs(rows[name]["mean"] - truth[name]) < 4 * rows[name]["deviation"]
-    printed = Posterior("table-5")
     cells = given(posteriors()["registration"].given).cells
     lines = "".join(f"{address} {cells[address].text}\n" for address in sorted(cells))
     assert digest == hashlib.sha256(lines.encode()).hexdigest()
-    assert printed.provenance.pop("sha256") != digest
-    assert printed.provenance == {"kind": "printed", "paper": "chen2023"}
-    assert printed.told == "as printed in chen2023"
+    assert Posterior("misalignment").provenance["sha256"] != digest

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import binom, norm
 
-from reproduce.inference import Estimated, Model, Share, autocorrelation_time, thinned
+from estimators import estimate
+from reproduce.inference import Model, autocorrelation_time, thinned
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.validate import FloatArray
@@ -179,16 +180,12 @@ def intervals(model: Model, seed: int, replicates: int) -> Covered:
 
     Shape (replicates, levels, parameters), as in `Ranks`.
     """
-    if not isinstance(model.likelihood, Estimated):
-        return np.full((replicates, len(LEVELS), model.dimension), -1, dtype=np.int8)
     found = [simulated(model, seed, index) for index in range(replicates)]
     return np.array([_covered(fitted, truth) for truth, fitted in found])
 
 
 def _covered(model: Model, truth: FloatArray) -> Covered:
-    if not isinstance(model.likelihood, Estimated):
-        return np.full((len(LEVELS), model.dimension), -1, dtype=np.int8)
-    centre, spread = model.likelihood.estimate()
+    centre, spread = estimate(model.likelihood)
     reach = norm.ppf(0.5 + np.array(LEVELS) / 2)[:, None]
     inside = np.abs(truth - centre) <= reach * spread
     return np.where(np.isnan(centre), -1, inside).astype(np.int8)
@@ -227,7 +224,7 @@ def _least(counts: Counts) -> FloatArray:
 
 
 @lru_cache(maxsize=32)
-def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -> Share:
+def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -> float:
     """How often a calibration finds a posterior too wide by the factor `stretch`, or too narrow.
 
     The share of simulated calibrations of a Gaussian posterior whose curve of ranks leaves the
@@ -238,7 +235,7 @@ def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -
     ranks = generator.binomial(DRAWS, ndtr(truths / stretch))
     counts = np.array([np.bincount(one, minlength=DRAWS + 1) for one in ranks]).cumsum(axis=1)
     limit = np.quantile(band_statistics(replicates, seed), 1 - level)
-    return Share.counted(float((_least(counts) < limit).mean()), TRIALS)
+    return float((_least(counts) < limit).mean())
 
 
 def log_posteriors(key: str, points: FloatArray, seed: int) -> FloatArray:
@@ -297,7 +294,7 @@ def table() -> pd.DataFrame:
         published = np.append(theirs, np.full(len(found.names) - len(theirs), np.nan))
         chances = found.probabilities()
         errors = np.minimum(np.sqrt(chances * (1 - chances) / SIMULATIONS), chances / 5)
-        powers = [power(found.replicates, 1 - share).value for share in NARROW.values()]
+        powers = [power(found.replicates, 1 - share) for share in NARROW.values()]
         columns = zip(found.names, chances, errors, found.coverage(0.95), published, strict=True)
         failed = int(found.failed.sum())
         rows += [(key, name, found.replicates, failed, *map(float, numbers), *powers)

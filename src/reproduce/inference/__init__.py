@@ -1,18 +1,8 @@
-"""Posteriors: model, priors, parts, diagnostics, checks.
+"""Posteriors: models with priors, parts, diagnostics, checks.
 
-`sampling` and `quadrature` stand apart: they load emcee and the splines of SciPy.
+`sampling` stands apart: it loads emcee.
 """
 
-from reproduce.inference.checks import (
-    PredictiveCheck,
-    Published,
-    Repeat,
-    Share,
-    leanings,
-    misfit,
-    posterior_checks,
-    repeats,
-)
 from reproduce.inference.diagnostics import (
     Gates,
     UnconvergedError,
@@ -22,17 +12,23 @@ from reproduce.inference.diagnostics import (
 )
 from reproduce.inference.model import (
     Consequence,
+    Coordinates,
     Derived,
-    Estimated,
+    LogUniform,
     Model,
+    Normal,
     Parameter,
+    Prior,
+    Progress,
     StartError,
-    UnsuitableModelError,
-    from_scores,
-    log_slope,
-    scores,
-    weighted,
+    Uniform,
 )
-from reproduce.inference.parts import Progress, ResumeError, Store, processes, run_parts
-from reproduce.inference.posterior import Sampled, Summary
-from reproduce.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
+from reproduce.inference.parts import ResumeError, Store, processes, run_parts
+from reproduce.inference.posterior import (
+    PredictiveCheck,
+    Sampled,
+    Summary,
+    leanings,
+    misfit,
+    posterior_checks,
+)

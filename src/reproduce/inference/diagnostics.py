@@ -91,11 +91,6 @@ def _rank_normalised(values: FloatArray) -> FloatArray:
     return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))[place].reshape(values.shape)
 
 
-def _bulk_size(chains: FloatArray) -> float:
-    """Effective sample size of the rank-normalised draws."""
-    return effective_size(_rank_normalised(chains))
-
-
 def _tail_size(chains: FloatArray) -> float:
     """Smaller effective sample size of the two tail indicators, at 5 % and 95 %."""
     low, high = np.quantile(chains, TAILS)
@@ -125,18 +120,6 @@ def _rhat(scores: FloatArray) -> float:
     within = scores.var(axis=1, ddof=1).mean()
     between = count * scores.mean(axis=1).var(ddof=1)
     return float(np.sqrt((count - 1) / count + between / (count * within)))
-
-
-def mcse_mean(chains: FloatArray) -> float:
-    """Monte Carlo standard error of the mean, in the unit of the draws."""
-    return float(chains.std() / np.sqrt(effective_size(chains)))
-
-
-def mcse_deviation(chains: FloatArray) -> float:
-    """Monte Carlo standard error of the standard deviation, in the unit of the draws."""
-    squares = np.square(chains - chains.mean())
-    error = squares.std() / np.sqrt(effective_size(squares))
-    return float(error / (2 * chains.std()))
 
 
 def mcse_quantile(chains: FloatArray, probability: float) -> float:
@@ -247,14 +230,17 @@ def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
         split_rhat(thinned(draws, time)),
         time,
         draws.shape[1] / time,
-        _bulk_size(draws),
+        effective_size(_rank_normalised(draws)),
         _tail_size(draws),
         float(draws.std() / np.sqrt(draws.size / time)),
     )
 
 
-def require(diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates) -> None:
+def require(
+    diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates | None = None
+) -> None:
     """Raise `UnconvergedError` where a gate is missed, or a number is not finite."""
+    gates = gates or Gates()
     # How many times more steps each gate needs, and which it is; NaN misses and comes first.
     missed: list[tuple[float, str]] = []
     for one in diagnoses:

@@ -1,140 +1,170 @@
-"""A model is one frozen object: parameters with priors, likelihood, simulation, estimate.
+"""A model is one frozen object: parameters with priors, likelihood, simulation, start.
 
 Adding a model is one small file: a likelihood class with the five methods of `Likelihood`, and a
 function that gives it parameters. Everything else (sampling, diagnostics, calibration, checks,
 pages) works on any `Model`. Parameter vectors have shape (n, d), in SI units and px, in the order
 of `Model.parameters`; n counts vectors that are evaluated together.
 
-Coordinates in which a posterior is nearly Gaussian: what the moves of an ensemble work in.
-
-Parameters stay as they are declared, in chains, files and summaries. Where one of them sets the
-width of others (a noise that ranges over decades, say), proposals are made in coordinates that
-take this out; the ratio of volumes in the acceptance keeps the posterior what it is. They depend
-on the data alone, never on the ensemble, so the moves stay those of a fixed posterior.
+Every prior is proper, and carries the reason for its choice: only then can parameters be drawn
+from it, which simulation-based calibration needs. Its numbers are in the parameter's own unit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, Self, TypeVar, runtime_checkable
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.random import Generator
-from scipy.special import ndtr, ndtri
 
-from reproduce.inference.priors import Prior
-from reproduce.physics.validate import FloatArray
-
-
-class Coordinates(Protocol):
-    """A smooth one-to-one map of the parameters; all arrays have one row per vector."""
-
-    def straight(self, parameters: FloatArray) -> FloatArray:
-        """Coordinates of parameter vectors, shape (n, d)."""
-
-    def parameters(self, straight: FloatArray) -> FloatArray:
-        """Parameter vectors at coordinates, shape (n, d)."""
-
-    def log_volume(self, parameters: FloatArray) -> FloatArray:
-        """Log of the determinant of the derivatives of parameters by coordinates, shape (n,)."""
-
-
-@runtime_checkable
-class Straightened(Protocol):
-    """A likelihood that knows such coordinates for its data."""
-
-    def coordinates(self) -> Coordinates:
-        """Coordinates for the data at hand."""
-
-
-@runtime_checkable
-class Mirrored(Protocol):
-    """Coordinates in which the posterior may have two modes, images of each other."""
-
-    def mirrored(self, straight: FloatArray) -> FloatArray:
-        """Where the mirror takes them, shape (n, d): once more takes back, volumes are kept."""
-
-
-class Declared:
-    """The parameters themselves: for posteriors that are nearly Gaussian as declared."""
-
-    def straight(self, parameters: FloatArray) -> FloatArray:
-        """The same vectors, shape (n, d)."""
-        return parameters
-
-    def parameters(self, straight: FloatArray) -> FloatArray:
-        """The same vectors, shape (n, d)."""
-        return straight
-
-    def log_volume(self, parameters: FloatArray) -> FloatArray:
-        """Zeros, shape (n,)."""
-        return np.zeros(len(parameters))
-
-
-def scores(values: FloatArray, ends: tuple[float, float]) -> FloatArray:
-    """Normal scores of values between two ends: uniform values become Gaussian.
-
-    Examples
-    --------
-    >>> scores(np.array([0.5]), (0.0, 1.0))
-    array([0.])
-    """
-    low, high = ends
-    return np.asarray(ndtri((values - low) / (high - low)))
-
-
-def from_scores(found: FloatArray, ends: tuple[float, float]) -> FloatArray:
-    """Values between two ends from their normal scores.
-
-    Examples
-    --------
-    >>> from_scores(np.array([0.0]), (2.0, 4.0))
-    array([3.])
-    """
-    low, high = ends
-    return np.asarray(low + (high - low) * ndtr(found))
-
-
-def log_slope(values: FloatArray, ends: tuple[float, float]) -> FloatArray:
-    """Log derivative of values by their normal scores; minus infinity at the ends.
-
-    Examples
-    --------
-    >>> bool(np.isclose(log_slope(np.array([0.5]), (0.0, 1.0))[0], -0.5 * np.log(2 * np.pi)))
-    True
-    """
-    width = ends[1] - ends[0]
-    return np.asarray(np.log(width / np.sqrt(2 * np.pi)) - 0.5 * scores(values, ends) ** 2)
-
-
-def weighted(
-    estimate: FloatArray | float,
-    error: FloatArray,
-    prior: FloatArray | float,
-    spread: FloatArray | float,
-) -> tuple[FloatArray, FloatArray]:
-    """Mean and standard deviation of a Gaussian estimate with a Gaussian prior.
-
-    Examples
-    --------
-    >>> mean, deviation = weighted(1.0, np.array([3.0]), 0.0, 4.0)
-    >>> mean.round(2), deviation.round(2)
-    (array([0.64]), array([2.4]))
-    """
-    share = spread**2 / (spread**2 + error**2)
-    return np.asarray(share * estimate + (1 - share) * prior), np.asarray(error * np.sqrt(share))
-
+from reproduce.physics.validate import FloatArray, finite_array, positive
 
 Kind = TypeVar("Kind")
+# Called with the parts of long work that are done, and all.
+Progress = Callable[[int, int], None]
 
 # A start is this many times wider than the posterior is expected to be.
 OVERDISPERSION = 3.0
 TRIES = 1000
 
 
-class UnsuitableModelError(ValueError):
-    """Something, such as a closed form, bound or quadrature, does not exist for this model."""
+class Prior(ABC):
+    """What a model needs of a prior; as text it is the distribution in words and numbers."""
+
+    reason: str
+
+    @abstractmethod
+    def log_density(self, values: FloatArray) -> FloatArray:
+        """Log density at values of any shape, minus infinity outside the support."""
+
+    @abstractmethod
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        """Independent draws, shape (count,)."""
+
+    @abstractmethod
+    def in_unit(self, scale: float) -> Prior:
+        """The prior in another unit, of which one old unit has so many, to be read, not sampled."""
+
+
+@dataclass(frozen=True)
+class _Flat(Prior):
+    low: float
+    high: float
+    reason: str
+
+    def __post_init__(self) -> None:
+        finite_array("ends", (self.low, self.high))
+        if not self.low < self.high:
+            raise ValueError(
+                f"ends: expected low below high, got {self.low:g} and {self.high:g}; swap them"
+            )
+
+    def in_unit(self, scale: float) -> Self:
+        return type(self)(self.low * scale, self.high * scale, self.reason)
+
+
+class Uniform(_Flat):
+    """Flat between two ends.
+
+    Examples
+    --------
+    >>> float(np.exp(Uniform(0.0, 2.0, "both ends are impossible").log_density(np.array(1.0))))
+    0.5
+    >>> str(Uniform(0.5, 2.0, "a doctest").in_unit(10.0))
+    'uniform from 5 to 20'
+    """
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        inside = (values >= self.low) & (values <= self.high)
+        return np.where(inside, -np.log(self.high - self.low), -np.inf)
+
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        return generator.uniform(self.low, self.high, count)
+
+    def __str__(self) -> str:
+        return f"uniform from {self.low:.6g} to {self.high:.6g}"
+
+
+class LogUniform(_Flat):
+    """Flat in the logarithm between two ends above zero: no scale is preferred.
+
+    Examples
+    --------
+    >>> float(LogUniform(1.0, np.e, "a doctest").log_density(np.array(0.5)))
+    -inf
+    """
+
+    def __post_init__(self) -> None:
+        positive("low", self.low)
+        super().__post_init__()
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        inside = (values >= self.low) & (values <= self.high)
+        safe = np.where(inside, values, 1.0)
+        return np.where(inside, -np.log(safe * np.log(self.high / self.low)), -np.inf)
+
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        return np.exp(generator.uniform(np.log(self.low), np.log(self.high), count))
+
+    def __str__(self) -> str:
+        return f"log-uniform from {self.low:.6g} to {self.high:.6g}"
+
+
+@dataclass(frozen=True)
+class Normal(Prior):
+    """A Gaussian.
+
+    Examples
+    --------
+    >>> prior = Normal(0.0, 1.0, "a doctest")
+    >>> round(float(prior.log_density(np.array(0.0))), 4)
+    -0.9189
+    """
+
+    mean: float
+    sigma: float
+    reason: str
+
+    def __post_init__(self) -> None:
+        finite_array("mean", self.mean)
+        positive("sigma", self.sigma)
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        scaled = (values - self.mean) / self.sigma
+        return np.asarray(-0.5 * scaled**2 - np.log(self.sigma) - 0.5 * np.log(2 * np.pi))
+
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        return generator.normal(self.mean, self.sigma, count)
+
+    def in_unit(self, scale: float) -> Normal:
+        return Normal(self.mean * scale, self.sigma * scale, self.reason)
+
+    def __str__(self) -> str:
+        return f"normal, mean {self.mean:.6g}, standard deviation {self.sigma:.6g}"
+
+
+class Coordinates:
+    """Coordinates in which the moves of an ensemble work: here the parameters themselves.
+
+    Parameters stay as they are declared, in chains, files and summaries. Where one of them ranges
+    over decades, a subclass makes proposals in a smooth one-to-one map of them, in which the
+    posterior is nearly Gaussian; the ratio of volumes in the acceptance keeps the posterior what it
+    is. All arrays have one row per vector.
+    """
+
+    def straight(self, parameters: FloatArray) -> FloatArray:
+        """Coordinates of parameter vectors, shape (n, d)."""
+        return parameters
+
+    def parameters(self, straight: FloatArray) -> FloatArray:
+        """Parameter vectors at coordinates, shape (n, d)."""
+        return straight
+
+    def log_volume(self, parameters: FloatArray) -> FloatArray:
+        """Log of the determinant of the derivatives of parameters by coordinates, shape (n,)."""
+        return np.zeros(len(parameters))
 
 
 class StartError(ValueError):
@@ -160,26 +190,6 @@ class Likelihood(Protocol):
         """Numbers that predictive checks compare, of other data or of its own."""
 
 
-@runtime_checkable
-class Estimated(Protocol):
-    """A likelihood whose data have a published estimator, with intervals of its own."""
-
-    def estimate(self) -> tuple[FloatArray, FloatArray]:
-        """Estimates and standard errors, both of shape (d,).
-
-        They are those of the published method, which may know less than the model does. Both are
-        NaN, whatever the data, where the method gives none for a parameter.
-        """
-
-
-@runtime_checkable
-class Latent(Protocol):
-    """A likelihood with something hidden that is summed out, and that the data tell of."""
-
-    def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
-        """Data of a repeat, the hidden thing drawn given the present data, not from its prior."""
-
-
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of a model.
@@ -201,6 +211,18 @@ class Parameter:
 
 
 @dataclass(frozen=True, eq=False)
+class Consequence:
+    """Draws of a consequence of the parameters, (n,), in the unit shown, and that unit."""
+
+    values: FloatArray
+    unit: str
+
+
+# Named consequences of parameter vectors of shape (n, d).
+Derived = Callable[[FloatArray], dict[str, Consequence]]
+
+
+@dataclass(frozen=True, eq=False)
 class Model:
     """A model with its data.
 
@@ -210,6 +232,7 @@ class Model:
     - `estimate`: the published or least-squares point estimate, by parameter, where there is one;
       SI.
     - `derived`, optional: consequences of the parameters.
+    - `coordinates`: in which ensembles move; they never show in the draws.
 
     Examples
     --------
@@ -221,12 +244,13 @@ class Model:
     likelihood: Likelihood
     estimate: Mapping[str, float] = field(default_factory=dict)
     derived: Derived | None = None
+    coordinates: Coordinates = field(default_factory=Coordinates)
 
     def likelihood_of(self, kind: type[Kind]) -> Kind:
-        """The likelihood, if it is of a kind; else an `UnsuitableModelError`."""
+        """The likelihood, if it is of a kind; else a `TypeError`."""
         if not isinstance(self.likelihood, kind):
             got = type(self.likelihood).__name__
-            raise UnsuitableModelError(f"{self.name}: expected a {kind.__name__}, got {got}")
+            raise TypeError(f"{self.name}: expected a {kind.__name__}, got {got}")
         return self.likelihood
 
     @property
@@ -245,11 +269,6 @@ class Model:
         for column, parameter in zip(parameters.T, self.parameters, strict=True):
             total += parameter.prior.log_density(column)
         return total
-
-    def coordinates(self) -> Coordinates:
-        """Coordinates in which ensembles move; they never show in the draws."""
-        likelihood = self.likelihood
-        return likelihood.coordinates() if isinstance(likelihood, Straightened) else Declared()
 
     def log_likelihood(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,), of vectors of shape (n, d)."""
@@ -276,9 +295,9 @@ class Model:
 
     def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
         """Data of a repeat of this experiment, for one parameter vector of the posterior."""
-        if isinstance(self.likelihood, Latent):
-            return self.likelihood.repeat(parameters, generator)
-        return self.likelihood.simulate(parameters, generator)
+        # Something hidden that is summed out is drawn given the present data, not from its prior.
+        repeat = getattr(self.likelihood, "repeat", self.likelihood.simulate)
+        return repeat(parameters, generator)
 
     def given(self, data: Any) -> Model:
         """The same model with other data; point estimates do not carry over."""
@@ -315,24 +334,3 @@ class Model:
             "hardly any point near the rough estimate has a finite posterior; check the data for "
             "values that are alike, far off or without noise"
         )
-
-
-class Derived(Protocol):
-    """Consequences of a model's parameters."""
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
-        """Named consequences of parameter vectors of shape (n, d)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Consequence:
-    """A consequence with its draws.
-
-    - `values`, (n,): in the unit shown.
-    - `unit`: that unit.
-    - `meaning`: what it is, in a few words.
-    """
-
-    values: FloatArray
-    unit: str
-    meaning: str

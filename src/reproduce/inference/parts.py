@@ -19,10 +19,10 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.inference.model import Progress
+
 Part = TypeVar("Part")
 Result = tuple[NDArray[Any], ...]
-# Called with the parts done and all parts.
-Progress = Callable[[int, int], None]
 
 
 class ResumeError(ValueError):

@@ -1,12 +1,19 @@
-"""Draws of a posterior with all that is needed to report them."""
+"""Draws of a posterior with all that is needed to report them, and what to beware of.
+
+A predictive check asks whether the model would give data like these: parameters are drawn from the
+posterior, and data are simulated with them. A posterior may lean on an end of a prior, or lie in
+its tail.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference import diagnostics
 from reproduce.inference.diagnostics import (
@@ -17,10 +24,18 @@ from reproduce.inference.diagnostics import (
     require,
     thinned,
 )
-from reproduce.inference.model import Consequence, Model
+from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior, Uniform
 from reproduce.physics.validate import FloatArray
 
-LEVEL = 0.95
+ENDS = (0.025, 0.975)
+# Simulated data sets of a predictive check; a misfit is told that is so improbable, shared among
+# all numbers, by chance.
+REPORTED, MISSED = 1000, 0.01
+# A Gaussian that an end cuts two standard deviations from its mean has so large a share of its
+# draws within so many standard deviations of the end; one that the end does not reach has none.
+BESIDE, LEANING = 0.1, 0.005
+# Further out than so many standard deviations a Gaussian prior contradicts the data.
+CONTRADICTED = 3.0
 
 
 @dataclass(frozen=True)
@@ -164,8 +179,7 @@ def _diagnosis(row: Summary, steps: int) -> Diagnosis:
 
 def _summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
     """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
-    ends = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
-    low, median, high = np.quantile(values, (ends[0], 0.5, ends[1]))
+    low, median, high = np.quantile(values, (ENDS[0], 0.5, ENDS[1]))
     return Summary(
         name,
         unit,
@@ -175,9 +189,132 @@ def _summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> S
         float(median),
         float(high),
         known.mcse,
-        max(diagnostics.mcse_quantile(values, end) for end in ends),
+        max(diagnostics.mcse_quantile(values, end) for end in ENDS),
         known.rhat,
         known.bulk,
         known.tail,
         known.time,
     )
+
+
+@dataclass(frozen=True)
+class PredictiveCheck:
+    """One number of the data among those of simulated data.
+
+    - `name`: what is compared.
+    - `observed`: in the data.
+    - `low`, `high`: the central 95 % of the predictions from the posterior.
+    - `tail`: two-sided tail probability of the observed number among them.
+    """
+
+    name: str
+    observed: float
+    low: float
+    high: float
+    tail: float
+
+
+def posterior_checks(posterior: Sampled, replicates: int = REPORTED) -> list[PredictiveCheck]:
+    """Compare every number of `Likelihood.checks` with simulations from the posterior."""
+    model = posterior.model
+    generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
+    chosen = posterior.draws[np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)]
+    found = [model.likelihood.checks(model.repeat(one, generator)) for one in chosen]
+    rows = []
+    for name, observed in model.likelihood.checks().items():
+        values = np.array([one[name] for one in found])
+        low, high = np.quantile(values, ENDS).tolist()
+        rows.append(PredictiveCheck(name, observed, low, high, two_sided(values, observed)))
+    return rows
+
+
+def misfit(checks: Sequence[PredictiveCheck]) -> str:
+    """Say in one line which numbers of the data the model would not give; empty if there is none.
+
+    Examples
+    --------
+    >>> misfit([PredictiveCheck("rms (px)", 4.0, 0.9, 1.1, 0.0)])
+    'the model does not fit: rms (px) is 4, in 95 % of its repeats 0.9 to 1.1'
+    """
+    told = [
+        f"{one.name} is {one.observed:.3g}, in 95 % of its repeats {one.low:.3g} to {one.high:.3g}"
+        for one in checks
+        if one.tail < MISSED / len(checks)
+    ]
+    return f"the model does not fit: {'; '.join(told)}" if told else ""
+
+
+def two_sided(values: FloatArray, observed: float) -> float:
+    """Two-sided tail probability of a number among draws, ties counted half.
+
+    Examples
+    --------
+    >>> two_sided(np.array([1.0, 2.0, 3.0, 4.0]), 2.5)
+    1.0
+    """
+    below = (values < observed).mean() + 0.5 * (values == observed).mean()
+    return float(min(1.0, 2 * min(below, 1 - below)))
+
+
+@dataclass(frozen=True)
+class Leaning:
+    """A parameter whose posterior leans on its prior.
+
+    - `parameter`: which.
+    - `end`: the end of the prior on which it leans, in the unit shown; none for a Gaussian prior,
+      in whose tail it lies.
+    - `unit`, `prior`: the unit shown, and the prior in words.
+    - `share`: share of draws beside the end; for a Gaussian prior how many of its standard
+      deviations the posterior's mean lies out.
+    """
+
+    parameter: str
+    end: float | None
+    unit: str
+    prior: str
+    share: float
+
+    def __str__(self) -> str:
+        """What leans where, in one line."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.end is None:
+            return (
+                f"{self.parameter} lies {self.share:.1f} standard deviations out in its prior "
+                f"({self.prior}{unit}), which pulls it"
+            )
+        return (
+            f"{self.parameter} leans on the end {self.end:.4g}{unit} of its prior ({self.prior}"
+            f"{unit}): what is printed of it is a limit, not an estimate"
+        )
+
+
+def leanings(posterior: Sampled) -> list[Leaning]:
+    """Return the parameters whose posterior leans on an end of a prior, or lies in its tail."""
+    found = []
+    for parameter, column in zip(
+        posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
+    ):
+        shown = parameter.prior.in_unit(parameter.shown)
+        for end, share in _leaning(parameter.prior, column.ravel()):
+            if end in parameter.natural:
+                continue
+            place = None if end is None else end * parameter.shown
+            found.append(Leaning(parameter.name, place, parameter.unit, str(shown), share))
+    return found
+
+
+def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]]:
+    if isinstance(prior, Normal):
+        out = float(abs(draws.mean() - prior.mean) / prior.sigma)
+        return [(None, out)] if out > CONTRADICTED else []
+    if not isinstance(prior, Uniform | LogUniform):
+        return []
+    # In the scale in which the prior is flat.
+    scale = np.log if isinstance(prior, LogUniform) else np.asarray
+    values = scale(draws)
+    beside = BESIDE * values.std()
+    shares = [
+        (end, float((np.abs(values - scale(end)) < beside).mean()))
+        for end in (prior.low, prior.high)
+    ]
+    return [(end, share) for end, share in shares if share > LEANING]

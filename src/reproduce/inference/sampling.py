@@ -1,7 +1,7 @@
 """Sampling a model with several independent emcee ensembles, on any executor.
 
 Every ensemble has its own stream of random numbers, spawned from one seed: the draws do not depend
-on the order of the ensembles, on how many processes carry them, or on interruptions.
+on the order of the ensembles, or on how many processes carry them.
 
 The moves accept or reject a whole half-ensemble at once: emcee decides walker by walker in Python,
 which for likelihoods that cost next to nothing is most of the time. `Complement` adds a proposal
@@ -11,11 +11,9 @@ of their own (`inference.model`).
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 import emcee
@@ -26,8 +24,7 @@ from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
 from scipy.special import gammaln
 
 from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require
-from reproduce.inference.model import Coordinates, Declared, Mirrored, Model
-from reproduce.inference.parts import Progress, Store, run_parts
+from reproduce.inference.model import Coordinates, Model, Progress
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray, whole_number
 
@@ -40,13 +37,10 @@ FAR_SHARE = 0.2
 
 # emcee has no types: what stands on its classes is of an unknown kind to mypy.
 class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
-    """A red-blue move whose acceptance is decided for a whole half at once.
+    """A red-blue move, made in coordinates, whose acceptance is decided for a half at once."""
 
-    - `coordinates`, optional: in which proposals are made; the parameters themselves by default.
-    """
-
-    def __init__(self, coordinates: Coordinates | None = None) -> None:
-        self.coordinates = coordinates or Declared()
+    def __init__(self, coordinates: Coordinates) -> None:
+        self.coordinates = coordinates
         super().__init__()
 
     def propose(self, model: Any, state: State) -> tuple[State, Any]:
@@ -134,52 +128,25 @@ def _log_proposal(squared: FloatArray, dimension: int) -> FloatArray:
     return np.asarray(np.logaddexp(np.log1p(-FAR_SHARE) + near, np.log(FAR_SHARE) + far))
 
 
-class Mirror(_AtOnce):
-    """A reflection into the other mode of a posterior that has two."""
-
-    def get_proposal(
-        self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState
-    ) -> tuple[FloatArray, FloatArray]:
-        """Propose for every walker; a reflection neither stretches nor shrinks."""
-        if not isinstance(self.coordinates, Mirrored):
-            raise TypeError(
-                f"coordinates: expected a mirror, got {type(self.coordinates).__name__}"
-            )
-        return self.coordinates.mirrored(sample), np.zeros(len(sample))
+# Shares of the moves. In the warm-up the stretch and the differential evolution carry a far-off
+# ensemble in; later they keep curved or heavy-tailed posteriors moving, and the complement makes
+# draws nearly independent.
+INWARD, STEADY = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
 
 
-def _inward(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
-    """Return the moves of the warm-up for emcee, with their shares.
-
-    The stretch and the differential evolution carry a far-off ensemble in.
-    """
-    return _shared(coordinates, (0.3, 0.4, 0.0))
-
-
-def mixture(coordinates: Coordinates | None = None) -> list[tuple[moves.Move, float]]:
+def mixture(
+    coordinates: Coordinates | None = None, shares: tuple[float, float, float] = STEADY
+) -> list[tuple[moves.Move, float]]:
     """Return the moves of an ensemble for emcee, with their shares.
-
-    The complement makes draws nearly independent; the stretch and the differential evolution keep
-    curved or heavy-tailed posteriors moving. Where the coordinates know of a second mode, a mirror
-    joins them.
 
     Examples
     --------
-    >>> sum(weight for _, weight in mixture())
-    1.0
+    >>> [share for _, share in mixture()]
+    [0.05, 0.1, 0.85]
     """
-    mirrored = isinstance(coordinates, Mirrored)
-    return _shared(coordinates, (0.05, 0.1, 0.15 if mirrored else 0.0))
-
-
-def _shared(
-    coordinates: Coordinates | None, shares: tuple[float, float, float]
-) -> list[tuple[moves.Move, float]]:
-    kinds = (Stretch, DifferentialEvolution, Mirror)
-    chosen = [
-        (kind(coordinates), share) for kind, share in zip(kinds, shares, strict=True) if share
-    ]
-    return [*chosen, (Complement(coordinates), 1 - sum(shares))]
+    kinds = (Stretch, DifferentialEvolution, Complement)
+    made = [kind(coordinates or Coordinates()) for kind in kinds]
+    return list(zip(made, shares, strict=True))
 
 
 # Steps beyond which a chain that asks for more is refused.
@@ -195,7 +162,6 @@ class Plan:
       calibration uses one per replicate) and walkers in each; zero walkers stands for the usual
       number.
     - `steps`, `warmup`: steps kept and steps dropped before them.
-    - `gates`: what the chains must reach.
     """
 
     seed: int
@@ -203,7 +169,6 @@ class Plan:
     walkers: int = 0
     steps: int = 1000
     warmup: int = 500
-    gates: Gates = field(default_factory=Gates)
 
     def __post_init__(self) -> None:
         for name in ("ensembles", "steps"):
@@ -237,24 +202,25 @@ def sample(
     *,
     longer: bool = False,
     executor: Executor | None = None,
-    folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Sampled:
     """Sample the posterior of a model, and refuse chains that miss the gates.
 
     Chains that are too short may be run again, `longer`: with as many steps as they are found to
-    need, up to `MOST`. Without an executor the ensembles run here, one after the other. In a
-    folder each finished ensemble of the first run is kept; what lies there is not run again.
+    need, up to `MOST`. Without an executor the ensembles run here, one after the other.
     """
-    store = None if folder is None else Store(folder, _note(model, plan))
     jobs = [Job(model, plan, ensemble) for ensemble in range(plan.ensembles)]
-    results = run_parts(run_ensemble, jobs, executor, store, progress)
+    results = []
+    for result in (map if executor is None else executor.map)(run_ensemble, jobs):
+        results.append(result)
+        if progress is not None:
+            progress(len(results), len(jobs))
     chain, log_posterior, accepted = (np.stack(column) for column in zip(*results, strict=True))
     acceptance = tuple(accepted.tolist())
     diagnoses = diagnose(model.names, chain)
-    found = Sampled(model, plan.seed, chain, log_posterior, acceptance, diagnoses, plan.gates)
+    found = Sampled(model, plan.seed, chain, log_posterior, acceptance, diagnoses, Gates())
     try:
-        require(diagnoses, acceptance, plan.gates)
+        require(diagnoses, acceptance)
         if longer:
             found.consequences()
     except UnconvergedError as error:
@@ -279,9 +245,9 @@ def run_ensemble(
     warming, sampler = (
         emcee.EnsembleSampler(
             walkers, dimension, job.model.log_posterior, vectorize=True,
-            moves=kinds(job.model.coordinates()),
+            moves=mixture(job.model.coordinates, shares),
         )
-        for kinds in (_inward, mixture)
+        for shares in (INWARD, STEADY)
     )  # fmt: skip
     generator, random_state = _streams(plan.seed, job.ensemble)
     state = State(job.model.start(generator, walkers), random_state=random_state)
@@ -297,19 +263,3 @@ def _streams(seed: int, ensemble: int) -> tuple[Generator, Any]:
     """Return the generator of the start and emcee's random state, for one ensemble."""
     child = [SeedSequence(seed, spawn_key=(ensemble, i)) for i in (0, 1)]
     return Generator(PCG64(child[0])), RandomState(MT19937(child[1])).get_state(legacy=True)
-
-
-def _note(model: Model, plan: Plan) -> dict[str, Any]:
-    """Return what a folder of chains is for: the model, its data and how it is sampled."""
-    settings = {key: value for key, value in asdict(plan).items() if key != "gates"}
-    return {"model": model.name, "parameters": list(model.names), **settings,
-            "data": _fingerprint(model)}  # fmt: skip
-
-
-def _fingerprint(model: Model) -> str:
-    """Return a hash that changes with the data, the likelihood and the priors."""
-    centre, spread = model.likelihood.start()
-    points = np.concatenate([centre[None], model.start(Generator(PCG64(0)), 4)])
-    # Rounded, so that another build of NumPy does not call the same data others.
-    numbers = [np.round(model.log_posterior(points), 4), (centre / spread).round(4)]
-    return hashlib.sha256(np.concatenate(numbers).tobytes()).hexdigest()

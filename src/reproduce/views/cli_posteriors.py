@@ -13,8 +13,6 @@ import click
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from reproduce.inference import Progress
     from reproduce.views.objects.posterior import Posterior
 
@@ -68,7 +66,6 @@ _PLATFORM = click.option(
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Lights and tracker of your own, in TOML: the arguments of Platform.",
 )
-_RESUME = click.option("--resume", is_flag=True, help="Continue what a killed run left in --out.")
 
 
 @click.command(cls=Spoken)
@@ -95,11 +92,10 @@ _RESUME = click.option("--resume", is_flag=True, help="Continue what a killed ru
 @click.option("--ensembles", type=click.IntRange(min=4), default=4, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
-@_RESUME
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Write the draws to this .nc (for ArviZ) or .npz, or keep what is finished in a folder.",
+    help="Write the draws to this .nc (for ArviZ) or .npz.",
 )
 @_JSON
 def posterior(
@@ -107,7 +103,6 @@ def posterior(
     list_models: bool,
     as_json: bool,
     workers: int,
-    resume: bool,
     out: Path | None,
     priors: tuple[str, ...],
     **asked: Any,
@@ -121,14 +116,12 @@ def posterior(
     if list_models:
         _list_models(as_json)
         return
-    from reproduce.views.objects.posterior import ENDINGS, Posterior  # only now, as in `front`
+    from reproduce.views.objects.posterior import Posterior  # only now, as in `front`
 
     name = _known(model)
     if asked["pivot"] is not None and asked["data"] is None:
         raise click.UsageError("--pivot needs --data: our own stars have a pivot of their own")
-    file, folder = (out, None) if out and out.suffix in ENDINGS else (None, out)
-    _check_folder(folder, resume)
-    _check_file(file)
+    _check_file(out)
     ends = {
         key: _ends(key, text) for key, text in pairs("--prior", "NAME=LOW,HIGH", priors).items()
     }
@@ -139,12 +132,12 @@ def posterior(
         raise click.UsageError(str(error)) from error
     except OSError as error:
         raise click.UsageError(f"--data: cannot read {asked['data']}: {error.strerror}") from error
-    record = _sample(wanted, data, workers, folder)
-    if file:
+    record = _sample(wanted, data, workers)
+    if out:
         try:
-            wanted.save(file)
+            wanted.save(out)
         except OSError as error:
-            raise click.UsageError(f"--out: cannot write {file}: {error.strerror}") from error
+            raise click.UsageError(f"--out: cannot write {out}: {error.strerror}") from error
     if as_json:
         click.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
@@ -171,30 +164,26 @@ def _ends(name: str, text: str) -> tuple[float, float]:
     return low, high
 
 
-def _check_folder(out: Path | None, resume: bool) -> None:
-    if resume and out is None:
-        raise click.UsageError("--resume needs --out: the folder of the run to continue")
-    if out is not None and (out / "plan.json").exists() and not resume:
-        raise click.UsageError(f"{out} holds a run already; add --resume, or choose another folder")
-
-
 def _check_file(out: Path | None) -> None:
     """Refuse before the sampling what could not be written after it."""
+    from reproduce.views.objects.posterior import ENDINGS
+
+    if out and out.suffix not in ENDINGS:
+        raise click.UsageError(f"--out: expected {' or '.join(ENDINGS)}, got {out}")
     if out and not out.parent.is_dir():
         raise click.UsageError(f"--out: cannot write {out}: no folder {out.parent}")
     if out and out.suffix == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
         raise click.UsageError("--out: an .nc file needs the extra reproduce-pointing[netcdf]")
 
 
-def _sample(
-    wanted: Posterior, data: dict[str, Any], workers: int, out: Path | None
-) -> dict[str, Any]:
+def _sample(wanted: Posterior, data: dict[str, Any], workers: int) -> dict[str, Any]:
     """Sample and return the record; say in one line what does not go."""
-    from reproduce.inference import StartError, UnconvergedError
+    from reproduce.inference import StartError, UnconvergedError, processes
 
     try:
-        with _carried(workers, out) as (executor, progress):
-            wanted.sample(executor, out, progress)
+        pool = nullcontext(None) if workers == 1 else processes(workers)
+        with pool as executor, bar("sampling") as progress:
+            wanted.sample(executor, progress)
         # Consequences are held to the gates too, when they are first asked for.
         return wanted.record()
     except UnconvergedError as error:
@@ -206,23 +195,6 @@ def _sample(
         raise RefusedError(f"{wanted.name}: {error}{advice}", record) from error
     except StartError as error:
         raise click.UsageError(str(error)) from error
-
-
-@contextmanager
-def _carried(workers: int, out: Path | None) -> Iterator[tuple[Executor | None, Progress | None]]:
-    """Give an executor and a bar, and say in one line what is wrong with the folder."""
-    from reproduce.inference import ResumeError, processes
-
-    pool = nullcontext(None) if workers == 1 else processes(workers)
-    try:
-        with pool as executor, bar("sampling") as progress:
-            yield executor, progress
-    except ResumeError as error:
-        raise click.UsageError(str(error)) from error
-    except OSError as error:
-        if out is None:
-            raise
-        raise click.UsageError(f"--out: cannot use {out}: {error.strerror or error}") from error
 
 
 def _list_models(as_json: bool) -> None:

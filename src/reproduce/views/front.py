@@ -182,7 +182,7 @@ def posterior(
         Principal point of stars of a reader's own, in px; their mean by default.
     priors : mapping, optional
         Name of a parameter to its lowest and highest value in the unit shown, between which the
-        prior is even, or to a prior of `reproduce.inference.priors`.
+        prior is even, or to a prior of `reproduce.inference`.
     platform : Platform or path, optional
         Lights and tracker of laser spots of a reader's own, as for `misalignment`.
     data_seed : int, optional

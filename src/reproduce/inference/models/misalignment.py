@@ -11,16 +11,12 @@ directions, all their priors are Gaussian, and only the noise is left: given it 
 Gaussian, and the noise itself has a density of one dimension. With a flat prior this would be the
 Student-t of the registration; here the priors are kept.
 
-Laser spots: what the likelihoods of the misalignment need of many images, and QUEST of them.
+What the likelihood needs of many images.
 
 A group is a run of images of the same lasers. While the camera stands still, the mean of every
 spot and the pooled scatter are sufficient; while it drifts evenly, the slope of every spot joins
 them. Times within a group run as u from -1 to 1. Spots have shape (groups, lasers, 2), in px;
 angles in radians; frames and signs are those of `physics.attitude`.
-
-chen2023 itself takes the camera for still within a group, the lasers for set as designed and the
-focal length for the nominal one; the standard errors of its method come from the scatter of single
-images. Pieces of its estimate have shape (2, m): estimates, then standard errors.
 """
 
 from __future__ import annotations
@@ -34,28 +30,9 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp
 
-from reproduce.inference import (
-    Derived,
-    LogUniform,
-    Model,
-    Normal,
-    Parameter,
-    Prior,
-    UnsuitableModelError,
-)
+from reproduce.inference import Derived, LogUniform, Model, Normal, Parameter, Prior
 from reproduce.inference.models.registration import with_priors
-from reproduce.physics.attitude import (
-    Platform,
-    angle_jacobian,
-    cross_matrix,
-    laser_transform,
-    misalignment,
-    misalignment_angles,
-    received_directions,
-    received_jacobian,
-    transpose,
-    vector_from_rotation,
-)
+from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -142,93 +119,6 @@ class SpotStatistics:
         return SpotStatistics.of(images, tuple(self.levers > 0))
 
 
-def _none(count: int) -> FloatArray:
-    """Return the piece for parameters of which the method gives no estimate, shape (2, count)."""
-    return np.full((2, count), np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class Quest:
-    """Angles of every group against the first one, and their errors.
-
-    - `platform`: the instrument, as designed.
-    - `statistics`: the data; the first group is the zero point.
-    """
-
-    platform: Platform
-    statistics: SpotStatistics
-
-    @property
-    def camera(self) -> FloatArray:
-        """Emitted directions in the camera frame, shape (lasers, 3)."""
-        return self.platform.directions
-
-    @cached_property
-    def received(self) -> FloatArray:
-        """Received directions of the mean spots in the tracker frame, shape (groups, lasers, 3)."""
-        return received_directions(self.statistics.means, *self.platform.tracker)
-
-    @cached_property
-    def zero(self) -> FloatArray:
-        """tracker_from_camera at the zero point, shape (3, 3)."""
-        return laser_transform(self.camera, self.received[0])
-
-    @cached_property
-    def angles(self) -> FloatArray:
-        """Misalignment of every group, shape (groups, 3), in radians; that of the first is zero."""
-        return misalignment_angles(misalignment(self.camera, self.received, self.zero))
-
-    @cached_property
-    def scatter(self) -> tuple[float, int]:
-        """Standard deviation of a coordinate within a group, in px, and degrees of freedom.
-
-        The scatter is about the mean of the group: whatever drifts counts as noise.
-        """
-        data = self.statistics
-        squares = data.squares + float(np.square(data.slopes).sum(axis=(-2, -1)) @ data.levers)
-        freedom = int((data.counts - 1).sum()) * data.means[0].size
-        return float(np.sqrt(squares / freedom)), freedom
-
-    @cached_property
-    def covariances(self) -> FloatArray:
-        """Covariance of the attitude of every group about the camera's axes, (groups, 3, 3)."""
-        moves = received_jacobian(self.statistics.means, *self.platform.tracker)
-        camera = np.broadcast_to(self.camera, self.received.shape)
-        response = angle_jacobian(camera, self.received, moves).reshape(len(moves), 3, -1)
-        variance = self.scatter[0] ** 2 / self.statistics.counts
-        return np.asarray(variance[:, None, None] * (response @ transpose(response)))
-
-    @property
-    def mount(self) -> FloatArray:
-        """Rotation vector of the zero attitude against the reference, in radians."""
-        vector = vector_from_rotation(self.platform.reference.T @ self.zero)
-        turn = _after(vector)
-        covariance = turn @ self.covariances[0] @ turn.T
-        return np.stack([vector, np.sqrt(np.diagonal(covariance))])
-
-    def turned(self, group: int) -> FloatArray:
-        """Misalignment angles of a group, in radians; the first group's error adds to its own."""
-        turn = _after(self.angles[group])
-        covariance = turn @ self.covariances[group] @ turn.T
-        covariance += turn.T @ self.covariances[0] @ turn  # (I - [v ×]) goes before the turn
-        return np.stack([self.angles[group], np.sqrt(np.diagonal(covariance))])
-
-    @property
-    def noise(self) -> FloatArray:
-        """Noise of a coordinate in one image, in px."""
-        scatter, freedom = self.scatter
-        return np.array([[scatter], [scatter / np.sqrt(2 * freedom)]])
-
-
-def _after(vector: FloatArray) -> FloatArray:
-    """Response of a rotation vector to a small turn after it, I + [v ×] / 2, shape (3, 3).
-
-    The pattern holds its roll hundreds of times worse than its tilts, so a vector of some arc
-    minutes already carries roll into the errors of the tilts.
-    """
-    return np.eye(3) + 0.5 * cross_matrix(vector)
-
-
 AXES = "xyz"
 # Width of the prior of the zero attitude, in radians.
 MOUNT = 5e-3
@@ -296,14 +186,6 @@ class SpotLikelihood:
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Least squares about the rough values, with its standard errors."""
         return self.fitted
-
-    def estimate(self) -> tuple[FloatArray, FloatArray]:
-        """QUEST of both groups, and its standard errors; it knows no drift and no laser scale."""
-        found = Quest(self.platform, self.statistics)
-        nothing = _none(4 if self.drifts else 1)
-        pieces = [found.mount, found.turned(1), nothing, found.noise]
-        values, errors = np.concatenate(pieces, axis=1)
-        return values, errors
 
     def rough(self) -> tuple[FloatArray, FloatArray]:
         """Rough values and scales of all parameters but the noise: some arc minutes, a tenth."""
@@ -459,9 +341,7 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
     likelihood = model.likelihood_of(SpotLikelihood)
     priors = [parameter.prior for parameter in model.parameters[:-1]]
     if not all(isinstance(prior, Normal) for prior in priors):
-        raise UnsuitableModelError(
-            "model: expected Gaussian priors of all parameters but the noise"
-        )
+        raise TypeError("model: expected Gaussian priors of all parameters but the noise")
     sigma = np.array([prior.sigma for prior in priors if isinstance(prior, Normal)])
     middle = np.array([prior.mean for prior in priors if isinstance(prior, Normal)])
     centre, spread = likelihood.start()

@@ -1,26 +1,34 @@
-"""A registration in which each star is rightly or wrongly matched (Hogg, Bovy and Lang, 2010).
+"""Registrations whose likelihood needs every point: free distortion, and wrong matches.
 
-A right match scatters about its place as in the plain registration. A wrong one lies anywhere in
-the field, with the same density everywhere: it is another star. Which star is which is summed out,
-so the draws give each star's probability of being false. Conventions are those of `variants`.
+With wrong matches each star is rightly or wrongly matched (Hogg, Bovy and Lang, 2010). A right
+match scatters about its place as in the plain registration. A wrong one lies anywhere in the field,
+with the same density everywhere: it is another star. Which star is which is summed out, so the
+draws give each star's probability of being false. Conventions and units are those of
+`registration`; arrays have shape (n, points).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
-from reproduce.inference import Model, Parameter, Sampled, Uniform, from_scores, log_slope, scores
-from reproduce.inference.models.registration import GaussianRegistration, fit_checks, least_squares
-from reproduce.inference.models.variants import PointwiseRegistration
+from reproduce.inference import Coordinates, Model, Normal, Parameter, Sampled, Uniform
+from reproduce.inference.models.registration import (
+    ComplexArray,
+    GaussianRegistration,
+    fit_checks,
+    shifts,
+)
 from reproduce.physics.registration import as_complex, fit_registration
 from reproduce.physics.validate import FloatArray
 
+# Steps of Newton's method for the inverse distortion; each doubles the digits.
+NEWTON_STEPS = 4
 # Draws that tell of the stars, and how many are worked on at once: bounds the memory.
 DRAWS, CHUNK = 4000, 500
 # Pairs of stars that are tried for a start: a quarter of them are right when half the stars are.
@@ -34,7 +42,64 @@ ROUNDS = 30
 ROUNDING = 1e-12
 
 
-class NoiseAndShare:
+class DistortedRegistration(GaussianRegistration):
+    """Radial distortion free in both channels; two more parameters.
+
+    The distortion is its displacement at the edge of the field, in px, so that the parameter does
+    not depend on the unit of the coefficient.
+    """
+
+    def predicted(self, parameters: FloatArray) -> ComplexArray:
+        """Undistort, scale and rotate, distort, shift."""
+        edge, radius = self.field, np.abs(self.offsets) / self.field
+        source, target = (parameters[:, i : i + 1] / edge for i in (5, 6))
+        radius = np.broadcast_to(radius, (len(parameters), len(radius)))
+        ideal = radius.copy()
+        for _ in range(NEWTON_STEPS):
+            bend = source * ideal**2
+            ideal = ideal - (ideal + bend * ideal - radius) / (1 + 3 * bend)
+        with np.errstate(invalid="ignore"):
+            ratio = np.where(radius > 0, ideal / radius, 1.0)
+        factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])
+        carried = factor * ratio * self.offsets
+        bent = carried * (1 + target * np.abs(carried / edge) ** 2)
+        return np.asarray(bent - shifts(parameters))
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        residual, noise = self.residuals(parameters), parameters[:, 4:5]
+        squares = (residual.real**2 + residual.imag**2) / noise**2
+        constant = 2 * np.log(noise) + np.log(2 * np.pi)
+        return np.asarray(-(0.5 * squares + constant).sum(axis=-1))
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """The least-squares fit and its standard errors, and no distortion."""
+        centre, spread = super().start()
+        return np.append(centre, (0.0, 0.0)), np.append(spread, (0.1, 0.1))
+
+
+def distortion_model(base: Model) -> Model:
+    """The registration with the radial distortion of both channels free.
+
+    With two more parameters, the displacement at the edge of the field in source and target.
+    """
+    prior = Normal(
+        0.0, 2.0, "a corrected star camera moves its outermost stars by a few px at most"
+    )
+    extra = (
+        Parameter("source-distortion", "d_s", "px", prior),
+        Parameter("target-distortion", "d_t", "px", prior),
+    )
+    plain = base.likelihood_of(GaussianRegistration)
+    return replace(
+        base,
+        name="registration-distortion",
+        parameters=base.parameters + extra,
+        likelihood=DistortedRegistration(plain.source, plain.target, plain.pivot),
+    )
+
+
+class NoiseAndShare(Coordinates):
     """The logarithm of the noise and the normal score of the share, the rest as declared.
 
     Where no star is false the share would lean on zero; its score has no end.
@@ -42,21 +107,22 @@ class NoiseAndShare:
 
     def straight(self, parameters: FloatArray) -> FloatArray:
         """Coordinates of parameter vectors, shape (n, d)."""
-        noise, share = np.log(parameters[:, 4]), scores(parameters[:, 5], (0.0, 1.0))
+        noise, share = np.log(parameters[:, 4]), ndtri(parameters[:, 5])
         return np.column_stack([parameters[:, :4], noise, share])
 
     def parameters(self, straight: FloatArray) -> FloatArray:
         """Parameter vectors at coordinates, shape (n, d)."""
-        noise, share = np.exp(straight[:, 4]), from_scores(straight[:, 5], (0.0, 1.0))
+        noise, share = np.exp(straight[:, 4]), ndtr(straight[:, 5])
         return np.column_stack([straight[:, :4], noise, share])
 
     def log_volume(self, parameters: FloatArray) -> FloatArray:
         """Log of the determinant of the derivatives of parameters by coordinates, shape (n,)."""
-        return np.asarray(np.log(parameters[:, 4]) + log_slope(parameters[:, 5], (0.0, 1.0)))
+        slope = np.log(1 / np.sqrt(2 * np.pi)) - 0.5 * ndtri(parameters[:, 5]) ** 2
+        return np.asarray(np.log(parameters[:, 4]) + slope)
 
 
 @dataclass(frozen=True, eq=False)
-class MixtureRegistration(PointwiseRegistration):
+class MixtureRegistration(GaussianRegistration):
     """One more parameter, the share of false stars.
 
     - `corner`, (2,), and `side`: the square in which a false star lies, in px; it is part of the
@@ -65,8 +131,6 @@ class MixtureRegistration(PointwiseRegistration):
 
     corner: tuple[float, float] = (0.0, 0.0)
     side: float = 1.0
-
-    noise_is_even: ClassVar[bool] = False
 
     def _densities(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log density of every target, (n, points), as a right match and as a false one."""
@@ -131,16 +195,16 @@ class MixtureRegistration(PointwiseRegistration):
                 break
         return fits
 
-    def coordinates(self) -> NoiseAndShare:
-        """Coordinates in which the posterior is nearly Gaussian."""
-        return NoiseAndShare()
-
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Least squares of the stars that agree with its errors, and the share of the others."""
         fits, count = self.agreeing, len(self.source)
-        centre, spread = least_squares(self.source[fits], self.target[fits], self.pivot)
+        fit = fit_registration(self.source[fits], self.target[fits], self.pivot)
+        freedom = float(fit.degrees_of_freedom)
+        noise = np.sqrt(fit.chi_square / freedom)
         share = float((~fits).sum() + 1) / (count + 2)
-        return np.append(centre, share), np.append(spread, np.sqrt(share * (1 - share) / count))
+        rest = [noise / np.sqrt(2 * freedom), np.sqrt(share * (1 - share) / count)]
+        errors = noise * np.sqrt(np.diagonal(fit.cofactor))
+        return np.append(fit.parameters, [noise, share]), np.append(errors, rest)
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """As for the plain registration, of those stars alone that agree in the data at hand."""
@@ -167,6 +231,7 @@ def mixture_model(base: Model) -> Model:
         likelihood=MixtureRegistration(
             plain.source, plain.target, plain.pivot, corner=(x, y), side=side
         ),
+        coordinates=NoiseAndShare(),
     )
 
 

@@ -13,26 +13,28 @@ The posterior of the registration in closed form: it needs no sampler.
 
 About the pivot the model is linear in beta = (k cos theta, k sin theta, shift x, shift y). With a
 flat prior in beta and one over the noise the posterior of beta is a Student-t about the
-least-squares solution, with 2n - 4 degrees of freedom; with known noise it is Gaussian. A prior
-flat in (k, theta) instead is flat in beta divided by k, since d(a) d(b) = k dk d(theta).
+least-squares solution, with 2n - 4 degrees of freedom. A prior flat in (k, theta) instead is flat
+in beta divided by k, since d(a) d(b) = k dk d(theta).
 
-What niu2024 itself makes of a registration: the least-squares similarity, and what it leaves.
+What a registration leaves at stars that it was not fitted to: the transform in use is the
+least-squares one; the true one and the noise are those of the model.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.random import Generator
+from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from reproduce.inference import Derived, LogUniform, Model, Parameter, Prior, Uniform
+from reproduce.inference import Consequence, LogUniform, Model, Parameter, Prior, Uniform
 from reproduce.physics.registration import (
-    RegistrationFit,
+    Registration,
     as_complex,
     as_points,
     fit_registration,
@@ -43,21 +45,15 @@ from reproduce.physics.registration import (
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
 
-
-def least_squares(
-    source: FloatArray, target: FloatArray, pivot: FloatArray, source_noise: bool = False
-) -> tuple[FloatArray, FloatArray]:
-    """Return the least-squares (k, theta, shift x, shift y, noise) and their standard errors, (5,).
-
-    Those of the similarity take the residuals' own variance, whatever is in it; the noise is the
-    share of one coordinate in it.
-    """
-    fit = fit_registration(source, target, pivot)
-    freedom = float(fit.degrees_of_freedom)
-    residual = np.sqrt(fit.chi_square / freedom)
-    noise = residual / np.sqrt(1 + fit.parameters[0] ** 2 * source_noise)
-    errors = residual * np.sqrt(np.diagonal(fit.cofactor))
-    return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
+ComplexArray = NDArray[np.complex128]
+CHANNELS = ("red", "blue")
+TRANSFORM = ("scale", "rotation", "shift-x", "shift-y")
+# Of the residual of least squares: ends of the noise, as good as none.
+NOISE = (1e-9, 1e3)
+# The shift may lie so many fields or standard errors, the scale so many times, from the fit.
+FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
+# New stars: parameter vectors that are worked on at once, which bounds the memory, and the seed.
+CHUNK, SEED = 10_000, 52
 
 
 def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, float]:
@@ -103,16 +99,9 @@ def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> t
     return float(minimize_scalar(surprise).x), float(0.5 / np.sqrt(off @ off))
 
 
-def triangular(columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _triangular(columns: ComplexArray) -> ComplexArray:
     """Triangular factor of complex columns, shape (m, m) for columns of shape (n, m)."""
-    factor = np.linalg.qr(columns.astype(np.complex128), mode="r")
-    return np.asarray(factor)
-
-
-def _squared_residuals(root: NDArray[np.complex128], weights: NDArray[np.complex128]) -> FloatArray:
-    """Squared length of root @ weights for every row of weights, shape (n,)."""
-    residual = weights @ root.T
-    return np.asarray((residual.real**2 + residual.imag**2).sum(axis=-1))
+    return np.asarray(np.linalg.qr(columns.astype(np.complex128), mode="r"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +113,14 @@ class GaussianRegistration:
     - `source_noise`: false: `noise` is that of a residual coordinate, the source noise neglected or
       included in it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2
       times its variance.
+    - `edge`, optional: radius of the field, in px; by default that of the outermost star.
     """
 
     source: FloatArray
     target: FloatArray
     pivot: FloatArray
     source_noise: bool = False
+    edge: float | None = None
 
     @property
     def pivots(self) -> tuple[FloatArray, ...]:
@@ -137,52 +128,60 @@ class GaussianRegistration:
         return (self.pivot,)
 
     @cached_property
-    def root(self) -> NDArray[np.complex128]:
+    def offsets(self) -> ComplexArray:
+        """Source points about the pivot."""
+        return as_complex(self.source) - as_complex(self.pivot)
+
+    @cached_property
+    def field(self) -> float:
+        """Radius of the field, in px."""
+        return float(np.abs(self.offsets).max()) if self.edge is None else self.edge
+
+    @cached_property
+    def root(self) -> ComplexArray:
         """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""
-        origin = as_complex(self.pivot)
-        columns = [as_complex(self.source) - origin, np.ones(len(self.source)),
-                   as_complex(self.target) - origin]  # fmt: skip
-        return triangular(np.stack(columns, axis=-1))
-
-    def variance(self, parameters: FloatArray) -> FloatArray:
-        """Variance of a residual coordinate, shape (n,), in px^2."""
-        factor = 1 + parameters[:, 0] ** 2 if self.source_noise else 1.0
-        return np.asarray(parameters[:, 4] ** 2 * factor)
-
-    def weights(self, parameters: FloatArray) -> NDArray[np.complex128]:
-        """Coefficients of (source, one, target) in the residual, shape (n, 3)."""
-        factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
-        shift = parameters[:, 2] + 1j * parameters[:, 3]
-        return np.stack([-factor, shift, np.ones_like(factor)], axis=-1)
+        target = as_complex(self.target) - as_complex(self.pivot)
+        return _triangular(np.stack([self.offsets, np.ones(len(target)), target], axis=-1))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
-        variance, count = self.variance(parameters), len(self.source)
-        squares = _squared_residuals(self.root, self.weights(parameters))
-        return np.asarray(-count * np.log(2 * np.pi * variance) - squares / (2 * variance))
+        factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
+        shift = parameters[:, 2] + 1j * parameters[:, 3]
+        residual = np.stack([-factor, shift, np.ones_like(factor)], axis=-1) @ self.root.T
+        squares = (residual.real**2 + residual.imag**2).sum(axis=-1)
+        wider = 1 + parameters[:, 0] ** 2 if self.source_noise else 1.0
+        variance = parameters[:, 4] ** 2 * wider
+        return np.asarray(
+            -len(self.source) * np.log(2 * np.pi * variance) - squares / (2 * variance)
+        )
 
-    def residuals(self, parameters: FloatArray) -> NDArray[np.complex128]:
-        """Target minus transformed source, shape (n, points)."""
-        origin = as_complex(self.pivot)
-        weights = self.weights(parameters)
-        source, target = as_complex(self.source) - origin, as_complex(self.target) - origin
-        return weights[:, :1] * source + weights[:, 1:2] + target
+    def predicted(self, parameters: FloatArray) -> ComplexArray:
+        """Where the target points should lie, about the pivot, shape (n, points)."""
+        factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])
+        return np.asarray(factor * self.offsets - shifts(parameters))
+
+    def places(self, parameters: FloatArray) -> FloatArray:
+        """Where the stars lie in the reference channel without noise, (n, points, 2), in px."""
+        return as_points(self.predicted(parameters)) + self.pivot
+
+    def residuals(self, parameters: FloatArray) -> ComplexArray:
+        """Target minus prediction, shape (n, points), in px."""
+        return as_complex(self.target) - as_complex(self.pivot) - self.predicted(parameters)
 
     def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Noise of residuals, shape (n, points, 2), in px."""
+        wider = np.hypot(1, parameters[:, 0]) if self.source_noise else 1.0
         normal = generator.normal(size=(len(parameters), *self.source.shape))
-        return np.asarray(np.sqrt(self.variance(parameters))[:, None, None] * normal)
+        return np.asarray((parameters[:, 4] * wider)[:, None, None] * normal)
 
     def elsewhere(self, source: FloatArray) -> Self:
         """The same model of other stars, whose targets are not known yet."""
-        return replace(self, source=source, target=np.zeros_like(source))
+        return replace(self, source=source, target=np.zeros_like(source), edge=self.field)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Target points for one parameter vector, shape (points, 2), in px."""
         rows = parameters[None]
-        noise = self.scatter(rows, generator)[0]
-        residual = self.residuals(rows)[0]
-        return np.asarray(as_points(as_complex(self.target) - residual) + noise)
+        return np.asarray(self.places(rows)[0] + self.scatter(rows, generator)[0])
 
     def given(self, data: FloatArray) -> Self:
         """The same sources with other target points."""
@@ -197,17 +196,18 @@ class GaussianRegistration:
         errors = np.sqrt(np.diagonal(fit.cofactor) * noise**2 * (1 + self.source_noise))
         return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
 
-    def estimate(self) -> tuple[FloatArray, FloatArray]:
-        """The least-squares similarity about the pivot, and its standard errors."""
-        return least_squares(self.source, self.target, self.pivot, self.source_noise)
-
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """Root mean square and largest residual of the least-squares fit, and its scale."""
         target = self.target if data is None else data
         return fit_checks(self.source, target, self.pivot)
 
 
-def registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
+def shifts(parameters: FloatArray) -> ComplexArray:
+    """The shifts of parameter vectors, shape (n, 1)."""
+    return np.asarray(parameters[:, 2:3] + 1j * parameters[:, 3:4])
+
+
+def _registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
     """Parameters (k, theta, shift x, shift y, noise), priors on the scale of the data alone."""
     source, target = paired_points(source, target)
     extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
@@ -229,8 +229,7 @@ def registration_model(
     target: FloatArray,
     pivot: FloatArray,
     *,
-    priors: dict[str, Prior] | None = None,
-    derived: Derived | None = None,
+    priors: Mapping[str, Prior] | None = None,
 ) -> Model:
     """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
@@ -252,20 +251,16 @@ def registration_model(
         )
     pivot = finite_array("pivot", pivot, shape=(2,))
     fit = fit_registration(source, target, pivot)
-    parameters = with_priors(registration_parameters(source, target), priors)
     return Model(
         "registration",
-        parameters,
+        with_priors(_registration_parameters(source, target), priors),
         GaussianRegistration(source, target, pivot),
-        dict(
-            zip(("scale", "rotation", "shift-x", "shift-y"), fit.parameters.tolist(), strict=True)
-        ),
-        derived,
+        dict(zip(TRANSFORM, fit.parameters.tolist(), strict=True)),
     )
 
 
 def with_priors(
-    parameters: tuple[Parameter, ...], priors: dict[str, Prior] | None
+    parameters: tuple[Parameter, ...], priors: Mapping[str, Prior] | None
 ) -> tuple[Parameter, ...]:
     """Return parameters with some priors replaced, by name; an unknown name is a ValueError."""
     unknown = set(priors or ()) - {p.name for p in parameters}
@@ -277,13 +272,9 @@ def with_priors(
     return tuple(replace(p, prior=(priors or {}).get(p.name, p.prior)) for p in parameters)
 
 
-# Of the residual of least squares: ends of the noise, as good as none.
-NOISE = (1e-9, 1e3)
-# The shift may lie so many fields or standard errors, the scale so many times, from the fit.
-FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
-
-
-def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, Prior]:
+def free_priors(
+    source: FloatArray, target: FloatArray, pivot: FloatArray
+) -> dict[str, Uniform | LogUniform]:
     """Return flat priors whose ends are as far from the fit as the data's own scale allows.
 
     By parameter. Few or mirrored points, or points that fit without any error, are refused.
@@ -299,7 +290,7 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
         raise ValueError(f"expected four or more stars, got {len(source)}; add some")
     robust = robust_similarity(source, target, pivot)
     fit = fit_registration(source, target, pivot)
-    residual = _residual(fit)
+    residual = float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
     k, theta, x, y = fit.parameters.tolist()
     if fits_exactly(fit, source, target):
         raise ValueError(
@@ -324,61 +315,45 @@ def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> di
     }  # fmt: skip
 
 
-def _residual(fit: RegistrationFit) -> float:
-    """Standard deviation of a residual coordinate, in px."""
-    return float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
-
-
 @dataclass(frozen=True, eq=False)
 class RegistrationPosterior:
     """The exact posterior of one channel's registration.
 
     - `mean`, (4,): of (k cos theta, k sin theta, shift x, shift y): the least-squares solution.
-    - `scale`, (4, 4): scale matrix of the Student-t, or covariance of the Gaussian.
-    - `freedom`: degrees of freedom; infinite where the noise is known.
+    - `scale`, (4, 4): scale matrix of the Student-t.
+    - `freedom`: degrees of freedom.
     - `squares`: sum of squared residuals of the least-squares solution, in px^2.
-    - `count`: number of points.
     """
 
     mean: FloatArray
     scale: FloatArray
     freedom: float
     squares: float
-    count: int
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance of (k cos theta, k sin theta, shift x, shift y), shape (4, 4)."""
-        if np.isinf(self.freedom):
-            return self.scale
-        return self.scale * self.freedom / (self.freedom - 2)
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
         """Independent draws of (k, theta, shift x, shift y, noise), shape (count, 5).
 
         The prior is flat in (k cos theta, k sin theta) and one over the noise.
         """
-        if np.isinf(self.freedom):
-            raise ValueError("draw: expected an unknown noise, got a known one; draw the Gaussian")
         noise = np.sqrt(self.squares / generator.chisquare(self.freedom, count))
         root = np.linalg.cholesky(self.scale * self.freedom / self.squares)
         beta = self.mean + noise[:, None] * (generator.normal(size=(count, 4)) @ root.T)
-        return np.column_stack([polar(beta), noise])
+        k, theta = np.hypot(beta[:, 0], beta[:, 1]), np.arctan2(beta[:, 1], beta[:, 0])
+        return np.column_stack([k, theta, beta[:, 2:], noise])
 
 
 def registration_posterior(
-    source: FloatArray, target: FloatArray, pivot: FloatArray, noise: float | None = None
+    source: FloatArray, target: FloatArray, pivot: FloatArray
 ) -> RegistrationPosterior:
     """Return the exact posterior of a registration, flat in (k cos theta, k sin theta, shift).
-
-    Student-t, or Gaussian where the noise of a residual coordinate is known, in px.
 
     Examples
     --------
     >>> points = np.array([[-1.0, -1], [1, -1], [-1, 1], [1, 1]])
-    >>> exact = registration_posterior(points, points, (0, 0), noise=2.0)
-    >>> np.sqrt(np.diagonal(exact.covariance)).round(3)
-    array([0.707, 0.707, 1.   , 1.   ])
+    >>> moved = points + [[1, 0], [-1, 0], [0, 0], [0, 0]]
+    >>> exact = registration_posterior(points, moved, (0, 0))
+    >>> exact.mean.round(3) + 0.0, exact.freedom, round(exact.squares, 3)
+    (array([0.75, 0.  , 0.  , 0.  ]), 4.0, 1.5)
     """
     fit = fit_registration(source, target, pivot)
     k, theta = fit.parameters[:2]
@@ -386,16 +361,181 @@ def registration_posterior(
     # Jacobian of (a, b) by (k, theta): carries the fit's cofactor over.
     turn = np.eye(4)
     turn[:2, :2] = [[np.cos(theta), -k * np.sin(theta)], [np.sin(theta), k * np.cos(theta)]]
-    cofactor = turn @ fit.cofactor @ turn.T
-    count = fit.residuals.shape[-2]
-    freedom, squares = 2.0 * count - 4, float(fit.chi_square)
-    if noise is not None:
-        return RegistrationPosterior(mean, noise**2 * cofactor, np.inf, squares, count)
-    return RegistrationPosterior(mean, squares / freedom * cofactor, freedom, squares, count)
+    freedom, squares = 2.0 * fit.residuals.shape[-2] - 4, float(fit.chi_square)
+    scale = squares / freedom * (turn @ fit.cofactor @ turn.T)
+    return RegistrationPosterior(mean, scale, freedom, squares)
 
 
-def polar(beta: FloatArray) -> FloatArray:
-    """Return (k, theta, shift) of (k cos theta, k sin theta, shift), shape (n, 4)."""
-    return np.column_stack(
-        [np.hypot(beta[:, 0], beta[:, 1]), np.arctan2(beta[:, 1], beta[:, 0]), beta[:, 2:]]
-    )
+@dataclass(frozen=True, eq=False)
+class NewStars:
+    """Consequences of a registration at new stars.
+
+    - `stars`: the model at the new stars.
+    - `registered`, (points, 2): where the least-squares transform puts them, in px.
+    - `arcsec_per_px`: of the reference channel.
+    - `columns`: which parameters the model of the stars takes; all, as they stand, by default.
+    - `prefix`: stands before the names, where there is more than one channel.
+    """
+
+    stars: GaussianRegistration
+    registered: FloatArray
+    arcsec_per_px: float
+    columns: tuple[int, ...] = ()
+    prefix: str = ""
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
+        """RMSE, the same as an angle, and the error of the transform at the outermost star."""
+        generator = Generator(PCG64(SEED))
+        parameters = parameters[:, self.columns] if self.columns else parameters
+        outermost = np.hypot(*(self.stars.source - self.stars.source.mean(axis=0)).T).argmax()
+        errors, moved = [], []
+        for first in range(0, len(parameters), CHUNK):
+            rows = parameters[first : first + CHUNK]
+            off = self.stars.places(rows) - self.registered
+            moved.append(np.hypot(*off[:, outermost].T))
+            # As niu2024 (26), both axes together.
+            squares = np.square(off + self.stars.scatter(rows, generator)).sum(axis=-1)
+            errors.append(np.sqrt(squares.mean(axis=-1)))
+        rmse, name = np.concatenate(errors), self.prefix
+        angle, misplaced = rmse * self.arcsec_per_px, np.concatenate(moved)
+        return {
+            f"{name}test points, RMSE": Consequence(rmse, "px"),
+            f"{name}test points, pointing error": Consequence(angle, "arcsec"),
+            f"{name}outermost star, misregistration": Consequence(misplaced, "px"),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Consequences of several channels, one after the other."""
+
+    parts: tuple[NewStars, ...]
+
+    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
+        """The consequences of all."""
+        return {name: found for part in self.parts for name, found in part(parameters).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class JointRegistration:
+    """Both channels at once; parameters (k, theta, shift x, shift y) of red, then of blue, noise.
+
+    They share the green noise, which belongs in the covariance. A true green position z gives
+    green = z + noise, red and blue = z carried back by their transforms + noise. Given the red
+    points, and with a flat prior on z, the two residuals of a star are Gaussian per axis with
+    covariance noise^2 [[1 + k_red^2, 1], [1, 1 + k_blue^2]]; blue itself being random adds the
+    Jacobian k_blue^2 per star.
+
+    - `sources`, (n, 2): red and blue points, in px.
+    - `target`, (n, 2): green points, in px.
+    - `pivots`, (2,): principal points of red and blue, in px.
+    """
+
+    sources: tuple[FloatArray, FloatArray]
+    target: FloatArray
+    pivots: tuple[FloatArray, FloatArray]
+
+    @cached_property
+    def columns(self) -> ComplexArray:
+        """The columns (red, blue, one, green), red and blue about their pivots, shape (n, 4)."""
+        origin = as_complex(self.pivots[0])
+        offsets = [
+            as_complex(s) - as_complex(p) for s, p in zip(self.sources, self.pivots, strict=True)
+        ]
+        one = np.ones(len(self.target), dtype=np.complex128)
+        return np.stack([*offsets, one, as_complex(self.target) - origin], axis=-1)
+
+    @cached_property
+    def root(self) -> ComplexArray:
+        """Triangular factor of the columns, shape (4, 4)."""
+        return _triangular(self.columns)
+
+    def weights(self, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Coefficients of the columns in the two residuals, each of shape (n, 4)."""
+        found = []
+        for channel in (0, 1):
+            k, theta, x, y = parameters[:, 4 * channel : 4 * channel + 4].T
+            weights = np.zeros((len(parameters), 4), dtype=np.complex128)
+            weights[:, channel] = -k * np.exp(1j * theta)
+            weights[:, 2] = (
+                x + 1j * y - (as_complex(self.pivots[channel]) - as_complex(self.pivots[0]))
+            )
+            weights[:, 3] = 1
+            found.append(weights)
+        return found[0], found[1]
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood, shape (n,)."""
+        left, right = (weights @ self.root.T for weights in self.weights(parameters))
+        red, blue = (1 + parameters[:, i] ** 2 for i in (0, 4))
+        determinant = red * blue - 1
+        squares = blue * _product(left, left) + red * _product(right, right)
+        squares -= 2 * _product(left, right)
+        noise, count = parameters[:, 8], len(self.target)
+        # Per star: two axes of a pair of residuals, and the Jacobian of the blue transform.
+        constant = -np.log(determinant) - 4 * np.log(noise) - 2 * np.log(2 * np.pi)
+        constant += 2 * np.log(parameters[:, 4])
+        return np.asarray(count * constant - squares / (2 * noise**2 * determinant))
+
+    def simulate(
+        self, parameters: FloatArray, generator: Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Blue and green points for one parameter vector, given the red ones; in px."""
+        red, blue = (
+            Registration.similarity(u[0], u[1], u[2:4], pivot)
+            for u, pivot in zip((parameters[:4], parameters[4:8]), self.pivots, strict=True)
+        )
+        noise = parameters[8] * generator.normal(size=(3, *self.target.shape))
+        true = red.apply(self.sources[0] + noise[0])
+        return blue.inverse().apply(true) + noise[1], true + noise[2]
+
+    def given(self, data: tuple[FloatArray, FloatArray]) -> Self:
+        """The same red points with other blue and green ones."""
+        return replace(self, sources=(self.sources[0], data[0]), target=data[1])
+
+    def single(self, channel: int) -> GaussianRegistration:
+        """One channel alone, red (0) or blue (1), the noise of both its channels in it."""
+        return GaussianRegistration(self.sources[channel], self.target, self.pivots[channel], True)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """The least-squares fits of both channels and their standard errors."""
+        starts = [self.single(channel).start() for channel in (0, 1)]
+        centre = np.concatenate([c[:4] for c, _ in starts] + [[np.mean([c[4] for c, _ in starts])]])
+        spread = np.concatenate([s[:4] for _, s in starts] + [[starts[0][1][4]]])
+        return centre, spread
+
+    def checks(self, data: tuple[FloatArray, FloatArray] | None = None) -> dict[str, float]:
+        """Those of each channel, and the correlation of the two channels' residuals."""
+        blue, green = (self.sources[1], self.target) if data is None else data
+        found = {}
+        for name, source, pivot in zip(CHANNELS, (self.sources[0], blue), self.pivots, strict=True):
+            checks = fit_checks(source, green, pivot)
+            found.update({f"{name}: {key}": value for key, value in checks.items()})
+        left = [
+            fit_registration(source, green, pivot).residuals.ravel()
+            for source, pivot in zip((self.sources[0], blue), self.pivots, strict=True)
+        ]
+        found["correlation of both residuals"] = float(np.asarray(np.corrcoef(left))[0, 1])
+        return found
+
+
+def _product(left: ComplexArray, right: ComplexArray) -> FloatArray:
+    return np.asarray((left.real * right.real + left.imag * right.imag).sum(axis=-1))
+
+
+def joint_model(
+    sources: tuple[FloatArray, FloatArray],
+    target: FloatArray,
+    pivots: tuple[FloatArray, FloatArray],
+) -> Model:
+    """Registration of red and blue over green, with one noise in all channels: nine parameters."""
+    likelihood = JointRegistration(sources, target, pivots)
+    parameters = []
+    for channel, source in zip(CHANNELS, sources, strict=True):
+        for one in _registration_parameters(source, target)[:4]:
+            label = f"{one.label}_\\mathrm{{{channel[0]}}}"
+            parameters.append(replace(one, name=f"{channel}-{one.name}", label=label))
+    names = [p.name for p in parameters]
+    estimate = dict(zip(names, likelihood.start()[0].tolist(), strict=False))
+    parameters.append(_registration_parameters(sources[0], target)[4])
+    return Model("registration-joint", tuple(parameters), likelihood, estimate)

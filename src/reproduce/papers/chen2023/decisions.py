@@ -1,43 +1,31 @@
-"""What the posteriors of chen2023 decide: its errors, frames to average, when to calibrate again.
+"""What the errors of chen2023 decide: which there are, frames to average, when to calibrate again.
 
-All errors are one sigma about one axis. Nothing is sampled: Tables IV and V are summed, and the
-spots that we simulate have a closed form at small angles; emcee agrees with both within its error.
+All errors are one sigma about one axis. Nothing is sampled: the posterior of white noise and floor
+is a sum over a grid, the scatter of Table V that of a few Gaussian numbers, and the spots that we
+simulate have a closed form at small angles.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import gammaincinv, ndtri
 
-from reproduce.inference.models import TableResult, by_column, interchanged, small_angle_posterior
-from reproduce.inference.quadrature import Summed
+from reproduce.inference.models import small_angle_posterior
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, positioning, satellite
-from reproduce.papers.chen2023.posteriors import (
-    AVERAGE_READS,
-    COLUMNS,
-    FLOORS,
-    READS,
-    STAGE_READS,
-    drift,
-    frame_averaging,
-    misalignment,
-    stage_positions,
-    table_5,
-    under_floors,
-)
+from reproduce.papers.chen2023.posteriors import READS, drift, misalignment
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.sketch import INK, again, sized
-from reproduce.physics.attitude import averaged_error, stage_angle
+from reproduce.physics.attitude import averaged_error
 from reproduce.physics.ground import DAY
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     import pandas as pd
     from matplotlib.figure import Figure
@@ -45,143 +33,177 @@ if TYPE_CHECKING:
 ENDS = (0.025, 0.5, 0.975)
 REACH = np.asarray(ndtri(ENDS))  # the same in standard deviations
 AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
-TABLE = "chen2023/table-4"
-FRAME_READS = tuple(dict.fromkeys((*AVERAGE_READS, *STAGE_READS, effectiveness.FRAMES)))
+MARKS = tuple(f"{accuracy.TABLE}#*.{column}" for column in AXES.values())
+_AVERAGES = (f"{accuracy.TABLE}#*.frames", *MARKS, accuracy.FRAMES)
+_STATES = tuple(f"{effectiveness.TABLE}#*.{what}-{a}"
+                for what in ("reference", "monitoring") for a in "xy")  # fmt: skip
+FRAME_READS = (*_AVERAGES, *_STATES, effectiveness.FRAMES, *satellite.CAMERA)
 ERROR_READS = tuple(dict.fromkeys((*FRAME_READS, *READS)))
 AGE_READS = (*READS, accuracy.DURATION)
-MARKS = tuple(f"{TABLE}#*.{column}" for column in AXES.values())
 COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
 # Images after the middle of a calibration.
 AGES = (0, 10, 20, 50, 100, 200, 400, 800)
 OFF_CENTRE = positioning.LOOKS[1][2]  # in metres on the ground
-# Nodes that hold less than this are left out where they meet every noise of Table V.
-RARE = 1e-7
 HOUR = DAY / 24
 BLUE, ORANGE = "#0072B2", "#D55E00"
-
-
-def _columns(door: Given) -> dict[str, list[Summed]]:
-    """The misalignment's columns of Table IV by axis, under every prior of the floor."""
-    return _summed_columns(door.narrowed(AVERAGE_READS))
+# Scale of the floor's half-normal prior, in halves of the last digit of Table IV: at some tens of
+# them averaging would stop to pay. How much wider a prior is tried.
+_FLOOR, WIDE = 20.0, 4.0
+# Nodes of either, over shares of the scatter of one frame: beyond them the posterior is nothing.
+_NODES, _WHITES, _FLOORS = 160, (0.85, 1.18), (0.0, 0.3)
 
 
 @cache
-def _summed_columns(door: Given) -> dict[str, list[Summed]]:
-    models = dict(zip(COLUMNS, by_column(frame_averaging(door)), strict=True))
-    return {axis: under_floors(models[column]) for axis, column in AXES.items()}
+def _law(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    """Law of the variances of running averages over so many of all frames.
+
+    Their means for white noise of unit size and for the floor, (m,); traces of products for the
+    white part and for the mixed part of their covariances, (m, m). The floor drifts evenly through
+    the series, which no average removes.
+    """
+    drifted = np.linspace(-1, 1, frames)
+    drifted = drifted / drifted.std(ddof=1)
+    averages, forms = [], []
+    for count in counts:
+        runs = frames - count + 1
+        average = ((np.arange(frames) - np.arange(runs)[:, None]) // count == 0) / count
+        centred = (average - average.mean(axis=0)) / np.sqrt(runs - 1)
+        forms.append(centred.T @ centred)
+        averages.append(centred @ drifted)
+    stacked = np.stack(forms)
+    floor = np.array([float(one @ one) for one in averages])
+    pairs = np.einsum("kij,lij->kl", stacked, stacked, optimize=True)
+    bent = stacked @ drifted
+    return np.einsum("kii->k", stacked), floor, pairs, bent @ bent.T
 
 
-def _column(door: Given, axis: str) -> Summed:
-    return _columns(door)[axis][FLOORS.index(1.0)]
+def _log_likelihood(door: Given, column: str, white: FloatArray, floor: FloatArray) -> FloatArray:
+    """Log likelihood of a column of Table IV, (n,), for white noises and floors, (n,).
+
+    The averages come from the same frames, so their variances are strongly correlated quadratic
+    forms in Gaussian numbers: mean and covariance are exact, and their roots nearly Gaussian.
+    Rounding adds the variance of an even distribution over the last digit.
+    """
+    counts = tuple(int(n) for n in door.array(f"{accuracy.TABLE}#*.frames"))
+    printed, half = _printed(door, column)
+    ones, evens, pairs, bent = _law(door.count(accuracy.FRAMES), counts)
+    a, b = white[:, None], floor[:, None]
+    mean = a**2 * ones + b**2 * evens
+    covariance = 2 * a[..., None] ** 4 * pairs + 4 * (a * b)[..., None] ** 2 * bent
+    root = np.sqrt(mean)
+    variance = np.diagonal(covariance, axis1=-2, axis2=-1)
+    covariance = covariance / (4 * root[:, :, None] * root[:, None, :])
+    factor = np.linalg.cholesky(covariance + half**2 / 3 * np.eye(len(counts)))
+    off = printed - root * (1 - variance / mean**2 / 8)
+    squares = np.square(np.linalg.solve(factor, off[..., None])[..., 0])
+    logs = np.log(np.diagonal(factor, axis1=-2, axis2=-1)) + 0.5 * squares
+    return np.asarray(-logs.sum(axis=1))
+
+
+def _printed(door: Given, column: str) -> tuple[FloatArray, float]:
+    """A column of Table IV and half its last digit, one sigma, in radians."""
+    values = door.array(f"{accuracy.TABLE}#*.{column}")
+    half = door.half_unit(f"{accuracy.TABLE}#1.{column}")
+    return values / platform.SIGMAS, half / platform.SIGMAS
+
+
+class Column(NamedTuple):
+    """The posterior of white noise and floor of one column: nodes in radians, and shares, (n,)."""
+
+    white: FloatArray
+    floor: FloatArray
+    shares: FloatArray
+
+    def quantiles(self, values: FloatArray) -> FloatArray:
+        """Low end, median and high end of what both make, from its values at the nodes."""
+        order = np.argsort(values)
+        shares = self.shares[order]
+        return np.asarray(np.interp(ENDS, np.cumsum(shares) - shares / 2, values[order]))
+
+
+def _column(door: Given, axis: str, wider: float = 1.0) -> Column:
+    """Return what Table IV says of the misalignment about an axis, or under a wider prior."""
+    return _summed(door.narrowed(_AVERAGES), AXES[axis], wider)
+
+
+@cache
+def _summed(door: Given, name: str, wider: float) -> Column:
+    (single, *_), half = _printed(door, name)
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    axes = [single * (low + (nodes + 1) / 2 * (high - low)) for low, high in (_WHITES, _FLOORS)]
+    white, floor = (one.ravel() for one in np.meshgrid(*axes, indexing="ij"))
+    logs = np.add.outer(np.log(weights), np.log(weights)).ravel()
+    logs += _log_likelihood(door, name, white, floor)
+    # No scale of the white noise is preferred; the floor may well be nothing.
+    logs -= np.log(white) + 0.5 * (floor / (wider * _FLOOR * half)) ** 2
+    shares = np.exp(logs - logs.max())
+    return Column(white, floor, shares / shares.sum())
 
 
 def averages(door: Given, axis: str, counts: FloatArray) -> FloatArray:
     """Error of an average: low end, median and high end for every number of frames, (3, n)."""
     one = _column(door, axis)
-    errors = (averaged_error(n, *one.points.T) for n in counts)
-    return np.stack([one.quantiles(error, ENDS) for error in errors], axis=-1)
+    errors = (averaged_error(n, one.white, one.floor) for n in counts)
+    return np.stack([one.quantiles(error) for error in errors], axis=-1)
 
 
-def stage(door: Given) -> TableResult:
-    """What Table V says with its columns of X and Y interchanged."""
-    return _summed_stage(door.narrowed(STAGE_READS))
+def _differences(door: Given) -> tuple[float, int]:
+    """Scatter of Table V's angles, monitored less reference, about their means; their freedom.
 
-
-@cache
-def _summed_stage(door: Given) -> TableResult:
-    return interchanged(table_5(door))
-
-
-def _with_stage(
-    door: Given, value: Callable[[FloatArray, FloatArray, FloatArray], FloatArray], floors: float
-) -> tuple[FloatArray, FloatArray]:
-    """What white noise and floor about X and the noise of Table V make, sorted, and its shares.
-
-    `floors` is the prior of the floor, in widths of ours.
+    As printed: this does not ask which columns belong where.
     """
-    one, noises = _columns(door)["X"][FLOORS.index(floors)], np.array(stage(door).noises)
-    kept = one.probabilities > RARE
-    white, floor = one.points[kept].T
-    values = value(white[:, None], floor[:, None], noises)
-    weights = np.broadcast_to(one.probabilities[kept, None], values.shape).ravel()
-    order = np.argsort(values.ravel())
-    shares = np.cumsum(weights[order])
-    return values.ravel()[order], shares / shares[-1]
-
-
-def _excess(door: Given, floors: float = 1.0) -> tuple[FloatArray, FloatArray]:
-    """What Table V has beyond an average of its images, in radians, zero where nothing; shares."""
-    count = door.count(effectiveness.FRAMES)
-    return _with_stage(
-        door,
-        lambda a, b, noise: np.sqrt(np.maximum(noise**2 - averaged_error(count, a, b) ** 2, 0)),
-        floors,
+    monitored, known = (
+        np.stack([door.array(f"{effectiveness.TABLE}#*.{what}-{a}") for a in "xy"])
+        for what in ("monitoring", "reference")
     )
+    left = monitored - known
+    return float(np.sqrt(left.var(axis=1, ddof=1).mean())), left.size - len(left)
 
 
-def _ends(values: FloatArray, shares: FloatArray) -> FloatArray:
-    return np.asarray(np.interp(ENDS, shares, values))
-
-
-def _none(values: FloatArray, shares: FloatArray) -> Fact:
-    """The probability that nothing is in excess."""
-    zero = np.searchsorted(values, 0.0, side="right")
-    return Fact(100 * float(shares[zero - 1]) if zero else 0.0, ".1g", "%")
+def _states(door: Given) -> FloatArray:
+    """Noise of one state of Table V in the differences: low end, median and high end, (3,)."""
+    scatter, freedom = _differences(door)
+    chi = 2 * gammaincinv(freedom / 2, ENDS[::-1])  # quantiles of chi-squared
+    return np.asarray(scatter * np.sqrt(freedom / chi))
 
 
 def _stops(door: Given) -> FloatArray:
-    """Frames whose white noise is as large as the noise of Table V, (3,)."""
-    return _ends(*_with_stage(door, lambda a, b, noise: (a / noise) ** 2 + 0 * b, 1.0))
+    """Frames whose white noise about X is as large as the noise of one state, (3,)."""
+    one = _column(door, "X")
+    return np.asarray((one.shares @ one.white / _states(door)[::-1]) ** 2)
 
 
 def _frame_facts(door: Given) -> dict[str, Fact]:
     """Return the knees of averaging, where Table V stops, and errors that pages compare."""
-    height, count, table = satellite.altitude(door), door.count(effectiveness.FRAMES), stage(door)
-    excess = _ends(*_excess(door))
+    height, count = satellite.altitude(door), door.count(effectiveness.FRAMES)
     triples = {
-        "stage-noise": (np.quantile(table.noises, ENDS) * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
+        "stage-noise": (_states(door) * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "stage-frames": (_stops(door), ".0f", ""),
-        "excess": (excess * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
-        "stage-error": (excess * table.means[0] * 1e6, ".1f", "µm"),
     }
     found = {
         name + what: Fact(value, form, unit)
         for name, (ends, form, unit) in triples.items()
         for what, value in zip(("-low", "", "-high"), ends.tolist(), strict=True)
     }
-    for axis, under in _columns(door).items():
-        for what, one in (("", under[FLOORS.index(1.0)]), ("-wide", under[-1])):
-            knee = one.quantiles(np.square(one.points[:, 0] / one.points[:, 1]), ENDS)[0]
+    for axis in AXES:
+        for what, wider in (("", 1.0), ("-wide", WIDE)):
+            one = _column(door, axis, wider)
+            knee = one.quantiles(np.square(one.white / one.floor))[0]
             found[f"knee-{axis.lower()}{what}"] = Fact(float(knee), ".0f")
     single, many = averages(door, "X", np.array([1, 100]))[1].tolist()
-    # About one axis, the mean square of both: noise, and the bias wherever it lies.
-    squares = np.square(table.means[1:]) + np.square(table.deviations[1:])
-    state = float(np.sqrt(squares[0] + squares[1:].mean()))
-    white = float(_column(door, "X").means[0] / np.sqrt(count))
-    # As printed, with a bias about each axis: this does not ask which columns belong where.
-    monitored, known = (
-        np.stack([door.array(f"{effectiveness.TABLE}#*.{what}-{a}") for a in "xy"])
-        for what in ("monitoring", "reference")
-    )
-    differences = float(np.sqrt((monitored - known).var(axis=1, ddof=1).mean()))
+    about_x = _column(door, "X")
+    white = float(about_x.shares @ about_x.white / np.sqrt(count))
     return found | {
         "state": Fact(count, "d"),
-        "excess-none": _none(*_excess(door)),
-        "excess-none-wide": _none(*_excess(door, FLOORS[-1])),
-        "differences": Fact(differences * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
+        "differences": Fact(_differences(door)[0] * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "white-alone": Fact(white * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "error-100": Fact(many * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "ground-1": Fact(single * height, ".2f", "m"),
         "ground-100": Fact(many * height, ".2f", "m"),
-        "stage-ground": Fact(state * height, ".2f", "m"),
     }
 
 
-@studied(
-    "chen2023/frames",
-    given=FRAME_READS,
-    named=_frame_facts,
-)  # fmt: skip
+@studied("chen2023/frames", given=FRAME_READS, named=_frame_facts)
 def frames(door: Given) -> pd.DataFrame:
     """How many frames to average."""
     found = [averages(door, axis, np.array(COUNTS))[[1, 0, 2]] for axis in AXES]
@@ -189,15 +211,14 @@ def frames(door: Given) -> pd.DataFrame:
     rows = np.concatenate([*found, ground]).T * ARCSEC_PER_RADIAN
     return frames.frame(
         ((count, *row) for count, row in zip(COUNTS, rows.tolist(), strict=True)),
-        stops=_stops(door)[1], excess=_ends(*_excess(door))[1] * ARCSEC_PER_RADIAN,
-        state=door.count(effectiveness.FRAMES),
+        stops=_stops(door)[1], state=door.count(effectiveness.FRAMES),
     )  # fmt: skip
 
 
 @draws("chen2023/drawing-frames", given=FRAME_READS, marks=MARKS)
 def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the misalignment against frames averaged, and the scatter of Table V."""
-    counts, noise = np.geomspace(1, 1000, 40), np.quantile(stage(door).noises, ENDS)
+    counts, noise = np.geomspace(1, 1000, 40), _states(door)
     narrow = sized(figure, 6.4, 3.9, 6.0)
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharex=True, sharey=True)
     for axes, (axis, column) in zip(panels, AXES.items(), strict=True):
@@ -277,11 +298,7 @@ def _age_facts(door: Given) -> dict[str, Fact]:
     }
 
 
-@studied(
-    "chen2023/drift",
-    given=AGE_READS,
-    named=_age_facts,
-)
+@studied("chen2023/drift", given=AGE_READS, named=_age_facts)
 def _last(door: Given, drift: float = 0.0) -> pd.DataFrame:
     """When to calibrate again."""
     error, moved, _ = _drifting(door)
@@ -339,11 +356,7 @@ def _error_facts(door: Given) -> dict[str, Fact]:
     return {"calibrated-ground": Fact(float(_calibrated(door)[0][1] * height), ".2g", "m")}
 
 
-@studied(
-    "chen2023/instrument-errors",
-    given=ERROR_READS,
-    named=_error_facts,
-)
+@studied("chen2023/instrument-errors", given=ERROR_READS, named=_error_facts)
 def errors(door: Given) -> pd.DataFrame:
     """Every error of the pointing, and how well it is known."""
     height = satellite.altitude(door)
@@ -351,20 +364,12 @@ def errors(door: Given) -> pd.DataFrame:
     for n, what in enumerate(("White noise of one frame", "Floor that averaging leaves")):
         for axis in AXES:
             one = _column(door, axis)
-            found[f"{what}, {axis}", "Table IV"] = one.quantiles(one.points[:, n], ENDS)
-    focal, focal_error = stage(door).means[0], stage(door).deviations[0]
+            found[f"{what}, {axis}", "Table IV"] = one.quantiles(one[n])
     count = door.count(effectiveness.FRAMES)
     found[f"Mean of {count} frames, X (extrapolated)", "Table IV"] = averages(
         door, "X", np.array([count])
     )[:, 0]
-    found["Scatter of one state of Table V", "Table V"] = np.quantile(stage(door).noises, ENDS)
-    found["Excess of Table V over that mean", "Tables IV, V"] = _ends(*_excess(door))
-    travel = float(np.abs(stage_positions(door)[-1] - stage_positions(door)[0]).max())
-    largest = abs(float(stage_angle(travel, focal)))
-    known = largest * focal_error / focal
-    nominal = abs(float(stage_angle(travel, door[platform.TELESCOPE]))) - largest
-    found["Focal length taken as nominal", "Table V"] = REACH * known + nominal
-    found["Focal length as fitted", "Table V"] = np.full(3, known)
+    found["Scatter of one state of Table V", "Table V"] = _states(door)
     angle, roll = _calibrated(door)
     group = f"{door.count(accuracy.FRAMES)} images"
     found[f"Misalignment X, {group}", "simulated"] = angle

@@ -1,67 +1,60 @@
-"""Posteriors of chen2023: misalignment of the simulated platform, and two printed tables.
+"""Posteriors of chen2023: the misalignment of the simulated platform, still or drifting.
 
 The spots of single images are not published. The misalignments therefore take one simulation of
-the platform, with the printed spots, their printed scatter and a seed of our own; the tables are
-taken as printed.
+the platform, with the printed spots, their printed scatter and a seed of our own.
 
 The images of a group of a user's spots are in the order of time, evenly spaced.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.random import PCG64, Generator
+from scipy.special import gammainc
 
-from reproduce.inference import Consequence, HalfNormal, LogUniform, Model, Normal, Prior, Published
+from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior
 from reproduce.inference.models import (
     AXES,
     MOUNT,
-    AveragingLikelihood,
-    ReferenceAngles,
     SpotLikelihood,
     SpotStatistics,
-    StageTableLikelihood,
-    averaging_model,
     errors_with_free_lasers,
     misalignment_model,
-    table_model,
     with_priors,
 )
-from reproduce.inference.quadrature import Summed, summed
-from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, TELESCOPE, as_designed
-from reproduce.papers.declare_posterior import (
-    OWN_DATA,
-    Aside,
-    Declaration,
-    File,
-    data_stream,
-    published_cells,
-    simulated,
-)
-from reproduce.physics.attitude import Platform, averaged_error, stage_angles
+from reproduce.papers.chen2023 import satellite
+from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
+from reproduce.papers.posteriors import Aside, Declaration, File, Pivot, data_stream
+from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
-from reproduce.physics.ground import altitude_for_resolution, ground_error
+from reproduce.physics.ground import ground_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import spots as spot_files
 from reproduce.store.points import Table, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 
-_SPOT_READS = (*INSTRUMENT, SCATTER)
+FRAMES = "chen2023/text-accuracy#frames"
+READS = (*INSTRUMENT, SCATTER, FRAMES, *satellite.CAMERA)
+# The misalignment of the simulation: as large as the text expects on orbit, with a roll.
+TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
+DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
+# A prior this many times as wide as what the data show is hardly felt, yet proper.
+_GENEROUS = 20.0
+# Of the residual of least squares: ends of the noise, as good as none.
+_NOISE = (1e-6, 1e3)
+# Images of a group that tell its scatter.
+_LEAST = 3
 
 
 def _simulated_images(
-    given: Given, turns: list[tuple[FloatArray, FloatArray]], frames: int, stream: int
-) -> list[FloatArray]:
-    """Simulate spots of groups of images.
-
-    Shape (frames, 4, 2). In px.
-    """
-    generator = Generator(PCG64(data_stream(given, 2, stream)))
+    given: Given, turns: list[tuple[FloatArray, FloatArray]], stream: int
+) -> SpotStatistics:
+    """Simulate images of two groups, of which the second may drift."""
+    generator, frames = Generator(PCG64(data_stream(given, 2, stream))), given.count(FRAMES)
     design = as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
@@ -73,7 +66,8 @@ def _simulated_images(
             np.zeros((frames, 3)), turn[:, None], scale, design.camera_focal_length
         )[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
-    return groups
+    first, last = turns[1]
+    return SpotStatistics.of(groups, (False, bool((first != last).any())))
 
 
 def _pattern_scale(design: Platform) -> float:
@@ -84,147 +78,20 @@ def _pattern_scale(design: Platform) -> float:
 
 @dataclass(frozen=True)
 class OnTheGround:
-    """What an error of the misalignment costs on the ground, from the satellite's altitude.
-
-    Parameters
-    ----------
-    altitude : float
-        In metres.
-    first : int
-        Column of the angle about X; that about Y follows.
-    """
+    """What an error of the misalignment costs on the ground, from an altitude in metres."""
 
     altitude: float
-    first: int = 3
 
     def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
-        """Errors about the posterior mean: pointing in arcsec, position in metres."""
-        angles = parameters[:, self.first : self.first + 2]
+        """Errors about the posterior mean, both axes together; and were the angles ignored."""
+        angles = parameters[:, 3:5]
         error = np.hypot(*(angles - angles.mean(axis=0)).T)
-        metres = ground_error(self.altitude, error)
-        shift = ground_error(self.altitude, np.hypot(*angles.T))
+        metres, shift = (ground_error(self.altitude, one) for one in (error, np.hypot(*angles.T)))
         return {
-            "pointing error": Consequence(
-                error * ARCSEC_PER_RADIAN, "arcsec", "boresight, both axes together"
-            ),
-            "position error": Consequence(metres, "m", "on the ground, misalignment corrected"),
-            "position error uncorrected": Consequence(
-                shift, "m", "if the misalignment were ignored"
-            ),
+            "pointing error": Consequence(error * ARCSEC_PER_RADIAN, "arcsec"),
+            "position error": Consequence(metres, "m"),
+            "position error uncorrected": Consequence(shift, "m"),
         }
-
-
-@dataclass(frozen=True, eq=False)
-class StageTest:
-    """What bias, noise and a focal length other than the nominal one cost, after Table V.
-
-    Parameters
-    ----------
-    altitude : float
-        In metres.
-    motion : ndarray, shape (2,)
-        Of the stage in its last state, in metres.
-    nominal : float
-        Nominal focal length of the camera, in metres.
-    """
-
-    altitude: float
-    motion: FloatArray
-    nominal: float
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
-        """Error of one monitored state, and of the last state's angle with the nominal length."""
-        noise, bias = parameters[:, 1], parameters[:, 2:4]
-        # Rms over repeats of the noise about both axes; the bias stays.
-        error = np.sqrt(np.square(bias).sum(axis=1) + 2 * noise**2)
-        motions = np.broadcast_to(self.motion, (len(parameters), 2))
-        true = stage_angles(motions, parameters[:, 0])
-        believed = stage_angles(motions, np.full(len(parameters), self.nominal))
-        wrong = np.linalg.norm(believed - true, axis=-1)
-        return {
-            "pointing error": Consequence(
-                error * ARCSEC_PER_RADIAN, "arcsec", "one state, rms, both axes"
-            ),
-            "position error": Consequence(ground_error(self.altitude, error), "m", "on the ground"),
-            "last state, nominal focal length": Consequence(
-                wrong * ARCSEC_PER_RADIAN,
-                "arcsec",
-                "error of its angle, were the focal length nominal",
-            ),
-        }
-
-
-@dataclass(frozen=True)
-class Averaged:
-    """Errors of averages over some numbers of frames.
-
-    Parameters
-    ----------
-    columns : tuple of str
-        Whose white noise and floor the parameters are.
-    counts : tuple of int
-        Frames.
-    altitude : float
-        In metres.
-    """
-
-    columns: tuple[str, ...]
-    counts: tuple[int, ...]
-    altitude: float
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
-        """Three-sigma errors, as the table prints them: in arcsec, and in metres on the ground."""
-        found = {}
-        for i, column in enumerate(self.columns):
-            white, floor = parameters[:, 2 * i : 2 * i + 2].T
-            for count in self.counts:
-                error = SIGMAS * averaged_error(count, white, floor)
-                name = f"{column}, error of {count} frame{'s' if count > 1 else ''}"
-                found[name] = Consequence(error * ARCSEC_PER_RADIAN, "arcsec", "three sigma")
-                found[f"{name}, position"] = Consequence(
-                    ground_error(self.altitude, error), "m", "three sigma, on the ground"
-                )
-        return found
-
-
-SATELLITE = "chen2023/table-1"
-AVERAGES = "chen2023/table-4"
-STAGE = "chen2023/table-5"
-FRAMES = "chen2023/text-accuracy#frames"
-GROUND = tuple(
-    f"{SATELLITE}#panchromatic-{what}.value"
-    for what in ("focal-length", "pixel-size", "ground-resolution")
-)
-READS = (*_SPOT_READS, FRAMES, *GROUND)
-STAGE_READS = (
-    *(f"{STAGE}#*.{what}" for what in ("position-?", "reference-?", "monitoring-?")),
-    TELESCOPE,
-    *GROUND,
-)
-# Columns of Table IV.
-COLUMNS = ("transform-x", "transform-y", "misalignment-x", "misalignment-y")
-AVERAGE_READS = (*(f"{AVERAGES}#*.{column}" for column in ("frames", *COLUMNS)), FRAMES, *GROUND)
-# Scales of the floor's prior, over ours.
-FLOORS = (0.25, 1.0, 4.0)
-# Frames whose errors are predicted: one, the most of the table, and as many as it never tried.
-SHOWN_COUNTS = (1, 100, 1000)
-# Why a model takes no file.
-PRINTED_TABLE = "its data are a printed table; for spots of your own take misalignment"
-# The misalignment of the simulation: as large as the text expects on orbit, with a roll.
-TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
-DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
-
-
-def _ground(given: Given, first: int = 3) -> OnTheGround:
-    altitude = float(altitude_for_resolution(*(given[address] for address in GROUND)))
-    return OnTheGround(altitude, first)
-
-
-def _still(given: Given) -> SpotStatistics:
-    """A calibration group, and a group after a constant turn."""
-    zero = np.zeros(3)
-    spots = _simulated_images(given, [(zero, zero), (TRUTH, TRUTH)], given.count(FRAMES), 0)
-    return SpotStatistics.of(spots, (False, False))
 
 
 def _truth(given: Given, drift: bool = False) -> dict[str, float]:
@@ -234,172 +101,52 @@ def _truth(given: Given, drift: bool = False) -> dict[str, float]:
             for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
 
 
-def misalignment(given: Given) -> Model:
-    """A constant misalignment after a calibration group."""
-    return misalignment_model(as_designed(given), _still(given), derived=_ground(given))
+def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
+    """A misalignment after a calibration group, constant or drifting through its own group."""
+    zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
+    drifts = drift is not None
+    spots = _simulated_images(given, [(zero, zero), (TRUTH - half, TRUTH + half)], int(drifts))
+    ground = OnTheGround(satellite.altitude(given))
+    return misalignment_model(as_designed(given), spots, drifts=drifts, derived=ground)
 
 
 def drift(given: Given) -> Model:
     """A misalignment that drifts through the monitoring group."""
-    zero = np.zeros(3)
-    turns = [(zero, zero), (TRUTH - DRIFT / 2, TRUTH + DRIFT / 2)]
-    spots = _simulated_images(given, turns, given.count(FRAMES), 1)
-    statistics = SpotStatistics.of(spots, (False, True))
-    return misalignment_model(as_designed(given), statistics, drifts=True, derived=_ground(given))
+    return misalignment(given, DRIFT)
 
 
-def stage_positions(given: Given) -> FloatArray:
-    """Printed positions of the stage, shape (states, 2), in metres."""
-    return np.stack([given.array(f"{STAGE}#*.position-{a}") for a in "xy"], axis=-1)
+def _beside(given: Given, model: Model) -> dict[str, Aside]:
+    """The misalignment with the direction of every laser free, and Table III under one noise.
 
-
-def _last_motion(given: Given) -> FloatArray:
-    """Motion of the stage in its last state, shape (2,), in metres."""
-    positions = stage_positions(given)
-    return np.asarray(positions[-1] - positions[0])
-
-
-def frame_averaging(given: Given) -> Model:
-    """White noise and floor of every column of Table IV."""
-    counts = tuple(int(n) for n in given.array(f"{AVERAGES}#*.frames"))
-    printed = np.stack([given.array(f"{AVERAGES}#*.{column}") for column in COLUMNS]) / SIGMAS
-    half = given.half_unit(f"{AVERAGES}#{counts[0]}.{COLUMNS[0]}") / SIGMAS
-    likelihood = AveragingLikelihood(counts, printed, half, given.count(FRAMES), COLUMNS)
-    consequences = Averaged(COLUMNS, SHOWN_COUNTS, _ground(given).altitude)
-    return averaging_model(likelihood, derived=consequences)
-
-
-def _floor_prior(model: Model) -> HalfNormal:
-    prior = model.parameters[1].prior
-    if not isinstance(prior, HalfNormal):
-        raise TypeError(f"floor: expected a half-normal prior, got {prior}")
-    return prior
-
-
-def under_floors(model: Model) -> list[Summed]:
-    """Sum one column of Table IV under every prior of the floor, in the order of `FLOORS`."""
-    white, floor = model.parameters
-    prior = _floor_prior(model)
-    under = [
-        replace(
-            model, parameters=(white, replace(floor, prior=replace(prior, sigma=f * prior.sigma)))
-        )
-        for f in FLOORS
-    ]
-    # The widest prior reaches furthest; the others only weigh its nodes otherwise.
-    wide = summed(under[-1])
-    return [replace(wide, model=one) for one in under]
-
-
-def _reference_angles(given: Given) -> ReferenceAngles:
-    """Positions and reference angles of Table V, in the blocks of print."""
-    angles = np.stack([given.array(f"{STAGE}#*.reference-{a}") for a in "yx"], axis=-1)
-    return ReferenceAngles(
-        stage_positions(given),
-        angles,
-        given.half_unit(f"{STAGE}#2.position-x"),
-        given.half_unit(f"{STAGE}#2.reference-y"),
-    )
-
-
-def table_5(given: Given) -> Model:
-    """Focal length, bias and noise from Table V."""
-    monitored = np.stack([given.array(f"{STAGE}#*.monitoring-{a}") for a in "yx"], axis=-1)
-    nominal = given[TELESCOPE]
-    model = table_model(StageTableLikelihood(_reference_angles(given), monitored), nominal)
-    consequences = StageTest(_ground(given).altitude, _last_motion(given), nominal)
-    return replace(model, derived=consequences)
-
-
-def _with_free_lasers(model: Model) -> dict[str, Aside]:
-    """How well the misalignment were known with the direction of every laser free."""
+    How many of its numbers lie further out than the furthest of as many does in 95 % of repeats.
+    """
     likelihood = model.likelihood_of(SpotLikelihood)
     errors = errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
-    names = (f"angle-{axis}-sd-lasers-free" for axis in "xyz")
-    return {name: Aside(float(e), 0.0, "arcsec") for name, e in zip(names, errors, strict=True)}
-
-
-_MOVED = (2, 3, 4, 5)
-# Of the angles about Y and about X, against the right hand.
-# Rows of print, and the two blocks of the table: motion along X, then along Y.
-_MONITORED = tuple(f"{STAGE}#{state}.monitoring-{axis}" for state in _MOVED for axis in "yx")
-_REFERENCE = tuple(f"{STAGE}#{state}.reference-{axis}" for state in _MOVED for axis in "yx")
-_SCATTERED = tuple(f"{SCATTER}#{g}-{i}.{a}" for g in (1, 2) for i in range(1, 5) for a in "xy")
-
-
-def _published_scatter(given: Given, model: Model) -> Published:
-    """Table III: the scatter of every spot, as the noise of the model would leave it."""
-    note = (
-        "The noise of the simulation is the rms of these very numbers, so their size proves "
-        "nothing; that some lie outside tells against one noise for all spots."
-    )
-    freedom = given.count(FRAMES) - 1
-    noise = model.names.index("noise")
-
-    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
-        squares = generator.chisquare(freedom, (len(parameters), len(_SCATTERED))) / freedom
-        return np.asarray(SIGMAS * parameters[:, noise, None] * np.sqrt(squares))
-
-    return published_cells(given, _SCATTERED, repeat, note=note)
-
-
-def _published_averaged(given: Given, model: Model) -> Published:
-    """Table IV, which is the data of the model; its likelihood gives all digits at once."""
-    likelihood = model.likelihood_of(AveragingLikelihood)
-    addresses = [f"{AVERAGES}#{n}.{column}" for column in likelihood.names
-                 for n in likelihood.counts]  # fmt: skip
-
-    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
-        tables = simulated(model, parameters, generator)
-        return SIGMAS * tables.reshape(len(tables), -1)
-
-    return published_cells(given, addresses, repeat, whole=model.log_likelihood, note=OWN_DATA)
-
-
-def _published_stage_table(given: Given, model: Model) -> Published:
-    """Reference and monitored angles of Table V, which are the data of the model."""
-    likelihood = model.likelihood_of(StageTableLikelihood)
-
-    return published_cells(
-        given, (*_REFERENCE, *_MONITORED), _both(model), whole=likelihood.log_same, note=OWN_DATA
-    )
-
-
-def _both(model: Model) -> Callable[[FloatArray, Generator], FloatArray]:
-    """Repeats of a model whose data are two arrays, both of which are printed."""
-
-    def repeat(parameters: FloatArray, generator: Generator) -> FloatArray:
-        pairs = [model.repeat(one, generator) for one in parameters]
-        return np.stack([np.concatenate([part.ravel() for part in pair]) for pair in pairs])
-
-    return repeat
-
-
-# A prior this many times as wide as what the data show is hardly felt, yet proper.
-_GENEROUS = 20.0
-# Of the residual of least squares: ends of the noise, as good as none.
-_NOISE = (1e-6, 1e3)
-# Images of a group that tell its scatter.
-_LEAST = 3
+    found = {
+        f"angle-{axis}-sd-lasers-free": Aside(float(error), unit="arcsec")
+        for axis, error in zip(AXES, errors, strict=True)
+    }
+    printed, freedom = given.array(SCATTER) / SIGMAS, given.count(FRAMES) - 1
+    noise = likelihood.start()[0][-1]
+    below = gammainc(freedom / 2, freedom / 2 * (printed / noise) ** 2)  # of chi-squared
+    outside = 2 * np.minimum(below, 1 - below) < 0.05 / len(printed)
+    return found | {"outside": Aside(int(outside.sum())), "printed-count": Aside(len(printed))}
 
 
 def _users_model(
-    table: Table, pivot: object, drifts: bool, design: Platform | None = None
-) -> Model:
-    """A misalignment, constant or drifting through group 1, on the paper's platform or another."""
-    instrument, images, _ = _measured(table, drifts, design)
+    table: Table, pivot: Pivot, design: Platform | None, drifts: bool
+) -> tuple[Model, list[str]]:
+    """A misalignment, constant or drifting through group 1, on the paper's platform or another.
+
+    With it what a user should hear of the spots, as `reproduce.misalignment` says it.
+    """
+    instrument, images, remarks = _measured(table, drifts, design)
     priors = _priors(instrument, images)
     if drifts:
         priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
     statistics = SpotStatistics.of(images, (False, drifts))
-    return _noisy(misalignment_model(instrument, statistics, drifts=drifts, priors=priors))
-
-
-def _users_remarks(
-    table: Table, pivot: object, drifts: bool, design: Platform | None = None
-) -> list[str]:
-    """What a user should hear of the spots, as `reproduce.misalignment` says it."""
-    return _measured(table, drifts, design)[2]
+    model = misalignment_model(instrument, statistics, drifts=drifts, priors=priors)
+    return _noisy(model), remarks
 
 
 def _measured(
@@ -463,7 +210,6 @@ _CONSTANT_FILE, _DRIFT_FILE = (
         spot_files.COLUMNS,
         _SPOT_LINES,
         partial(_users_model, drifts=drifts),
-        partial(_users_remarks, drifts=drifts),
         optional=spot_files.FRAMES,
         platform=True,
     )
@@ -474,20 +220,10 @@ _CONSTANT_FILE, _DRIFT_FILE = (
 POSTERIORS = (
     Declaration(
         "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
-        _CONSTANT_FILE, _truth, _published_scatter, asides=_with_free_lasers,
+        _CONSTANT_FILE, _truth, _beside,
     ),
     Declaration(
         "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
-        _DRIFT_FILE, partial(_truth, drift=True), _published_scatter, steps=330,
-    ),
-    Declaration(
-        "frame-averaging", "White noise of one frame and the floor that averaging leaves",
-        "chen2023", AVERAGE_READS, frame_averaging, PRINTED_TABLE,
-        published=_published_averaged, steps=650, walkers=120,
-    ),
-    Declaration(
-        "table-5", "Effective focal length, angle bias and noise from the stage test", "chen2023",
-        STAGE_READS, table_5, PRINTED_TABLE, published=_published_stage_table,
-        steps=450, walkers=80,
+        _DRIFT_FILE, partial(_truth, drift=True), steps=330,
     ),
 )  # fmt: skip

@@ -15,26 +15,22 @@ from scipy.special import chndtrix, gammaincinv
 
 from reproduce.inference import Normal, Sampled
 from reproduce.inference.models import (
+    TRANSFORM,
+    GaussianRegistration,
     distortion_model,
     registration_model,
     registration_posterior,
-    true_places,
 )
-from reproduce.inference.quadrature import summed
 from reproduce.papers.declare import Fact, studied
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.posteriors import (
-    ESTIMATES,
-    Registration,
-    centroid_noise,
     centroids,
     pivot,
     pixel_angle,
-    registration_of,
     true_centroids,
     truth,
 )
-from reproduce.papers.niu2024.simulation import NOISE, RESULTS
+from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
@@ -45,8 +41,6 @@ if TYPE_CHECKING:
 
 ENDS = (0.025, 0.5, 0.975)
 READS = simulation.READS
-_WHOLE = (simulation.TRUTH, RESULTS)
-_ERROR_READS = (*(one for one in READS if not one.startswith(_WHOLE)), *_WHOLE)
 COUNT = f"{simulation.SETTINGS}#angle-count"
 MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
 _COUNTS = (10, 20, 50, 100, 200, 500, 1000)
@@ -81,7 +75,7 @@ class _Design:
         return np.asarray(self.edge @ self.covariance(count) @ self.edge.T)
 
 
-def _outermost(likelihood: Registration) -> int:
+def _outermost(likelihood: GaussianRegistration) -> int:
     return int(np.hypot(*(likelihood.source - likelihood.pivot).T).argmax())
 
 
@@ -89,15 +83,15 @@ def _outermost(likelihood: Registration) -> int:
 def designs(door: Given) -> dict[str, _Design]:
     """Return the printed design under both models of the transform."""
     green, red, _ = true_centroids(door)
-    plain, true = registration_model(red, green, pivot(door, "red")), truth(door, ("red",))
+    plain, true = registration_model(red, green, pivot(door, "red")), truth(door)
     found = {}
     for name, model in zip(MODELS, (plain, distortion_model(plain)), strict=True):
-        likelihood = registration_of(model)
+        likelihood = model.likelihood_of(GaussianRegistration)
         extra = model.parameters[5:]
-        centre = np.array([*(true[one] for one in (*ESTIMATES, "noise")), *[0.0] * len(extra)])
+        centre = np.array([*(true[one] for one in (*TRANSFORM, "noise")), *[0.0] * len(extra)])
         free = np.delete(np.arange(len(centre)), 4)
         steps = np.diag(np.insert(_STEPS, 4, 0.0)[: len(centre)])[free]
-        ahead, behind = (true_places(likelihood, centre + sign * steps) for sign in (1, -1))
+        ahead, behind = (likelihood.places(centre + sign * steps) for sign in (1, -1))
         response = (ahead - behind) / (2 * _STEPS[: len(free), None, None])
         sigmas = [p.prior.sigma for p in extra if isinstance(p.prior, Normal)]
         flat = np.moveaxis(response, 0, -1).reshape(-1, len(free))
@@ -128,9 +122,9 @@ def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
 
 def sampled_edge(found: Sampled, off: FloatArray) -> FloatArray:
     """The same from the draws of a registration, off by (2,) in the mean, shape (3,), in px."""
-    likelihood = registration_of(found.model)
+    likelihood = found.model.likelihood_of(GaussianRegistration)
     outermost = _outermost(likelihood)
-    places = true_places(likelihood.elsewhere(likelihood.source[[outermost]]), found.draws)[:, 0]
+    places = likelihood.elsewhere(likelihood.source[[outermost]]).places(found.draws)[:, 0]
     return np.asarray(np.quantile(np.hypot(*(places - places.mean(axis=0) + off).T), ENDS))
 
 
@@ -198,7 +192,7 @@ def _as_words(count: float) -> str:
     return f"not even {_MOST:,.0f} stars are" if np.isinf(count) else f"{count:.0f} stars are"
 
 
-@studied("niu2024/instrument-errors", given=_ERROR_READS)
+@studied("niu2024/instrument-errors", given=READS)
 def _errors(door: Given) -> pd.DataFrame:
     """Every error of a registered star, and how well it is known."""
     green, red, _ = centroids(door)
@@ -209,17 +203,14 @@ def _errors(door: Given) -> pd.DataFrame:
     design, free = designs(door).values()
     scale = float(np.hypot(*exact.mean[:2]))
     # Errors of a calibration are in proportion to the noise.
-    relative, all_stars = noise / truth(door, ("red",))["noise"], np.array([design.count])
+    relative, all_stars = noise / truth(door)["noise"], np.array([design.count])
     radius = float(np.hypot(*(red - middle).T).max())
     spread, wide = (np.sqrt(np.diagonal(one.covariance(all_stars)[0])) for one in (design, free))
     together, apart = (
         float(np.sqrt(np.trace(one.at_edge(all_stars)[0]) / 2)) for one in (design, free)
     )
-    of_table = summed(centroid_noise(door))
     left = float(np.sqrt(np.mean(left_out(door) ** 2)))
     rows = {
-        ("Centroid noise, if it made Table 3", "Table 3"):
-            of_table.quantiles(of_table.points[:, 0], ENDS),
         ("Centroid noise, one image", "simulated"): noise / np.hypot(1, scale),
         ("Scale, at the edge", "simulated"): spread[0] * radius * relative,
         ("Rotation, at the edge", "simulated"): scale * spread[1] * radius * relative,

@@ -37,13 +37,11 @@ if TYPE_CHECKING:
         PredictiveCheck,
         Prior,
         Progress,
-        Repeat,
         Sampled,
-        Share,
         Summary,
     )
     from reproduce.inference.sampling import Plan
-    from reproduce.papers.declare_posterior import Declaration, Supplied
+    from reproduce.papers.posteriors import Declaration, Supplied
     from reproduce.physics.attitude import Platform
     from reproduce.views.writing.figures import Picture
 
@@ -74,16 +72,6 @@ def book_posterior(name: str) -> Sampled:
     return computed.once(f"posterior-{name}", Sampled, sampled)
 
 
-def book_repeats(name: str) -> tuple[list[Repeat], Share, str] | None:
-    """Return the printed numbers among those of repeats, as declared; simulated once in a build."""
-    from reproduce.papers.posteriors import posteriors
-
-    declared = posteriors()[name]
-    kept = computed.once(f"repeats-{name}", list, lambda: [declared.repeats(book_posterior(name))])
-    repeated: tuple[list[Repeat], Share, str] | None = kept[0]
-    return repeated
-
-
 class Posterior(Shown):
     """A posterior of the book, or the same model on a reader's data. Sampled when looked at.
 
@@ -97,7 +85,7 @@ class Posterior(Shown):
         Principal point of these data, in px.
     priors : mapping, optional
         Name of a parameter to its lowest and highest value in the unit shown, between which the
-        prior is even, or to a prior of `reproduce.inference.priors`.
+        prior is even, or to a prior of `reproduce.inference`.
     platform : Platform or path, optional
         Lights and tracker of the spots of these data.
     data_seed : int, optional
@@ -201,10 +189,9 @@ class Posterior(Shown):
     def sample(
         self,
         executor: Executor | None = None,
-        folder: Path | None = None,
         progress: Progress | None = None,
     ) -> Sampled:
-        """Sample now: on an executor, with its chains kept in a folder and continued from there.
+        """Sample now, on an executor if one is given.
 
         Where no number of steps was asked for, chains that are too short are run again, longer.
         """
@@ -212,7 +199,7 @@ class Posterior(Shown):
 
         self.sampled = sampling.sample(
             self.model, self.plan, longer="steps" not in self.settings,
-            executor=executor, folder=folder, progress=progress,
+            executor=executor, progress=progress,
         )  # fmt: skip
         return self.sampled
 
@@ -635,10 +622,10 @@ def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
     """Return a reader's prior; two ends are in the unit shown."""
     if not isinstance(prior, tuple | list):
         return prior
-    from reproduce.inference import HalfNormal, LogNormal, LogUniform, Uniform
+    from reproduce.inference import LogUniform, Uniform
 
     low, high = prior
-    if low < 0 and isinstance(parameter.prior, HalfNormal | LogNormal | LogUniform):
+    if low < 0 and isinstance(parameter.prior, LogUniform):
         raise ValueError(f"prior of {parameter.name}: expected zero or more, got {low:g}")
     if not low < high:
         raise ValueError(

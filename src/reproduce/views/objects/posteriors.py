@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from reproduce.inference import Gates, Share, Summary
+from reproduce.inference import Gates, Summary
 from reproduce.papers.declare import words
 from reproduce.papers.niu2024 import decisions
 from reproduce.papers.niu2024.posteriors import pixel_angle
@@ -56,34 +56,7 @@ def _channel(channel: str) -> list[Said]:
     ]  # fmt: skip
 
 
-def _frames(count: int) -> str:
-    return f"{count} frame{'s' if count > 1 else ''}"
-
-
 _STATED_NOISE = "niu2024/text-simulation#noise"
-PRINTED = (
-    Said(
-        "Centroid noise, if one made all errors of Table 3",
-        "centroid-noise",
-        "noise",
-        _STATED_NOISE,
-    ),
-    *(
-        Said(f"Misalignment about {axis.upper()}, {_frames(count)}, 3σ",
-             "frame-averaging", f"misalignment-{axis}, error of {_frames(count)}",
-             f"chen2023/table-4#{count}.misalignment-{axis}")
-        for count in (1, 100) for axis in "xy"
-    ),
-    Said("Floor that averaging leaves, about X, 1σ", "frame-averaging", "misalignment-x-floor"),
-    Said("Floor that averaging leaves, about Y, 1σ", "frame-averaging", "misalignment-y-floor"),
-    Said("Focal length behind Table V", "table-5", "focal-length",
-         "chen2023/table-2#telescope-focal-length.value"),
-    Said("Noise of a monitored angle", "table-5", "noise"),
-    Said("Bias about X", "table-5", "bias-x"),
-    Said("Bias about Y", "table-5", "bias-y"),
-    Said("Error of a monitored state, both axes", "table-5", "pointing error"),
-    Said("The same on the ground", "table-5", "position error"),
-)  # fmt: skip
 SIMULATED = (
     *_channel("red"),
     *_channel("blue"),
@@ -101,7 +74,7 @@ class Posteriors(Display):
 
     def blocks(self) -> Iterator[Block]:
         """Yield one table of all."""
-        rows = [summarised(one) for one in (*PRINTED, *SIMULATED)]
+        rows = [summarised(one) for one in SIMULATED]
         head = ("Quantity", "Data", "Printed", "Posterior, mean ± sd", "95 % interval",
                 "Truth of our simulation", "Verdict of the print")  # fmt: skip
         yield Grid(words("posteriors/all").caption, head, rows, "posteriors")
@@ -118,7 +91,7 @@ class Posteriors(Display):
 
     def intervals(self) -> Html:
         """Draw the interval of every quantity that is printed or was simulated by us."""
-        rows = [bar for one in (*PRINTED, *SIMULATED) if (bar := _bar(one))]
+        rows = [bar for one in SIMULATED if (bar := _bar(one))]
         text = words("posteriors/intervals").figure
         source = text_of(figures.bars)
         return pictured(figures.bars(rows), text.alternative, text.caption, source)
@@ -217,7 +190,7 @@ def _trusted(name: Any, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
         f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}",
         f"{least['replicates']:,}", str(least["failed"]), str(len(stored)),
         digits(least["even"], least["even_error"]), f"{wide.min():.1f} to {wide.max():.1f} %",
-        *(percent(Share.counted(least[column], trials)) for column in NARROW.values()),
+        *(percent(least[column], trials) for column in NARROW.values()),
     )  # fmt: skip
 
 

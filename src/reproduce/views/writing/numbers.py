@@ -7,11 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from reproduce.inference import Share
     from reproduce.papers.declare import Column, Fact
-
-# Below this a probability is written with its power of ten.
-SMALL = 1e-3
 
 _EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
 _SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -184,40 +180,16 @@ def digits(value: float, mcse: float) -> str:
     return f"{round(value, decimals):z.0f}"
 
 
-def percent(share: Share) -> str:
-    """Write a share with its error.
+def percent(share: float, count: int) -> str:
+    """Write a share of so many simulations with its binomial error.
 
     Examples
     --------
-    >>> from reproduce.inference.checks import Share
-    >>> percent(Share(0.948, 0.007, 1000))
+    >>> percent(0.948, 1000)
     '94.8 ± 0.7 %'
     """
-    return f"{100 * share.value:.1f} ± {100 * share.error:.1f} %"
-
-
-def shared(share: Share) -> str:
-    """Write a probability with its Monte Carlo standard error, or the bound that none seen sets.
-
-    Examples
-    --------
-    >>> from reproduce.inference.checks import Share
-    >>> shared(Share(0.03775, 0.003, 4000)), shared(Share(0.0, 0.00025, 4000))
-    ('0.04 ± 0.003', '< 0.0008')
-    >>> shared(Share(0.0, 0.00025, 4000, sides=2))
-    '< 0.002'
-    >>> shared(Share(0.002, 0.0009, 4000))
-    '0.002 ± 0.0009'
-    """
-    if share.value == 0:
-        return f"< {share.bound:.1g}"
-    if share.value >= SMALL:
-        text = digits(share.value, share.error)
-        # Nearly all error: one digit still says more than a zero.
-        text = text if float(text) else f"{share.value:.1g}"
-        return f"{text} ± {share.error:.1g}"
-    kept = math.floor(math.log10(share.value)) - math.ceil(math.log10(2 * share.error))
-    return f"{share.value:.{max(kept, 0)}e} ± {share.error:.0e}"
+    error = math.sqrt(max(share * (1 - share), 1 / count) / count)
+    return f"{100 * share:.1f} ± {100 * error:.1f} %"
 
 
 def moments(mean: float, deviation: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.inference.models import registration_model
-from reproduce.papers.declare_posterior import Declaration
+from reproduce.papers.posteriors import Declaration
 
 READS = ("lamp2025/table-1#focal-length.*",)
 

@@ -1,0 +1,15 @@
+"""Monte Carlo standard errors of what tests compare, of chains (ensembles, steps, walkers)."""
+
+import numpy as np
+
+from reproduce.inference.diagnostics import effective_size
+
+
+def mcse_mean(chains):
+    """Standard error of the mean."""
+    return float(chains.std() / np.sqrt(effective_size(chains)))
+
+
+def mcse_deviation(chains):
+    """Standard error of the standard deviation."""
+    return mcse_mean(np.square(chains - chains.mean())) / (2 * chains.std())
