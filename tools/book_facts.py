@@ -36,6 +36,7 @@ from reproduce.views.writing import numbers, verdicts
 from reproduce.views.writing.export import export, signed, table_files
 
 if TYPE_CHECKING:
+    from reproduce.inference import Repeat, Share
     from reproduce.papers.declare_posterior import Aside
 
 
@@ -123,12 +124,7 @@ def _of_posterior(name: str) -> dict[str, str]:
     """
     from reproduce.inference import posterior_checks
     from reproduce.papers.posteriors import posteriors
-    from reproduce.views.objects.posterior import (
-        Posterior,
-        book_posterior,
-        book_repeats,
-        spread,
-    )
+    from reproduce.views.objects.posterior import Posterior, book_posterior, spread
 
     declared, found, texts = posteriors()[name], book_posterior(name), {}
     for row in found.summaries():
@@ -149,6 +145,17 @@ def _of_posterior(name: str) -> dict[str, str]:
         outside = sum(row.tail.value < 0.05 / len(rows) for row in rows)
         texts |= {"outside": str(outside), "printed-count": str(len(rows))}
     return texts
+
+
+def book_repeats(name: str) -> tuple[list[Repeat], Share, str] | None:
+    """Return the printed numbers among those of repeats, as declared; simulated once in a build."""
+    from reproduce.papers.posteriors import posteriors
+    from reproduce.views.objects.posterior import book_posterior
+
+    declared = posteriors()[name]
+    kept = computed.once(f"repeats-{name}", list, lambda: [declared.repeats(book_posterior(name))])
+    repeated: tuple[list[Repeat], Share, str] | None = kept[0]
+    return repeated
 
 
 def _label(name: str) -> str:

@@ -229,13 +229,6 @@ def test_the_table_of_the_book_is_that_of_the_stored_ranks():
     pd.testing.assert_frame_equal(stored.table(), studies.table(stored.NAME), rtol=1e-9)
 
 
-def test_the_least_even_quantity_is_the_one_that_the_page_of_diagnostics_names():
-    table = studies.table(stored.NAME)
-    least = table.loc[table["even"].idxmin()]
-    assert least["posterior"] == "table-5"
-    assert least["quantity"] == "log-reference-scatter"
-
-
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_every_model_has_its_line_in_the_table_of_its_paper(paper):
     shown = rp.posterior().diagnostics(paper)._repr_html_()

@@ -39,4 +39,5 @@ DRAWINGS = {
     "niu2024/drawing-distributions": "readings",
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
+    "niu2024/drawing-stars": "decisions",
 }
