@@ -486,7 +486,7 @@ def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
     assert draws["rotation (deg)"].mean() == pytest.approx(
         own.frame().loc["rotation", "mean"], abs=0.1 * own.frame().loc["rotation", "deviation"]
     )
-    with pytest.raises(ValueError, match=r"unknown ending '.npz': expected .nc or .csv"):
+    with pytest.raises(ValueError, match=r"unknown ending '.npz': expected .csv or .nc"):
         own.save(tmp_path / "p.npz")
 
 

@@ -7,7 +7,6 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -298,9 +297,10 @@ def posterior(
         return
     if model is None:
         raise click.UsageError("name a model, or use --list to see them all")
-    _check_out(out)
     ends = {name: _ends(name, text) for name, text in _pairs("--prior", _ENDS, priors).items()}
     wanted = front.posterior(model, priors=ends, **asked)
+    if out:
+        wanted.check_file(out)
     with _bar("sampling", wanted.plan.ensembles) as progress:
         wanted.sample(progress=progress)
     _show(as_json, wanted.record, wanted.print)
@@ -316,13 +316,3 @@ def _ends(name: str, text: str) -> tuple[float, float]:
         told = f"--prior {name}={text}: expected {_ENDS}, such as noise=0.01,1"
         raise click.UsageError(told) from error
     return low, high
-
-
-def _check_out(out: Path | None) -> None:
-    """Refuse before the sampling what could not be written after it."""
-    if out and not out.parent.is_dir():
-        raise click.UsageError(f"--out: cannot write {out}: no folder {out.parent}")
-    if out and out.suffix not in (".csv", ".nc"):
-        raise click.UsageError(f"--out: unknown ending {out.suffix!r}: expected .csv or .nc")
-    if out and out.suffix == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
-        raise click.UsageError("--out: an .nc file needs the extra reproduce-pointing[netcdf]")

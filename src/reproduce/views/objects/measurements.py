@@ -42,12 +42,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FloatArray = NDArray[np.float64]
-# Decimals of a fit without an error; further ones are rounding.
-ROUNDING = 12
 LEVEL = 0.95
 ENDS = ("low (95 %)", "high (95 %)")
-# What a table may say of each star beside its places: standard deviations in px, a weight.
-SIDES = ("sigma", "sigma_x", "sigma_y", "weight")
 
 
 class Remade(Display):
@@ -196,7 +192,8 @@ class Registered(_Measured):
         rows = [
             (name, unit, moments(value, error), f"{between(low, error)} to {between(high, error)}")
             if 0 < error < np.inf
-            else (name, unit, f"{round(value, ROUNDING):z.10g}", "")
+            # Of a fit without an error further decimals are rounding.
+            else (name, unit, f"{round(value, 12):z.10g}", "")
             for name, unit, value, error, low, high in self.frame().itertuples()
         ]
         heads = ("parameter", "unit", "value ± standard deviation", "95 % interval")
@@ -208,7 +205,7 @@ def _stars(
 ) -> tuple[Table, dict[str, Any]]:
     """Read both images, and turn columns of sigma and weight into settings of the fit."""
     if is_table(source) and target is None:
-        table = read_table(source, STARS, SIDES)
+        table = read_table(source, STARS, ("sigma", "sigma_x", "sigma_y", "weight"))
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
         raise ValueError("target: expected nothing beside a file, which holds both images")

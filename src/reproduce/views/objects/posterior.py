@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from functools import cache, cached_property
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from textwrap import dedent
 from typing import Any, Self
@@ -52,8 +53,6 @@ _FAR = 8.0
 _SHOWN, _CERTAIN = 5, 0.99
 # How precise a summary is: numbers of it, and how they are written.
 _PRECISION = {"mcse": ".1g", "rhat": ".3f", "bulk": ".0f", "tail": ".0f"}
-# Files that `save` writes.
-ENDINGS = (".nc", ".csv")
 
 
 @cache
@@ -314,11 +313,10 @@ class Posterior(Remade):
         Raises
         ------
         ValueError
-            If the ending is another one.
+            If the ending is another one, or there is no such folder.
         """
         path = Path(path)
-        if path.suffix not in ENDINGS:
-            raise ValueError(f"unknown ending {path.suffix!r}: expected {' or '.join(ENDINGS)}")
+        self.check_file(path)
         if path.suffix == ".csv":
             self.draws.to_csv(path, index=False)
             return path
@@ -327,6 +325,16 @@ class Posterior(Remade):
         tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts}
         tree.to_netcdf(path)
         return path
+
+    @staticmethod
+    def check_file(path: Path) -> None:
+        """Refuse, before the sampling, what could not be written after it."""
+        if path.suffix not in (".csv", ".nc"):
+            raise ValueError(f"unknown ending {path.suffix!r}: expected .csv or .nc")
+        if not path.parent.is_dir():
+            raise ValueError(f"cannot write {path}: no folder {path.parent}")
+        if path.suffix == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
+            raise ValueError("an .nc file needs the extra reproduce-pointing[netcdf]")
 
     def cite(self, form: str = "bibtex") -> str:
         """Return how to cite the paper that it rests on: bibtex, csl or text."""
