@@ -5,12 +5,12 @@ import pytest
 from scipy import stats
 
 import reproduce as rp
-from reproduce.inference.models import small_angle_posterior
+from reproduce.inference.models import small_angle_posterior, true_places
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.niu2024 import decisions as sensor
-from reproduce.papers.niu2024.posteriors import true_centroids
+from reproduce.papers.niu2024.posteriors import registration_of, true_centroids
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.ground import circular_error
@@ -201,7 +201,12 @@ def test_emcee_finds_the_same_at_the_edge():
     shown = studies()["niu2024/instrument-errors"]().set_index("Error")["median (px)"]
     ratio = shown["Centroid noise, one image"] / 0.05
     for name, key in sensor.MODELS.items():
-        sampled = sensor.sampled_edge(book_posterior(key), np.zeros(2))
+        found = book_posterior(key)
+        likelihood = registration_of(found.model)
+        outermost = np.hypot(*(likelihood.source - likelihood.pivot).T).argmax()
+        star = likelihood.elsewhere(likelihood.source[[outermost]])
+        places = true_places(star, found.draws)[:, 0]
+        sampled = np.quantile(np.hypot(*(places - places.mean(axis=0)).T), sensor.ENDS)
         edge = designs[name].at_edge(np.array([137.0]))[0]
         scatter = [circular_error(edge, share) for share in sensor.ENDS[1:]]
         np.testing.assert_allclose(sampled[1:], ratio * np.array(scatter), rtol=0.05)

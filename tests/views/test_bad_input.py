@@ -51,7 +51,7 @@ def test_incomplete_commands_are_refused(arguments):
 
 
 def test_a_terminal_sees_the_progress():
-    """On a terminal the bar appears on standard error and is gone at the end."""
+    """On a terminal the bar appears on standard error."""
     ours, theirs = pty.openpty()
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "80"}
     with subprocess.Popen(

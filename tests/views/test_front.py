@@ -25,7 +25,7 @@ from reproduce.printed.cells import library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
-from reproduce.views.platforms import platform_of
+from reproduce.views.objects.measurements import platform_of
 from reproduce.views.writing import terminal
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
@@ -344,14 +344,15 @@ def test_every_object_has_the_same_verbs(make):
 
 
 def test_priors_of_ones_own_take_the_place_of_the_books():
-    plain = rp.posterior("registration")
-    other = plain.rerun(priors={"scale": (0.6, 1.6)})
-    assert other.priors.loc["scale", "why"] == "a reader's own"
-    assert plain.priors.loc["scale", "why"] != "a reader's own"
+    plain = rp.posterior("misalignment")
+    name = plain.model.names[3]
+    other = plain.rerun(priors={name: (29, 31)})
+    assert other.priors.loc[name, "why"] == "a reader's own"
+    assert plain.priors.loc[name, "why"] != "a reader's own"
     assert "sampled" not in vars(other)
-    parameter = other.model.parameters[0]
-    assert parameter.prior.high * parameter.shown == pytest.approx(1.6)
-    with pytest.raises(ValueError, match="has no parameter whit; it has scale"):
+    parameter = other.model.parameters[3]
+    assert parameter.prior.high * parameter.shown == pytest.approx(31)
+    with pytest.raises(ValueError, match=r"expected names among .*, got whit"):
         plain.rerun(priors={"whit": (0, 1)})
 
 
@@ -384,7 +385,7 @@ def written_spots(path, images, frames=False):
 def test_lasers_of_ones_own_may_stand_before_another_instrument(tmp_path):
     now, zero = spots([20, -20, 0]), spots([0, 0, 0])
     plain = rp.misalignment(now, zero)
-    longer = plain.rerun(replace(plain.platform, tracker_focal_length=0.12))
+    longer = plain.rerun(platform=replace(plain.platform, tracker_focal_length=0.12))
     ratio = longer.frame().loc["X", "mean (arcsec)"] / plain.frame().loc["X", "mean (arcsec)"]
     assert ratio == pytest.approx(plain.platform.tracker_focal_length / 0.12, rel=1e-3)
     assert "the pattern is 0.5 of its expected size" in " ".join(repr(longer).split())
@@ -630,7 +631,7 @@ def test_a_posterior_takes_a_dataframe_as_it_takes_its_file(tmp_path):
         rp.posterior("registration", data=data, pivot=(500, 400), steps=400, seed=3)
         for data in (frame, tmp_path / "exact.csv")
     )
-    assert "your DataFrame, 60 rows" in first.told
+    assert "of the DataFrame, 60 rows" in first.told
     pd.testing.assert_frame_equal(first.frame(), second.frame())
 
 

@@ -88,7 +88,7 @@ def check(*arguments):
             TEXT,
             st.sampled_from(
                 "--json --format --out --table --relations --set --seed --data --pivot --steps "
-                "--option --list --model --robust --prior -- -h niu2024 csv bibtex 3 "
+                "--option --list --walkers --model --robust --prior -- -h niu2024 csv bibtex 3 "
                 "registration niu2024/table-2 "
                 "chen2023/dichroic chen2023/dichroic#x niu2024-arrangements".split()
             ),

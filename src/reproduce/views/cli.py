@@ -1,57 +1,63 @@
-"""The command line: what `main` lists, each a thin shell over the front door."""
+"""The command line: a thin shell over the front door, which says what is wrong in one line."""
 
 from __future__ import annotations
 
 import io
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 
-from reproduce.judge.rerun import CannotChangeError
+from reproduce.inference import Progress, UnconvergedError
 from reproduce.papers.catalogue import catalogue
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.cli_posteriors import (
-    _JSON,
-    _PIVOT,
-    _PLATFORM,
-    _SEED,
-    DATA,
-    Spoken,
-    bar,
-    pairs,
-    posterior,
-)
-from reproduce.views.keys import check_address, check_key
 from reproduce.views.writing.display import Blocks
 from reproduce.views.writing.terminal import PLAIN
 
-_CHANGE, _CHOICE = "CELL=VALUE", "NAME=ALTERNATIVE"
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
+class _Shell(click.Group):
+    """Commands whose output suits any stream, and whose refusals are one line.
 
-def _checked(check: Callable[[str], str]) -> Callable[..., Any]:
-    """Return a callback that refuses keys or addresses that name nothing."""
+    Where JSON is asked for they are JSON too: an object with "error", and all numbers of chains
+    that miss a gate.
+    """
 
-    def convert(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...]) -> Any:
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command."""
+        as_json = "--json" in ctx.args
         try:
-            return tuple(map(check, value)) if isinstance(value, tuple) else check(value)
+            return self._invoked(ctx)
+        except click.ClickException as error:
+            if as_json:
+                cause = error.__cause__
+                told: dict[str, Any] = {"error": error.format_message()}
+                if isinstance(cause, UnconvergedError):
+                    told |= {"steps_needed": cause.steps, "missed": cause.missed}
+                click.echo(json.dumps(told, indent=2))
+            raise
+
+    def _invoked(self, ctx: click.Context) -> Any:
+        """Say in the words of the command line what the front door refuses."""
+        try:
+            return super().invoke(ctx)
         except KeyError as error:
-            raise click.BadParameter(str(error.args[0])) from error
-
-    return convert
-
-
-_ADDRESS = click.argument("address", callback=_checked(check_address), metavar="KEY[#CELL]")
-
-
-class _Streams(click.Group):
-    """Commands whose output suits any stream, and that say in one line where it has no room."""
+            raise click.UsageError(str(error.args[0]), ctx) from error
+        except ValueError as error:
+            raise click.UsageError(str(error), ctx) from error
+        except UnconvergedError as error:
+            advice = f" (--steps; there were {error.taken})" if error.steps else ""
+            raise click.ClickException(f"{error}{advice}") from error
+        except OSError as error:
+            if not error.filename:  # of a stream: `main` says it
+                raise
+            told = f"cannot read {error.filename}: {error.strerror}"
+            raise click.UsageError(told, ctx) from error
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
         """Run; what the stream cannot encode is written in plain signs."""
@@ -71,7 +77,56 @@ class _Streams(click.Group):
             sys.exit(f"reproduce: cannot write: {error.strerror}")
 
 
-@click.group(cls=_Streams, context_settings={"help_option_names": ["-h", "--help"]})
+def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
+    """Return what stands left and right of the equals signs."""
+    parts = [text.partition("=") for text in texts]
+    for name, equals, value in parts:
+        if not equals or not name.strip():
+            raise click.UsageError(f"{option} {name}{equals}{value}: expected {form}")
+    return {name.strip(): value.strip() for name, _, value in parts}
+
+
+@contextmanager
+def _bar(what: str, total: int) -> Iterator[Progress]:
+    """Show a bar on a terminal's standard error, and nothing in a pipe."""
+    hidden = not sys.stderr.isatty()
+    with click.progressbar(length=total, label=what, file=sys.stderr, hidden=hidden) as shown:
+        yield lambda done, _: shown.update(done - shown.pos)
+
+
+def _show(as_json: bool, record: Callable[[], Any], write: Callable[[], None]) -> None:
+    """Print a record for programs, or write for a reader."""
+    if as_json:
+        click.echo(json.dumps(record(), indent=2, ensure_ascii=False))
+    else:
+        write()
+
+
+def _save(save: Callable[[Path], Any], out: Path) -> None:
+    try:
+        save(out)
+    except OSError as error:
+        raise click.ClickException(f"cannot write {out}: {error.strerror}") from error
+
+
+_CHANGE, _CHOICE, _ENDS = "CELL=VALUE", "NAME=ALTERNATIVE", "NAME=LOW,HIGH"
+_SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+_DATA = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
+_OUT = click.Path(dir_okay=False, path_type=Path)
+_ADDRESS = click.argument("address", metavar="KEY[#CELL]")
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
+_SEED = click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
+_SET = click.option(
+    "--set", "changes", multiple=True, metavar=_CHANGE, help="Another value for a printed cell."
+)
+_PIVOT = click.option(
+    "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
+)
+_PLATFORM = click.option("--platform", type=_FILE, help="Lights and tracker of your own, in TOML.")
+
+
+@click.group(cls=_Shell, context_settings=_SETTINGS)
 @click.version_option(__version__, prog_name="reproduce")
 def main() -> None:
     """Recompute the printed numbers of niu2024 and chen2023, and judge every one.
@@ -80,22 +135,16 @@ def main() -> None:
     """
 
 
-main.add_command(posterior)
-
-
 @main.command("list")
 @_JSON
 def list_items(as_json: bool) -> None:
     """List all items, in order of print, and our own tables."""
     contents = front.contents()
-    if as_json:
-        click.echo(json.dumps(contents.entries(), indent=2, ensure_ascii=False))
-    else:
-        Blocks(tuple(contents.listed())).print()
+    _show(as_json, contents.entries, lambda: Blocks(tuple(contents.listed())).print())
 
 
 @main.command()
-@click.argument("keys", nargs=-1, callback=_checked(check_key), metavar="[KEY]...")
+@click.argument("keys", nargs=-1, metavar="[KEY]...")
 @click.option("--json", "as_json", is_flag=True, help="Print one record per printed cell.")
 def check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
@@ -103,7 +152,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
     checksum, else with 1.
     """
-    with bar("recomputing", len(keys or catalogue())) as progress:
+    with _bar("recomputing", len(keys or catalogue())) as progress:
         found = front.check(*keys, progress=progress)
     if as_json:
         click.echo(found.ledger.model_dump_json(indent=2))
@@ -117,88 +166,51 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 
 @main.command()
 @_ADDRESS
-@click.option(
-    "--set",
-    "changes",
-    multiple=True,
-    metavar=_CHANGE,
-    help='Another value for a printed cell, such as niu2024/text-simulation#noise="0.2 px".',
-)
+@_SET
 @_SEED
 @click.option("--replicates", type=click.IntRange(min=2), help="Of a table that draws some.")
 @click.option(
-    "--option",
-    "options",
-    multiple=True,
-    metavar=_CHOICE,
-    help="How to read what the text leaves open, such as translations=table-2.",
+    "--option", "options", multiple=True, metavar=_CHOICE, help="How to read what is left open."
 )
 def show(
     address: str, changes: tuple[str, ...], options: tuple[str, ...], **numbers: int | None
 ) -> None:
     """Show an item or a cell, computed beside printed; or computed again with a change.
 
-    With nothing but options, the cells say what they would be judged as under that reading.
+    A change is a cell with a value, such as niu2024/text-simulation#noise="0.2 px"; an option a
+    reading of what the text leaves open, such as translations=table-2. With nothing but options,
+    the cells say what they would be judged as under that reading.
     """
-    found, set_to = front.item(address), pairs("--set", _CHANGE, changes)
+    found, set_to = front.item(address), _pairs("--set", _CHANGE, changes)
     again: dict[str, Any] = {n: value for n, value in numbers.items() if value is not None}
-    again |= pairs("--option", _CHOICE, options)
-    try:
-        (found.rerun(set_to, **again) if set_to or again else found).print()
-    except CannotChangeError as error:
-        raise click.UsageError(str(error)) from error
+    again |= _pairs("--option", _CHOICE, options)
+    (found.rerun(set_to, **again) if set_to or again else found).print()
 
 
 @main.command("export")
 @_ADDRESS
 @click.option(
-    "--format",
-    "form",
-    type=click.Choice(["csv", "json", "latex", "markdown"]),
-    required=True,
-    help="csv and json carry every field.",
+    "--format", "form", type=click.Choice(["csv", "json", "latex", "markdown"]), required=True
 )
 def export_item(address: str, form: str) -> None:
-    """Write the records of an item or a cell to standard output."""
+    """Write the records of an item or a cell to standard output; csv and json carry every field."""
     click.echo(front.item(address).export(form))
 
 
 @main.command()
-@click.argument("key", callback=_checked(check_key))
-@click.option(
-    "--out",
-    type=click.Path(dir_okay=False, path_type=Path),
-    required=True,
-    help="Where to write; the ending chooses the format: .svg, .pdf or .png.",
-)
-@click.option(
-    "--set",
-    "changes",
-    multiple=True,
-    metavar=_CHANGE,
-    help="Another value for a printed cell that the figure reads.",
-)
+@click.argument("key")
+@click.option("--out", type=_OUT, required=True, help="Write this .svg, .pdf or .png.")
+@_SET
 @_SEED
 def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> None:
     """Draw an item that draws."""
-    try:
-        front.figure(key).rerun(pairs("--set", _CHANGE, changes), seed=seed).save(out)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from error
-    except OSError as error:
-        raise click.ClickException(f"cannot write {out}: {error.strerror}") from error
+    _save(front.figure(key).rerun(_pairs("--set", _CHANGE, changes), seed=seed).save, out)
     click.echo(f"Wrote {out}")
 
 
 @main.command()
 @_ADDRESS
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["bibtex", "csl", "text"]),
-    default="bibtex",
-    show_default=True,
-)
+@click.option("--format", "form", type=click.Choice(["bibtex", "csl", "text"]), default="bibtex")
 def cite(address: str, form: str) -> None:
     """Print how to cite a reproduced item or cell and its paper."""
     click.echo(front.cite(address, form))
@@ -211,20 +223,14 @@ def cite(address: str, form: str) -> None:
 @click.option("--relations", type=_FILE, help="What its numbers should keep, in TOML.")
 def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path | None) -> None:
     """Cross-examine the printed numbers of a paper, or of a table of your own."""
-    try:
-        found = front.contradictions(paper, table=table, relations=relations)
-        if as_json:
-            click.echo(json.dumps(found.as_json(), indent=2, ensure_ascii=False))
-        else:
-            found.print()
-    except (ValueError, OSError) as error:
-        raise click.UsageError(str(error)) from error
+    found = front.contradictions(paper, table=table, relations=relations)
+    _show(as_json, found.as_json, found.print)
 
 
-@main.command(cls=Spoken)
-@click.argument("file", type=DATA)
+@main.command()
+@click.argument("file", type=_DATA)
 @_PIVOT
-@click.option("--model", type=click.Choice(list(MODELS)), default="similarity", show_default=True)
+@click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
 @click.option("--robust", is_flag=True, help="Guard against wrong matches.")
 @_JSON
 def register(file: Path, as_json: bool, **settings: Any) -> None:
@@ -236,11 +242,12 @@ def register(file: Path, as_json: bool, **settings: Any) -> None:
     used where there are some, and others are passed over. The shift is where the pivot was minus
     where it lands; the pivot is the mean of the source stars unless --pivot says another.
     """
-    _told(file, as_json, lambda: front.register(file, **settings))
+    found = front.register(file, **settings)
+    _show(as_json, found.record, found.print)
 
 
-@main.command(cls=Spoken)
-@click.argument("file", type=DATA)
+@main.command()
+@click.argument("file", type=_DATA)
 @_PLATFORM
 @_JSON
 def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
@@ -249,20 +256,63 @@ def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
     FILE is a CSV, or - for standard input: one spot per line, in px, with the columns group (0 at
     the zero point, 1 at the present), laser (from 1, in the order of the platform), x, y, in any
     order and case. A column frame, a number that the spots of an image share, is needed where some
-    are lost; mask drops a line where it is 1.
+    are lost; mask drops a line where it is 1. A platform is a TOML of the arguments of Platform.
     """
-    _told(file, as_json, lambda: front.misalignment(file, platform=platform))
+    found = front.misalignment(file, platform=platform)
+    _show(as_json, found.record, found.print)
 
 
-def _told(file: Path, as_json: bool, measure: Callable[[], Any]) -> None:
-    """Print what is measured from a file, or say in one line why it cannot be."""
+@main.command()
+@click.argument("model", required=False)
+@click.option("--list", "listed", is_flag=True, help="Name all models, and columns for --data.")
+@click.option("--data", type=_DATA, help="Your own CSV; its columns stand in --list.")
+@_PIVOT
+@_PLATFORM
+@click.option(
+    "--prior", "priors", multiple=True, metavar=_ENDS, help="An even prior, in the unit shown."
+)
+@_SEED
+@click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
+@click.option("--walkers", type=click.IntRange(min=1), help="Of each ensemble; an even number.")
+@click.option("--out", type=_OUT, help="Write the draws to this .csv, or .nc (for ArviZ).")
+@_JSON
+def posterior(
+    model: str | None,
+    listed: bool,
+    as_json: bool,
+    out: Path | None,
+    priors: tuple[str, ...],
+    **asked: Any,
+) -> None:
+    """Sample the posterior of MODEL and print its summary.
+
+    With --data the same model takes your own CSV (- is standard input) in place of ours.
+    A chain that misses a gate (R-hat, autocorrelation times, effective sample sizes) is refused:
+    the exit status is 1, and the steps needed are told. Where the posterior leans on an end of a
+    prior, a line says so; in JSON it is "at_prior_end".
+    """
+    if listed:
+        found = front.posterior()
+        _show(as_json, found.titles, found.models.print)
+        return
+    if model is None:
+        raise click.UsageError("name a model, or use --list to see them all")
+    ends = {name: _ends(name, text) for name, text in _pairs("--prior", _ENDS, priors).items()}
+    wanted = front.posterior(model, priors=ends, **asked)
+    if out:
+        wanted.check_file(out)
+    with _bar("sampling", wanted.plan.ensembles) as progress:
+        wanted.sample(progress=progress)
+    _show(as_json, wanted.record, wanted.print)
+    if out:
+        _save(wanted.save, out)
+
+
+def _ends(name: str, text: str) -> tuple[float, float]:
+    """Return the lowest and the highest value of a prior."""
     try:
-        found = measure()
+        low, high = map(float, text.split(","))
     except ValueError as error:
-        raise click.UsageError(str(error)) from error
-    except OSError as error:
-        raise click.UsageError(f"cannot read {error.filename or file}: {error.strerror}") from error
-    if as_json:
-        click.echo(json.dumps(found.record(), indent=2))
-    else:
-        found.print()
+        told = f"--prior {name}={text}: expected {_ENDS}, such as noise=0.01,1"
+        raise click.UsageError(told) from error
+    return low, high

@@ -9,33 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
+
+from reproduce.physics.attitude import Platform as Platform
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
     from reproduce.inference import Prior
-    from reproduce.physics.attitude import Platform as Platform
     from reproduce.views.objects.check import Check
     from reproduce.views.objects.contents import Contents
     from reproduce.views.objects.contradictions import Contradictions
     from reproduce.views.objects.figure import Figure, Panels
-    from reproduce.views.objects.measurements import Registered
-    from reproduce.views.objects.monitored import Monitored
+    from reproduce.views.objects.measurements import Monitored, Registered
     from reproduce.views.objects.posterior import Posterior
     from reproduce.views.objects.posteriors import Posteriors
     from reproduce.views.objects.study import StudyTable
     from reproduce.views.objects.table import Cell, Table
-
-
-def __getattr__(name: str) -> Any:
-    """Load what describes lights of one's own: a fit of stars needs no attitude."""
-    if name == "Platform":
-        from reproduce.physics.attitude import Platform
-
-        return Platform
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def contents(paper: str | None = None) -> Contents:
@@ -152,7 +143,6 @@ def posterior(
     data_seed: int | None = None,
     steps: int | None = None,
     walkers: int | None = None,
-    ensembles: int | None = None,
     seed: int | None = None,
 ) -> Posterior: ...
 
@@ -167,7 +157,6 @@ def posterior(
     data_seed: int | None = None,
     steps: int | None = None,
     walkers: int | None = None,
-    ensembles: int | None = None,
     seed: int | None = None,
 ) -> Posterior | Posteriors:
     """Return a posterior of the book, or the same model on a reader's data; all without a name.
@@ -187,7 +176,7 @@ def posterior(
         Lights and tracker of laser spots of a reader's own, as for `misalignment`.
     data_seed : int, optional
         Of the data, where they are simulated by us: another draw of them.
-    steps, walkers, ensembles, seed : int, optional
+    steps, walkers, seed : int, optional
         How it is sampled, in place of the book's own plan.
     """
     if name is None:
@@ -198,8 +187,9 @@ def posterior(
         return Posteriors()
     from reproduce.views.objects.posterior import Posterior
 
-    plan = {"steps": steps, "walkers": walkers, "ensembles": ensembles, "seed": seed}
-    return Posterior(name, data, pivot, priors, platform, data_seed, **plan)
+    own = {"data": data, "pivot": pivot, "priors": priors, "data_seed": data_seed}
+    plan = {"steps": steps, "walkers": walkers, "seed": seed}
+    return Posterior(name, **own, platform=platform, **plan)
 
 
 def contradictions(
@@ -331,6 +321,6 @@ def misalignment(
         If the spots are mirrored, two lights are swapped, or the spots are not those of the
         platform.
     """
-    from reproduce.views.objects.monitored import Monitored
+    from reproduce.views.objects.measurements import Monitored
 
     return Monitored(spots, zero, platform)

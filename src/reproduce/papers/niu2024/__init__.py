@@ -31,4 +31,5 @@ STUDIES = {
 DRAWINGS = {
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
+    "niu2024/drawing-stars": "decisions",
 }

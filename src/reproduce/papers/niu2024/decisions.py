@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chndtrix, gammaincinv
 
-from reproduce.inference import Normal, Sampled
+from reproduce.inference import Normal
 from reproduce.inference.models import (
     TRANSFORM,
     GaussianRegistration,
@@ -21,7 +21,7 @@ from reproduce.inference.models import (
     registration_model,
     registration_posterior,
 )
-from reproduce.papers.declare import Fact, studied
+from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.posteriors import (
     centroids,
@@ -31,13 +31,17 @@ from reproduce.papers.niu2024.posteriors import (
     truth,
 )
 from reproduce.papers.niu2024.simulation import NOISE
+from reproduce.papers.sketch import again, sized
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
+    from matplotlib.figure import Figure
 
 ENDS = (0.025, 0.5, 0.975)
 READS = simulation.READS
@@ -120,14 +124,6 @@ def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
     return dict(zip(MODELS, map(np.stack, found), strict=True))
 
 
-def sampled_edge(found: Sampled, off: FloatArray) -> FloatArray:
-    """The same from the draws of a registration, off by (2,) in the mean, shape (3,), in px."""
-    likelihood = found.model.likelihood_of(GaussianRegistration)
-    outermost = _outermost(likelihood)
-    places = likelihood.elsewhere(likelihood.source[[outermost]]).places(found.draws)[:, 0]
-    return np.asarray(np.quantile(np.hypot(*(places - places.mean(axis=0) + off).T), ENDS))
-
-
 def left_out(door: Given) -> FloatArray:
     """How a similarity misplaces the outermost star for the distortion that it leaves out, (2,)."""
     green, red, _ = true_centroids(door)
@@ -190,6 +186,27 @@ def _stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame
 
 def _as_words(count: float) -> str:
     return f"not even {_MOST:,.0f} stars are" if np.isinf(count) else f"{count:.0f} stars are"
+
+
+@draws("niu2024/drawing-stars", given=READS)
+def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+    """Error at the edge of the field against the stars of a calibration."""
+    counts = np.geomspace(10, 1000, 30)
+    narrow = sized(figure, 6.0, 3.6, 4.2)
+    axes = figure.subplots()
+    looks = (("#0072B2", "-"), ("#D55E00", "--"))
+    for (name, ends), (colour, line) in zip(edge_errors(door, counts).items(), looks, strict=True):
+        axes.fill_between(counts, ends[0], ends[2], facecolor=(colour, 0.12), edgecolor=colour,
+                          linestyle=line, linewidth=0.7)  # fmt: skip
+        axes.plot(counts, ends[1], line, color=colour, label=f"{name}, with 95 %")
+    axes.axvline(door.count(COUNT), color="#777777", linestyle=":", label="stars of the paper")
+    axes.set(xscale="log", yscale="log", xlabel="stars of the calibration (count)",
+             ylabel="error at the edge (px)")  # fmt: skip
+    axes.set_xticks((10, 30, 100, 300, 1000), ("10", "30", "100", "300", "1000"))
+    axes.set_yticks((0.001, 0.01, 0.1), ("0.001", "0.01", "0.1"))
+    axes.minorticks_off()
+    again(axes, "y", "as an angle (arcsec)", pixel_angle(door))
+    figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
 
 
 @studied("niu2024/instrument-errors", given=READS)

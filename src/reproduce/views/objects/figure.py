@@ -29,23 +29,28 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 
-def captioned(caption: str) -> Markup:
+def _captioned(caption: str) -> Markup:
     """Return a caption with the place into which the book writes the figure's number."""
     return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
 
 
 def pictured(picture: figures.Picture, alternative: str, caption: str, source: str) -> Html:
-    """Show a picture of the book, and, in a build of it, write the files that its bar offers."""
+    """Show a picture of the book, and, in a build of it, write the files that its bar offers.
+
+    One without a source is a reader's own: no file of the book holds it.
+    """
     figure = figures.drawn(picture.paint)
     slender = figures.drawn(picture.paint, narrow=True)
     shown = figures.Vectors(figures.vector_of(figure), figures.vector_of(slender))
+    name = f"figure-{picture.key}"
+    if not source:
+        return Html(figures.inline(shown, f"{name}-own", alternative, _captioned(caption)))
     if build := os.environ.get(computed.FOLDER):
         downloads = Path(build).parent.parent / "_extra"
         if (downloads / ".nojekyll").is_file():  # a book's, and not a folder of somebody else's
             figures.write_files(figure, picture.key, downloads, picture.numbers, svg=shown.wide)
-    name = f"figure-{picture.key}"
     offered = bar(picture.key, name, figures.figure_files(picture.key), source, cited=False)
-    return Html(figures.inline(shown, name, alternative, captioned(caption) + offered))
+    return Html(figures.inline(shown, name, alternative, _captioned(caption) + offered))
 
 
 class Figure(Changeable, Item):
@@ -134,7 +139,7 @@ class Figure(Changeable, Item):
             f"{textwrap.fill(self.caption, 79)}\n"
             f"Draw it with `reproduce figure {self.key} --out FILE.svg{told}`."
         )
-        below = captioned(self.caption)
+        below = _captioned(self.caption)
         if self.changes:
             name = f"{name}-changed"
         else:

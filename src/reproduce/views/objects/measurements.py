@@ -1,16 +1,19 @@
-"""What the front door returns for a user's own stars."""
+"""What the front door returns for a user's own stars, and for a user's own lasers."""
 
 from __future__ import annotations
 
+import inspect
+import tomllib
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics.attitude import Platform, diagnosis, monitored
 from reproduce.physics.registration import (
     UNITS,
     Finding,
@@ -29,6 +32,8 @@ from reproduce.store.points import (
     read_table,
     table_of,
 )
+from reproduce.store.spots import read_images
+from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.writing.blocks import Block, Grid
 from reproduce.views.writing.display import Display
 from reproduce.views.writing.numbers import between, moments
@@ -37,20 +42,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FloatArray = NDArray[np.float64]
-# Decimals of a fit without an error; further ones are rounding.
-ROUNDING = 12
 LEVEL = 0.95
 ENDS = ("low (95 %)", "high (95 %)")
-# What a table may say of each star beside its places: standard deviations in px, a weight.
-SIDES = ("sigma", "sigma_x", "sigma_y", "weight")
 
 
-class _Measured(Display):
-    """What results of a user's own measurements share."""
+class Remade(Display):
+    """What a function of the front door made, and makes again with some arguments changed."""
 
-    title: str
-    reads: tuple[str, ...] = ()
-    remarks: list[str]
+    _given: dict[str, Any]
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:
@@ -62,20 +61,52 @@ class _Measured(Display):
 
         return export_frame(self.frame().reset_index(), form)
 
+    def rerun(self, **changes: Any) -> Self:
+        """Return the same of other arguments; those that are not named stay."""
+        if unknown := set(changes) - set(self._given):
+            raise TypeError(f"unknown {sorted(unknown)}: expected {', '.join(self._given)}")
+        make: Any = type(self)
+        again: Self = make(**{**self._given, **changes})
+        return again
+
+
+class _Measured(Remade):
+    """What results of a user's own measurements share."""
+
+    title: str
+    reads: tuple[str, ...] = ()
+    findings: Sequence[Any]
+    remarks: list[str]
+    _function: Callable[..., Any]
+    _rows: str
+    _facts: dict[str, Any]
+
+    @property
+    def source(self) -> str:
+        """The text of the function that computes it."""
+        return inspect.getsource(inspect.unwrap(self._function)).rstrip()
+
     @property
     def grid(self) -> Grid:
         """The numbers as a reader sees them."""
         frame = self.frame()
-        rows = [
-            [f"{value:.6g}" if isinstance(value, float) else str(value) for value in row]
-            for row in frame.itertuples()
-        ]
-        return Grid(self.title, [str(frame.index.name), *map(str, frame.columns)], rows)
+        rows = [(name, *(f"{value:.6g}" for value in row)) for name, *row in frame.itertuples()]
+        return Grid(self.title, (str(frame.index.name), *frame.columns), rows)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the numbers, the title and the remarks."""
         yield self.grid
         yield from (f"Beware: {line}." for line in self.remarks)
+
+    def record(self) -> dict[str, Any]:
+        """Return everything for other programs: `frame` by rows; what is not known is None."""
+        frame = self.frame().reset_index()
+        return {
+            **self._facts,
+            self._rows: frame.astype(object).where(frame.notna(), None).to_dict("records"),
+            "findings": [asdict(one) for one in self.findings],
+            "remarks": self.remarks,
+        }
 
 
 class Registered(_Measured):
@@ -92,6 +123,9 @@ class Registered(_Measured):
     of `reproduce.register`.
     """
 
+    _function = staticmethod(fit_registration)
+    _rows = "parameters"
+
     def __init__(
         self,
         source: str | Path | ArrayLike,
@@ -103,9 +137,7 @@ class Registered(_Measured):
         table, settings = _stars(source, target, settings)
         # Arrays are C-contiguous for the quick path of the fit.
         source, target = (table.values[:, i : i + 2].copy() for i in (0, 2))
-        middle = source.mean(axis=-2)
-        if pivot is not None:
-            middle = checked_pivot(pivot, source)
+        middle = source.mean(axis=-2) if pivot is None else checked_pivot(pivot, source)
         with computing(table.path):
             self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
             self.findings: list[Finding] = diagnose(
@@ -117,23 +149,17 @@ class Registered(_Measured):
         self.remarks = [*table.notes, *(one.text for one in self.findings)]
         self.model, self.transform = str(self.fit.model), self.fit.transform
         self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
-        x, y = self.transform.pivot
+        x, y = pivot = self.transform.pivot.tolist()
+        count, rms = len(self.residuals), float(np.sqrt(np.square(self.residuals).mean()))
+        self._facts = {"model": self.model, "stars": count, "pivot": pivot, "residual_rms": rms}
         self.title = (
-            f"{self.model} that lays {len(self.residuals)} stars on the target, pivot "
-            f"({x:.6g}, {y:.6g}) px"
+            f"{self.model} that lays {count} stars on the target, pivot ({x:.6g}, {y:.6g}) px"
         )
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance of the parameters."""
         return self.fit.covariance
-
-    @property
-    def source(self) -> str:
-        """The text of the function that fits."""
-        from reproduce.views.objects.base import text_of
-
-        return text_of(fit_registration)
 
     def interval(self, level: float = LEVEL) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (p, 2)."""
@@ -166,42 +192,12 @@ class Registered(_Measured):
         rows = [
             (name, unit, moments(value, error), f"{between(low, error)} to {between(high, error)}")
             if 0 < error < np.inf
-            else (name, unit, f"{round(value, ROUNDING):z.10g}", "")
+            # Of a fit without an error further decimals are rounding.
+            else (name, unit, f"{round(value, 12):z.10g}", "")
             for name, unit, value, error, low, high in self.frame().itertuples()
         ]
         heads = ("parameter", "unit", "value ± standard deviation", "95 % interval")
         return Grid(self.title, heads, rows)
-
-    def record(self) -> dict[str, Any]:
-        """Return everything for other programs; what the stars do not tell is None."""
-        parameters = [
-            {
-                "name": name,
-                "unit": unit,
-                "value": value,
-                "deviation": error,
-                "low": low,
-                "high": high,
-            }
-            for name, unit, value, error, low, high in self.frame()
-            .replace(np.nan, None)
-            .itertuples()
-        ]
-        return {
-            "model": self.model,
-            "stars": len(self.residuals),
-            "pivot": self.transform.pivot.tolist(),
-            "parameters": parameters,
-            "residual_rms": float(np.sqrt(np.square(self.residuals).mean())),
-            "findings": [asdict(one) for one in self.findings],
-            "remarks": self.remarks,
-        }
-
-    def rerun(self, **settings: Any) -> Registered:
-        """Return the fit with other stars or settings: ``model="affine"``, ``robust=True``."""
-        if unknown := set(settings) - set(self._given):
-            raise TypeError(f"unknown {sorted(unknown)}: expected {', '.join(self._given)}")
-        return Registered(**{**self._given, **settings})
 
 
 def _stars(
@@ -209,7 +205,7 @@ def _stars(
 ) -> tuple[Table, dict[str, Any]]:
     """Read both images, and turn columns of sigma and weight into settings of the fit."""
     if is_table(source) and target is None:
-        table = read_table(source, STARS, SIDES)
+        table = read_table(source, STARS, ("sigma", "sigma_x", "sigma_y", "weight"))
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
         raise ValueError("target: expected nothing beside a file, which holds both images")
@@ -250,3 +246,99 @@ def _known(table: Table, settings: Mapping[str, Any]) -> dict[str, Any]:
         if settings.get(name) is not None:
             raise ValueError(f"{name}: expected none beside a column of the table; leave one out")
     return found
+
+
+class Monitored(_Measured):
+    """The misalignment of a user's own camera, image by image.
+
+    What is doubtful about the spots stands in ``findings``, and with what the reading says in
+    ``remarks``. It is made from the arguments of `reproduce.misalignment`.
+    """
+
+    _function = staticmethod(monitored)
+    _rows = "angles"
+
+    def __init__(
+        self,
+        spots: str | Path | ArrayLike,
+        zero: ArrayLike | None = None,
+        platform: Platform | str | Path | None = None,
+    ) -> None:
+        # Only now: a user's own stars need no paper.
+        from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+        from reproduce.printed.given import given
+
+        self._given = {"spots": spots, "zero": zero, "platform": platform}
+        self.reads = INSTRUMENT if platform is None else ()
+        self.platform = (
+            as_designed(given(INSTRUMENT)) if platform is None else platform_of(platform)
+        )
+        images, notes = read_images(spots, zero, len(self.platform.lasers))
+        chosen, images, lights = diagnosis.seen(self.platform, images)
+        self.findings = diagnosis.diagnose(chosen, images, numbers=lights)
+        diagnosis.refuse(
+            self.findings, str(spots) if isinstance(spots, str | Path) else "the spots"
+        )
+        self.found = monitored(*images, chosen)
+        self.angles = self.found.angles
+        self.remarks = [*(one.text for one in self.findings), *notes]
+        self._facts = {"images": len(self.angles)}
+        self.title = f"misalignment in {len(self.angles)} images since the zero point"
+
+    def images(self) -> pd.DataFrame:
+        """Return the angles of every image about X, Y and Z of the camera, in arcsec.
+
+        They are NaN where fewer than two lights are seen.
+        """
+        import pandas as pd
+
+        index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
+        return pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
+
+    def interval(self, level: float = LEVEL) -> pd.DataFrame:
+        """Return the interval of the mean that holds the truth so often, in arcsec.
+
+        By Student's law: the scatter of the images is estimated.
+        """
+        import pandas as pd
+
+        low, high = self.found.interval(level) * ARCSEC_PER_RADIAN
+        index = pd.Index(list("XYZ"), name="about")
+        return pd.DataFrame({"low (arcsec)": low, "high (arcsec)": high}, index)
+
+    def frame(self) -> pd.DataFrame:
+        """Return mean, scatter of one image, error and interval of the mean, in arcsec.
+
+        The error counts both groups: the zero point is itself a mean over images.
+        """
+        import pandas as pd
+
+        found = self.found
+        columns = {"mean": found.mean, "scatter": found.scatter, "error of the mean": found.error}
+        shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
+        interval = self.interval().add_prefix(f"{LEVEL:.0%} ")
+        return pd.DataFrame(shown, interval.index).join(interval)
+
+
+def platform_of(source: Platform | str | Path) -> Platform:
+    """Return a platform, as it is or from a TOML file of the arguments that make one.
+
+    Beside the tracker's numbers stand ``lasers`` and ``camera_focal_length``, or ``directions``, or
+    ``spots`` alone.
+    """
+    if isinstance(source, Platform):
+        return source
+    try:
+        table = tomllib.loads(Path(source).read_text(encoding="utf-8"))
+    except ValueError as error:  # of TOML, or no text at all
+        raise TableFileError(f"{source}: expected TOML ({error})") from error
+    make: Any = Platform if "lasers" in table else Platform.of_spots
+    make = Platform.of_directions if "directions" in table else make
+    try:
+        platform: Platform = make(**table)
+    except TypeError as error:
+        known = ", ".join(inspect.signature(make).parameters)
+        raise TableFileError(f"{source}: expected {known} ({error})") from error
+    except ValueError as error:
+        raise TableFileError(f"{source}: {error}") from error
+    return platform

@@ -29,7 +29,8 @@ def citation(address: str, form: str) -> str:
         return beside("Study", key, paper, studies()[key].title, form)
     if key in drawings():
         return beside("Drawing", key, paper, drawings()[key].title, form)
-    place = keys.place(keys.check_key(key)).partition(",")[0]
+    keys.check_address(address)
+    place = keys.place(key).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
     title = f"Reproduction of {what} of {_et_al(paper)}: {keys.title(key)}"
     note = f"{'Cell' if name else 'Item'} {address}, anchor {anchor(address)}"
