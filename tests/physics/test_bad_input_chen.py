@@ -19,7 +19,7 @@ TRACKER = {"principal_point": (0.0, 0.0), "pixel_pitch": 1e-5, "focal_length": 0
 # A good call of every public function that takes arrays; the tests spoil one argument each.
 GOOD = {
     wahba.attitude: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
-    wahba.solve: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
+    wahba.taste: {"target_vectors": EYE, "source_vectors": EYE, "sigma": [1.0, 2, 3]},
     wahba.mean_rotation: {"matrices": [EYE, EYE]},
     validate.rotations: {"name": "R", "matrices": EYE},
     rotations.unit: {"name": "v", "vectors": EYE},
@@ -64,11 +64,11 @@ GOOD = {
         "tracker_from_camera": EYE,
         "tracker_from_camera_reference": EYE,
     },
-    angles.corrected_installation: {
+    angles.inertial_attitude: {
         "camera_now_from_camera_zero": EYE,
         "camera_zero_from_tracker": EYE,
+        "tracker_from_inertial": EYE,
     },
-    angles.inertial_attitude: {"camera_from_tracker": EYE, "tracker_from_inertial": EYE},
     angles.misalignment_in_tracker: {
         "camera_now_from_camera_zero": EYE,
         "tracker_from_camera_zero": EYE,
@@ -114,13 +114,8 @@ GOOD = {
     errors.ellipse: {"covariance": [[2.0, 0.0], [0.0, 1.0]]},
     errors.circular_error: {"covariance": [[2.0, 0.0], [0.0, 1.0]]},
 }
-# Helpers on arrays that are already checked, the test that takes a solution, and what
-# test_monitoring tries.
-INNER = {
-    monitoring.monitored,
-    wahba.taste,
-    rotations.transpose,
-}
+# Solvers of profiles that are already checked, and what test_monitoring tries.
+INNER = {monitoring.monitored, wahba.by_quest, wahba.by_svd}
 ARGUMENTS = [(function, name) for function, good in GOOD.items() for name in good if name != "name"]
 # What may be zero or negative; all else is a length, a count or a set of directions.
 LENGTHS = {
@@ -230,7 +225,6 @@ def test_batches_that_do_not_fit_together_are_refused(function, name):
 
 DIRECTIONS = [
     (wahba.attitude, "target_vectors"),
-    (wahba.solve, "source_vectors"),
     (angles.laser_transform, "camera_directions"),
     (angles.misalignment, "tracker_directions"),
     (angles.angle_jacobian, "tracker_directions"),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from reproduce.physics.attitude import (
-    corrected_installation,
     inertial_attitude,
     misalignment_in_tracker,
     rotation_from_vector,
@@ -145,7 +144,7 @@ def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
     satellite = earth_fixed([0.3, 0.8, 5e5])
     tracker_from_camera = rotation_from_vector([2.0, 0.3, -0.4])
     bent = rotation_from_vector(30 * ARCSEC * np.array([-0.4, 0.7, -0.2]))
-    camera_from_tracker = corrected_installation(bent, tracker_from_camera.T)
+    camera_from_tracker = bent @ tracker_from_camera.T
     # The attitude of the tracker is one that points the bent camera down.
     down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
     inertial_from_tracker = earth.T @ down @ camera_from_tracker
@@ -155,7 +154,7 @@ def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
     found = imaged_position(image, satellite, chain).position
     np.testing.assert_allclose(heights(found), 0.0, atol=1e-7)
     seen = (found - satellite) @ np.array(case["gcrs_to_itrs"])
-    seen = seen @ inertial_attitude(camera_from_tracker, inertial_from_tracker.T).T
+    seen = seen @ inertial_attitude(bent, tracker_from_camera.T, inertial_from_tracker.T).T
     seen /= np.linalg.norm(seen, axis=-1, keepdims=True)
     expected = -image / np.linalg.norm(image, axis=-1, keepdims=True)
     # The printed matrix agrees with pyerfa's to 1e-11.

@@ -37,7 +37,6 @@ from reproduce.physics.attitude import (
     received_directions,
     rotation_from_vector,
     stage_angles,
-    transpose,
 )
 from reproduce.physics.ground import image_vectors
 from reproduce.physics.validate import FloatArray
@@ -74,7 +73,7 @@ def turned_camera(angles: ArrayLike) -> FloatArray:
     >>> turned_camera([0, np.pi / 2, 0])[2].round(12) + 0.0
     array([1., 0., 0.])
     """
-    now_from_zero = transpose(rotation_from_vector(np.asarray(angles, dtype=np.float64)))
+    now_from_zero = rotation_from_vector(np.asarray(angles, dtype=np.float64)).T
     if not np.allclose(misalignment_angles(now_from_zero), angles):
         raise ValueError("angles: expected less than half a turn")
     # A row of the matrix is an axis of its target frame, said in its source frame.

@@ -58,6 +58,7 @@ from reproduce.papers.sketch import (
 from reproduce.papers.study import studied
 from reproduce.papers.words import Column
 from reproduce.physics.attitude import (
+    attitude,
     emitted_directions,
     laser_transform,
     mean_rotation,
@@ -68,11 +69,9 @@ from reproduce.physics.attitude import (
     received_directions,
     received_spots,
     rotation_from_vector,
-    solve,
     stage_angle,
     stage_angles,
     taste,
-    transpose,
 )
 from reproduce.physics.images import (
     Detector,
@@ -151,7 +150,7 @@ class Bench:
         zero = self.transform(self.spots)
         now = moved_laser_transform(zero, rotation_from_vector(-np.asarray(angles)))
         # The light goes back to the camera of the zero point, then by the present transform.
-        moved = self.directions(self.spots) @ zero @ transpose(now)
+        moved = self.directions(self.spots) @ zero @ now.mT
         return received_spots(moved, *self.tracker)
 
     def misfit(self) -> tuple[float, float]:
@@ -160,9 +159,10 @@ class Bench:
         Root-mean-square distance after the best rotation, in radians; size of the pattern of
         directions.
         """
-        patterns = self.directions(self.spots), self.camera_directions
+        patterns = received, emitted = self.directions(self.spots), self.camera_directions
         sizes = [np.linalg.norm(rows - rows.mean(axis=0)) for rows in patterns]
-        distance = np.sqrt(solve(*patterns).loss / len(self.spots))
+        misses = received - emitted @ attitude(received, emitted).T
+        distance = np.linalg.norm(misses) / np.sqrt(len(self.spots))
         return float(distance), float(sizes[0] / sizes[1])
 
 
@@ -229,7 +229,7 @@ def two_groups(twin: Bench, frames: int, generator: Generator) -> Series:
     )
     single = twin.transform(found[0])
     zero = mean_rotation(single)
-    errors = misalignment_angles(transpose(single) @ zero)
+    errors = misalignment_angles(single.mT @ zero)
     return Series(found, errors, twin.misalignment(found[1], zero))
 
 
@@ -271,7 +271,7 @@ def believable(given: Given) -> pd.DataFrame:
     twin, frames = bench(given), given.count(accuracy.FRAMES)
     series = two_groups(twin, frames, default_rng(seed_of("chen2023/believable", given.root)))
     zero = series.spots[0].mean(axis=0)
-    nudged = zero + NUDGE * np.eye(len(zero), 2)
+    nudged, freedom = zero + NUDGE * np.eye(len(zero), 2), 2 * len(zero) - 3
     designed, scale = twin.camera_directions, twin.misfit()[1]
     pixel = given[platform.PIXEL] / given[platform.FOCAL_LENGTH]
     noise = np.sqrt((platform.scatter(given, 2) ** 2).mean(axis=-1)) * pixel
@@ -282,12 +282,11 @@ def believable(given: Given) -> pd.DataFrame:
         ("as the first group saw them", twin.directions(zero)),
         (f"the same, one laser {NUDGE:g} px aside", twin.directions(nudged)),
     ):
-        found = taste(solve(twin.directions(series.spots[1]), directions, noise**-2.0), noise)
-        freedom = float(found.freedom.flat[0])
-        refused = 100 * (found.probability < REFUSED).mean()
-        agrees = kstest(found.statistic, partial(chdtr, freedom)).pvalue
-        rows.append((name, np.median(found.statistic), chdtri(freedom, 0.5), refused, agrees))
-    return believable.frame(rows, frames=frames, spots=len(zero), freedom=2 * len(zero) - 3)
+        statistic, probability = taste(twin.directions(series.spots[1]), directions, noise)
+        refused = 100 * (probability < REFUSED).mean()
+        agrees = kstest(statistic, partial(chdtr, freedom)).pvalue
+        rows.append((name, np.median(statistic), chdtri(freedom, 0.5), refused, agrees))
+    return believable.frame(rows, frames=frames, spots=len(zero), freedom=freedom)
 
 
 # Sensors for the twin: read noise of some electrons, dark charge whose variance is as large, twelve

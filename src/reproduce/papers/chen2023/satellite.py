@@ -53,7 +53,6 @@ from reproduce.physics.attitude import (
     misalignment_angles,
     received_directions,
     rotation_from_vector,
-    transpose,
     unit,
 )
 from reproduce.physics.ground import (
@@ -381,7 +380,7 @@ def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     looking = np.stack([x, np.cross(z, x), z], axis=-1)
     # The tracker looks away from the Earth: the camera, turned about the X that both share.
     tracker_from_camera = rotation_from_vector([door[INSTALLED], 0.0, 0.0])
-    inertial_from_tracker = transpose(turning) @ looking @ transpose(tracker_from_camera)
+    inertial_from_tracker = turning.T @ looking @ tracker_from_camera.T
     chain = imaging_chain(turning, inertial_from_tracker, np.eye(3), tracker_from_camera)
     centre = image_vectors([(0.0, 0.0)], focal_length=1.0)
     frames = {"camera": chain, "tracker": turning @ inertial_from_tracker, "stars": turning}

@@ -57,8 +57,19 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     >>> moving_average([1, 2, 6, 10], 2)
     array([1.5, 4. , 8. ])
     """
-    frames = _frames_last(series, axis)
-    return np.moveaxis(_averages(*_sums(frames), _run("count", count, frames)), -1, axis)
+    frames = np.moveaxis(finite_array("series", series, shape=(None,)), axis, -1)
+    if whole_number("count", count) > frames.shape[-1]:
+        raise ValueError(
+            f"count: expected at most {frames.shape[-1]}, the number of frames, got {count}; "
+            "average fewer frames or pass a longer series"
+        )
+    # Sums of deviations from the first frame: a common value would cost digits.
+    sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
+    np.cumsum(frames - frames[..., :1], axis=-1, out=sums[..., 1:])
+    averages = sums[..., count:] - sums[..., :-count]
+    averages /= count
+    averages += frames[..., :1]
+    return np.moveaxis(averages, -1, axis)
 
 
 def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
@@ -73,7 +84,7 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     series : array_like
         Values frame by frame, along `axis`.
     counts : sequence of int
-        The numbers n of frames in an average.
+        The numbers n of frames in an average, each smaller than that of all frames.
     axis : int
 
     Returns
@@ -85,29 +96,20 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     Raises
     ------
     ValueError
-        If no count is given, a count leaves a single average, or the axis does not exist.
+        If no count is given, or a count leaves a single average.
 
     Examples
     --------
     >>> scatter_of_averages([0, 2, 0, 2, 0, 2, 0, 2, 0, 2], [2])
     array([0.])
     """
-    if len(counts) == 0:
-        raise ValueError("counts: expected one number of frames or more, got none; pass [1]")
-    frames = _frames_last(series, axis)
-    _, sums = _sums(frames)
-    scatters = []
-    for count in counts:
-        runs = _run("counts", count, frames)
-        totals = sums[..., runs:] - sums[..., :-runs]
-        if totals.shape[-1] < 2:
-            raise ValueError(
-                f"counts: expected two averages or more for each count, got one for {count} "
-                "frames; average fewer frames or pass a longer series"
-            )
-        totals -= totals.mean(axis=-1, keepdims=True)
-        squares = np.einsum("...i,...i->...", totals, totals)
-        scatters.append(np.sqrt(squares / (totals.shape[-1] - 1)) / runs)
+    frames = finite_array("series", series, shape=(None,)).shape[axis]
+    if not 0 < max((whole_number("counts", n) for n in counts), default=0) < frames:
+        raise ValueError(
+            f"counts: expected one number or more, each below the {frames} frames, got {counts}; "
+            "average fewer frames or pass a longer series"
+        )
+    scatters = [moving_average(series, n, axis).std(axis=axis, ddof=1) for n in counts]
     return np.stack(scatters, axis=axis)
 
 
@@ -166,42 +168,6 @@ def attitude_accuracy(
     2.0
     """
     return np.asarray(centroid_sigma / np.sqrt(count) * pixel_angle)
-
-
-def _frames_last(series: ArrayLike, axis: int) -> FloatArray:
-    """Return a checked series with its frames along the last axis."""
-    array = finite_array("series", series, shape=(None,))
-    if not -array.ndim <= axis < array.ndim:
-        raise ValueError(
-            f"axis: expected an axis of the series, from {-array.ndim} to {array.ndim - 1}, "
-            f"got {axis}; name the axis along which the frames follow each other"
-        )
-    return np.moveaxis(array, axis, -1)
-
-
-def _run(name: str, count: int, frames: FloatArray) -> int:
-    size = whole_number(name, count)
-    if size > frames.shape[-1]:
-        raise ValueError(
-            f"{name}: expected at most {frames.shape[-1]}, the number of frames, got {size}; "
-            "average fewer frames or pass a longer series"
-        )
-    return size
-
-
-def _sums(frames: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the first frame, and sums of deviations from it: a common value would cost digits."""
-    first = frames[..., :1]
-    sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
-    np.cumsum(frames - first, axis=-1, out=sums[..., 1:])
-    return first, sums
-
-
-def _averages(first: FloatArray, sums: FloatArray, runs: int) -> FloatArray:
-    averages = sums[..., runs:] - sums[..., :-runs]
-    averages /= runs
-    averages += first
-    return averages
 
 
 @dataclass(frozen=True, eq=False)
