@@ -2,7 +2,7 @@
 
 What no paper prints and we choose, here and nowhere else: centimetre orbits are 0.05 m along each
 axis, the principal point moves by one panchromatic pixel, a calibration errs by half an arc second
-at each sample, and heat behaves as `physics.orbits.Thermal` says by default. Angle errors of the
+at each sample, and heat behaves as in `physics.ground.thermal_series`. Angle errors of the
 monitoring are those of the ground platform.
 
 The paper argues for monitoring and does not compare. Here four ways to correct a thermal
@@ -28,10 +28,8 @@ from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.ground import (
     DAY,
     GroundJacobian,
-    Thermal,
     circular_error,
     earth_fixed,
-    ellipse,
     ground_covariance,
     ground_jacobian,
     imaged_position,
@@ -194,8 +192,8 @@ def simulated(
         vectors + noise["image"][:, np.newaxis],
         place + noise["satellite"],
         chain @ rotation_from_vector(noise["turn"]),
-    ).position[:, 0]
-    true = imaged_position(*view).position[0]
+    )[:, 0]
+    true = imaged_position(*view)[0]
     return np.asarray((found - true) @ local_axes(true)[:2].T)
 
 
@@ -216,8 +214,8 @@ def _budget(given: Given) -> pd.DataFrame:
             jacobian, drawn = ground_jacobian(*view), simulated(view, errors, name, given.root)
             exact = sum((analytic(jacobian, error) for error in errors), np.zeros((2, 2)))
             radii = float(circular_error(exact)), _quantile(drawn)
-            true, found = ellipse(exact), ellipse(np.cov(drawn.T))
-            axes = (true.major, found.major, true.minor, found.minor)
+            # Semi-axes of both ellipses, the major ones first.
+            axes = np.sqrt([np.linalg.eigvalsh(c)[::-1] for c in (exact, np.cov(drawn.T))]).T.flat
             rows.append((term, sigma, unit, name, *radii, *axes))
     return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
@@ -233,7 +231,7 @@ def year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Float
     period = float(orbital_period(height))
     orbits = int(np.ceil((YEAR_DAYS + CAMPAIGN_DAYS) * DAY / period))
     generator = default_rng(seed_of("chen2023/year", root))
-    times, angles = thermal_series(Thermal(1.0), period, PER_ORBIT, orbits, generator)
+    times, angles = thermal_series(period, PER_ORBIT, orbits, generator)
     return times - CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 

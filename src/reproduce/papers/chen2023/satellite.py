@@ -57,12 +57,10 @@ from reproduce.physics.attitude import (
 )
 from reproduce.physics.ground import (
     WGS84,
-    EarthOrientation,
     earth_fixed,
     earth_from_inertial,
     image_vectors,
     imaged_position,
-    imaging_chain,
 )
 from reproduce.physics.images import centre_of_gravity, centre_of_gravity_error, spot_windows
 from reproduce.physics.light import (
@@ -373,7 +371,7 @@ def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     Position of the satellite; where equation (1) puts the middle of the image; three frames whose
     columns are their axes. All Earth-fixed, in metres.
     """
-    turning = earth_from_inertial(DATE, EarthOrientation(ut1_utc=0.0))
+    turning = earth_from_inertial(DATE, ut1_utc=0.0)
     satellite = earth_fixed(ABOVE)
     z = unit("boresight", earth_fixed(TARGET) - satellite)
     x = unit("level", np.cross([0.0, 0.0, 1.0], z))
@@ -381,10 +379,10 @@ def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     # The tracker looks away from the Earth: the camera, turned about the X that both share.
     tracker_from_camera = rotation_from_vector([door[INSTALLED], 0.0, 0.0])
     inertial_from_tracker = turning.T @ looking @ tracker_from_camera.T
-    chain = imaging_chain(turning, inertial_from_tracker, np.eye(3), tracker_from_camera)
+    chain = turning @ inertial_from_tracker @ tracker_from_camera
     centre = image_vectors([(0.0, 0.0)], focal_length=1.0)
     frames = {"camera": chain, "tracker": turning @ inertial_from_tracker, "stars": turning}
-    return satellite, imaged_position(centre, satellite, chain).position[0], frames
+    return satellite, imaged_position(centre, satellite, chain)[0], frames
 
 
 @draws("chen2023/fig-1a", given=[INSTALLED])
