@@ -215,7 +215,8 @@ def _budget(given: Given) -> pd.DataFrame:
             exact = sum((analytic(jacobian, error) for error in errors), np.zeros((2, 2)))
             radii = float(circular_error(exact)), _quantile(drawn)
             # Semi-axes of both ellipses, the major ones first.
-            axes = np.sqrt([np.linalg.eigvalsh(c)[::-1] for c in (exact, np.cov(drawn.T))]).T.flat
+            squares = [np.linalg.eigvalsh(c)[::-1] for c in (exact, np.cov(drawn.T))]
+            axes = np.sqrt(np.maximum(squares, 0.0)).T.flat  # below zero is rounding alone
             rows.append((term, sigma, unit, name, *radii, *axes))
     return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
