@@ -53,14 +53,13 @@ from reproduce.papers.study import Fact, studied
 from reproduce.papers.words import words
 from reproduce.physics.optics import (
     Camera,
-    CameraFit,
     angle_from_pixels,
     channel_centroids,
     fit_camera,
     noisy_centroids,
     spawned_angles,
     spawned_normals,
-    table_starlight,
+    starlight,
 )
 from reproduce.physics.registration import (
     Registration,
@@ -271,13 +270,13 @@ def pointing_errors(given: Given) -> Results:
 
 def calibrated_cameras(
     given: Given, seed: SeedSequence, replicates: int, error: float
-) -> dict[str, CameraFit]:
+) -> dict[str, Camera]:
     """Calibrate each channel's own camera on the twin, as the last two rows of Table 4 were.
 
     Channel to its calibrations, batch shape (replicates,).
     """
     table, noisy = _twin(given, seed, replicates, error)
-    directions, pitch = table_starlight(table), given[f"{OPTICS}#pixel-pitch-x"]
+    directions, pitch = starlight(table[:, 1], table[:, 0]), given[f"{OPTICS}#pixel-pitch-x"]
     return {
         channel: fit_camera(directions, noisy[:, position], pitch, rotations(given)[position])
         for position, channel in enumerate(CHANNELS)
@@ -349,7 +348,7 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
         cameras_found = calibrated_cameras(given, seed, _FITS, share * residual)
         found = registrations(given, seed, _FITS, share * residual)
         for channel in REGISTERED:
-            lengths = (cameras_found[one].camera.focal_length for one in ("green", channel))
+            lengths = (cameras_found[one].focal_length for one in ("green", channel))
             sd = float(np.std(found[channel].parameters[:, 0] - np.divide(*lengths)))
             apart = given[f"{CALIBRATION}#scale.{channel}"] - printed[channel]
             rows.append((channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd))
