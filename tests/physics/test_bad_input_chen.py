@@ -82,7 +82,6 @@ GOOD = {
     monitoring.attitude_accuracy: {"centroid_sigma": 0.1, "count": 4.0, "pixel_angle": 1e-4},
     imaging.ground_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "altitude": 5e5},
     imaging.altitude_for_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "resolution": 1.0},
-    imaging.ground_error: {"altitude": 5e5, "angle": 1e-6},
     imaging.image_vectors: {
         "points": POINTS,
         "focal_length": 1.0,

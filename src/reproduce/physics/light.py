@@ -20,8 +20,12 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude import emitted_directions, rotation_from_vector, unit
-from reproduce.physics.attitude.platform import _spots
+from reproduce.physics.attitude import (
+    emitted_directions,
+    received_spots,
+    rotation_from_vector,
+    unit,
+)
 from reproduce.physics.attitude.rotations import _cross_matrix, _unit
 from reproduce.physics.validate import (
     DegenerateGeometryError,
@@ -327,4 +331,4 @@ class LightPath:
         _, ways = self.fold.send(*self.retroreflector.send(places, ways))
         # The tracker counts directions to where the light comes from, in its own frame.
         sources = -ways @ rotation_from_vector([self.boresight_angle, 0.0, 0.0])
-        return _spots(sources, np.zeros(2), np.asarray(self.tracker_focal_length))
+        return received_spots(sources, (0.0, 0.0), 1.0, self.tracker_focal_length)

@@ -9,13 +9,11 @@ from reproduce.physics.attitude import emitted_directions, misalignment_in_track
 from reproduce.physics.ground import (
     WGS84,
     altitude_for_resolution,
-    ground_error,
     ground_resolution,
     image_vectors,
     imaged_position,
 )
 from reproduce.physics.ground.earth import Ellipsoid
-from reproduce.physics.ground.imaging import EarthMissedError
 
 DOWN = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # earth_from_camera above (1, 0, 0)
 SATELLITE = np.array([WGS84.equatorial_radius + 500e3, 0, 0])
@@ -55,8 +53,7 @@ def test_a_pointing_error_moves_the_ground_position_by_altitude_times_angle():
     turned = DOWN @ Rotation.from_rotvec([0, angle, 0]).as_matrix()
     still, moved = (imaged_position(vectors, SATELLITE, chain) for chain in (DOWN, turned))
     apart = np.linalg.norm(moved - still)
-    assert apart == pytest.approx(ground_error(500e3, angle), rel=1e-6)
-    assert ground_error(500e3, -angle) == -ground_error(500e3, angle)
+    assert apart == pytest.approx(500e3 * angle, rel=1e-6)
 
 
 def test_positions_lie_on_the_ellipsoid_and_on_the_line():
@@ -108,14 +105,14 @@ def test_grazing_lines_meet_the_horizon_just_or_not():
     past = [-np.cos(dip + 1e-7), np.sin(dip + 1e-7), 0]
     horizon = np.sqrt(7.0e6**2 - WGS84.equatorial_radius**2)
     assert distance_to_ground(satellite, just) == pytest.approx(horizon, rel=1e-3)
-    with pytest.raises(EarthMissedError, match=r"1 of 1 that miss it, 0 of them looking away"):
+    with pytest.raises(ValueError, match=r"1 of 1 that miss it, 0 of them looking away"):
         distance_to_ground(satellite, past)
 
 
 def test_looking_away_from_the_earth_is_an_error_not_a_place():
-    with pytest.raises(EarthMissedError, match=r"1 of 1 that miss it, 1 of them looking away"):
+    with pytest.raises(ValueError, match=r"1 of 1 that miss it, 1 of them looking away"):
         distance_to_ground(SATELLITE, [1, 0, 0])
-    with pytest.raises(EarthMissedError, match="check the sign of the boresight"):
+    with pytest.raises(ValueError, match="check the sign of the boresight"):
         imaged_position(image_vectors([[0, 0]], 1.0), SATELLITE, DOWN @ np.diag([-1, 1, -1]))
     with pytest.raises(ValueError, match="satellite: expected points outside the ellipsoid"):
         distance_to_ground([6e6, 0, 0], [-1, 0, 0])

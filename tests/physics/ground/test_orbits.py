@@ -87,7 +87,7 @@ def test_last_orbits_magnify_noise():
 def test_nonsense_is_refused():
     with pytest.raises(ValueError, match="altitude"):
         orbital_period(-5.0)
-    with pytest.raises(ValueError, match="whole orbits"):
+    with pytest.raises(ValueError, match="reshape"):
         last_orbits(np.zeros((70, 2)), 16)
     with pytest.raises(ValueError, match="calibrate longer"):
         trend_and_fourier(np.arange(9.0), np.arange(9.0), np.zeros((9, 2)), 3)

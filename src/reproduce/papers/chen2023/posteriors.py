@@ -44,7 +44,7 @@ from reproduce.papers.declare_posterior import (
 )
 from reproduce.physics.attitude import Platform, averaged_error, stage_angles
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
-from reproduce.physics.ground import altitude_for_resolution, ground_error
+from reproduce.physics.ground import altitude_for_resolution
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import spots as spot_files
@@ -101,8 +101,8 @@ class OnTheGround:
         """Errors about the posterior mean: pointing in arcsec, position in metres."""
         angles = parameters[:, self.first : self.first + 2]
         error = np.hypot(*(angles - angles.mean(axis=0)).T)
-        metres = ground_error(self.altitude, error)
-        shift = ground_error(self.altitude, np.hypot(*angles.T))
+        metres = self.altitude * error
+        shift = self.altitude * np.hypot(*angles.T)
         return {
             "pointing error": Consequence(
                 error * ARCSEC_PER_RADIAN, "arcsec", "boresight, both axes together"
@@ -145,7 +145,7 @@ class StageTest:
             "pointing error": Consequence(
                 error * ARCSEC_PER_RADIAN, "arcsec", "one state, rms, both axes"
             ),
-            "position error": Consequence(ground_error(self.altitude, error), "m", "on the ground"),
+            "position error": Consequence(self.altitude * error, "m", "on the ground"),
             "last state, nominal focal length": Consequence(
                 wrong * ARCSEC_PER_RADIAN,
                 "arcsec",
@@ -182,7 +182,7 @@ class Averaged:
                 name = f"{column}, error of {count} frame{'s' if count > 1 else ''}"
                 found[name] = Consequence(error * ARCSEC_PER_RADIAN, "arcsec", "three sigma")
                 found[f"{name}, position"] = Consequence(
-                    ground_error(self.altitude, error), "m", "three sigma, on the ground"
+                    self.altitude * error, "m", "three sigma, on the ground"
                 )
         return found
 

@@ -171,6 +171,29 @@ def attitude_accuracy(
 
 
 @dataclass(frozen=True, eq=False)
+class _Group:
+    """Angles, (frames, 3), and response, (frames, 3, n, 2), of the images of a group that tell."""
+
+    angles: FloatArray
+    response: FloatArray
+
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Of the angles, for spots of unit variance, (frames, 3)."""
+        return np.square(self.response).sum(axis=(-2, -1))
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Share of each image in the mean, (frames, 3): the less the fewer lights it shows."""
+        return np.asarray(1 / self.variance / (1 / self.variance).sum(axis=0))
+
+    @cached_property
+    def mean(self) -> FloatArray:
+        """Weighted mean of the angles, (3,)."""
+        return np.asarray((self.weights * self.angles).sum(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
 class Monitoring:
     """How far a camera has turned since the zero point, and how well that is known.
 
@@ -179,11 +202,10 @@ class Monitoring:
 
     Parameters
     ----------
-    angles, zero_angles : ndarray, shape (frames, 3)
-        Of the images at the present and at the zero point; NaN where fewer than two lights are
-        seen.
-    response, zero_response : ndarray, shape (frames, 3, n, 2)
-        Derivatives of the angles by the spots, in radians per px; zero for a spot that is lost.
+    angles : ndarray, shape (frames, 3)
+        Of the images at the present; NaN where fewer than two lights are seen.
+    groups : pair
+        The images that tell, at the present and at the zero point.
     counts : ndarray, shape (n,)
         Images at the zero point in which each light is seen.
 
@@ -195,57 +217,40 @@ class Monitoring:
     """
 
     angles: FloatArray
-    zero_angles: FloatArray
-    response: FloatArray
-    zero_response: FloatArray
+    groups: tuple[_Group, _Group]
     counts: FloatArray
-
-    @cached_property
-    def _groups(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Angles, response and variance for spots of unit variance, of the images that tell."""
-        groups = []
-        for angles, response in (
-            (self.angles, self.response), (self.zero_angles, self.zero_response)
-        ):  # fmt: skip
-            told = np.isfinite(angles).all(axis=-1)
-            variance = np.square(response[told]).sum(axis=(-2, -1))
-            groups.append((angles[told], response[told], variance))
-        return groups
 
     @property
     def mean(self) -> FloatArray:
         """Mean misalignment, shape (3,)."""
-        angles, _, variance = self._groups[0]
-        return _mean(angles, variance)
+        return self.groups[0].mean
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom of the scatter: images beyond the first of each group."""
-        return sum(len(angles) - 1 for angles, *_ in self._groups)
+        return sum(len(one.angles) - 1 for one in self.groups)
 
     @cached_property
     def _noise(self) -> FloatArray:
         """Noise of a spot as each of the three angles shows it, in px."""
         squares = sum(
-            (np.square(angles - _mean(angles, variance)) / variance).sum(axis=0)
-            for angles, _, variance in self._groups
+            (np.square(one.angles - one.mean) / one.variance).sum(axis=0) for one in self.groups
         )
         return np.sqrt(squares / self.freedom) if self.freedom else np.full(3, np.nan)
 
     @property
     def scatter(self) -> FloatArray:
         """Standard deviation of one image with all lights, shape (3,); NaN for single images."""
-        return self._noise * np.sqrt(min(variance.min(axis=0).tolist()
-                                         for *_, variance in self._groups))  # fmt: skip
+        least = min(one.variance.min(axis=0).tolist() for one in self.groups)
+        return self._noise * np.sqrt(least)
 
     @property
     def error(self) -> FloatArray:
         """Standard error of the mean, that of the zero point in it, shape (3,)."""
-        _, response, variance = self._groups[0]
-        weights = _weights(variance)
-        together = np.einsum("fa,faij->aij", weights, response)
+        now = self.groups[0]
+        together = np.einsum("fa,faij->aij", now.weights, now.response)
         zero = np.square(together).sum(axis=-1) @ (1 / self.counts)
-        return self._noise * np.sqrt((np.square(weights) * variance).sum(axis=0) + zero)
+        return self._noise * np.sqrt((np.square(now.weights) * now.variance).sum(axis=0) + zero)
 
     def interval(self, share: float) -> FloatArray:
         """Return the central interval of the mean by Student's law, shape (2, 3)."""
@@ -253,14 +258,6 @@ class Monitoring:
 
         reach = stdtrit(self.freedom, 0.5 + share / 2) if self.freedom else np.nan
         return self.mean + np.array([[-1.0], [1.0]]) * reach * self.error
-
-
-def _weights(variance: FloatArray) -> FloatArray:
-    return np.asarray(1 / variance / (1 / variance).sum(axis=0))
-
-
-def _mean(angles: FloatArray, variance: FloatArray) -> FloatArray:
-    return np.asarray((_weights(variance) * angles).sum(axis=0))
 
 
 def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Monitoring:
@@ -299,12 +296,15 @@ def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Mo
     )
     counts = np.isfinite(before).all(axis=-1).sum(axis=0)
     zero = np.nanmean(before, axis=0)
-    angles, response = _turned(zero, now, platform)
-    zero_angles, zero_response = _turned(zero, before, platform)
-    for name, one in (("zero_spots", zero_angles), ("spots", angles)):
-        if not np.isfinite(one).any():
+    angles, groups = [], []
+    for name, images in (("spots", now), ("zero_spots", before)):
+        found, response = _turned(zero, images, platform)
+        told = np.isfinite(found).all(axis=-1)
+        if not told.any():
             raise ValueError(f"{name}: expected two lights or more in an image, got fewer in all")
-    return Monitoring(angles, zero_angles, response, zero_response, counts)
+        angles.append(found)
+        groups.append(_Group(found[told], response[told]))
+    return Monitoring(angles[0], (groups[0], groups[1]), counts)
 
 
 def _turned(

@@ -17,7 +17,6 @@ from reproduce.physics.ground.imaging import (
     altitude_for_resolution,
     circular_error,
     ground_covariance,
-    ground_error,
     ground_jacobian,
     ground_resolution,
     image_vectors,

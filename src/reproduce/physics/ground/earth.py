@@ -20,6 +20,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
+from reproduce.physics.attitude.rotations import _unit
 from reproduce.physics.validate import (
     Direction,
     FloatArray,
@@ -218,7 +219,7 @@ def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatAr
     Raises
     ------
     ValueError
-        If the satellite falls straight down.
+        If the satellite falls straight down, which leaves no velocity across the radius.
 
     Examples
     --------
@@ -227,12 +228,7 @@ def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatAr
            [-0., -0., -1.],
            [-1., -0., -0.]])
     """
-    normal = np.cross(position, velocity)
-    size = np.linalg.norm(normal, axis=-1, keepdims=True)
-    if (size <= 0).any():
-        raise ValueError("velocity: expected a motion across the radius, got one along it")
-    down = -position / np.linalg.norm(position, axis=-1, keepdims=True)
-    side = -normal / size
+    down, side = -_unit("position", position), -_unit("velocity", np.cross(position, velocity))
     return np.stack([np.cross(side, down), side, down], axis=-2)
 
 
@@ -388,7 +384,7 @@ def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatA
     Raises
     ------
     ValueError
-        If there are fewer than four orbits, or a part of one.
+        If there is a part of an orbit.
 
     Examples
     --------
@@ -398,11 +394,6 @@ def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatA
     >>> np.allclose(last_orbits(np.stack([swing, swing], axis=-1), 16)[48:, 0], swing[48:])
     True
     """
-    if len(measured) % per_orbit or len(measured) < 4 * per_orbit:
-        raise ValueError(
-            f"measured: expected four whole orbits or more of {per_orbit} samples, got "
-            f"{len(measured)} samples; cut the series after a whole orbit"
-        )
     orbits = measured.reshape(-1, per_orbit, 2)
     columns = _fourier_columns(np.arange(per_orbit) / per_orbit, degree)
     fits = np.einsum("kp,opa->oka", np.linalg.pinv(columns), orbits)

@@ -29,7 +29,6 @@ from reproduce.physics.validate import (
     Direction,
     Directions,
     FloatArray,
-    Number,
     Point,
     Points,
     Positive,
@@ -43,10 +42,6 @@ _Plane = Annotated[Any, (2, 2)]
 # Strips over which a normal law in the plane is integrated; enough for five digits.
 _SECTORS = 256
 _HALVINGS = 60
-
-
-class EarthMissedError(ValueError):
-    """A line of sight does not meet the ellipsoid."""
 
 
 @checked
@@ -118,7 +113,7 @@ def imaged_position(
 
     Raises
     ------
-    EarthMissedError
+    ValueError
         If a line of sight passes the Earth, or looks away from it.
 
     Examples
@@ -159,11 +154,10 @@ def _distance(start: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> Flo
     discriminant = square - np.einsum("...i,...i->...", moment, moment)
     missed = (discriminant < 0) | (approach <= 0)
     if missed.any():
-        away = int((missed & (approach <= 0)).sum())
-        raise EarthMissedError(
-            f"expected lines of sight that meet the Earth, got {int(missed.sum())} of "
-            f"{missed.size} that miss it, {away} of them looking away from it; check the sign "
-            "of the boresight and the order of the rotations, or drop these pixels"
+        raise ValueError(
+            f"vectors: expected lines of sight that meet the Earth, got {missed.sum()} of "
+            f"{missed.size} that miss it, {(approach <= 0).sum()} of them looking away from it; "
+            "check the sign of the boresight and the order of the rotations, or drop these pixels"
         )
     return height / (approach + np.sqrt(discriminant))
 
@@ -274,29 +268,6 @@ def altitude_for_resolution(
     500000
     """
     return np.asarray(resolution * focal_length / pixel_pitch)
-
-
-@checked
-def ground_error(altitude: Positive, angle: Number) -> FloatArray:
-    """Return how far a small pointing error moves the line of sight on the ground at nadir.
-
-    Parameters
-    ----------
-    altitude : array_like, in metres
-    angle : array_like
-        Pointing error about an axis across the boresight, in radians, small; keeps its sign.
-
-    Returns
-    -------
-    ndarray
-        altitude × angle, in metres.
-
-    Examples
-    --------
-    >>> float(ground_error(500e3, 2e-6))
-    1.0
-    """
-    return np.asarray(altitude * angle)
 
 
 @checked

@@ -471,7 +471,13 @@ def fit_camera(
     observed = points - points.mean(axis=-2, keepdims=True)
     normal = np.einsum("...nij,...nik->...jk", centred, centred)
     pull = np.einsum("...nij,...ni->...j", centred, observed)
-    linear = np.einsum("...jk,...k->...j", _inverse(normal), pull)
+    (a, b), (_, d) = np.moveaxis(normal, (-2, -1), (0, 1))
+    if not ((a > 0) & (a * d - b**2 > 1e-12 * a * d)).all():
+        raise DegenerateGeometryError(
+            "directions: expected slopes that fix focal length and distortion, got the same slope "
+            "throughout or two points alone; turn the table to angles near and far from zero"
+        )
+    linear = np.linalg.solve(normal, pull[..., np.newaxis])[..., 0]
     origin = (points - np.einsum("...nij,...j->...ni", columns, linear)).mean(axis=-2)
     if (linear[..., 0] <= 0).any():
         raise ValueError(
@@ -479,15 +485,3 @@ def fit_camera(
             "length of zero or less; check the signs of the axes"
         )
     return Camera(linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch)
-
-
-def _inverse(normal: FloatArray) -> FloatArray:
-    a, b, d = normal[..., 0, 0], normal[..., 0, 1], normal[..., 1, 1]
-    determinant = a * d - b**2
-    if not ((a > 0) & (determinant > 1e-12 * a * d)).all():
-        raise DegenerateGeometryError(
-            "directions: expected slopes that fix focal length and distortion, got the same slope "
-            "throughout or two points alone; turn the table to angles near and far from zero"
-        )
-    rows = [np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)]
-    return np.stack(rows, axis=-2) / determinant[..., None, None]
