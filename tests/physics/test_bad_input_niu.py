@@ -78,17 +78,9 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         camera.scale_factor,
         {"reference_focal_length": 25e-3, "focal_length": 25e-3},
     ),
-    "reference_ideal_positions": (
-        camera.reference_ideal_positions,
-        {"ideal": SOURCE, "scale": 1.0},
-    ),
     "distortion_ratio": (
         camera.distortion_ratio,
         {"scale": 1.0, "reference_distortion": 40.0, "distortion": 40.0},
-    ),
-    "reference_points_from_ideal": (
-        camera.reference_points_from_ideal,
-        {"ideal": SOURCE, "displacements": SOURCE, "scale": 1.0, "principal_point": PIVOT},
     ),
     "reference_points_scaled": (
         camera.reference_points_scaled,

@@ -193,11 +193,7 @@ class Mirrors:
             ahead = np.where(left & (ahead > _NOWHERE), ahead, np.inf)
             first = ahead.argmin(axis=-1)
             length = np.take_along_axis(ahead, first[..., np.newaxis], axis=-1)
-            if not np.isfinite(length).all():
-                raise DegenerateGeometryError(
-                    "rays: expected each to meet every mirror, got one that misses; move the "
-                    "mirrors into the beam"
-                )
+            _refuse_misses(length)
             np.put_along_axis(left, first[..., np.newaxis], False, axis=-1)
             places, normal = places + length * ways, normals[first]
             across = np.einsum("...i,...i->...", ways, normal)[..., np.newaxis]
@@ -246,12 +242,16 @@ def _to_cone(places: FloatArray, ways: FloatArray) -> FloatArray:
     ahead = ends > 1e-9 * (1.0 + np.abs(places).max())
     met = ahead & (places[..., 2] + ends * ways[..., 2] < 0)
     found = np.where(met, ends, np.inf).min(axis=0)
-    if not np.isfinite(found).all():
-        raise DegenerateGeometryError(
-            "rays: expected each to meet the cone twice, got one that does not; let it come in "
-            "next to the axis, not through the tip, and nearly along the axis"
-        )
+    _refuse_misses(found)
     return found
+
+
+def _refuse_misses(lengths: FloatArray) -> None:
+    if not np.isfinite(lengths).all():
+        raise DegenerateGeometryError(
+            "rays: expected each to meet every mirror, a cone twice, got one that misses; move the "
+            "mirrors into the beam, the tip of a cone beside it"
+        )
 
 
 # What may stand in front of the camera; rows of the plane ones, turned over, look at it.
@@ -273,8 +273,6 @@ class LightPath:
         Between the two boresights, both outwards, in radians.
     retroreflector : Mirrors or Cone
         In front of the camera, from `RETROREFLECTORS`.
-    fold_turn : array_like, shape (3,)
-        Rotation vector by which the dichroic mirror has turned.
     camera_turn : array_like, shape (3,)
         Rotation vector by which the camera, lasers and lens, has turned about its lens.
 
@@ -291,7 +289,6 @@ class LightPath:
     tracker_focal_length: float
     boresight_angle: float
     retroreflector: Mirrors | Cone
-    fold_turn: ArrayLike = STILL
     camera_turn: ArrayLike = STILL
 
     @property
@@ -300,7 +297,7 @@ class LightPath:
         tilt = float(fold_mirror_tilt(self.boresight_angle))
         # Its normal stands between where the light comes from and where it goes to.
         normal = rotation_from_vector([self.boresight_angle - np.pi + tilt, 0.0, 0.0])[:, 2]
-        return Mirrors(_FOLD, normal[np.newaxis], self.fold_turn)
+        return Mirrors(_FOLD, normal[np.newaxis])
 
     def spots(self, lasers: ArrayLike, aperture: ArrayLike) -> FloatArray:
         """Return where the rays of each laser meet the tracker's detector.

@@ -34,6 +34,10 @@ PLANE = KINDS[:2]
 TURN = 1e-4
 
 
+class Bent(LightPath):
+    """A path whose dichroic mirror a test replaces."""
+
+
 def path(kind, **changes):
     return replace(LightPath(CAMERA, TRACKER, BETWEEN, RETROREFLECTORS[kind]), **changes)
 
@@ -221,11 +225,14 @@ def test_a_shift_of_a_laser_shrinks_by_the_ratio_of_the_focal_lengths(kind):
     # Its edge-on axis, the one across the plane of the light, and its normal.
     [("in", np.sqrt(3.0)), ("across", 2.0), ("normal", 0.0)],
 )
-def test_a_turn_of_the_dichroic_mirror_is_taken_for_one_of_the_camera(axis, expected):
+def test_a_turn_of_the_dichroic_mirror_is_taken_for_one_of_the_camera(monkeypatch, axis, expected):
     kind = "corner cube"
     normal = path(kind).fold.normals[0]
     axes = {"across": np.eye(3)[0], "normal": normal, "in": np.cross(np.eye(3)[0], normal)}
-    found = feigned(path(kind, fold_turn=TURN * axes[axis]), path(kind), kind) / TURN
+    turned_mirror = replace(path(kind).fold, turn=TURN * axes[axis])
+    monkeypatch.setattr(Bent, "fold", turned_mirror, raising=False)
+    bent = Bent(CAMERA, TRACKER, BETWEEN, RETROREFLECTORS[kind])
+    found = feigned(bent, path(kind), kind) / TURN
     assert np.linalg.norm(found[:2]) == pytest.approx(expected, abs=2e-3)
 
 

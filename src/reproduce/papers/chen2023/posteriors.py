@@ -65,13 +65,11 @@ def _simulated_images(
     design = as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
-    scale = np.full(frames, _pattern_scale(design))
+    lasers = _pattern_scale(design) * design.lasers
     groups = []
     for first, last in turns:
         turn = first + np.linspace(0, 1, frames)[:, None] * (last - first)
-        true = design.predicted(
-            np.zeros((frames, 3)), turn[:, None], scale, design.camera_focal_length
-        )[:, 0]
+        true = design.predicted(np.zeros((frames, 3)), turn[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
     return groups
 

@@ -373,8 +373,7 @@ def _landed(platform: Platform, lasers: FloatArray, vectors: FloatArray) -> Floa
     """Spots of lasers after turns (m, 3) and, where there is a fourth, of a size, (m, n, 2)."""
     sizes = np.exp(vectors[:, 3:]).prod(axis=1)[:, None, None]
     still = np.zeros((len(vectors), 1, 3))
-    length = platform.camera_focal_length
-    return platform.landed(vectors[:, :3], still, sizes * lasers, length)[:, 0]
+    return platform.predicted(vectors[:, :3], still, sizes * lasers)[:, 0]
 
 
 def _size(points: FloatArray) -> float:

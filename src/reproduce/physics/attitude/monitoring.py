@@ -290,10 +290,8 @@ def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Mo
     array([0., 0., 0.])
     """
     shape = (None, len(platform.lasers), 2)
-    before, now = (
-        number_array(name, one, shape=shape)
-        for name, one in (("zero_spots", zero_spots), ("spots", spots))
-    )
+    before = number_array("zero_spots", zero_spots, shape=shape)
+    now = number_array("spots", spots, shape=shape)
     counts = np.isfinite(before).all(axis=-1).sum(axis=0)
     zero = np.nanmean(before, axis=0)
     angles, groups = [], []

@@ -319,27 +319,19 @@ class Platform:
         return laser_transform(self.directions, received_directions(self.spots, *self.tracker))
 
     def predicted(
-        self, mount: FloatArray, turn: FloatArray, scale: FloatArray, focal: FloatArray | float
+        self, mount: FloatArray, turn: FloatArray, lasers: FloatArray | None = None
     ) -> FloatArray:
         """Where the spots should lie, shape (n, groups, lasers, 2), in px.
 
         The mount, (n, 3), is the rotation vector of the zero attitude against `reference`, in the
         camera frame; the turn, (n, groups, 3), holds the misalignment angles since the zero point;
-        the scale, (n,), is the size of the laser pattern over the designed one.
+        lasers, (lasers, 2) or (n, lasers, 2), in metres, are the designed ones unless others are
+        given.
         """
-        return self.landed(mount, turn, scale[:, None, None] * self.lasers, focal)
-
-    def landed(
-        self, mount: FloatArray, turn: FloatArray, lasers: FloatArray, focal: FloatArray | float
-    ) -> FloatArray:
-        """Where the spots of lasers at given positions, (n, lasers, 2), in metres, lie.
-
-        The rest is as for `predicted`.
-        """
-        count = len(mount)
-        rays = np.empty((count, lasers.shape[-2], 3))
-        rays[..., :2] = -lasers
-        rays[..., 2] = np.broadcast_to(focal, count)[:, None]
+        places = self.lasers if lasers is None else lasers
+        rays = np.empty((len(mount), places.shape[-2], 3))
+        rays[..., :2] = -places
+        rays[..., 2] = self.camera_focal_length
         zero = self.reference @ _rotation_from_vector(mount)
         now = zero[:, None] @ _rotation_from_vector(turn)  # (6): the turn of the camera, undone
         arriving = rays[:, None] @ np.swapaxes(now, -1, -2)

@@ -119,9 +119,7 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     >>> vector_from_rotation([[0, -1, 0], [1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    twist = np.empty(rotation.shape[:-1])
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        twist[..., i] = 0.5 * (rotation[..., k, j] - rotation[..., j, k])
+    twist = 0.5 * _axial(rotation)
     sine = np.sqrt(np.einsum("...i,...i->...", twist, twist))
     cosine = 0.5 * (np.einsum("...ii->...", rotation) - 1.0)
     angle = np.arctan2(sine, cosine)
@@ -146,6 +144,14 @@ def _unit(name: str, vectors: FloatArray) -> FloatArray:
             f"{first}; remove this row, or give it weight zero and any direction"
         )
     return vectors / length
+
+
+def _axial(matrix: FloatArray) -> FloatArray:
+    """Return the antisymmetric part of a matrix as a vector: of a profile, sum w s × t."""
+    result = np.empty(matrix.shape[:-1])
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[..., i] = matrix[..., k, j] - matrix[..., j, k]
+    return result
 
 
 def _cofactors(matrices: FloatArray) -> FloatArray:

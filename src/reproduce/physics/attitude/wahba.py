@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude.rotations import (
+    _axial,
     _cofactors,
     _rotation_from_quaternion,
     _unit,
@@ -305,14 +306,6 @@ def _rotation_at(profile: FloatArray, root: FloatArray) -> FloatArray:
     # With two equal roots all cofactors vanish; the caller refuses that, here it is no error.
     quaternion[..., 3] = np.where(quaternion[..., 3] > 0, quaternion[..., 3], 1.0)
     return _rotation_from_quaternion(quaternion) * _HALF_TURNS[scalar.argmax(axis=-1), np.newaxis]
-
-
-def _axial(profile: FloatArray) -> FloatArray:
-    """Return sum w s × t, the antisymmetric part of the profile as a vector."""
-    result = np.empty(profile.shape[:-1])
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        result[..., i] = profile[..., k, j] - profile[..., j, k]
-    return result
 
 
 def _half_turn_to_z(vector: FloatArray) -> FloatArray:

@@ -189,16 +189,9 @@ def local_axes(positions: Direction) -> FloatArray:
            [1., 0., 0.]])
     """
     longitude, latitude, _ = erfa.gc2gde(WGS84.equatorial_radius, WGS84.flattening, positions)
-    zero = np.zeros_like(longitude)
-    east = np.stack([-np.sin(longitude), np.cos(longitude), zero], axis=-1)
-    up = np.stack(
-        [
-            np.cos(latitude) * np.cos(longitude),
-            np.cos(latitude) * np.sin(longitude),
-            np.sin(latitude),
-        ],
-        axis=-1,
-    )
+    (se, ce), (sn, cn) = ((np.sin(one), np.cos(one)) for one in (longitude, latitude))
+    east = np.stack([-se, ce, np.zeros_like(se)], axis=-1)
+    up = np.stack([cn * ce, cn * se, sn], axis=-1)
     return np.stack([east, np.cross(up, east), up], axis=-2)
 
 

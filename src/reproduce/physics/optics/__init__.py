@@ -11,8 +11,6 @@ from reproduce.physics.optics.camera import (
     ideal_positions,
     image_points,
     radial_displacements,
-    reference_ideal_positions,
-    reference_points_from_ideal,
     reference_points_scaled,
     scale_factor,
     turned_onto_detector,

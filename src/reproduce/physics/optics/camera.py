@@ -289,7 +289,9 @@ def angle_from_pixels(pixels: Number, pixel_pitch: Positive, focal_length: Posit
 
 @checked
 def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> FloatArray:
-    """The scale factor k that lays a channel over the reference: the definition before (6).
+    """The scale factor k that lays ideal positions of a channel over those of the reference.
+
+    Implements: niu2024 (6).
 
     Parameters
     ----------
@@ -307,30 +309,6 @@ def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> Fl
     1.5
     """
     return np.asarray(reference_focal_length / focal_length)
-
-
-@checked
-def reference_ideal_positions(ideal: Points, scale: Positive) -> FloatArray:
-    """Ideal positions in the reference channel, from those of the other.
-
-    Implements: niu2024 (6).
-
-    Parameters
-    ----------
-    ideal : array_like, shape (..., n, 2), from the principal point, in any unit of length
-    scale : array_like, shape (...)
-        Scale factor k, above zero.
-
-    Returns
-    -------
-    ndarray, shape (..., n, 2), in the same unit
-
-    Examples
-    --------
-    >>> reference_ideal_positions([[2, 4]], 1.5)
-    array([[3., 6.]])
-    """
-    return scale[..., None, None] * ideal
 
 
 @checked
@@ -368,41 +346,14 @@ def distortion_ratio(
 
 
 @checked
-def reference_points_from_ideal(
-    ideal: Points, displacements: Points, scale: Positive, principal_point: Point
-) -> FloatArray:
-    """Image points of the reference channel, from ideal positions and distortion of the other.
-
-    Implements: niu2024 (9), (10).
-
-    Scale and principal point are those of `reference_points_scaled`. The displacements are scaled
-    by k too: that is (9), which takes k^3 = k; near k = 1 its relative error is 2 (1 - k).
-
-    Parameters
-    ----------
-    ideal, displacements : array_like, shape (..., n, 2)
-        Ideal positions and displacements by distortion of the other channel, both in px.
-
-    Returns
-    -------
-    ndarray, shape (..., n, 2), in px
-
-    Examples
-    --------
-    >>> reference_points_from_ideal([[10, 0]], [[1, 0]], 2.0, (5, 5))
-    array([[27.,  5.]])
-    """
-    return scale[..., None, None] * (ideal + displacements) + principal_point[..., None, :]
-
-
-@checked
 def reference_points_scaled(points: Points, scale: Positive, principal_point: Point) -> FloatArray:
     """Image points of the reference channel where only focal length and distortion differ.
 
-    Implements: niu2024 (11), (12).
+    Implements: niu2024 (9), (10), (11), (12).
 
     What an image point holds beyond the principal point is its ideal position and distortion
-    together, by (11).
+    together, by (11). Both are scaled by k in (10), the distortion by (9), which takes k^3 = k;
+    near k = 1 its relative error is 2 (1 - k).
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ positive y.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
@@ -122,12 +122,10 @@ def noisy_centroids(
             f"sigma: expected one number or one per channel ({shape[0]}), got shape "
             f"{sigma.shape}; give one, or as many as there are channels"
         )
-
-    def mean(stream: Generator) -> FloatArray:
-        # Averaged here, not later: ten repeats of many replicates would not fit in memory.
-        return stream.standard_normal((repeats, *shape)).mean(axis=0)
-
-    return centroids + sigma[..., None, None] * _drawn(seeds, replicates, first, shape, mean)
+    # Averaged in the draw: ten repeats of many replicates would not fit in memory.
+    streams = spawned_streams(seeds, replicates, first)
+    noise = np.stack([one.standard_normal((repeats, *shape)).mean(axis=0) for one in streams])
+    return centroids + sigma[..., None, None] * noise
 
 
 def spawned_normals(
@@ -149,7 +147,8 @@ def spawned_normals(
     True
     """
     shape = tuple(whole_number("shape", side) for side in shape)
-    return _drawn(seeds, replicates, first, shape, lambda one: one.standard_normal(shape))
+    streams = spawned_streams(seeds, replicates, first)
+    return np.stack([one.standard_normal(shape) for one in streams])
 
 
 def spawned_angles(
@@ -185,22 +184,8 @@ def spawned_angles(
     if half.shape != (2,):
         raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
     shape = whole_number("count", count), 2
-    return _drawn(seeds, replicates, first, shape, lambda one: one.uniform(-half, half, shape))
-
-
-def _drawn(
-    seeds: SeedSequence,
-    replicates: int,
-    first: int,
-    shape: tuple[int, ...],
-    draw: Callable[[Generator], FloatArray],
-) -> FloatArray:
-    """Return what each replicate draws from its stream, shape (replicates, *shape)."""
     streams = spawned_streams(seeds, replicates, first)
-    rows = np.empty((replicates, *shape))
-    for row, stream in zip(rows, streams, strict=True):
-        row[...] = draw(stream)
-    return rows
+    return np.stack([one.uniform(-half, half, shape) for one in streams])
 
 
 def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Iterator[Generator]:
