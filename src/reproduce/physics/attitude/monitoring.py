@@ -57,19 +57,22 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     >>> moving_average([1, 2, 6, 10], 2)
     array([1.5, 4. , 8. ])
     """
-    frames = np.moveaxis(finite_array("series", series, shape=(None,)), axis, -1)
+    frames, sums = _sums(series, axis)
     if whole_number("count", count) > frames.shape[-1]:
         raise ValueError(
             f"count: expected at most {frames.shape[-1]}, the number of frames, got {count}; "
             "average fewer frames or pass a longer series"
         )
-    # Sums of deviations from the first frame: a common value would cost digits.
+    averages = (sums[..., count:] - sums[..., :-count]) / count + frames[..., :1]
+    return np.moveaxis(averages, -1, axis)
+
+
+def _sums(series: ArrayLike, axis: int) -> tuple[FloatArray, FloatArray]:
+    """Return frames along the last axis, and their sums less the first: it would cost digits."""
+    frames = np.moveaxis(finite_array("series", series, shape=(None,)), axis, -1)
     sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
     np.cumsum(frames - frames[..., :1], axis=-1, out=sums[..., 1:])
-    averages = sums[..., count:] - sums[..., :-count]
-    averages /= count
-    averages += frames[..., :1]
-    return np.moveaxis(averages, -1, axis)
+    return frames, sums
 
 
 def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
@@ -103,13 +106,17 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     >>> scatter_of_averages([0, 2, 0, 2, 0, 2, 0, 2, 0, 2], [2])
     array([0.])
     """
-    frames = finite_array("series", series, shape=(None,)).shape[axis]
-    if not 0 < max((whole_number("counts", n) for n in counts), default=0) < frames:
+    frames, sums = _sums(series, axis)
+    most = frames.shape[-1]
+    if not 0 < max((whole_number("counts", n) for n in counts), default=0) < most:
         raise ValueError(
-            f"counts: expected one number or more, each below the {frames} frames, got {counts}; "
+            f"counts: expected one number or more, each below the {most} frames, got {counts}; "
             "average fewer frames or pass a longer series"
         )
-    scatters = [moving_average(series, n, axis).std(axis=axis, ddof=1) for n in counts]
+    scatters = []
+    for count in counts:
+        totals = sums[..., count:] - sums[..., :-count]
+        scatters.append(totals.std(axis=-1, ddof=1) / count)
     return np.stack(scatters, axis=axis)
 
 

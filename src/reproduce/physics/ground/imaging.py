@@ -10,8 +10,8 @@ slid along the line until it lies in the tangent plane: with the surface's norma
 
     dP = (I - u n^T / n·u) (dS + l du).
 
-A resolution and a pointing error are taken straight below. Covariances are of east and north on the
-ground, in square metres.
+A resolution is that straight below. Covariances are of east and north on the ground, in square
+metres.
 """
 
 from __future__ import annotations

@@ -11,8 +11,7 @@ Frames and units, said once for this module:
 
 The leading axes are a batch: many frames, many simulated calibrations, many cameras at once.
 
-The reference channel is the green one; the other is named by its role. Each of the paper's
-approximations is a call of its own, so that its error is the difference of two calls.
+The reference channel is the green one; the other is named by its role.
 
 A channel is calibrated alone from known starlight: focal length, principal point and distortion.
 The model is linear in F, m F^3 and the principal point. Its least-squares minimum is therefore
