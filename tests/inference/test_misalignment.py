@@ -34,7 +34,7 @@ def images(platform, turns, frames=400, seed=3, noise=NOISE):
     groups = []
     for first, last in turns:
         path = first + np.linspace(0, 1, frames)[:, None] * (last - first)
-        true = platform.predicted(np.zeros((frames, 3)), path[:, None], np.ones(frames), 2.0)[:, 0]
+        true = platform.predicted(np.zeros((frames, 3)), path[:, None])[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
     return groups
 
@@ -203,7 +203,7 @@ def test_free_lasers_leave_what_their_motion_tells(platform):
     mount, step, counts = np.zeros((1, 3)), 1e-5, (100, 400)
 
     def spots(turn):
-        return platform.landed(mount, turn[None, None], lasers, 2.0)[0, 0]
+        return platform.predicted(mount, turn[None, None], lasers)[0, 0]
 
     response = [(spots(TURN + one) - spots(TURN - one)).ravel() / (2 * step)
                 for one in step * np.eye(3)]  # fmt: skip

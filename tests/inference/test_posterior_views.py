@@ -13,6 +13,7 @@ from book_facts import of_posteriors
 from reproduce.inference import posterior, sampling
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
+from reproduce.printed.given import given
 from reproduce.store import studies
 from reproduce.views import computed
 from reproduce.views.cli import main

@@ -43,7 +43,7 @@ def spot_rows(columns):
     turns = stage_angles(np.array([[0.0, 0.0], [20e-6, 0.0]]), instrument.camera_focal_length)
     rows = []
     for group, turn in enumerate(turns):
-        spots = instrument.predicted(np.zeros((1, 3)), turn[None, None], np.ones(1), 2.0)[0, 0]
+        spots = instrument.predicted(np.zeros((1, 3)), turn[None, None])[0, 0]
         for image in spots + 0.02 * generator.normal(size=(20, *spots.shape)):
             for laser, (x, y) in enumerate(image.round(4), start=1):
                 rows.append((group, laser, x, y))

@@ -281,7 +281,7 @@ def spots(turn):
     """Twenty images of the four lasers for a camera turned by so many arc seconds."""
     design = as_designed(given(INSTRUMENT))
     angles = np.array(turn)[None, None] / ARCSEC_PER_RADIAN
-    at = design.predicted(np.zeros((1, 3)), angles, np.ones(1), design.camera_focal_length)[0, 0]
+    at = design.predicted(np.zeros((1, 3)), angles)[0, 0]
     return at + 0.02 * np.random.default_rng(5).normal(size=(20, *at.shape))
 
 
@@ -419,7 +419,7 @@ def measured_lights(tmp_path, displaced):
     generator, images = np.random.default_rng(4), []
     for turn in ((0, 0, 0), (15, -25, 40)):
         angles = np.array([[turn]]) / ARCSEC_PER_RADIAN
-        at = design.predicted(np.zeros((1, 3)), angles, np.ones(1), 1.0)[0, 0]
+        at = design.predicted(np.zeros((1, 3)), angles)[0, 0]
         images.append(at + generator.normal(0, 0.02, (20, *at.shape)))
     images[1][:, 3] += displaced
     images[1][6, 2] = np.nan

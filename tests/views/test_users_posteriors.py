@@ -54,7 +54,7 @@ def spots(tmp_path, noise, flip=1, drift=(0, 0)):
     for group, turn in enumerate(np.array([[0, 0, 0], [20, -20, 0]])):
         for time in np.linspace(-0.5, 0.5, 50):
             now = (turn + np.array([drift[group] * time, 0, 0])) / ARCSEC_PER_RADIAN
-            at = instrument.predicted(np.zeros((1, 3)), now[None, None], np.ones(1), 2.0)[0, 0]
+            at = instrument.predicted(np.zeros((1, 3)), now[None, None])[0, 0]
             image = at + noise * generator.normal(size=at.shape)
             rows += [(group, i + 1, flip * x, y) for i, (x, y) in enumerate(image)]
     return written(tmp_path, rows, head="group,laser,x,y", fmt=["%d", "%d", "%.6f", "%.6f"])

@@ -31,7 +31,6 @@ from reproduce.physics.attitude import (
     misalignment_angles,
     received_directions,
     received_jacobian,
-    transpose,
     vector_from_rotation,
 )
 from reproduce.physics.registration import fit_registration
@@ -144,7 +143,7 @@ class Quest:
         camera = np.broadcast_to(self.camera, self.received.shape)
         response = angle_jacobian(camera, self.received, moves).reshape(len(moves), 3, -1)
         variance = self.scatter[0] ** 2 / self.statistics.counts
-        return np.asarray(variance[:, None, None] * (response @ transpose(response)))
+        return np.asarray(variance[:, None, None] * (response @ response.mT))
 
     @property
     def mount(self) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from reproduce.audit.rounding import Sheet
 from reproduce.physics import attitude, light, optics, registration
-from reproduce.physics.attitude import rotation_from_vector, transpose
+from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.optics import (
     detector_centre,
     rotary_matrix,
@@ -137,7 +137,7 @@ def _chain(cells: Sheet) -> Demonstration:
     turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
     moved = attitude.moved_laser_transform(zero, turned)
     seen = camera @ moved.T  # w = T v, one row for each laser
-    left = float(np.abs(camera - seen @ (turned @ transpose(zero)).T).max())
+    left = float(np.abs(camera - seen @ (turned @ zero.T).T).max())
     asked = "the misalignment put in by (6) must make (7) vanish"
     return Demonstration("chain", "(4), (6), (7)", asked, left, left, 0.0, "largest residual")
 
@@ -219,8 +219,8 @@ def _misalignment_side(cells: Sheet) -> Demonstration:
     gaps = []
     for axis in np.eye(2, 3):
         moved = rotation_from_vector(turn * axis)
-        corrected = installed @ transpose(moved)  # (8), inverted
-        forms = transpose(moved), attitude.misalignment_in_tracker(moved, installed)
+        corrected = installed @ moved.T  # (8), inverted
+        forms = moved.T, attitude.misalignment_in_tracker(moved, installed)
         gaps.append([np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms])
     printed, right = (float(gap) for gap in np.max(gaps, axis=0) / si_factor("arcsec"))
     asked = (

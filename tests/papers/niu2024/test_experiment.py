@@ -158,9 +158,9 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
     fits, _ = experiment.twin_fits(door, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
-        draws = fits[channel].camera.radial_distortion
+        draws = fits[channel].radial_distortion
         assert draws.mean() == pytest.approx(coefficient, abs=4 * draws.std() / np.sqrt(2000))
-    apart = np.ptp([fit.camera.radial_distortion for fit in fits.values()], axis=0)
+    apart = np.ptp([fit.radial_distortion for fit in fits.values()], axis=0)
     assert (apart < 34.166 - 34.147).mean() < 0.01
 
 

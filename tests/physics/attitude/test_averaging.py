@@ -97,9 +97,6 @@ def test_what_cannot_be_averaged_is_refused():
         moving_average(np.zeros(5), 6)
     with pytest.raises(TypeError, match="count: expected a whole number"):
         moving_average(np.zeros(5), 2.0)
-    with pytest.raises(ValueError, match="axis: expected an axis of the series"):
-        moving_average(np.zeros(5), 2, axis=1)
-    with pytest.raises(ValueError, match="counts: expected two averages or more"):
-        scatter_of_averages(np.zeros(5), [5])
-    with pytest.raises(ValueError, match="counts: expected one number of frames or more"):
-        scatter_of_averages(np.zeros(5), [])
+    for counts in ([5], []):
+        with pytest.raises(ValueError, match="counts: expected one number or more, each below"):
+            scatter_of_averages(np.zeros(5), counts)

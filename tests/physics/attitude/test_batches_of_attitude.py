@@ -3,8 +3,7 @@
 import numpy as np
 
 from reproduce.physics.attitude import angle_jacobian, rotation_from_vector
-from reproduce.physics.light import CORNER, mirror_train, reflection, turn_response, turned_train
-from reproduce.physics.light.raytrace import ROOF
+from reproduce.physics.light import ROOF, mirror_train, turn_response
 
 DRAWS = np.random.default_rng(9)
 
@@ -17,14 +16,6 @@ def test_the_jacobian_of_a_batch_is_that_of_its_members():
     together = angle_jacobian(camera, tracker, moves)
     for found, *one in zip(together, camera, tracker, moves, strict=True):
         np.testing.assert_allclose(found, angle_jacobian(*one), atol=1e-14)
-
-
-def test_trains_of_mirrors_turn_one_by_one():
-    trains = np.stack([mirror_train(CORNER[:2]), reflection([1, 2, 3])])
-    turns = DRAWS.normal(size=(2, 3))
-    together = turned_train(trains, turns)
-    for found, *one in zip(together, trains, turns, strict=True):
-        np.testing.assert_allclose(found, turned_train(*one), atol=1e-15)
 
 
 def test_one_train_answers_every_direction():

@@ -24,9 +24,8 @@ def drawn(platform, frames, rng):
     """Images at the zero point and at the present, each of shape (frames, n, 2)."""
     groups = []
     for turn in (0 * TURN, TURN):
-        size = np.ones(1)
         still = np.zeros((1, 3))
-        spots = platform.predicted(still, turn[None, None], size, platform.camera_focal_length)
+        spots = platform.predicted(still, turn[None, None])
         groups.append(spots[0, 0] + rng.normal(0, NOISE, (frames, *spots.shape[2:])))
     return groups
 
@@ -167,7 +166,7 @@ def test_what_is_no_platform_is_refused(make, message):
 
 
 def test_a_platform_is_the_same_however_its_lights_are_known():
-    spots = SQUARE.predicted(np.zeros((1, 3)), np.zeros((1, 1, 3)), np.ones(1), 2.0)[0, 0]
+    spots = SQUARE.predicted(np.zeros((1, 3)), np.zeros((1, 1, 3)))[0, 0]
     rays = np.column_stack([-CORNERS, np.full(4, 2.0)])
     by_rays = Platform.of_directions(7 * rays, 0.06, 13e-6, CENTRE)
     np.testing.assert_allclose(by_rays.directions, SQUARE.directions, atol=1e-15)

@@ -8,24 +8,21 @@ import numpy as np
 import pytest
 
 from reproduce.physics.attitude import (
-    corrected_installation,
     inertial_attitude,
     misalignment_in_tracker,
     rotation_from_vector,
 )
 from reproduce.physics.ground import (
     WGS84,
-    EarthOrientation,
     earth_fixed,
     earth_from_inertial,
     ground_jacobian,
     image_vectors,
     imaged_position,
-    imaging_chain,
     local_axes,
     satellite_from_inertial,
 )
-from reproduce.physics.ground.imaging import Ellipsoid
+from reproduce.physics.ground.earth import Ellipsoid
 
 DATA = Path(__file__).parents[1] / "data"
 ARCSEC = np.pi / 180 / 3600
@@ -41,12 +38,12 @@ def orientation(case, **changes):
         "pole": (case["xp_arcsec"] * ARCSEC, case["yp_arcsec"] * ARCSEC),
         "celestial_pole": (case["dX06_mas"] * ARCSEC / 1e3, case["dY06_mas"] * ARCSEC / 1e3),
     }
-    return EarthOrientation(**(settings | changes))
+    return settings | changes
 
 
 def test_the_matrix_of_the_sofa_cookbook():
     case = sofa()
-    found = earth_from_inertial(case["utc"], orientation(case))
+    found = earth_from_inertial(case["utc"], **orientation(case))
     np.testing.assert_allclose(found, case["gcrs_to_itrs"], rtol=0, atol=1e-11)
 
 
@@ -55,15 +52,15 @@ def test_the_matrix_of_the_sofa_cookbook():
 )
 def test_every_part_of_the_orientation_counts(change):
     case = sofa()
-    found = earth_from_inertial(case["utc"], orientation(case, **change))
+    found = earth_from_inertial(case["utc"], **orientation(case, **change))
     assert np.abs(found - case["gcrs_to_itrs"]).max() > 1e-10
 
 
 def test_many_times_at_once_are_the_single_ones():
     times = np.array(["2007-04-05T12:00:00", "2016-12-31T23:59:59.25", "2020-02-29T00:00:00"])
-    many = earth_from_inertial(times, EarthOrientation(0.1))
+    many = earth_from_inertial(times, 0.1)
     for one, time in zip(many, times, strict=True):
-        np.testing.assert_array_equal(one, earth_from_inertial(time, EarthOrientation(0.1)))
+        np.testing.assert_array_equal(one, earth_from_inertial(time, 0.1))
 
 
 def published():
@@ -115,7 +112,7 @@ def answered(sights, place, ellipsoid):
     stand, so the product is applied first and the model gets lines in Earth-fixed axes.
     """
     # The image vector points into the camera, against the line of sight.
-    return imaged_position(-sights, place, np.eye(3), ellipsoid).position
+    return imaged_position(-sights, place, np.eye(3), ellipsoid)
 
 
 def test_the_480_published_answers_to_a_micrometre():
@@ -141,21 +138,23 @@ def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
     and (9) do it, not by the place that (1) gives the misalignment.
     """
     case = sofa()
-    earth = earth_from_inertial(case["utc"], orientation(case))
+    earth = earth_from_inertial(case["utc"], **orientation(case))
     satellite = earth_fixed([0.3, 0.8, 5e5])
     tracker_from_camera = rotation_from_vector([2.0, 0.3, -0.4])
     bent = rotation_from_vector(30 * ARCSEC * np.array([-0.4, 0.7, -0.2]))
-    camera_from_tracker = corrected_installation(bent, tracker_from_camera.T)
+    camera_from_tracker = bent @ tracker_from_camera.T
     # The attitude of the tracker is one that points the bent camera down.
     down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
     inertial_from_tracker = earth.T @ down @ camera_from_tracker
-    image = image_vectors([[0, 0], [0.11, -0.2], [-0.25, 0.17]], 14.0, (1e-3, -2e-3), (1e-5, 2e-5))
+    image = image_vectors(
+        [[0, 0], [0.11, -0.2], [-0.25, 0.17]], 14.0, (1e-3, -2e-3), [[1e-5, 2e-5]] * 3
+    )
     misaligned = misalignment_in_tracker(bent, tracker_from_camera)
-    chain = imaging_chain(earth, inertial_from_tracker, misaligned, tracker_from_camera)
-    found = imaged_position(image, satellite, chain).position
+    chain = earth @ inertial_from_tracker @ misaligned @ tracker_from_camera
+    found = imaged_position(image, satellite, chain)
     np.testing.assert_allclose(heights(found), 0.0, atol=1e-7)
     seen = (found - satellite) @ np.array(case["gcrs_to_itrs"])
-    seen = seen @ inertial_attitude(camera_from_tracker, inertial_from_tracker.T).T
+    seen = seen @ inertial_attitude(bent, tracker_from_camera.T, inertial_from_tracker.T).T
     seen /= np.linalg.norm(seen, axis=-1, keepdims=True)
     expected = -image / np.linalg.norm(image, axis=-1, keepdims=True)
     # The printed matrix agrees with pyerfa's to 1e-11.
@@ -186,7 +185,7 @@ def looking(tilt):
     """A satellite over some place, its camera turned off the nadir; off-centre image points."""
     satellite = earth_fixed([0.3, 0.8, 5e5])
     down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
-    chain = imaging_chain(down, np.eye(3), np.eye(3), rotation_from_vector(tilt))
+    chain = down @ rotation_from_vector(tilt)
     return image_vectors([[0.0, 0.0], [0.1, -0.2]], 14.0), satellite, chain
 
 
@@ -203,7 +202,7 @@ def test_the_jacobian_is_the_derivative(tilt):
         def at(satellite_step=0.0, turn=0.0, image=0.0, unit=unit):
             turned = chain @ rotation_from_vector(turn * unit)
             moved = satellite + satellite_step * unit
-            return imaged_position(vectors + image * unit, moved, turned).position
+            return imaged_position(vectors + image * unit, moved, turned)
 
         moved = difference(lambda s, at=at: at(satellite_step=s), 10.0)
         np.testing.assert_allclose(found.by_satellite[..., axis], moved, atol=1e-6)
@@ -219,7 +218,7 @@ def test_principal_point_and_focal_length_have_their_signs():
     points = [[0.0, 0.0], [0.1, -0.2]]
 
     def at(focal=14.0, centre=(0.0, 0.0)):
-        return imaged_position(image_vectors(points, focal, centre), satellite, chain).position
+        return imaged_position(image_vectors(points, focal, centre), satellite, chain)
 
     by_focal = difference(lambda s: at(focal=14.0 + s), 1e-4)
     by_x = difference(lambda s: at(centre=(s, 0.0)), 1e-5)
@@ -236,17 +235,12 @@ def test_moves_stay_in_the_tangent_plane():
 
 
 def test_bad_input_is_refused():
-    with pytest.raises(ValueError, match="datetime64 or ISO"):
-        earth_from_inertial("yesterday", EarthOrientation(0.0))
-    with pytest.raises(ValueError, match="not a time"):
-        earth_from_inertial(np.datetime64("NaT"), EarthOrientation(0.0))
-    with pytest.raises(ValueError, match="milliseconds"):
-        EarthOrientation(-72.0)
-    with pytest.raises(ValueError, match="seconds of arc"):
-        EarthOrientation(0.0, pole=(0.03, 0.48))
-    with pytest.raises(ValueError, match="finite"):
-        EarthOrientation(np.nan)
+    with pytest.raises(ValueError, match="Error parsing datetime string"):
+        earth_from_inertial("yesterday", 0.0)
+    for wrong in ((-72.0,), (0.0, (0.03, 0.48)), (np.nan,)):
+        with pytest.raises(ValueError, match="milliseconds, or in seconds of arc"):
+            earth_from_inertial("2020-01-01", *wrong)
     with pytest.raises(ValueError, match="radians"):
         earth_fixed([10.0, 50.0, 0.0])
-    with pytest.raises(ValueError, match="across the radius"):
+    with pytest.raises(ValueError, match="velocity: expected a length above zero"):
         satellite_from_inertial([1.0, 0, 0], [2.0, 0, 0])

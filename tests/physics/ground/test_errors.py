@@ -9,17 +9,21 @@ from reproduce.physics.attitude import emitted_directions, misalignment_in_track
 from reproduce.physics.ground import (
     WGS84,
     altitude_for_resolution,
-    distance_to_ground,
-    ground_error,
     ground_resolution,
     image_vectors,
     imaged_position,
-    imaging_chain,
 )
-from reproduce.physics.ground.imaging import EarthMissedError, Ellipsoid
+from reproduce.physics.ground.earth import Ellipsoid
 
 DOWN = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # earth_from_camera above (1, 0, 0)
 SATELLITE = np.array([WGS84.equatorial_radius + 500e3, 0, 0])
+
+
+def distance_to_ground(origin, directions, ellipsoid=WGS84):
+    """How far along Earth-fixed lines of sight the imaging model finds the ground."""
+    against = -np.asarray(directions, dtype=float)[..., np.newaxis, :]
+    found = imaged_position(against, origin, np.eye(3), ellipsoid)[..., 0, :]
+    return np.linalg.norm(found - origin, axis=-1)
 
 
 def on_the_ellipsoid(points, ellipsoid=WGS84):
@@ -39,7 +43,7 @@ def test_resolution_is_what_two_neighbouring_pixels_see():
     imaged = imaged_position(
         image_vectors([[-pitch / 2, 0], [pitch / 2, 0]], focal), SATELLITE, DOWN
     )
-    apart = np.linalg.norm(imaged.position[1] - imaged.position[0])
+    apart = np.linalg.norm(imaged[1] - imaged[0])
     assert apart == pytest.approx(ground_resolution(focal, pitch, 500e3), rel=1e-6)
 
 
@@ -48,9 +52,8 @@ def test_a_pointing_error_moves_the_ground_position_by_altitude_times_angle():
     vectors = image_vectors([[0.0, 0.0]], 10.0)
     turned = DOWN @ Rotation.from_rotvec([0, angle, 0]).as_matrix()
     still, moved = (imaged_position(vectors, SATELLITE, chain) for chain in (DOWN, turned))
-    apart = np.linalg.norm(moved.position - still.position)
-    assert apart == pytest.approx(ground_error(500e3, angle), rel=1e-6)
-    assert ground_error(500e3, -angle) == -ground_error(500e3, angle)
+    apart = np.linalg.norm(moved - still)
+    assert apart == pytest.approx(500e3 * angle, rel=1e-6)
 
 
 def test_positions_lie_on_the_ellipsoid_and_on_the_line():
@@ -102,16 +105,16 @@ def test_grazing_lines_meet_the_horizon_just_or_not():
     past = [-np.cos(dip + 1e-7), np.sin(dip + 1e-7), 0]
     horizon = np.sqrt(7.0e6**2 - WGS84.equatorial_radius**2)
     assert distance_to_ground(satellite, just) == pytest.approx(horizon, rel=1e-3)
-    with pytest.raises(EarthMissedError, match=r"1 of 1 that miss it, 0 of them looking away"):
+    with pytest.raises(ValueError, match=r"1 of 1 that miss it, 0 of them looking away"):
         distance_to_ground(satellite, past)
 
 
 def test_looking_away_from_the_earth_is_an_error_not_a_place():
-    with pytest.raises(EarthMissedError, match=r"1 of 1 that miss it, 1 of them looking away"):
+    with pytest.raises(ValueError, match=r"1 of 1 that miss it, 1 of them looking away"):
         distance_to_ground(SATELLITE, [1, 0, 0])
-    with pytest.raises(EarthMissedError, match="check the sign of the boresight"):
+    with pytest.raises(ValueError, match="check the sign of the boresight"):
         imaged_position(image_vectors([[0, 0]], 1.0), SATELLITE, DOWN @ np.diag([-1, 1, -1]))
-    with pytest.raises(ValueError, match="origin: expected points outside the ellipsoid"):
+    with pytest.raises(ValueError, match="satellite: expected points outside the ellipsoid"):
         distance_to_ground([6e6, 0, 0], [-1, 0, 0])
 
 
@@ -121,10 +124,11 @@ def test_the_printed_model_holds_with_a_negative_scale():
     chain = DOWN @ Rotation.from_rotvec([0.02, 0.1, 0.4]).as_matrix()
     vectors = image_vectors(points, 10.0)
     imaged = imaged_position(vectors, SATELLITE, chain)
-    printed = SATELLITE + imaged.scale[:, None] * (vectors @ chain.T)
-    np.testing.assert_allclose(printed, imaged.position, atol=1e-8)
+    scale = ((imaged - SATELLITE) / (vectors @ chain.T)).mean(axis=-1)
+    printed = SATELLITE + scale[:, None] * (vectors @ chain.T)
+    np.testing.assert_allclose(printed, imaged, atol=1e-8)
     np.testing.assert_allclose(on_the_ellipsoid(printed), 1, atol=1e-14)
-    assert (imaged.scale < 0).all()
+    assert (scale < 0).all()
     sight = emitted_directions(points, 10.0)
     np.testing.assert_allclose(vectors / np.linalg.norm(vectors, axis=-1)[:, None], -sight)
 
@@ -132,19 +136,10 @@ def test_the_printed_model_holds_with_a_negative_scale():
 def test_principal_point_and_distortion_shift_the_image():
     plain = image_vectors([[0.0, 0.0]], 2.0)
     np.testing.assert_allclose(
-        image_vectors([[0.013, 0.024]], 2.0, (0.01, 0.02), (0.003, 0.004)), plain, atol=1e-17
+        image_vectors([[0.013, 0.024]], 2.0, (0.01, 0.02), [(0.003, 0.004)]), plain, atol=1e-17
     )
     each = image_vectors([[1, 1], [2, 2]], 2.0, (0, 0), [[1, 0], [0, 1]])
     np.testing.assert_array_equal(each, [[0, 1, -2], [2, 1, -2]])
-
-
-def test_the_chain_is_the_product_in_the_printed_order():
-    first, second, third, fourth = Rotation.random(4, random_state=np.random.default_rng(2))
-    np.testing.assert_allclose(
-        imaging_chain(*(r.as_matrix() for r in (first, second, third, fourth))),
-        (first * second * third * fourth).as_matrix(),
-        atol=1e-15,
-    )
 
 
 def test_a_batch_is_a_loop():
@@ -153,11 +148,10 @@ def test_a_batch_is_a_loop():
     satellites = SATELLITE + 1e4 * rng.standard_normal((6, 3))
     vectors = image_vectors(0.05 * rng.standard_normal((4, 2)), 10.0)
     together = imaged_position(vectors, satellites, chains)
-    assert together.position.shape == (6, 4, 3)
+    assert together.shape == (6, 4, 3)
     for i in range(6):
         alone = imaged_position(vectors, satellites[i], chains[i])
-        np.testing.assert_allclose(together.position[i], alone.position, atol=1e-8)
-        np.testing.assert_allclose(together.scale[i], alone.scale, rtol=1e-14)
+        np.testing.assert_allclose(together[i], alone, atol=1e-8)
 
 
 def test_the_misalignment_of_7_in_the_place_of_r_u_doubles_the_error():
@@ -169,23 +163,14 @@ def test_the_misalignment_of_7_in_the_place_of_r_u_doubles_the_error():
     vectors = image_vectors([[0.0, 0.0]], 10.0)
 
     def seen(tracker_misalignment):
-        chain = imaging_chain(
-            np.eye(3), earth_from_tracker, tracker_misalignment, tracker_from_camera
-        )
-        return imaged_position(vectors, SATELLITE, chain).position[0]
+        chain = earth_from_tracker @ tracker_misalignment @ tracker_from_camera
+        return imaged_position(vectors, SATELLITE, chain)[0]
 
     truth = imaged_position(
         vectors, SATELLITE, DOWN @ Rotation.from_rotvec([turned, 0, 0]).as_matrix()
-    ).position[0]
+    )[0]
     right = seen(misalignment_in_tracker(misaligned, tracker_from_camera))
     np.testing.assert_allclose(right, truth, atol=1e-6)
     uncorrected, wrong = seen(np.eye(3)), seen(misaligned)
     assert np.linalg.norm(uncorrected - truth) == pytest.approx(500e3 * turned, rel=1e-3)
     assert np.linalg.norm(wrong - truth) == pytest.approx(2 * 500e3 * turned, rel=1e-3)
-
-
-def test_an_ellipsoid_is_checked():
-    with pytest.raises(ValueError, match="flattening: expected from 0"):
-        Ellipsoid(6378137.0, 298.257223563)
-    with pytest.raises(ValueError, match="equatorial_radius: expected metres above zero"):
-        Ellipsoid(-1.0, 0.0)

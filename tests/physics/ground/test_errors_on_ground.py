@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.ground import circular_error, ellipse, ground_covariance
+from reproduce.physics.ground import circular_error, ground_covariance
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.7, 0.3, 0.05, 0.001])
@@ -22,16 +22,6 @@ def test_limits_have_their_closed_forms():
     np.testing.assert_allclose(circular_error(np.eye(2), 0.5), np.sqrt(2 * np.log(2)), rtol=1e-6)
 
 
-def test_the_ellipse_is_turned_from_north_to_east():
-    azimuth = np.radians(30.0)
-    along = np.array([np.sin(azimuth), np.cos(azimuth)])
-    across = np.array([np.cos(azimuth), -np.sin(azimuth)])
-    covariance = 9.0 * np.outer(along, along) + 4.0 * np.outer(across, across)
-    found = ellipse(covariance)
-    assert float(found.azimuth) == pytest.approx(azimuth)
-    assert (float(found.major), float(found.minor)) == pytest.approx((3.0, 2.0))
-
-
 def test_a_covariance_is_carried_with_its_correlation():
     place = [6378137.0, 0.0, 0.0]
     slopes = np.array([[0.0], [3.0], [4.0]])
@@ -41,6 +31,6 @@ def test_a_covariance_is_carried_with_its_correlation():
 
 def test_nonsense_is_refused():
     with pytest.raises(ValueError, match="negative variance"):
-        ellipse(np.diag([1.0, -1.0]))
+        circular_error(np.diag([1.0, -1.0]))
     with pytest.raises(ValueError, match="share"):
         circular_error(np.eye(2), 90.0)

@@ -13,7 +13,7 @@ from reproduce.physics.images import (
     simulated_errors,
     spot_windows,
 )
-from reproduce.physics.optics import Camera, reference_points_from_ideal, turned_onto_detector
+from reproduce.physics.optics import Camera, reference_points_scaled, turned_onto_detector
 from reproduce.physics.registration import gauss_newton_step
 
 DRAWS = np.random.default_rng(4)
@@ -27,7 +27,7 @@ POINTS = DRAWS.normal(size=(2, 5, 2))
         lambda: turned_onto_detector(POINTS, np.zeros(3)),
         lambda: cramer_rao_variance(np.zeros((2, 2)), np.ones(3), 1.0, (-3, -3), 7),
         lambda: spot_windows(np.zeros((2, 2)), 1.0, 0.5, np.zeros((3, 2)), 5),
-        lambda: reference_points_from_ideal(POINTS, np.zeros((3, 5, 2)), 1.0, (0, 0)),
+        lambda: reference_points_scaled(POINTS, np.ones(3), (0, 0)),
     ],
     ids=["camera", "turn", "bound", "windows", "points"],
 )
@@ -37,10 +37,10 @@ def test_batches_that_do_not_fit_are_refused_with_their_shapes(call):
 
 
 def test_points_of_a_batch_are_the_points_of_its_members():
-    moved = 0.1 * POINTS
-    together = reference_points_from_ideal(POINTS, moved, 1.5, (7.0, 8.0))
-    for found, ideal, displaced in zip(together, POINTS, moved, strict=True):
-        np.testing.assert_allclose(found, 1.5 * (ideal + displaced) + [7.0, 8.0], rtol=1e-14)
+    centre = np.array([7.0, 8.0])
+    together = reference_points_scaled(POINTS, 1.5, centre)
+    for found, points in zip(together, POINTS, strict=True):
+        np.testing.assert_allclose(found, 1.5 * (points - centre) + centre, rtol=1e-14)
 
 
 def test_a_cluster_a_thousand_times_narrower_than_far_is_still_fitted():

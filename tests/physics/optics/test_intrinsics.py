@@ -17,6 +17,12 @@ CLEAN = image_points(SLOPES, TRUTH)
 SCALES = np.array([1e-3, 1.0, 1.0, 10.0])
 
 
+def parameters(fit):
+    """Focal length, principal point and distortion, in m, px, px, m^-2."""
+    x, y = np.moveaxis(fit.principal_point, -1, 0)
+    return np.stack([fit.focal_length, x, y, fit.radial_distortion], axis=-1)
+
+
 def residuals(scaled, points):
     """The model (2) with (3), written out."""
     focal, x, y, m = scaled * SCALES
@@ -32,24 +38,12 @@ def test_the_minimum_is_that_of_an_iterating_solver():
         residuals, start, "3-point", args=(points,), x_scale="jac", xtol=1e-15, ftol=1e-15
     )
     fit = fit_camera(SLOPES, points, PITCH)
-    np.testing.assert_allclose(fit.parameters / SCALES, iterated.x, rtol=1e-7)
-    inverse = np.linalg.inv(iterated.jac.T @ iterated.jac) * SCALES * SCALES[:, None]
-    np.testing.assert_allclose(fit.cofactor, inverse, rtol=1e-4, atol=0)
+    np.testing.assert_allclose(parameters(fit) / SCALES, iterated.x, rtol=1e-7)
 
 
 def test_clean_points_give_back_the_camera_also_of_a_turned_detector():
     fit = fit_camera(SLOPES, image_points(SLOPES, TRUTH, 0.01), PITCH, 0.01)
-    np.testing.assert_allclose(fit.parameters / SCALES, [25.03, 1030.2, 771.4, 3.41], rtol=1e-9)
-    np.testing.assert_allclose(fit.residuals, 0, atol=1e-9)
-
-
-def test_the_covariance_is_the_scatter_of_many_calibrations():
-    noisy = CLEAN + 0.05 * GENERATOR.standard_normal((4000, *CLEAN.shape))
-    fits = fit_camera(SLOPES, noisy, PITCH)
-    expected = np.sqrt(np.diag(fit_camera(SLOPES, CLEAN, PITCH).cofactor)) * 0.05
-    np.testing.assert_allclose(fits.parameters.std(axis=0), expected, rtol=0.05)
-    own = np.sqrt(np.diagonal(fits.covariance, axis1=-2, axis2=-1)).mean(axis=0)
-    np.testing.assert_allclose(own, expected, rtol=0.05)
+    np.testing.assert_allclose(parameters(fit) / SCALES, [25.03, 1030.2, 771.4, 3.41], rtol=1e-9)
 
 
 def test_a_batch_gives_what_each_gives_alone():
@@ -57,8 +51,7 @@ def test_a_batch_gives_what_each_gives_alone():
     together = fit_camera(SLOPES, noisy, PITCH)
     for row, points in enumerate(noisy):
         alone = fit_camera(SLOPES, points, PITCH)
-        np.testing.assert_allclose(together.parameters[row], alone.parameters, rtol=1e-12)
-        np.testing.assert_allclose(together.cofactor[row], alone.cofactor, rtol=1e-9)
+        np.testing.assert_allclose(parameters(together)[row], parameters(alone), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -79,14 +72,6 @@ def test_one_ring_of_directions_fixes_no_distortion():
     ring = np.stack([0.1 * np.cos(turn), 0.1 * np.sin(turn), np.ones(12)], axis=-1)
     with pytest.raises(DegenerateGeometryError, match="same slope"):
         fit_camera(ring, image_points(ring, TRUTH), PITCH)
-
-
-def test_two_points_have_no_covariance_of_their_own():
-    fit = fit_camera([[0, 0, 1], [0.1, 0, 1], [0.2, 0, 1]], [[0, 0], [10, 0], [20, 0]], 1e-3)
-    assert fit.covariance.shape == (4, 4)
-    pair = fit_camera([[0.05, 0, 1], [0, 0.2, 1]], [[50, 0], [0, 200]], 1e-3)
-    with pytest.raises(DegenerateGeometryError, match="three points"):
-        _ = pair.covariance
 
 
 @pytest.mark.parametrize("pitch", [0.0, (1e-6, 2e-6)])

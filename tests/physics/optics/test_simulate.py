@@ -16,7 +16,6 @@ from reproduce.physics.optics import (
     spawned_normals,
     spawned_streams,
     starlight,
-    table_starlight,
 )
 from reproduce.physics.registration import fit_registration, similarity_between
 
@@ -30,9 +29,6 @@ ANGLES = np.random.default_rng(1).uniform(-0.1, 0.1, (30, 2))
 
 
 def test_x_is_the_middle_frame_and_y_the_external_one() -> None:
-    np.testing.assert_array_equal(
-        table_starlight(ANGLES), starlight(external=ANGLES[:, 1], middle=ANGLES[:, 0])
-    )
     along_x, along_y = channel_centroids(CAMERAS[1:2], [0.0], [[0.1, 0.0], [0.0, 0.1]])[0]
     assert along_x[1] == 772.0
     assert along_y[0] == 1032.0
@@ -43,7 +39,7 @@ def test_every_channel_is_its_own_camera() -> None:
     assert centroids.shape == (3, 30, 2)
     for found, camera, rotation in zip(centroids, CAMERAS, ROTATIONS, strict=True):
         np.testing.assert_array_equal(
-            found, image_points(table_starlight(ANGLES), camera, rotation)
+            found, image_points(starlight(ANGLES[:, 1], ANGLES[:, 0]), camera, rotation)
         )
 
 
@@ -83,16 +79,11 @@ def test_seeds_are_not_used_up() -> None:
 @pytest.mark.parametrize("entropy", [0, 20240102, 2**32, 2**128 - 5, [1, 2**40, 3, 4, 5, 6]])
 @pytest.mark.parametrize("key", [(), (3,), (2**31, 0), (2**33, 1, 2)])
 def test_streams_have_the_states_of_numpys_own_children(entropy: int, key: tuple[int, ...]) -> None:
-    numbers = [0, 1, 2**32 - 1]
+    numbers = [0, 1, 2**32]
     for number in numbers:
         (ours,) = spawned_streams(SeedSequence(entropy, spawn_key=key), 1, number)
         numpys = PCG64(SeedSequence(entropy, spawn_key=(*key, number)))
         assert ours.bit_generator.state == numpys.state
-
-
-def test_streams_beyond_one_word_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"below 2\*\*32, got 4294967296; start lower"):
-        spawned_streams(SeedSequence(1), 2, 2**32 - 1)
 
 
 def test_uniform_angles_are_numpys_own() -> None:

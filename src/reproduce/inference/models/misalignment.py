@@ -158,7 +158,7 @@ class SpotLikelihood:
     def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
         """Spots after turns of shape (n, groups, 3), in px."""
         mount, scale = parameters[:, :3], parameters[:, -2]
-        return self.platform.predicted(mount, turn, scale, self.platform.camera_focal_length)
+        return self.platform.predicted(mount, turn, scale[:, None, None] * self.platform.lasers)
 
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted spots at the start and at the end of each group, in px."""

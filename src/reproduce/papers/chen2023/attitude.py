@@ -30,7 +30,7 @@ from reproduce.papers.sketch import (
     slim,
     triad,
 )
-from reproduce.physics.attitude import emitted_directions, rotation_from_vector, transpose
+from reproduce.physics.attitude import emitted_directions, rotation_from_vector
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -98,7 +98,7 @@ def turned_camera(angles: ArrayLike) -> FloatArray:
     array([1., 0., 0.])
     """
     # A row of the matrix is an axis of its target frame, said in its source frame.
-    return transpose(rotation_from_vector(angles))
+    return np.asarray(rotation_from_vector(angles).mT)
 
 
 def towards(before: ArrayLike, after: ArrayLike) -> str:

@@ -45,6 +45,7 @@ from reproduce.papers.sketch import (
 )
 from reproduce.physics.attitude import (
     Platform,
+    attitude,
     emitted_directions,
     laser_transform,
     mean_rotation,
@@ -55,10 +56,8 @@ from reproduce.physics.attitude import (
     received_directions,
     received_spots,
     rotation_from_vector,
-    solve,
     stage_angle,
     stage_angles,
-    transpose,
 )
 from reproduce.physics.images import (
     Detector,
@@ -127,7 +126,7 @@ class _Bench:
         zero = self.transform(self.spots)
         now = moved_laser_transform(zero, rotation_from_vector(-np.asarray(angles)))
         # The light goes back to the camera of the zero point, then by the present transform.
-        moved = self.directions(self.spots) @ zero @ transpose(now)
+        moved = self.directions(self.spots) @ zero @ now.mT
         return received_spots(moved, *self.design.tracker)
 
 
@@ -176,7 +175,7 @@ def two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     )
     single = twin.transform(found[0])
     zero = mean_rotation(single)
-    errors = misalignment_angles(transpose(single) @ zero)
+    errors = misalignment_angles(single.mT @ zero)
     return _Series(found, errors, twin.misalignment(found[1], zero))
 
 
@@ -196,7 +195,8 @@ def misfit(given: Given) -> pd.DataFrame:
     ):
         lasers = platform.designed_positions(twin.design.spots, across)
         designed = emitted_directions(lasers, length)
-        distance = float(np.sqrt(solve(seen, designed).loss / len(seen)))
+        misses = seen - designed @ attitude(seen, designed).T
+        distance = float(np.linalg.norm(misses) / np.sqrt(len(seen)))
         sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
         pixels, stage = distance * twin.design.pixels, distance * length * 1e3
         rows.append((length * 1e3, across * 1e3, sizes[0] / sizes[1], pixels, stage))

@@ -2,7 +2,7 @@
 
 What no paper prints and we choose, here and nowhere else: centimetre orbits are 0.05 m along each
 axis, the principal point moves by one panchromatic pixel, a calibration errs by half an arc second
-at each sample, and heat behaves as `physics.orbits.Thermal` says by default. Angle errors of the
+at each sample, and heat behaves as in `physics.ground.thermal_series`. Angle errors of the
 monitoring are those of the ground platform.
 
 The paper argues for monitoring and does not compare. Here four ways to correct a thermal
@@ -36,13 +36,11 @@ from reproduce.papers.sketch import (
     sense,
     triad,
 )
-from reproduce.physics.attitude import rotation_from_vector, transpose, unit
+from reproduce.physics.attitude import rotation_from_vector, unit
 from reproduce.physics.ground import (
     DAY,
     WGS84,
-    EarthOrientation,
     GroundJacobian,
-    Thermal,
     circular_error,
     earth_fixed,
     earth_from_inertial,
@@ -50,7 +48,6 @@ from reproduce.physics.ground import (
     ground_jacobian,
     image_vectors,
     imaged_position,
-    imaging_chain,
     last_orbits,
     orbital_period,
     satellite_from_inertial,
@@ -211,7 +208,7 @@ def year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Float
     period = float(orbital_period(height))
     orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * DAY / period))
     generator = default_rng(seed_of("chen2023/year", root))
-    times, angles = thermal_series(Thermal(1.0), period, _PER_ORBIT, orbits, generator)
+    times, angles = thermal_series(period, _PER_ORBIT, orbits, generator)
     return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 
@@ -333,18 +330,18 @@ def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     Position of the satellite; where equation (1) puts the middle of the image; three frames whose
     columns are their axes. All Earth-fixed, in metres.
     """
-    turning = earth_from_inertial(_DATE, EarthOrientation(ut1_utc=0.0))
+    turning = earth_from_inertial(_DATE, ut1_utc=0.0)
     place = earth_fixed(_ABOVE)
     z = unit("boresight", earth_fixed(_TARGET) - place)
     x = unit("level", np.cross([0.0, 0.0, 1.0], z))
     looking = np.stack([x, np.cross(z, x), z], axis=-1)
     # The tracker looks away from the Earth: the camera, turned about the X that both share.
     tracker_from_camera = rotation_from_vector([door[satellite.BORESIGHT], 0.0, 0.0])
-    inertial_from_tracker = transpose(turning) @ looking @ transpose(tracker_from_camera)
-    chain = imaging_chain(turning, inertial_from_tracker, np.eye(3), tracker_from_camera)
+    inertial_from_tracker = turning.T @ looking @ tracker_from_camera.T
+    chain = turning @ inertial_from_tracker @ tracker_from_camera
     centre = image_vectors([(0.0, 0.0)], focal_length=1.0)
     frames = {"camera": chain, "tracker": turning @ inertial_from_tracker, "stars": turning}
-    return place, imaged_position(centre, place, chain).position[0], frames
+    return place, imaged_position(centre, place, chain)[0], frames
 
 
 @draws("chen2023/fig-1a", given=[satellite.BORESIGHT])

@@ -30,7 +30,6 @@ from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_d
 from reproduce.papers.posteriors import Aside, Declaration, File, Pivot, data_stream
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
-from reproduce.physics.ground import ground_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import spots as spot_files
@@ -58,13 +57,11 @@ def _simulated_images(
     design = as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
-    scale = np.full(frames, _pattern_scale(design))
+    lasers = _pattern_scale(design) * design.lasers
     groups = []
     for first, last in turns:
         turn = first + np.linspace(0, 1, frames)[:, None] * (last - first)
-        true = design.predicted(
-            np.zeros((frames, 3)), turn[:, None], scale, design.camera_focal_length
-        )[:, 0]
+        true = design.predicted(np.zeros((frames, 3)), turn[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
     first, last = turns[1]
     return SpotStatistics.of(groups, (False, bool((first != last).any())))
@@ -86,7 +83,7 @@ class OnTheGround:
         """Errors about the posterior mean, both axes together; and were the angles ignored."""
         angles = parameters[:, 3:5]
         error = np.hypot(*(angles - angles.mean(axis=0)).T)
-        metres, shift = (ground_error(self.altitude, one) for one in (error, np.hypot(*angles.T)))
+        metres, shift = (self.altitude * one for one in (error, np.hypot(*angles.T)))
         return {
             "pointing error": Consequence(error * ARCSEC_PER_RADIAN, "arcsec"),
             "position error": Consequence(metres, "m"),

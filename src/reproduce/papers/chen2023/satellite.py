@@ -48,10 +48,10 @@ from reproduce.physics.attitude import (
     unit,
 )
 from reproduce.physics.light import (
+    RETROREFLECTORS,
     LightPath,
     Mirrors,
     fold_mirror_tilt,
-    light_path,
     reflection,
     turn_response,
 )
@@ -168,7 +168,7 @@ def _accuracy(given: Given) -> float:
 def _bench_path(given: Given, kind: str) -> LightPath:
     """Return the light path of the ground platform with one kind of retro-reflector."""
     lengths = given[platform.TELESCOPE], given[platform.FOCAL_LENGTH]
-    return light_path(kind, *lengths, given[BORESIGHT])
+    return LightPath(*lengths, given[BORESIGHT], RETROREFLECTORS[kind])
 
 
 def _believed(

@@ -56,14 +56,13 @@ from reproduce.papers.niu2024.simulation import (
 )
 from reproduce.physics.optics import (
     Camera,
-    CameraFit,
     angle_from_pixels,
     channel_centroids,
     fit_camera,
     noisy_centroids,
     spawned_angles,
     spawned_normals,
-    table_starlight,
+    starlight,
 )
 from reproduce.physics.registration import (
     Registration,
@@ -262,7 +261,7 @@ def pointing_errors(given: Given) -> Results:
 
 def twin_fits(
     given: Given, seed: SeedSequence, replicates: int, error: float
-) -> tuple[dict[str, CameraFit], dict[str, RegistrationFit]]:
+) -> tuple[dict[str, Camera], dict[str, RegistrationFit]]:
     """Fit both parts of Table 4 to the twin at the angles of the simulation, with some noise in px.
 
     Each channel's own camera, as its last two rows; both channels registered with green, as its
@@ -271,7 +270,7 @@ def twin_fits(
     """
     table = simulation.literal(given).angles
     noisy = noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
-    directions, pitch = table_starlight(table), given[f"{OPTICS}#pixel-pitch-x"]
+    directions, pitch = starlight(table[:, 1], table[:, 0]), given[f"{OPTICS}#pixel-pitch-x"]
     spots, [zero] = dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)), zero_places(table)
     turns = dict(zip(CHANNELS, rotations(given), strict=True))
     alone = {c: fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
@@ -316,7 +315,7 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
     for name, share in _SHARES.items():
         alone, laid = twin_fits(given, seed, _FITS, share * residual)
         for channel in REGISTERED:
-            lengths = (alone[one].camera.focal_length for one in ("green", channel))
+            lengths = (alone[one].focal_length for one in ("green", channel))
             sd = float(np.std(laid[channel].parameters[:, 0] - np.divide(*lengths)))
             apart = given[f"{CALIBRATION}#scale.{channel}"] - printed[channel]
             rows.append((channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd))

@@ -2,7 +2,6 @@
 
 from reproduce.physics.attitude.angles import (
     angle_jacobian,
-    corrected_installation,
     inertial_attitude,
     laser_transform,
     misalignment,
@@ -32,9 +31,7 @@ from reproduce.physics.attitude.platform import (
 from reproduce.physics.attitude.rotations import (
     cross_matrix,
     rotation_from_vector,
-    transpose,
     unit,
     vector_from_rotation,
 )
-from reproduce.physics.attitude.wahba import attitude, mean_rotation, solve, taste
-from reproduce.physics.attitude.wahba_solvers import by_q_method, by_quest, by_svd, by_turning
+from reproduce.physics.attitude.wahba import attitude, by_quest, by_svd, mean_rotation, taste

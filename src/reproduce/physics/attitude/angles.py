@@ -23,11 +23,12 @@ every beam by atan(L / f).
 
 from __future__ import annotations
 
+from typing import Annotated, Any
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation
-from reproduce.physics.attitude.wahba import _rotation
+from reproduce.physics.attitude.wahba import _attitude
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
@@ -37,36 +38,33 @@ from reproduce.physics.validate import (
     Rotation,
     Weights,
     checked,
-    common_batch,
-    finite_array,
-    rotations,
     weights_for,
 )
 
+_Moves = Annotated[Any, ("n", 3, None)]
 
+
+@checked
 def laser_transform(
-    camera_directions: ArrayLike,
-    tracker_directions: ArrayLike,
-    weights: ArrayLike | None = None,
-    pooled: bool = False,
-    method: str = "quest",
+    camera_directions: Directions,
+    tracker_directions: Directions,
+    weights: Weights = None,
 ) -> FloatArray:
-    """Return the rotation that carries laser light from the camera into the tracker.
+    """Return the rotation that carries laser light from the camera into the tracker, by QUEST.
 
     Implements: chen2023 (4), (5).
+
+    The sum over frames of (5) is one over rows: give the spots of all frames as one set, and they
+    make one rotation; give a batch, and each frame makes its own.
 
     Parameters
     ----------
     camera_directions : array_like, shape (..., n, 3)
         Emitted directions v_i,cam in the camera frame, of any length but zero.
-    tracker_directions : array_like, shape (..., n, 3), pooled: (..., frames, n, 3)
+    tracker_directions : array_like, shape (..., n, 3)
         Received directions w_i^k in the tracker frame, in the same order.
-    weights : array_like, shape (..., n), pooled: (n,) or (..., frames, n), optional
+    weights : array_like, shape (..., n), optional
         Relative weights of the spots.
-    pooled : bool
-        Whether all frames make one rotation, as in (5), instead of one rotation each.
-    method : {"quest", "q-method", "svd", "direct"}
-        The solver of Wahba's problem.
 
     Returns
     -------
@@ -84,17 +82,15 @@ def laser_transform(
     >>> np.allclose(laser_transform(directions, directions), np.eye(3))
     True
     """
-    paired = _pooled if pooled else _paired
-    camera, tracker, kept = paired(camera_directions, tracker_directions, weights)
-    return _rotation(tracker, camera, kept, method)
+    return _attitude(tracker_directions, camera_directions, weights)
 
 
+@checked
 def misalignment(
-    camera_directions: ArrayLike,
-    tracker_directions: ArrayLike,
-    tracker_from_camera_zero: ArrayLike,
-    weights: ArrayLike | None = None,
-    pooled: bool = False,
+    camera_directions: Directions,
+    tracker_directions: Directions,
+    tracker_from_camera_zero: Rotation,
+    weights: Weights = None,
 ) -> FloatArray:
     """Return the camera's misalignment directly from the laser spots, by QUEST.
 
@@ -119,15 +115,8 @@ def misalignment(
     >>> np.allclose(misalignment(directions, directions, np.eye(3)), np.eye(3))
     True
     """
-    paired = _pooled if pooled else _paired
-    camera, tracker, kept = paired(camera_directions, tracker_directions, weights)
-    zero = rotations("tracker_from_camera_zero", tracker_from_camera_zero)
-    common_batch(
-        directions=np.broadcast_shapes(camera.shape[:-2], tracker.shape[:-2], kept.shape[:-1]),
-        tracker_from_camera_zero=zero.shape[:-2],
-    )
     # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
-    return _rotation(camera, tracker @ zero, kept, "quest")
+    return _attitude(camera_directions, tracker_directions @ tracker_from_camera_zero, weights)
 
 
 @checked
@@ -161,11 +150,12 @@ def misalignment_angles(camera_now_from_camera_zero: Rotation) -> FloatArray:
     return _vector_from_rotation(camera_now_from_camera_zero.mT)
 
 
+@checked
 def angle_jacobian(
-    camera_directions: ArrayLike,
-    tracker_directions: ArrayLike,
-    direction_jacobian: ArrayLike,
-    weights: ArrayLike | None = None,
+    camera_directions: Directions,
+    tracker_directions: Directions,
+    direction_jacobian: _Moves,
+    weights: Weights = None,
 ) -> FloatArray:
     """Return how the misalignment angles respond to each spot: the exact derivative.
 
@@ -179,7 +169,7 @@ def angle_jacobian(
         Emitted and received directions at the point of differentiation.
     direction_jacobian : array_like, shape (..., n, 3, k)
         Derivative of each tracker direction by k parameters of its own; for the spots in
-        px see `lasers.received_jacobian`.
+        px see `received_jacobian`.
     weights : array_like, shape (..., n), optional
         The weights of the solution.
 
@@ -198,43 +188,17 @@ def angle_jacobian(
     >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
     array([0. , 0. , 0.5])
     """
-    camera, tracker, kept = _paired(camera_directions, tracker_directions, weights)
-    count = tracker.shape[-2]
-    moves = finite_array("direction_jacobian", direction_jacobian, shape=(count, 3, None))
-    camera_from_tracker = _rotation(camera, tracker, kept)
-    common_batch(directions=camera_from_tracker.shape[:-2], direction_jacobian=moves.shape[:-3])
-    camera = _unit("camera_directions", camera)
-    carried = _unit("tracker_directions", tracker) @ camera_from_tracker.mT
+    kept = weights_for(weights, camera_directions.shape[-2])
+    camera_from_tracker = _attitude(camera_directions, tracker_directions, kept)
+    camera = _unit("camera_directions", camera_directions)
+    carried = _unit("tracker_directions", tracker_directions) @ camera_from_tracker.mT
     product = (kept[..., np.newaxis] * camera).mT @ carried
     trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
     stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
-    moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, moves)
+    moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, direction_jacobian)
     torque = np.cross(camera[..., np.newaxis, :], moved.mT)
     weighted = kept[..., np.newaxis, np.newaxis] * torque
     return np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted)
-
-
-@checked
-def _paired(
-    camera_directions: Directions, tracker_directions: Directions, weights: Weights
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    kept = weights_for(weights, camera_directions.shape[-2])
-    return camera_directions, tracker_directions, kept
-
-
-def _pooled(
-    camera_directions: ArrayLike, tracker_directions: ArrayLike, weights: ArrayLike | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return directions and weights with the rows of all frames in one set."""
-    camera = finite_array("camera_directions", camera_directions, shape=(None, 3))
-    tracker = finite_array("tracker_directions", tracker_directions, shape=(None, None, 3))
-    *batch, frames, count, _ = tracker.shape
-    if weights is not None:
-        factors = finite_array("weights", weights, shape=(count,))
-        common_batch(weights=factors.shape[:-1], tracker_directions=tracker.shape[:-2])
-        weights = np.broadcast_to(factors, tracker.shape[:-1]).reshape(*batch, frames * count)
-    rows = tracker.reshape(*batch, frames * count, 3)
-    return _paired(np.tile(camera, (frames, 1)), rows, weights)
 
 
 @checked
@@ -320,41 +284,22 @@ def transform_error_printed(
 
 
 @checked
-def corrected_installation(
-    camera_now_from_camera_zero: Rotation, camera_zero_from_tracker: Rotation
+def inertial_attitude(
+    camera_now_from_camera_zero: Rotation,
+    camera_zero_from_tracker: Rotation,
+    tracker_from_inertial: Rotation,
 ) -> FloatArray:
-    """Return the installation of the camera, corrected for its misalignment.
+    """Return the attitude of the camera among the stars, its installation corrected.
 
-    Implements: chen2023 (8).
+    Implements: chen2023 (8), (9).
 
     Parameters
     ----------
     camera_now_from_camera_zero, camera_zero_from_tracker : array_like, shape (..., 3, 3)
-        R_cam,0^cam,t, the misalignment, and R_st^cam,0, the installation at the zero point.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        R_st^cam,t, camera_now_from_tracker.
-
-    Examples
-    --------
-    >>> corrected_installation(np.eye(3), np.eye(3)).diagonal()
-    array([1., 1., 1.])
-    """
-    return camera_now_from_camera_zero @ camera_zero_from_tracker
-
-
-@checked
-def inertial_attitude(camera_from_tracker: Rotation, tracker_from_inertial: Rotation) -> FloatArray:
-    """Return the attitude of the camera among the stars.
-
-    Implements: chen2023 (9).
-
-    Parameters
-    ----------
-    camera_from_tracker, tracker_from_inertial : array_like, shape (..., 3, 3)
-        R_st^cam,t, the corrected installation, and R_inertial^st,t, the tracker's attitude.
+        R_cam,0^cam,t, the misalignment, and R_st^cam,0, the installation at the zero point; their
+        product is R_st^cam,t, the corrected installation.
+    tracker_from_inertial : array_like, shape (..., 3, 3)
+        R_inertial^st,t, the tracker's attitude.
 
     Returns
     -------
@@ -363,9 +308,10 @@ def inertial_attitude(camera_from_tracker: Rotation, tracker_from_inertial: Rota
 
     Examples
     --------
-    >>> inertial_attitude(np.eye(3), np.eye(3)).diagonal()
+    >>> inertial_attitude(np.eye(3), np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
+    camera_from_tracker = camera_now_from_camera_zero @ camera_zero_from_tracker
     return camera_from_tracker @ tracker_from_inertial
 
 

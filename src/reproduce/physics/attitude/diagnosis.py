@@ -7,7 +7,8 @@ on clean spots of even noise one set in a thousand or so is found fault with.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -103,7 +104,7 @@ def diagnose(
         *designed.findings("at the zero point", "as designed"),
         *since.findings("since the zero point", "as at the zero point"),
     ]
-    found += [*far, *_repeated(images), *_moving(dict(enumerate(kept[: 1 if drifts else 2])))]
+    found += [*far, *_repeated(images), *_moving(kept[: 1 if drifts else 2])]
     if not np.isfinite(freedom):
         text = "no light is seen twice in a group, so nothing tells how large the errors are"
         found.append(Finding("spare", text))
@@ -230,47 +231,39 @@ def _farthest(groups: list[FloatArray], alarm: float) -> tuple[int, int] | None:
 def _repeated(images: tuple[FloatArray, FloatArray]) -> Iterator[Finding]:
     """Name images that repeat an earlier one of their group, as no two measurements do."""
     for group, spots in enumerate(images):
-        flat = spots.reshape(len(spots), -1)
-        _, first, where = np.unique(
-            flat, axis=0, return_index=True, return_inverse=True, equal_nan=True
-        )
-        rows = np.flatnonzero(first[where.ravel()] != np.arange(len(flat)))
-        rows = rows[np.isfinite(flat[rows]).any(axis=1)]
-        if len(rows):
-            shown = ", ".join(map(str, rows[:NAMED] + 1)) + ", ..." * (len(rows) > NAMED)
+        first: dict[bytes, int] = {}
+        known = (first.setdefault(one.tobytes(), row) != row for row, one in enumerate(spots))
+        rows = [row for row, old in enumerate(known) if old and np.isfinite(spots[row]).any()]
+        if rows:
+            shown = ", ".join(str(row + 1) for row in rows[:NAMED]) + ", ..." * (len(rows) > NAMED)
             text = (
-                f"{len(rows)} of {len(flat)} images of group {group} repeat an earlier one "
+                f"{len(rows)} of {len(spots)} images of group {group} repeat an earlier one "
                 f"({shown}): each counts as an image of its own"
             )
-            yield Finding("repeated", text, tuple(rows.tolist()))
+            yield Finding("repeated", text, tuple(rows))
 
 
-def _moving(groups: Mapping[int, FloatArray]) -> list[Finding]:
+def _moving(groups: Sequence[FloatArray]) -> Iterator[Finding]:
     """Name groups within which the spots move evenly in time."""
-    found = []
-    for group, images in groups.items():
-        times = np.linspace(-1, 1, len(images))
+    for group, images in enumerate(groups):
         told = np.isfinite(images).all(axis=(-2, -1))
         if told.sum() < FEW:
             continue
-        times, whole = times[told] - times[told].mean(), images[told]
-        left = whole - whole.mean(axis=0)
-        slopes = np.tensordot(times, left, axes=1) / (times @ times)
-        freedom = (len(whole) - 2) * slopes.size
-        variance = np.square(left - times[:, None, None] * slopes).sum() / freedom
+        times, left = np.linspace(-1, 1, len(images))[told], images[told]
+        times, left = times - times.mean(), left - left.mean(axis=0)
         lever = float(times @ times)
-        if not variance:
-            continue
-        ratio = lever * np.square(slopes).mean() / variance
+        slopes = np.tensordot(times, left, axes=1) / lever
+        freedom = (len(left) - 2) * slopes.size
+        variance = np.square(left - times[:, None, None] * slopes).sum() / freedom
+        ratio = lever * np.square(slopes).mean() / variance if variance else 0.0
         if fdtrc(slopes.size, freedom, ratio) < ALARM / QUESTIONS:
             way = 2 * np.hypot(*slopes.T).max()  # the slope is that over half of the group
             follow = "; misalignment-drift follows it" if group else ""
-            found.append(Finding(
+            yield Finding(
                 "moving", f"the spots move within group {group}, by {way:.2g} px from its first "
                 "image to its last: its mean is that of its middle, and no error counts the "
                 f"motion{follow}",
-            ))  # fmt: skip
-    return found
+            )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +289,10 @@ class _Pattern:
         chance, plain, left, _ = self.fit(design)
         if chance > ALARM / QUESTIONS:
             return []
-        tried = [(cause, *found) for cause in self.causes() if (found := self.tried(cause))]
+        tried = []
+        for cause in self.causes():
+            with suppress(DegenerateGeometryError):  # a mirrored square leaves a turn free
+                tried.append((cause, *self.fit(cause)))
         good = [one for one in tried if one[1] > ALARM / QUESTIONS]
         if not good and tried:
             best = min(tried, key=lambda one: one[2])
@@ -330,26 +326,16 @@ class _Pattern:
     def words(self, cause: _Cause, left: FloatArray, scale: float) -> str:
         """Say a cause, with its cure."""
         if cause.kind == "scale":
-            return f"the pattern is {scale:.4g} of its expected size: {self.unit(scale)}"
+            metric = 0.8 < scale / (self.platform.pixel_pitch * MILLIMETRES) < 1.25
+            unit = "a focal length, the pixel pitch or the unit of the spots is wrong"
+            unit = "the spots look like millimetres, expected px" if metric else unit
+            return f"the pattern is {scale:.4g} of its expected size: {unit}"
         if cause.kind == "displaced":
             off = float(np.hypot(*left[~cause.lights][0]))
             return f"{cause.text} is displaced by {off:.2g} px: leave it out (NaN, or masked)"
         if cause.kind == "mirrored":
             return "the spots are mirrored: change the sign of x, or swap x and y"
         return f"{cause.text} look swapped"
-
-    def unit(self, scale: float) -> str:
-        """Say what makes a pattern of another size."""
-        if 0.8 < scale / (self.platform.pixel_pitch * MILLIMETRES) < 1.25:
-            return "the spots look like millimetres, expected px"
-        return "a focal length, the pixel pitch or the unit of the spots is wrong"
-
-    def tried(self, cause: _Cause) -> tuple[float, float, FloatArray, float] | None:
-        """Return `fit`; none where the cause leaves a turn free, as of a mirrored square."""
-        try:
-            return self.fit(cause)
-        except DegenerateGeometryError:
-            return None
 
     def fit(self, cause: _Cause) -> tuple[float, float, FloatArray, float]:
         """Return the chance of such a misfit, the misfit per degree of freedom, what is left, size.
@@ -387,8 +373,7 @@ def _landed(platform: Platform, lasers: FloatArray, vectors: FloatArray) -> Floa
     """Spots of lasers after turns (m, 3) and, where there is a fourth, of a size, (m, n, 2)."""
     sizes = np.exp(vectors[:, 3:]).prod(axis=1)[:, None, None]
     still = np.zeros((len(vectors), 1, 3))
-    length = platform.camera_focal_length
-    return platform.landed(vectors[:, :3], still, sizes * lasers, length)[:, 0]
+    return platform.predicted(vectors[:, :3], still, sizes * lasers)[:, 0]
 
 
 def _size(points: FloatArray) -> float:

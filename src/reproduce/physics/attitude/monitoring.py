@@ -57,8 +57,22 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     >>> moving_average([1, 2, 6, 10], 2)
     array([1.5, 4. , 8. ])
     """
-    frames = _frames_last(series, axis)
-    return np.moveaxis(_averages(*_sums(frames), _run("count", count, frames)), -1, axis)
+    frames, sums = _sums(series, axis)
+    if whole_number("count", count) > frames.shape[-1]:
+        raise ValueError(
+            f"count: expected at most {frames.shape[-1]}, the number of frames, got {count}; "
+            "average fewer frames or pass a longer series"
+        )
+    averages = (sums[..., count:] - sums[..., :-count]) / count + frames[..., :1]
+    return np.moveaxis(averages, -1, axis)
+
+
+def _sums(series: ArrayLike, axis: int) -> tuple[FloatArray, FloatArray]:
+    """Return frames along the last axis, and their sums less the first: it would cost digits."""
+    frames = np.moveaxis(finite_array("series", series, shape=(None,)), axis, -1)
+    sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
+    np.cumsum(frames - frames[..., :1], axis=-1, out=sums[..., 1:])
+    return frames, sums
 
 
 def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
@@ -73,7 +87,7 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     series : array_like
         Values frame by frame, along `axis`.
     counts : sequence of int
-        The numbers n of frames in an average.
+        The numbers n of frames in an average, each smaller than that of all frames.
     axis : int
 
     Returns
@@ -85,29 +99,24 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     Raises
     ------
     ValueError
-        If no count is given, a count leaves a single average, or the axis does not exist.
+        If no count is given, or a count leaves a single average.
 
     Examples
     --------
     >>> scatter_of_averages([0, 2, 0, 2, 0, 2, 0, 2, 0, 2], [2])
     array([0.])
     """
-    if len(counts) == 0:
-        raise ValueError("counts: expected one number of frames or more, got none; pass [1]")
-    frames = _frames_last(series, axis)
-    _, sums = _sums(frames)
+    frames, sums = _sums(series, axis)
+    most = frames.shape[-1]
+    if not 0 < max((whole_number("counts", n) for n in counts), default=0) < most:
+        raise ValueError(
+            f"counts: expected one number or more, each below the {most} frames, got {counts}; "
+            "average fewer frames or pass a longer series"
+        )
     scatters = []
     for count in counts:
-        runs = _run("counts", count, frames)
-        totals = sums[..., runs:] - sums[..., :-runs]
-        if totals.shape[-1] < 2:
-            raise ValueError(
-                f"counts: expected two averages or more for each count, got one for {count} "
-                "frames; average fewer frames or pass a longer series"
-            )
-        totals -= totals.mean(axis=-1, keepdims=True)
-        squares = np.einsum("...i,...i->...", totals, totals)
-        scatters.append(np.sqrt(squares / (totals.shape[-1] - 1)) / runs)
+        totals = sums[..., count:] - sums[..., :-count]
+        scatters.append(totals.std(axis=-1, ddof=1) / count)
     return np.stack(scatters, axis=axis)
 
 
@@ -168,40 +177,27 @@ def attitude_accuracy(
     return np.asarray(centroid_sigma / np.sqrt(count) * pixel_angle)
 
 
-def _frames_last(series: ArrayLike, axis: int) -> FloatArray:
-    """Return a checked series with its frames along the last axis."""
-    array = finite_array("series", series, shape=(None,))
-    if not -array.ndim <= axis < array.ndim:
-        raise ValueError(
-            f"axis: expected an axis of the series, from {-array.ndim} to {array.ndim - 1}, "
-            f"got {axis}; name the axis along which the frames follow each other"
-        )
-    return np.moveaxis(array, axis, -1)
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Angles, (frames, 3), and response, (frames, 3, n, 2), of the images of a group that tell."""
 
+    angles: FloatArray
+    response: FloatArray
 
-def _run(name: str, count: int, frames: FloatArray) -> int:
-    size = whole_number(name, count)
-    if size > frames.shape[-1]:
-        raise ValueError(
-            f"{name}: expected at most {frames.shape[-1]}, the number of frames, got {size}; "
-            "average fewer frames or pass a longer series"
-        )
-    return size
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Of the angles, for spots of unit variance, (frames, 3)."""
+        return np.square(self.response).sum(axis=(-2, -1))
 
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Share of each image in the mean, (frames, 3): the less the fewer lights it shows."""
+        return np.asarray(1 / self.variance / (1 / self.variance).sum(axis=0))
 
-def _sums(frames: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the first frame, and sums of deviations from it: a common value would cost digits."""
-    first = frames[..., :1]
-    sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
-    np.cumsum(frames - first, axis=-1, out=sums[..., 1:])
-    return first, sums
-
-
-def _averages(first: FloatArray, sums: FloatArray, runs: int) -> FloatArray:
-    averages = sums[..., runs:] - sums[..., :-runs]
-    averages /= runs
-    averages += first
-    return averages
+    @cached_property
+    def mean(self) -> FloatArray:
+        """Weighted mean of the angles, (3,)."""
+        return np.asarray((self.weights * self.angles).sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +209,10 @@ class Monitoring:
 
     Parameters
     ----------
-    angles, zero_angles : ndarray, shape (frames, 3)
-        Of the images at the present and at the zero point; NaN where fewer than two lights are
-        seen.
-    response, zero_response : ndarray, shape (frames, 3, n, 2)
-        Derivatives of the angles by the spots, in radians per px; zero for a spot that is lost.
+    angles : ndarray, shape (frames, 3)
+        Of the images at the present; NaN where fewer than two lights are seen.
+    groups : pair
+        The images that tell, at the present and at the zero point.
     counts : ndarray, shape (n,)
         Images at the zero point in which each light is seen.
 
@@ -229,57 +224,40 @@ class Monitoring:
     """
 
     angles: FloatArray
-    zero_angles: FloatArray
-    response: FloatArray
-    zero_response: FloatArray
+    groups: tuple[_Group, _Group]
     counts: FloatArray
-
-    @cached_property
-    def _groups(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Angles, response and variance for spots of unit variance, of the images that tell."""
-        groups = []
-        for angles, response in (
-            (self.angles, self.response), (self.zero_angles, self.zero_response)
-        ):  # fmt: skip
-            told = np.isfinite(angles).all(axis=-1)
-            variance = np.square(response[told]).sum(axis=(-2, -1))
-            groups.append((angles[told], response[told], variance))
-        return groups
 
     @property
     def mean(self) -> FloatArray:
         """Mean misalignment, shape (3,)."""
-        angles, _, variance = self._groups[0]
-        return _mean(angles, variance)
+        return self.groups[0].mean
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom of the scatter: images beyond the first of each group."""
-        return sum(len(angles) - 1 for angles, *_ in self._groups)
+        return sum(len(one.angles) - 1 for one in self.groups)
 
     @cached_property
     def _noise(self) -> FloatArray:
         """Noise of a spot as each of the three angles shows it, in px."""
         squares = sum(
-            (np.square(angles - _mean(angles, variance)) / variance).sum(axis=0)
-            for angles, _, variance in self._groups
+            (np.square(one.angles - one.mean) / one.variance).sum(axis=0) for one in self.groups
         )
         return np.sqrt(squares / self.freedom) if self.freedom else np.full(3, np.nan)
 
     @property
     def scatter(self) -> FloatArray:
         """Standard deviation of one image with all lights, shape (3,); NaN for single images."""
-        return self._noise * np.sqrt(min(variance.min(axis=0).tolist()
-                                         for *_, variance in self._groups))  # fmt: skip
+        least = min(one.variance.min(axis=0).tolist() for one in self.groups)
+        return self._noise * np.sqrt(least)
 
     @property
     def error(self) -> FloatArray:
         """Standard error of the mean, that of the zero point in it, shape (3,)."""
-        _, response, variance = self._groups[0]
-        weights = _weights(variance)
-        together = np.einsum("fa,faij->aij", weights, response)
+        now = self.groups[0]
+        together = np.einsum("fa,faij->aij", now.weights, now.response)
         zero = np.square(together).sum(axis=-1) @ (1 / self.counts)
-        return self._noise * np.sqrt((np.square(weights) * variance).sum(axis=0) + zero)
+        return self._noise * np.sqrt((np.square(now.weights) * now.variance).sum(axis=0) + zero)
 
     def interval(self, share: float) -> FloatArray:
         """Return the central interval of the mean by Student's law, shape (2, 3)."""
@@ -287,14 +265,6 @@ class Monitoring:
 
         reach = stdtrit(self.freedom, 0.5 + share / 2) if self.freedom else np.nan
         return self.mean + np.array([[-1.0], [1.0]]) * reach * self.error
-
-
-def _weights(variance: FloatArray) -> FloatArray:
-    return np.asarray(1 / variance / (1 / variance).sum(axis=0))
-
-
-def _mean(angles: FloatArray, variance: FloatArray) -> FloatArray:
-    return np.asarray((_weights(variance) * angles).sum(axis=0))
 
 
 def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Monitoring:
@@ -327,18 +297,19 @@ def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Mo
     array([0., 0., 0.])
     """
     shape = (None, len(platform.lasers), 2)
-    before, now = (
-        number_array(name, one, shape=shape)
-        for name, one in (("zero_spots", zero_spots), ("spots", spots))
-    )
+    before = number_array("zero_spots", zero_spots, shape=shape)
+    now = number_array("spots", spots, shape=shape)
     counts = np.isfinite(before).all(axis=-1).sum(axis=0)
     zero = np.nanmean(before, axis=0)
-    angles, response = _turned(zero, now, platform)
-    zero_angles, zero_response = _turned(zero, before, platform)
-    for name, one in (("zero_spots", zero_angles), ("spots", angles)):
-        if not np.isfinite(one).any():
+    angles, groups = [], []
+    for name, images in (("spots", now), ("zero_spots", before)):
+        found, response = _turned(zero, images, platform)
+        told = np.isfinite(found).all(axis=-1)
+        if not told.any():
             raise ValueError(f"{name}: expected two lights or more in an image, got fewer in all")
-    return Monitoring(angles, zero_angles, response, zero_response, counts)
+        angles.append(found)
+        groups.append(_Group(found[told], response[told]))
+    return Monitoring(angles[0], (groups[0], groups[1]), counts)
 
 
 def _turned(

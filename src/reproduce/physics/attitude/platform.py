@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude.angles import laser_transform
-from reproduce.physics.attitude.rotations import _unit, rotation_from_vector
+from reproduce.physics.attitude.rotations import _rotation_from_vector, _unit
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
@@ -33,7 +33,6 @@ from reproduce.physics.validate import (
     Positive,
     checked,
     finite_array,
-    kernel,
     positive,
 )
 
@@ -123,7 +122,13 @@ def received_spots(
     >>> received_spots([[-0.6, 0.0, 0.8]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[13., 10.]])
     """
-    return _spots(directions, principal_point, focal_length / pixel_pitch)
+    if (directions[..., 2] <= 0).any():
+        raise ValueError(
+            "directions: expected light from in front of the tracker, got a third component of "
+            f"{directions[..., 2].min():g}; the tracker looks along its Z axis"
+        )
+    pixels = (focal_length / pixel_pitch)[..., np.newaxis, np.newaxis]
+    return principal_point[..., np.newaxis, :] - pixels * directions[..., :2] / directions[..., 2:]
 
 
 @checked
@@ -171,18 +176,6 @@ def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:
     return rays
 
 
-def _spots(rays: FloatArray, centre: FloatArray, focal_length: FloatArray) -> FloatArray:
-    """Return where rays meet the detector, in the unit of the focal length and the centre."""
-    if (rays[..., 2] <= 0).any():
-        raise ValueError(
-            "directions: expected light from in front of the tracker, got a third component of "
-            f"{rays[..., 2].min():g}; the tracker looks along its Z axis"
-        )
-    scale = focal_length[..., np.newaxis, np.newaxis]
-    return centre[..., np.newaxis, :] - scale * rays[..., :2] / rays[..., 2:]
-
-
-_rotation_from_vector = kernel(rotation_from_vector)
 # In metres: no pixel is that large, but one in micrometres or millimetres seems so.
 LARGEST_PITCH = 1e-3
 
@@ -235,15 +228,14 @@ class Platform:
                 f"pixel_pitch: expected metres, below {LARGEST_PITCH:g}, got {self.pixel_pitch:g}; "
                 "give 5.5e-6 for 5.5 micrometres"
             )
-        object.__setattr__(self, "lasers", lasers)
         centre = finite_array("principal_point", self.principal_point, shape=(2,))
-        object.__setattr__(self, "principal_point", centre)
-        spots = finite_array("spots", self.spots, shape=(None, 2)) if len(self.spots) else (
-            self.principal_point + lasers / self.camera_focal_length * self.pixels
-        )  # fmt: skip
+        spots = centre + lasers / self.camera_focal_length * self.pixels
+        if len(self.spots):
+            spots = finite_array("spots", self.spots, shape=(None, 2))
         if len(spots) != len(lasers):
             raise ValueError(f"spots: expected {len(lasers)}, one for each light, got {len(spots)}")
-        object.__setattr__(self, "spots", spots)
+        for name, array in (("lasers", lasers), ("principal_point", centre), ("spots", spots)):
+            object.__setattr__(self, name, array)
 
     @classmethod
     def of_directions(
@@ -327,27 +319,19 @@ class Platform:
         return laser_transform(self.directions, received_directions(self.spots, *self.tracker))
 
     def predicted(
-        self, mount: FloatArray, turn: FloatArray, scale: FloatArray, focal: FloatArray | float
+        self, mount: FloatArray, turn: FloatArray, lasers: FloatArray | None = None
     ) -> FloatArray:
         """Where the spots should lie, shape (n, groups, lasers, 2), in px.
 
         The mount, (n, 3), is the rotation vector of the zero attitude against `reference`, in the
         camera frame; the turn, (n, groups, 3), holds the misalignment angles since the zero point;
-        the scale, (n,), is the size of the laser pattern over the designed one.
+        lasers, (lasers, 2) or (n, lasers, 2), in metres, are the designed ones unless others are
+        given.
         """
-        return self.landed(mount, turn, scale[:, None, None] * self.lasers, focal)
-
-    def landed(
-        self, mount: FloatArray, turn: FloatArray, lasers: FloatArray, focal: FloatArray | float
-    ) -> FloatArray:
-        """Where the spots of lasers at given positions, (n, lasers, 2), in metres, lie.
-
-        The rest is as for `predicted`.
-        """
-        count = len(mount)
-        rays = np.empty((count, lasers.shape[-2], 3))
-        rays[..., :2] = -lasers
-        rays[..., 2] = np.broadcast_to(focal, count)[:, None]
+        places = self.lasers if lasers is None else lasers
+        rays = np.empty((len(mount), places.shape[-2], 3))
+        rays[..., :2] = -places
+        rays[..., 2] = self.camera_focal_length
         zero = self.reference @ _rotation_from_vector(mount)
         now = zero[:, None] @ _rotation_from_vector(turn)  # (6): the turn of the camera, undone
         arriving = rays[:, None] @ np.swapaxes(now, -1, -2)

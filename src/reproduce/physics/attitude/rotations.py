@@ -19,9 +19,6 @@ from reproduce.physics.validate import (
     kernel,
 )
 
-# Below this a squared length loses digits to underflow; beyond its inverse it may overflow.
-_SHORTEST_SQUARE = 1e-200
-
 
 def unit(name: str, vectors: ArrayLike) -> FloatArray:
     """Return vectors of any length as unit vectors.
@@ -43,18 +40,6 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     array([0., 0., 1.])
     """
     return _unit(name, finite_array(name, vectors, shape=(3,)))
-
-
-def transpose(matrices: FloatArray) -> FloatArray:
-    """Return the transposes, (..., 3, 3), of matrices (...): for rotations, the inverses.
-
-    Examples
-    --------
-    >>> transpose(np.array([[1.0, 2.0], [3.0, 4.0]]))
-    array([[1., 3.],
-           [2., 4.]])
-    """
-    return matrices.mT
 
 
 @checked
@@ -134,9 +119,7 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     >>> vector_from_rotation([[0, -1, 0], [1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    twist = np.empty(rotation.shape[:-1])
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        twist[..., i] = 0.5 * (rotation[..., k, j] - rotation[..., j, k])
+    twist = 0.5 * _axial(rotation)
     sine = np.sqrt(np.einsum("...i,...i->...", twist, twist))
     cosine = 0.5 * (np.einsum("...ii->...", rotation) - 1.0)
     angle = np.arctan2(sine, cosine)
@@ -152,23 +135,23 @@ _vector_from_rotation = kernel(vector_from_rotation)
 
 
 def _unit(name: str, vectors: FloatArray) -> FloatArray:
-    square = np.einsum("...i,...i->...", vectors, vectors)[..., np.newaxis]
-    if (square < _SHORTEST_SQUARE).any() or (square > 1.0 / _SHORTEST_SQUARE).any():
-        vectors = _scaled(name, vectors)
-        square = np.einsum("...i,...i->...", vectors, vectors)[..., np.newaxis]
-    return vectors / np.sqrt(square)
-
-
-def _scaled(name: str, array: FloatArray) -> FloatArray:
-    """Return vectors whose largest component is one, so that their squares are safe."""
-    largest = np.abs(array).max(axis=-1, keepdims=True)
-    if (largest == 0).any():
-        first = tuple(int(i) for i in np.argwhere(largest[..., 0] == 0)[0])
+    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., np.newaxis]
+    usable = (length > 0) & np.isfinite(length)
+    if not usable.all():
+        first = tuple(int(i) for i in np.argwhere(~usable[..., 0])[0])
         raise ValueError(
-            f"{name}: expected a length above zero, got zero at index {first}; remove this row, "
-            "or give it weight zero and any direction"
+            f"{name}: expected a length above zero, got {float(length[(*first, 0)]):g} at index "
+            f"{first}; remove this row, or give it weight zero and any direction"
         )
-    return array / largest
+    return vectors / length
+
+
+def _axial(matrix: FloatArray) -> FloatArray:
+    """Return the antisymmetric part of a matrix as a vector: of a profile, sum w s × t."""
+    result = np.empty(matrix.shape[:-1])
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[..., i] = matrix[..., k, j] - matrix[..., j, k]
+    return result
 
 
 def _cofactors(matrices: FloatArray) -> FloatArray:
@@ -182,21 +165,9 @@ def _cofactors(matrices: FloatArray) -> FloatArray:
     return result
 
 
-def _determinant(matrices: FloatArray) -> FloatArray:
-    a, b, c = (matrices[..., i, :] for i in range(3))
-    return (
-        a[..., 0] * (b[..., 1] * c[..., 2] - b[..., 2] * c[..., 1])
-        + a[..., 1] * (b[..., 2] * c[..., 0] - b[..., 0] * c[..., 2])
-        + a[..., 2] * (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0])
-    )
-
-
 def _rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:
     """Return the rotation of (sin(a/2) n, cos(a/2)), of any length but zero: by a about n."""
     length = np.einsum("...i,...i->...", quaternion, quaternion)
-    if (length < _SHORTEST_SQUARE).any() or (length > 1.0 / _SHORTEST_SQUARE).any():
-        quaternion = _scaled("quaternion", quaternion)
-        length = np.einsum("...i,...i->...", quaternion, quaternion)
     x, y, z, w = np.moveaxis(quaternion, -1, 0)
     result = np.empty((*quaternion.shape[:-1], 3, 3))
     result[..., 0, 0] = w * w + x * x - y * y - z * z

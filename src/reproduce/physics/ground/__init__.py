@@ -2,8 +2,7 @@
 
 from reproduce.physics.ground.earth import (
     DAY,
-    EarthOrientation,
-    Thermal,
+    WGS84,
     earth_fixed,
     earth_from_inertial,
     last_orbits,
@@ -13,20 +12,13 @@ from reproduce.physics.ground.earth import (
     thermal_series,
     trend_and_fourier,
 )
-from reproduce.physics.ground.errors import (
+from reproduce.physics.ground.imaging import (
+    GroundJacobian,
     altitude_for_resolution,
     circular_error,
-    ellipse,
     ground_covariance,
-    ground_error,
-    ground_resolution,
-)
-from reproduce.physics.ground.imaging import (
-    WGS84,
-    GroundJacobian,
-    distance_to_ground,
     ground_jacobian,
+    ground_resolution,
     image_vectors,
     imaged_position,
-    imaging_chain,
 )

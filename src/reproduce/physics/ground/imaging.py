@@ -1,7 +1,7 @@
 """From a pixel to a position on the Earth: the imaging model, on the WGS84 ellipsoid.
 
 Lengths are in metres, angles in radians. Positions are Earth-fixed (WGS84 axes: Z to the
-pole, X to the meridian of zero longitude). The camera frame is that of `attitude.lasers`: Z along
+pole, X to the meridian of zero longitude). The camera frame is that of `attitude.platform`: Z along
 the boresight, out of the camera. Leading axes are a batch.
 
 How a position answers to errors of the model is known exactly (`ground_jacobian`): P = S + l u
@@ -9,17 +9,22 @@ stays on the ellipsoid whatever is varied, so its motion is that of the line of 
 slid along the line until it lies in the tangent plane: with the surface's normal n,
 
     dP = (I - u n^T / n·u) (dS + l du).
+
+A resolution is that straight below. Covariances are of east and north on the ground, in square
+metres.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from scipy.special import ndtr
 
 from reproduce.physics.attitude.platform import _outward
 from reproduce.physics.attitude.rotations import _cross_matrix, _unit
+from reproduce.physics.ground.earth import WGS84, Ellipsoid, local_axes
 from reproduce.physics.validate import (
     Direction,
     Directions,
@@ -29,64 +34,14 @@ from reproduce.physics.validate import (
     Positive,
     Rotation,
     checked,
-    common_batch,
-    finite_array,
 )
 
-
-class EarthMissedError(ValueError):
-    """A line of sight does not meet the ellipsoid."""
-
-
-@dataclass(frozen=True)
-class Ellipsoid:
-    """An ellipsoid of revolution about the polar axis.
-
-    Attributes
-    ----------
-    equatorial_radius : float, in metres
-    flattening : float
-        (equatorial - polar radius) / equatorial radius.
-    """
-
-    equatorial_radius: float
-    flattening: float
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.equatorial_radius) and self.equatorial_radius > 0):
-            raise ValueError(
-                f"equatorial_radius: expected metres above zero, got {self.equatorial_radius}"
-            )
-        if not 0 <= self.flattening < 1:
-            raise ValueError(
-                f"flattening: expected from 0 (a sphere) to below 1, got {self.flattening}; "
-                "pass the flattening, not its inverse"
-            )
-
-    @property
-    def axes(self) -> FloatArray:
-        """The semi-axes along X, Y and Z (towards the poles), shape (3,), in metres."""
-        return self.equatorial_radius * np.array([1.0, 1.0, 1.0 - self.flattening])
-
-
-# Defining constants of the World Geodetic System 1984 (NGA.STND.0036).
-WGS84 = Ellipsoid(equatorial_radius=6378137.0, flattening=1.0 / 298.257223563)
-
-
-@dataclass(frozen=True, eq=False)
-class ImagedPoint:
-    """Where lines of sight meet the ground.
-
-    Attributes
-    ----------
-    position : ndarray, shape (..., n, 3)
-        Earth-fixed, in metres.
-    scale : ndarray, shape (..., n)
-        The scale factor m: the length along the image vector, in units of its length.
-    """
-
-    position: FloatArray
-    scale: FloatArray
+_Slopes = Annotated[Any, (3, "k")]
+_Spread = Annotated[Any, ("k", "k")]
+_Plane = Annotated[Any, (2, 2)]
+# Strips over which a normal law in the plane is integrated; enough for five digits.
+_SECTORS = 256
+_HALVINGS = 60
 
 
 @checked
@@ -94,7 +49,7 @@ def image_vectors(
     points: Points,
     focal_length: Positive,
     principal_point: Point = (0.0, 0.0),
-    distortion: ArrayLike = (0.0, 0.0),
+    distortion: Points = None,
 ) -> FloatArray:
     """Return the bracket of the imaging model (1): the image point as seen from the lens.
 
@@ -106,7 +61,7 @@ def image_vectors(
         f_cam, in metres.
     principal_point : array_like, shape (..., 2)
         (X_0, Y_0), in metres.
-    distortion : array_like, shape (..., n, 2) or (2,)
+    distortion : array_like, shape (..., n, 2), optional
         (Delta X, Delta Y), what distortion adds to the image coordinates, in metres.
 
     Returns
@@ -120,41 +75,8 @@ def image_vectors(
     >>> image_vectors([[0.03, 0.0]], focal_length=4.0)
     array([[ 0.03,  0.  , -4.  ]])
     """
-    shift = finite_array("distortion", distortion, shape=(2,))
-    common_batch(points=points.shape[:-1], distortion=shift.shape[:-1])
-    return _outward(points - principal_point[..., np.newaxis, :] - shift, -focal_length)
-
-
-@checked
-def imaging_chain(
-    earth_from_inertial: Rotation,
-    inertial_from_tracker: Rotation,
-    tracker_misalignment: Rotation,
-    tracker_from_camera: Rotation,
-) -> FloatArray:
-    """Return the rotation chain of the imaging model (1).
-
-    Parameters
-    ----------
-    earth_from_inertial, inertial_from_tracker : array_like, shape (..., 3, 3)
-        R_J2000^WGS84 and R_star^J2000.
-    tracker_misalignment : array_like, shape (..., 3, 3)
-        R_U, the misalignment resolved in the tracker; see
-        `attitude.misalignment.misalignment_in_tracker`.
-    tracker_from_camera : array_like, shape (..., 3, 3)
-        R_cam^star, the installation at the zero point.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        earth_from_camera.
-
-    Examples
-    --------
-    >>> imaging_chain(np.eye(3), np.eye(3), np.eye(3), np.eye(3)).diagonal()
-    array([1., 1., 1.])
-    """
-    return earth_from_inertial @ inertial_from_tracker @ tracker_misalignment @ tracker_from_camera
+    offsets = points - principal_point[..., np.newaxis, :]
+    return _outward(offsets if distortion is None else offsets - distortion, -focal_length)
 
 
 @checked
@@ -163,13 +85,13 @@ def imaged_position(
     satellite: Direction,
     earth_from_camera: Rotation,
     ellipsoid: Ellipsoid = WGS84,
-) -> ImagedPoint:
+) -> FloatArray:
     """Return the ground positions that image points show: the rigorous imaging model.
 
     Implements: chen2023 (1).
 
-    The scale factor m is the one that puts the position on the ellipsoid. The image vector
-    points into the camera, away from the target, so in the camera frame of (2) m is negative.
+    The scale factor m is the one that puts the position on the ellipsoid: minus the distance over
+    the length of the image vector, which points into the camera, away from the target.
 
     Parameters
     ----------
@@ -178,18 +100,20 @@ def imaged_position(
     satellite : array_like, shape (..., 3)
         Earth-fixed position of the camera, in metres, outside the ellipsoid.
     earth_from_camera : array_like, shape (..., 3, 3)
-        The rotation chain, from `imaging_chain`.
+        The rotation chain ``earth_from_inertial @ inertial_from_tracker @ tracker_misalignment @
+        tracker_from_camera``: R_J2000^WGS84, R_star^J2000, R_U as from
+        `attitude.misalignment_in_tracker`, and R_cam^star, the installation at the zero point.
     ellipsoid : Ellipsoid
         The surface of the Earth.
 
     Returns
     -------
-    ImagedPoint
-        Earth-fixed positions, in metres, and the scale factors m.
+    ndarray, shape (..., n, 3)
+        Earth-fixed positions, in metres.
 
     Raises
     ------
-    EarthMissedError
+    ValueError
         If a line of sight passes the Earth, or looks away from it.
 
     Examples
@@ -197,45 +121,10 @@ def imaged_position(
     From 1000 km above zero latitude and longitude, straight down.
 
     >>> down = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
-    >>> imaged = imaged_position([[0, 0, -0.5]], [7378137.0, 0, 0], down)
-    >>> np.round(imaged.position), imaged.scale
-    (array([[6378137.,       0.,       0.]]), array([-2000000.]))
+    >>> imaged_position([[0, 0, -0.5]], [7378137.0, 0, 0], down).round()
+    array([[6378137.,       0.,       0.]])
     """
-    _, reach, position = _seen(vectors, satellite, earth_from_camera, ellipsoid)
-    return ImagedPoint(position, -reach / np.linalg.norm(vectors, axis=-1))
-
-
-@checked
-def distance_to_ground(
-    origin: Direction, directions: Direction, ellipsoid: Ellipsoid = WGS84
-) -> FloatArray:
-    """Return the distance along lines of sight to where they first meet the ellipsoid.
-
-    Parameters
-    ----------
-    origin : array_like, shape (..., 3)
-        Earth-fixed starting points, in metres, outside the ellipsoid.
-    directions : array_like, shape (..., 3)
-        Earth-fixed lines of sight, of any length; broadcast against the origins.
-    ellipsoid : Ellipsoid
-        The surface of the Earth.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Distances, in metres.
-
-    Raises
-    ------
-    EarthMissedError
-        If a line passes the ellipsoid, or meets it only backwards.
-
-    Examples
-    --------
-    >>> float(distance_to_ground([0, 0, 5.0], [0, 0, -1], Ellipsoid(2.0, 0.5)))
-    4.0
-    """
-    return _distance(origin, _unit("directions", directions), ellipsoid)
+    return _seen(vectors, satellite, earth_from_camera, ellipsoid)[2]
 
 
 def _seen(
@@ -255,7 +144,7 @@ def _distance(start: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> Flo
     height = np.einsum("...i,...i->...", start, start) - 1.0
     if (height <= 0).any():
         raise ValueError(
-            "origin: expected points outside the ellipsoid, got one on it or inside; positions "
+            "satellite: expected points outside the ellipsoid, got one on it or inside; positions "
             "are in metres from the Earth's centre"
         )
     approach = -np.einsum("...i,...i->...", start, sight)
@@ -265,11 +154,10 @@ def _distance(start: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> Flo
     discriminant = square - np.einsum("...i,...i->...", moment, moment)
     missed = (discriminant < 0) | (approach <= 0)
     if missed.any():
-        away = int((missed & (approach <= 0)).sum())
-        raise EarthMissedError(
-            f"expected lines of sight that meet the Earth, got {int(missed.sum())} of "
-            f"{missed.size} that miss it, {away} of them looking away from it; check the sign "
-            "of the boresight and the order of the rotations, or drop these pixels"
+        raise ValueError(
+            f"vectors: expected lines of sight that meet the Earth, got {missed.sum()} of "
+            f"{missed.size} that miss it, {(approach <= 0).sum()} of them looking away from it; "
+            "check the sign of the boresight and the order of the rotations, or drop these pixels"
         )
     return height / (approach + np.sqrt(discriminant))
 
@@ -304,11 +192,10 @@ def ground_jacobian(
     vectors: Directions,
     satellite: Direction,
     earth_from_camera: Rotation,
-    ellipsoid: Ellipsoid = WGS84,
 ) -> GroundJacobian:
     """Return ground positions with their derivatives by all terms of the imaging model.
 
-    Arguments and errors are those of `imaged_position`.
+    Arguments and errors are those of `imaged_position`; the surface is that of WGS84.
 
     Returns
     -------
@@ -324,10 +211,10 @@ def ground_jacobian(
     >>> found.by_turn[0, :, 1].round(3) + 0.0
     array([      0.,       0., 1000000.])
     """
-    sight, reach, position = _seen(vectors, satellite, earth_from_camera, ellipsoid)
+    sight, reach, position = _seen(vectors, satellite, earth_from_camera, WGS84)
     lengths = np.linalg.norm(vectors, axis=-1)
     # The projection along the line of sight onto the tangent plane.
-    normal = position / ellipsoid.axes**2
+    normal = position / WGS84.axes**2
     steep = np.einsum("...i,...i->...", normal, sight)[..., np.newaxis, np.newaxis]
     slide = np.eye(3) - sight[..., :, np.newaxis] * normal[..., np.newaxis, :] / steep
     far = slide * reach[..., np.newaxis, np.newaxis]
@@ -337,3 +224,127 @@ def ground_jacobian(
     across = np.eye(3) - sight[..., :, np.newaxis] * sight[..., np.newaxis, :]
     by_image = -far @ across @ matrix / lengths[..., np.newaxis, np.newaxis]
     return GroundJacobian(position, slide, by_turn, by_image)
+
+
+@checked
+def ground_resolution(
+    focal_length: Positive, pixel_pitch: Positive, altitude: Positive
+) -> FloatArray:
+    """Return the size of a pixel on the ground at nadir.
+
+    Parameters
+    ----------
+    focal_length, pixel_pitch, altitude : array_like, in metres
+
+    Returns
+    -------
+    ndarray
+        pitch × altitude / focal length, in metres.
+
+    Examples
+    --------
+    >>> float(ground_resolution(focal_length=10.0, pixel_pitch=1e-5, altitude=500e3))
+    0.5
+    """
+    return np.asarray(pixel_pitch * altitude / focal_length)
+
+
+@checked
+def altitude_for_resolution(
+    focal_length: Positive, pixel_pitch: Positive, resolution: Positive
+) -> FloatArray:
+    """Return the altitude from which a pixel has a given size on the ground at nadir.
+
+    Arguments are those of `ground_resolution`, the size in place of the altitude.
+
+    Returns
+    -------
+    ndarray
+        resolution × focal length / pitch, in metres.
+
+    Examples
+    --------
+    >>> round(float(altitude_for_resolution(10.0, 1e-5, resolution=0.5)))
+    500000
+    """
+    return np.asarray(resolution * focal_length / pixel_pitch)
+
+
+@checked
+def ground_covariance(position: Direction, jacobian: _Slopes, covariance: _Spread) -> FloatArray:
+    """Return the covariance of east and north that a term of the imaging model causes.
+
+    Parameters
+    ----------
+    position : array_like, shape (..., 3)
+        Ground positions, Earth-fixed, in metres.
+    jacobian : array_like, shape (..., 3, k)
+        Derivative of the positions by k parameters, from `ground_jacobian`.
+    covariance : array_like, shape (..., k, k), of the parameters
+
+    Returns
+    -------
+    ndarray, shape (..., 2, 2), in square metres
+
+    Examples
+    --------
+    >>> ground_covariance([6378137.0, 0, 0], np.eye(3), np.diag([9.0, 4.0, 1.0])).diagonal()
+    array([4., 1.])
+    """
+    onto = local_axes(position)[..., :2, :] @ jacobian
+    return onto @ covariance @ onto.mT
+
+
+@checked
+def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
+    """Return the radius of the circle that holds a share of the errors: CE90 by default.
+
+    Parameters
+    ----------
+    covariance : array_like, shape (..., 2, 2)
+        Of east and north about the true place, in square metres; negative in no direction.
+    share : float
+        Above 0 and below 1.
+
+    Returns
+    -------
+    ndarray, shape (...), in metres
+
+    Examples
+    --------
+    Equal errors of 1 m: the Rayleigh law's 2.146 m. Along one line only: 1.645 m.
+
+    >>> circular_error([np.eye(2), np.diag([1.0, 0.0])]).round(3)
+    array([2.146, 1.645])
+    """
+    if not 0.0 < share < 1.0:
+        raise ValueError(f"share: expected above 0 and below 1, got {share}; 0.9 is nine tenths")
+    values = np.linalg.eigvalsh(covariance)
+    if (values[..., 0] < -1e-9 * np.maximum(values[..., 1], 0.0)).any():
+        raise ValueError(
+            "covariance: expected no negative variance in any direction, got "
+            f"{values.min():g}; pass a covariance, not its inverse or a correlation of mixed units"
+        )
+    values = np.maximum(values, 0.0)
+    large = np.sqrt(values[..., 1])
+    scale = np.where(large > 0, large, 1.0)
+    # Thinner than a millionth is a line for every purpose, and keeps the integral regular.
+    ratio = np.maximum(np.sqrt(values[..., 0]) / scale, 0.0)
+    low, high = np.zeros_like(scale), np.full_like(scale, np.sqrt(-2.0 * np.log1p(-share)))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = _held(middle, ratio) < share
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return np.where(large > 0, high * scale, 0.0)
+
+
+def _held(radius: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Return the share of a normal law with semi-axes 1 and `ratio` inside a circle."""
+    # Across the long axis: x from -R to R, and |y| below the circle's edge there.
+    turn = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi - np.pi / 2
+    x = radius[..., np.newaxis] * np.sin(turn)
+    edge = radius[..., np.newaxis] * np.cos(turn)
+    thin = np.maximum(ratio, 1e-12)[..., np.newaxis]
+    within = 2.0 * ndtr(edge / thin) - 1.0
+    density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
+    return (density * within * edge).mean(axis=-1) * np.pi

@@ -13,10 +13,11 @@ its points then stand 2a apart along a row, and rows stand b apart.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reproduce.physics.validate import FloatArray, Size, checked, whole_number
 
@@ -56,9 +57,6 @@ class Arrangement:
         return f"{self.lattice}; {self.offset}; {self.window}"
 
 
-_Window = Callable[[FloatArray, FloatArray], FloatArray]
-
-
 def _lattices(half_x: float, half_y: float, step: float) -> list[_Lattice]:
     """Every lattice by what the step can mean, and those stretched to fill the range."""
     root2, root3 = np.sqrt(2.0), np.sqrt(3.0)
@@ -70,7 +68,7 @@ def _lattices(half_x: float, half_y: float, step: float) -> list[_Lattice]:
         _Lattice("hexagonal, rows along x", step / 2, step * root3 / 2, True),
         _Lattice("hexagonal, rows along y", step * root3 / 2, step / 2, True),
     ]
-    a, b = _nearest_division(half_x, step), _nearest_division(half_y, step)
+    a, b = (2 * half / max(1, round(2 * half / step)) for half in (half_x, half_y))
     return [
         *fixed,
         _Lattice("square, stretched to the edges", a, b, False),
@@ -129,16 +127,12 @@ def _arrangements(half_x: float, half_y: float, step: float) -> Iterator[Arrange
     for lattice in _lattices(half_x, half_y, step):
         for offset, origin in _offsets(lattice, half_x, half_y).items():
             nodes = _nodes(lattice, origin, half_x, half_y)
-            for window, inside in _windows(half_x, half_y).items():
-                angles = nodes[inside(nodes[:, 0], nodes[:, 1])]
+            for window, inside in _windows(nodes, half_x, half_y).items():
+                angles = nodes[inside]
                 key = np.rint(angles / (_EDGE * step)).astype(np.int64).tobytes()
                 if len(angles) and key not in seen:
                     seen.add(key)
                     yield Arrangement(lattice.name, offset, window, angles)
-
-
-def _nearest_division(half: float, step: float) -> float:
-    return 2 * half / max(1, round(2 * half / step))
 
 
 def _stretched_to_mean(
@@ -182,15 +176,15 @@ def _nodes(
     return np.stack([x[inside], y[inside]], axis=-1)
 
 
-def _windows(half_x: float, half_y: float) -> dict[str, _Window]:
+def _windows(nodes: FloatArray, half_x: float, half_y: float) -> dict[str, NDArray[np.bool_]]:
+    """Which nodes of the rectangle each window holds."""
+    x, y = nodes.T
     small, large = min(half_x, half_y), max(half_x, half_y)
     return {
-        "rectangle": lambda x, y: np.ones(x.shape, dtype=bool),
-        "rectangle without its border": lambda x, y: (
-            np.maximum(np.abs(x) / half_x, np.abs(y) / half_y) < 1 - _EDGE
-        ),
-        "inscribed ellipse": lambda x, y: (x / half_x) ** 2 + (y / half_y) ** 2 <= 1 + _EDGE,
-        "circle of the smaller half range": lambda x, y: np.hypot(x, y) <= small * (1 + _EDGE),
-        "circle of the larger half range": lambda x, y: np.hypot(x, y) <= large * (1 + _EDGE),
-        "diamond": lambda x, y: np.abs(x) / half_x + np.abs(y) / half_y <= 1 + _EDGE,
+        "rectangle": np.ones(len(nodes), dtype=bool),
+        "rectangle without its border": np.abs(nodes / [half_x, half_y]).max(axis=1) < 1 - _EDGE,
+        "inscribed ellipse": (x / half_x) ** 2 + (y / half_y) ** 2 <= 1 + _EDGE,
+        "circle of the smaller half range": np.hypot(x, y) <= small * (1 + _EDGE),
+        "circle of the larger half range": np.hypot(x, y) <= large * (1 + _EDGE),
+        "diamond": np.abs(x) / half_x + np.abs(y) / half_y <= 1 + _EDGE,
     }

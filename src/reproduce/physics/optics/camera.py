@@ -11,13 +11,9 @@ Frames and units, said once for this module:
 
 The leading axes are a batch: many frames, many simulated calibrations, many cameras at once.
 
-Calibrating one channel alone: focal length, principal point and distortion from known starlight.
+The reference channel is the green one; the other is named by its role.
 
-Directions have shape (..., n, 3), in the camera frame, z along the boresight; image points have
-shape (..., n, 2), in px, x before y, with the centre of the first pixel at (0, 0). Parameters are
-always in the order focal length F (m), principal point x, y (px), radial distortion m (m^-2); the
-leading axes are a batch of calibrations.
-
+A channel is calibrated alone from known starlight: focal length, principal point and distortion.
 The model is linear in F, m F^3 and the principal point. Its least-squares minimum is therefore
 found at once, without starting values, and it is the minimum over F and m too, because the one
 pair follows from the other.
@@ -290,51 +286,101 @@ def angle_from_pixels(pixels: Number, pixel_pitch: Positive, focal_length: Posit
     return np.asarray(np.arctan(pixels * pixel_pitch / focal_length))
 
 
-_PARAMETERS = 4
+@checked
+def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> FloatArray:
+    """The scale factor k that lays ideal positions of a channel over those of the reference.
 
+    Implements: niu2024 (6).
 
-@dataclass(frozen=True, eq=False)
-class CameraFit:
-    """A channel's fitted imaging parameters and what they leave over.
-
-    Attributes
+    Parameters
     ----------
-    camera : Camera
-        The estimate, batch shape (...).
-    residuals : ndarray, shape (..., n, 2)
-        Measured minus modelled image points, in px.
-    cofactor : ndarray, shape (..., 4, 4)
-        Inverse normal matrix of (F, x, y, m): the covariance for errors of one px.
+    reference_focal_length, focal_length : array_like
+        Of the reference channel and of the other, in the same unit.
+
+    Returns
+    -------
+    ndarray
+        k = reference / other, without unit.
+
+    Examples
+    --------
+    >>> float(scale_factor(30e-3, 20e-3))
+    1.5
     """
+    return np.asarray(reference_focal_length / focal_length)
 
-    camera: Camera
-    residuals: FloatArray
-    cofactor: FloatArray
 
-    @property
-    def parameters(self) -> FloatArray:
-        """The vector (F, x, y, m), shape (..., 4), in m, px, px, m^-2."""
-        point = self.camera.principal_point
-        columns = (self.camera.focal_length, point[..., 0], point[..., 1])
-        return np.stack([*columns, self.camera.radial_distortion], axis=-1)
+@checked
+def distortion_ratio(
+    scale: Positive, reference_distortion: Number = 1.0, distortion: Number = 1.0
+) -> FloatArray:
+    """Displacement by distortion in the reference channel over that in the other.
 
-    @property
-    def covariance(self) -> FloatArray:
-        """The cofactor matrix scaled by the residuals' own variance, shape (..., 4, 4)."""
-        freedom = 2 * self.residuals.shape[-2] - _PARAMETERS
-        if freedom <= 0:
-            raise DegenerateGeometryError(
-                "covariance: expected at least three points, got two; add points, or multiply "
-                "`cofactor` by a known variance"
-            )
-        variance = np.square(self.residuals).sum(axis=(-2, -1)) / freedom
-        return variance[..., None, None] * self.cofactor
+    Implements: niu2024 (7), (8).
+
+    Parameters
+    ----------
+    scale : array_like
+        Scale factor k, above zero.
+    reference_distortion, distortion : array_like
+        First radial coefficients of the reference channel and of the other, in the same unit; the
+        other one not zero. Without them all channels share one coefficient, which is (8).
+
+    Returns
+    -------
+    ndarray
+        k^3 * reference_distortion / distortion, the same in x and y.
+
+    Examples
+    --------
+    >>> float(distortion_ratio(2.0, 3.0, 4.0)), float(distortion_ratio(2.0))
+    (6.0, 8.0)
+    """
+    if (distortion == 0).any():
+        raise ValueError(
+            "distortion: expected a coefficient other than zero, got zero; "
+            "a channel without distortion has no ratio"
+        )
+    return np.asarray(scale**3 * (reference_distortion / distortion))
+
+
+@checked
+def reference_points_scaled(points: Points, scale: Positive, principal_point: Point) -> FloatArray:
+    """Image points of the reference channel where only focal length and distortion differ.
+
+    Implements: niu2024 (9), (10), (11), (12).
+
+    What an image point holds beyond the principal point is its ideal position and distortion
+    together, by (11). Both are scaled by k in (10), the distortion by (9), which takes k^3 = k;
+    near k = 1 its relative error is 2 (1 - k).
+
+    Parameters
+    ----------
+    points : array_like, shape (..., n, 2)
+        Image points of the other channel, in px.
+    scale : array_like, shape (...)
+        Scale factor k, above zero.
+    principal_point : array_like, shape (..., 2)
+        Shared by both channels here, in px.
+
+    Returns
+    -------
+    ndarray, shape (..., n, 2)
+        In px: k * points - k * principal_point + principal_point.
+
+    Examples
+    --------
+    >>> reference_points_scaled([[7, 9]], 2.0, (5, 5))
+    array([[ 9., 13.]])
+    """
+    principal_point = principal_point[..., None, :]
+    return scale[..., None, None] * (points - principal_point) + principal_point
 
 
 @checked
 def fit_camera(
     directions: Directions, points: Points, pixel_pitch: Size, rotation: Number = 0.0
-) -> CameraFit:
+) -> Camera:
     """The imaging parameters of one channel by least squares on its imaging model, (2) with (3).
 
     Parameters
@@ -349,7 +395,8 @@ def fit_camera(
 
     Returns
     -------
-    CameraFit
+    Camera
+        The estimate, batch shape (...).
 
     Raises
     ------
@@ -363,7 +410,7 @@ def fit_camera(
     --------
     >>> slopes = [[0, 0, 1], [0.1, 0, 1], [0, 0.2, 1]]
     >>> fit = fit_camera(slopes, [[50, 60], [250, 60], [50, 460]], 1e-5)
-    >>> float(fit.camera.focal_length.round(9)), fit.camera.principal_point.round(9)
+    >>> float(fit.focal_length.round(9)), fit.principal_point.round(9)
     (0.02, array([50., 60.]))
     """
     slopes = _turned(_ideal(directions, np.ones(())), rotation)
@@ -374,45 +421,17 @@ def fit_camera(
     observed = points - points.mean(axis=-2, keepdims=True)
     normal = np.einsum("...nij,...nik->...jk", centred, centred)
     pull = np.einsum("...nij,...ni->...j", centred, observed)
-    linear = np.einsum("...jk,...k->...j", _inverse(normal), pull)
-    modelled = np.einsum("...nij,...j->...ni", columns, linear)
-    origin = (points - modelled).mean(axis=-2)
+    (a, b), (_, d) = np.moveaxis(normal, (-2, -1), (0, 1))
+    if not ((a > 0) & (a * d - b**2 > 1e-12 * a * d)).all():
+        raise DegenerateGeometryError(
+            "directions: expected slopes that fix focal length and distortion, got the same slope "
+            "throughout or two points alone; turn the table to angles near and far from zero"
+        )
+    linear = np.linalg.solve(normal, pull[..., np.newaxis])[..., 0]
+    origin = (points - np.einsum("...nij,...j->...ni", columns, linear)).mean(axis=-2)
     if (linear[..., 0] <= 0).any():
         raise ValueError(
             "points: expected an image that grows with the slope of the starlight, got a focal "
             "length of zero or less; check the signs of the axes"
         )
-    camera = Camera(linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch)
-    residuals = points - modelled - origin[..., None, :]
-    return CameraFit(camera, residuals, _cofactor(camera, columns, normal))
-
-
-def _inverse(normal: FloatArray) -> FloatArray:
-    a, b, d = normal[..., 0, 0], normal[..., 0, 1], normal[..., 1, 1]
-    determinant = a * d - b**2
-    if not ((a > 0) & (determinant > 1e-12 * a * d)).all():
-        raise DegenerateGeometryError(
-            "directions: expected slopes that fix focal length and distortion, got the same slope "
-            "throughout or two points alone; turn the table to angles near and far from zero"
-        )
-    rows = [np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)]
-    return np.stack(rows, axis=-2) / determinant[..., None, None]
-
-
-def _cofactor(camera: Camera, columns: FloatArray, normal: FloatArray) -> FloatArray:
-    """Return the inverse normal matrix by F, x, y, m, from that by the linear parameters."""
-    focal, count = camera.focal_length, columns.shape[-3]
-    inner = _inverse(normal)
-    mean = columns.mean(axis=-3)
-    batch = np.broadcast_shapes(inner.shape[:-2], focal.shape)
-    linear = np.zeros((*batch, _PARAMETERS, _PARAMETERS))
-    linear[..., :2, :2] = inner
-    linear[..., 2:, :2] = -mean @ inner
-    linear[..., :2, 2:] = linear[..., 2:, :2].mT
-    linear[..., 2:, 2:] = np.eye(2) / count + mean @ inner @ mean.mT
-    # Rows: F, x, y, m; columns: F, m F^3, x, y.
-    change = np.zeros_like(linear)
-    change[..., 0, 0] = change[..., 1, 2] = change[..., 2, 3] = 1
-    change[..., 3, 0] = -3 * camera.radial_distortion / focal
-    change[..., 3, 1] = 1 / focal**3
-    return change @ linear @ change.mT
+    return Camera(linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch)

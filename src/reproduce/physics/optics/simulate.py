@@ -21,48 +21,21 @@ positive y.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
-from numpy.random.bit_generator import ISeedSequence
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics.optics.camera import Camera, image_points
 from reproduce.physics.validate import (
     FloatArray,
     Number,
-    Points,
     checked,
     common_batch,
     finite_array,
-    kernel,
     non_negative,
     whole_number,
 )
-
-_WORD = 2**32
-
-
-@checked
-def table_starlight(angles: Points) -> FloatArray:
-    """Starlight for rotation angles given as rows of x (middle frame) and y (external frame).
-
-    Parameters
-    ----------
-    angles : array_like, shape (..., n, 2), in radians
-
-    Returns
-    -------
-    ndarray, shape (..., n, 3)
-        Unit vectors in the sensor's frame.
-
-    Examples
-    --------
-    >>> table_starlight([[0.0, 0.0]])
-    array([[-0.,  0.,  1.]])
-    """
-    return _starlight(angles[..., 1], angles[..., 0])
 
 
 def channel_centroids(
@@ -101,7 +74,8 @@ def channel_centroids(
             f"expected one rotation per camera, got {len(cameras)} cameras and rotations of shape "
             f"{turns.shape}; give zero for the reference channel"
         )
-    directions = table_starlight(angles)
+    middle, external = np.moveaxis(finite_array("angles", angles, shape=(None, 2)), -1, 0)
+    directions = starlight(external, middle)
     channels = zip(cameras, turns, strict=True)
     return np.stack([image_points(directions, *channel) for channel in channels], axis=-3)
 
@@ -140,23 +114,18 @@ def noisy_centroids(
     centroids = finite_array("centroids", centroids, shape=(None, None, 2))
     sigma = non_negative("sigma", sigma)
     repeats = whole_number("repeats", repeats)
-    replicates = whole_number("replicates", replicates)
-    common_batch(centroids=centroids.shape[:-3], replicates=(replicates,))
-    if sigma.ndim > 1 or (sigma.ndim == 1 and len(sigma) != centroids.shape[-3]):
+    count = whole_number("replicates", replicates)
+    common_batch(centroids=centroids.shape[:-3], replicates=(count,))
+    shape = centroids.shape[-3:]
+    if sigma.shape not in ((), shape[:1]):
         raise ValueError(
-            f"sigma: expected one number or one per channel ({centroids.shape[-3]}), got shape "
+            f"sigma: expected one number or one per channel ({shape[0]}), got shape "
             f"{sigma.shape}; give one, or as many as there are channels"
         )
+    # Averaged in the draw: ten repeats of many replicates would not fit in memory.
     streams = spawned_streams(seeds, replicates, first)
-    noise = np.empty((replicates, *centroids.shape[-3:]))
-    for row, stream in zip(noise, streams, strict=True):
-        if repeats == 1:
-            stream.standard_normal(out=row)
-        else:  # averaged here, not later: ten repeats of many replicates would not fit in memory
-            row[...] = stream.standard_normal((repeats, *row.shape)).mean(axis=0)
-    noise *= sigma[..., None, None]
-    noise += centroids
-    return noise
+    noise = np.stack([one.standard_normal((repeats, *shape)).mean(axis=0) for one in streams])
+    return centroids + sigma[..., None, None] * noise
 
 
 def spawned_normals(
@@ -177,11 +146,9 @@ def spawned_normals(
     >>> bool((all_at_once[2:] == spawned_normals(SeedSequence(1), 1, (2,), first=2)).all())
     True
     """
+    shape = tuple(whole_number("shape", side) for side in shape)
     streams = spawned_streams(seeds, replicates, first)
-    numbers = np.empty((replicates, *(whole_number("shape", side) for side in shape)))
-    for row, stream in zip(numbers, streams, strict=True):
-        stream.standard_normal(out=row)
-    return numbers
+    return np.stack([one.standard_normal(shape) for one in streams])
 
 
 def spawned_angles(
@@ -216,13 +183,9 @@ def spawned_angles(
     half = non_negative("half_range", half_range, shape=(2,))
     if half.shape != (2,):
         raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
+    shape = whole_number("count", count), 2
     streams = spawned_streams(seeds, replicates, first)
-    angles = np.empty((replicates, whole_number("count", count), 2))
-    for row, stream in zip(angles, streams, strict=True):
-        stream.random(out=row)
-    angles *= half - -half
-    angles -= half
-    return angles
+    return np.stack([one.uniform(-half, half, shape) for one in streams])
 
 
 def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Iterator[Generator]:
@@ -252,61 +215,10 @@ def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Ite
             "pass SeedSequence(your_number)"
         )
     first = whole_number("first", first, least=0)
-    numbers = np.arange(first, first + whole_number("replicates", replicates), dtype=np.int64)
-    states = _child_states(seeds, numbers)
-    # NumPy documents any ISeedSequence; its annotations name one of them.
-    return (Generator(PCG64(_Seeded(state))) for state in states)  # type: ignore[arg-type]
-
-
-class _Seeded(ISeedSequence):
-    """What `SeedSequence.generate_state` would return for PCG64, known already."""
-
-    def __init__(self, words: NDArray[np.uint64]) -> None:
-        self.words = words
-
-    def generate_state(self, n_words: int, dtype: object = np.uint32) -> NDArray[np.uint64]:
-        """Return the four words that PCG64 asks for."""
-        return self.words
-
-
-def _child_states(seeds: SeedSequence, numbers: NDArray[np.int64]) -> NDArray[np.uint64]:
-    """Return the states of the children of a seed sequence with the given numbers, shape (n, 4).
-
-    As NumPy makes them (O'Neill's hash, which NumPy promises not to change), for all children at
-    once: they differ in the last word of their spawn key only, and one by one this takes longer
-    than the draws themselves.
-    """
-    if numbers[-1] >= _WORD:
-        raise ValueError(f"first: expected replicates below 2**32, got {numbers[-1]}; start lower")
-    # What a child mixes before its own number: its parent's pool. spawn() would count up there.
-    pool = SeedSequence(seeds.entropy, spawn_key=seeds.spawn_key).pool
-    before = max(len(pool), _words(seeds.entropy)) + _words(seeds.spawn_key)
-    constant = 0x43B0D7E5 * pow(0x931E8875, before * len(pool), _WORD) % _WORD
-    mixed = []
-    for word in pool.tolist():
-        value = numbers.astype(np.uint32) ^ np.uint32(constant)
-        constant = constant * 0x931E8875 % _WORD
-        value = np.uint32(0xCA01F9DD * word % _WORD) - np.uint32(0x4973F715) * _scrambled(
-            value * np.uint32(constant)
-        )
-        mixed.append(_scrambled(value))
-    constant, states = 0x8B51F9DD, np.empty((len(numbers), 8), dtype="<u4")
-    for place in range(8):
-        value = mixed[place % len(pool)] ^ np.uint32(constant)
-        constant = constant * 0x58F38DED % _WORD
-        states[:, place] = _scrambled(value * np.uint32(constant))
-    return states.view("<u8").astype(np.uint64)
-
-
-def _scrambled(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    return value ^ (value >> np.uint32(16))
-
-
-def _words(entropy: Any) -> int:
-    """Return how many words of 32 bits a whole number, or several, fill in a seed sequence."""
-    if isinstance(entropy, int | np.integer):
-        return max(1, -(-int(entropy).bit_length() // 32))
-    return sum(map(_words, entropy))
+    numbers = range(first, first + whole_number("replicates", replicates))
+    # The children that spawn() would make; that would count them in the seed sequence itself.
+    keys = ((*seeds.spawn_key, number) for number in numbers)
+    return (Generator(PCG64(SeedSequence(seeds.entropy, spawn_key=key))) for key in keys)
 
 
 @checked
@@ -335,7 +247,7 @@ def rotary_matrix(external: Number, middle: Number) -> FloatArray:
            [ 0.,  1.,  0.],
            [ 1.,  0.,  0.]])
     """
-    return _external_frame(external) @ _middle_frame(middle, bottom_left=np.sin(middle))
+    return _rotary(external, middle, np.sin(middle))
 
 
 @checked
@@ -358,7 +270,7 @@ def rotary_matrix_printed(external: Number, middle: Number) -> FloatArray:
     >>> float(np.linalg.det(matrix).round(12))
     -1.0
     """
-    return _external_frame(external) @ _middle_frame(middle, bottom_left=-np.sin(middle))
+    return _rotary(external, middle, -np.sin(middle))
 
 
 @checked
@@ -368,7 +280,7 @@ def starlight(external: Number, middle: Number) -> FloatArray:
     Implements: niu2024 (19).
 
     Arguments are those of `rotary_matrix`; angles of shape (n,) give directions (n, 3), as
-    `camera.image_points` takes them.
+    `image_points` takes them.
 
     Returns
     -------
@@ -389,22 +301,13 @@ def starlight(external: Number, middle: Number) -> FloatArray:
     )
 
 
-_starlight = kernel(starlight)
-
-
-def _external_frame(external: FloatArray) -> FloatArray:
-    matrix = np.zeros((*external.shape, 3, 3))
-    matrix[..., 0, 0] = 1
-    matrix[..., 1, 1] = matrix[..., 2, 2] = np.cos(external)
-    matrix[..., 1, 2] = np.sin(external)
-    matrix[..., 2, 1] = -np.sin(external)
-    return matrix
-
-
-def _middle_frame(middle: FloatArray, *, bottom_left: FloatArray) -> FloatArray:
-    matrix = np.zeros((*middle.shape, 3, 3))
-    matrix[..., 1, 1] = 1
-    matrix[..., 0, 0] = matrix[..., 2, 2] = np.cos(middle)
-    matrix[..., 0, 2] = -np.sin(middle)
-    matrix[..., 2, 0] = bottom_left
-    return matrix
+def _rotary(external: FloatArray, middle: FloatArray, bottom_left: FloatArray) -> FloatArray:
+    """Return [[1, 0, 0], [0, ce, se], [0, -se, ce]] @ [[cm, 0, -sm], [0, 1, 0], [left, 0, cm]]."""
+    external, middle, left = np.broadcast_arrays(external, middle, bottom_left)
+    sine, cosine, zero = np.sin(external), np.cos(external), np.zeros_like(left)
+    rows = (
+        (np.cos(middle), zero, -np.sin(middle)),
+        (sine * left, cosine, sine * np.cos(middle)),
+        (cosine * left, -sine, cosine * np.cos(middle)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

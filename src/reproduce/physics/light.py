@@ -1,32 +1,32 @@
-"""Light over mirrors: retro-reflectors, fold mirrors, and what a turn of them does to the light.
+"""Light over mirrors: retro-reflectors, fold mirrors, and the path from the lasers to the tracker.
 
 Directions point where the light goes and have shape (..., 3); mirrors are given by their normals.
 A train of plane mirrors acts on directions as one matrix, the product of its reflections, however
 far apart the mirrors stand; only a curved mirror, such as a cone, asks where a ray hits. Small
-turns are right-handed rotation vectors in the frame of the directions; angles are in radians.
-
-The light of the lasers, traced from the camera's focal plane to the tracker's detector.
+turns are right-handed rotation vectors; lengths are in metres, angles in radians.
 
 One frame for all: the origin in the middle of the camera's lens, Z along its boresight out of the
 camera. Lasers sit behind the lens, at -Z; the retro-reflector hangs in front of it, to one side, so
 that the light comes back beside the camera, where the dichroic mirror folds it into the tracker.
 Both lenses are ideal: a point of the focal plane is a direction outside. The tracker's boresight
-lies in the plane of Y and Z. Lengths are in metres, angles in radians.
-
-Rays have places of shape (..., 3) and directions, unit vectors, of the same shape.
+lies in the plane of Y and Z.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude import emitted_directions, rotation_from_vector, unit
-from reproduce.physics.attitude.platform import _spots
-from reproduce.physics.attitude.rotations import _cross_matrix, _rotation_from_vector, _unit
+from reproduce.physics.attitude import (
+    emitted_directions,
+    received_spots,
+    rotation_from_vector,
+    unit,
+)
+from reproduce.physics.attitude.rotations import _cross_matrix, _unit
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     Direction,
@@ -42,6 +42,14 @@ _Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
 CORNER = np.array([[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]])
 ROOF = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
+STILL = (0.0, 0.0, 0.0)
+# Planes nearer than this are those just left.
+_NOWHERE = 1e-12
+# Where the retro-reflector stands, and where the axis of the returned light meets the dichroic
+# mirror: a metre in front of the camera and half a metre aside, more than the width of the beam.
+_POINT, _FOLD = np.array([0.5, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+# The cone is the surface x^2 + y^2 - z^2 = 0.
+_FORM = np.array([1.0, 1.0, -1.0])
 
 
 @checked
@@ -94,30 +102,6 @@ def mirror_train(normals: Directions) -> FloatArray:
 
 
 @checked
-def turned_train(train: _Train, turn: Direction) -> FloatArray:
-    """Return a train of mirrors that has turned as a whole: R M R^T.
-
-    Parameters
-    ----------
-    train : array_like, shape (..., 3, 3)
-        M, from `mirror_train`.
-    turn : array_like, shape (..., 3)
-        Rotation vector, in radians.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-
-    Examples
-    --------
-    >>> np.allclose(turned_train(mirror_train(np.eye(3)), [0.1, 0.2, 0.3]), -np.eye(3))
-    True
-    """
-    rotation = _rotation_from_vector(turn)
-    return rotation @ train @ rotation.mT
-
-
-@checked
 def turn_response(train: _Train, direction: Direction) -> FloatArray:
     """Return how outgoing light answers to small turns of a train of mirrors about three axes.
 
@@ -141,77 +125,6 @@ def turn_response(train: _Train, direction: Direction) -> FloatArray:
     going = np.einsum("...ij,...j->...i", train, coming)
     # d/da of R M R' d at no turn: a × (M d) - M (a × d).
     return -_cross_matrix(going) + train @ _cross_matrix(coming)
-
-
-@checked
-def cone_path(
-    origins: Direction, directions: Direction, turn: Direction = (0.0, 0.0, 0.0)
-) -> tuple[FloatArray, FloatArray]:
-    """Return where light leaves a right-angled conical mirror, and its direction.
-
-    The cone is hollow, its tip at the origin, its axis along Z, open towards positive Z: the
-    surface x^2 + y^2 = z^2. A ray meets it twice. In a plane through the axis it acts as two
-    mirrors at a right angle; light off that plane it turns back to first order only.
-
-    Parameters
-    ----------
-    origins : array_like, shape (..., 3)
-        Points on the rays, inside the cone or above it, in any length unit.
-    directions : array_like, shape (..., 3), of the rays, downwards
-    turn : array_like, shape (3,)
-        Rotation vector by which the cone has turned about its tip, in radians.
-
-    Returns
-    -------
-    places : ndarray, shape (..., 3)
-        Where the second reflection happens, in the unit of the origins.
-    directions : ndarray, shape (..., 3)
-        Unit vectors after it.
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If a ray meets the tip or leaves the cone without a second reflection.
-
-    Examples
-    --------
-    >>> places, _ = cone_path([0.5, 0, 9.0], [0, 0, -1.0])
-    >>> places.round(12) + 0.0
-    array([-0.5,  0. ,  0.5])
-    """
-    directions = _unit("directions", directions)
-    rotation = _rotation_from_vector(turn)
-    # Work in the cone's own frame; rows times R are the columns R' x.
-    place, way = origins @ rotation, directions @ rotation
-    for _ in range(2):
-        place = place + _to_cone(place, way)[..., np.newaxis] * way
-        normal = _unit("normal", place * np.array([-1.0, -1.0, 1.0]))
-        way = way - 2.0 * np.einsum("...i,...i->...", way, normal)[..., np.newaxis] * normal
-    return place @ rotation.T, way @ rotation.T
-
-
-def _to_cone(place: FloatArray, way: FloatArray) -> FloatArray:
-    """Return the distance to where rays next meet the cone, the starting point left out."""
-    sign = np.array([1.0, 1.0, -1.0])
-    square = np.einsum("...i,i,...i->...", way, sign, way)
-    mixed = np.einsum("...i,i,...i->...", place, sign, way)
-    rest = np.einsum("...i,i,...i->...", place, sign, place)
-    root = np.sqrt(np.maximum(mixed**2 - square * rest, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # Light along the surface has one meeting only: the quadratic degenerates.
-        line = -rest / (2.0 * mixed)
-        ends = np.stack([(-mixed - root) / square, (-mixed + root) / square, line])
-    ends[:2, np.abs(square) < 1e-12] = np.nan
-    ends[2, np.abs(square) >= 1e-12] = np.nan
-    height = place[..., 2] + ends * way[..., 2]
-    ahead = (ends > 1e-9 * (1.0 + np.abs(place).max())) & (height > 0)
-    found = np.where(ahead, ends, np.inf).min(axis=0)
-    if not np.isfinite(found).all():
-        raise DegenerateGeometryError(
-            "origins: expected rays that meet the cone twice, got one that does not; let it come "
-            "in next to the axis, not through the tip, and nearly along the axis"
-        )
-    return found
 
 
 @checked
@@ -248,11 +161,6 @@ def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     return np.asarray(np.pi / 2 - boresight_angle / 2)
 
 
-STILL = (0.0, 0.0, 0.0)
-# Planes nearer than this are those just left.
-_NOWHERE = 1e-12
-
-
 @dataclass(frozen=True, eq=False)
 class Mirrors:
     """Plane mirrors that meet in one point, each met once: one mirror, two at an edge, a corner.
@@ -285,11 +193,7 @@ class Mirrors:
             ahead = np.where(left & (ahead > _NOWHERE), ahead, np.inf)
             first = ahead.argmin(axis=-1)
             length = np.take_along_axis(ahead, first[..., np.newaxis], axis=-1)
-            if not np.isfinite(length).all():
-                raise DegenerateGeometryError(
-                    "rays: expected each to meet every mirror, got one that misses; move the "
-                    "mirrors into the beam"
-                )
+            _refuse_misses(length)
             np.put_along_axis(left, first[..., np.newaxis], False, axis=-1)
             places, normal = places + length * ways, normals[first]
             across = np.einsum("...i,...i->...", ways, normal)[..., np.newaxis]
@@ -300,6 +204,9 @@ class Mirrors:
 @dataclass(frozen=True, eq=False)
 class Cone:
     """A hollow right-angled conical mirror that looks towards -Z.
+
+    A ray meets it twice. In a plane through the axis it acts as two mirrors at a right angle; light
+    off that plane it turns back to first order only.
 
     Attributes
     ----------
@@ -314,14 +221,45 @@ class Cone:
 
     def send(self, places: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return places and directions of rays as they leave the cone; as `Mirrors.send`."""
-        # The cone of `cone_path` opens towards +Z: half a turn about X turns it over.
-        over = np.array([1.0, -1.0, -1.0])
-        turn = np.asarray(self.turn, dtype=np.float64) * over
-        found, gone = cone_path((places - self.point) * over, ways * over, turn)
-        return found * over + self.point, gone * over
+        rotation = rotation_from_vector(self.turn)
+        # Work in the cone's own frame; rows times R are the columns R' x.
+        places, ways = (places - self.point) @ rotation, ways @ rotation
+        for _ in range(2):
+            places = places + _to_cone(places, ways)[..., np.newaxis] * ways
+            normal = _unit("normal", places * _FORM)
+            ways = ways - 2.0 * np.einsum("...i,...i->...", ways, normal)[..., np.newaxis] * normal
+        return self.point + places @ rotation.T, ways @ rotation.T
 
 
-RETROREFLECTORS = {"corner cube": CORNER, "two mirrors at a right angle": ROOF}
+def _to_cone(places: FloatArray, ways: FloatArray) -> FloatArray:
+    """Return the distance to where rays next meet the cone, the starting point left out."""
+    square, mixed, rest = (
+        np.einsum("...i,i,...i->...", one, _FORM, other)
+        for one, other in ((ways, ways), (places, ways), (places, places))
+    )
+    root = np.sqrt(np.maximum(mixed**2 - square * rest, 0.0))
+    ends = np.stack([-mixed - root, -mixed + root]) / square
+    ahead = ends > 1e-9 * (1.0 + np.abs(places).max())
+    met = ahead & (places[..., 2] + ends * ways[..., 2] < 0)
+    found = np.where(met, ends, np.inf).min(axis=0)
+    _refuse_misses(found)
+    return found
+
+
+def _refuse_misses(lengths: FloatArray) -> None:
+    if not np.isfinite(lengths).all():
+        raise DegenerateGeometryError(
+            "rays: expected each to meet every mirror, a cone twice, got one that misses; move the "
+            "mirrors into the beam, the tip of a cone beside it"
+        )
+
+
+# What may stand in front of the camera; rows of the plane ones, turned over, look at it.
+RETROREFLECTORS: dict[str, Mirrors | Cone] = {
+    "corner cube": Mirrors(_POINT, CORNER * _FORM),
+    "two mirrors at a right angle": Mirrors(_POINT, ROOF * _FORM),
+    "conical mirror": Cone(_POINT),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,27 +272,24 @@ class LightPath:
     boresight_angle : float
         Between the two boresights, both outwards, in radians.
     retroreflector : Mirrors or Cone
-        In front of the camera.
-    fold_point : ndarray, shape (3,)
-        Where the axis of the returned light meets the dichroic mirror.
-    fold_turn : array_like, shape (3,)
-        Rotation vector by which the dichroic mirror has turned about that point.
+        In front of the camera, from `RETROREFLECTORS`.
     camera_turn : array_like, shape (3,)
         Rotation vector by which the camera, lasers and lens, has turned about its lens.
+
+    Examples
+    --------
+    A laser at the centre makes a spot at the centre, whatever part of the lens it lights.
+
+    >>> path = LightPath(2.0, 0.06, np.radians(120), RETROREFLECTORS["corner cube"])
+    >>> bool(np.abs(path.spots([[0.0, 0.0]], [[0.0, 0.02], [0.1, 0.05]])).max() < 1e-15)
+    True
     """
 
     camera_focal_length: float
     tracker_focal_length: float
     boresight_angle: float
     retroreflector: Mirrors | Cone
-    fold_point: FloatArray
-    fold_turn: ArrayLike = STILL
     camera_turn: ArrayLike = STILL
-    tracker_axes: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        axes = rotation_from_vector([self.boresight_angle, 0.0, 0.0]).T
-        object.__setattr__(self, "tracker_axes", axes)
 
     @property
     def fold(self) -> Mirrors:
@@ -362,10 +297,10 @@ class LightPath:
         tilt = float(fold_mirror_tilt(self.boresight_angle))
         # Its normal stands between where the light comes from and where it goes to.
         normal = rotation_from_vector([self.boresight_angle - np.pi + tilt, 0.0, 0.0])[:, 2]
-        return Mirrors(self.fold_point, normal[np.newaxis], self.fold_turn)
+        return Mirrors(_FOLD, normal[np.newaxis])
 
-    def arriving(self, lasers: ArrayLike, aperture: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the light on the dichroic mirror, on its way to the tracker.
+    def spots(self, lasers: ArrayLike, aperture: ArrayLike) -> FloatArray:
+        """Return where the rays of each laser meet the tracker's detector.
 
         Parameters
         ----------
@@ -376,7 +311,7 @@ class LightPath:
 
         Returns
         -------
-        places, ways : ndarray, shape (n, rays, 3), in the frame of the camera at rest
+        ndarray, shape (n, rays, 2), in metres from the principal point
 
         Raises
         ------
@@ -390,66 +325,7 @@ class LightPath:
         shape = (len(light), len(lens), 3)
         places = np.broadcast_to(lens, shape)
         ways = np.broadcast_to(light[:, np.newaxis], shape)
-        return self.fold.send(*self.retroreflector.send(places, ways))
-
-    def spots(self, lasers: ArrayLike, aperture: ArrayLike) -> FloatArray:
-        """Return where the rays of each laser meet the tracker's detector.
-
-        Arguments and errors are those of `arriving`.
-
-        Returns
-        -------
-        ndarray, shape (n, rays, 2), in metres from the principal point
-        """
-        _, ways = self.arriving(lasers, aperture)
-        # The tracker counts directions to where the light comes from.
-        sources = -ways @ self.tracker_axes.T
-        return _spots(sources, np.zeros(2), np.asarray(self.tracker_focal_length))
-
-
-def light_path(
-    kind: str,
-    camera_focal_length: float,
-    tracker_focal_length: float,
-    boresight_angle: float,
-    distance: float = 1.0,
-    aside: float = 0.5,
-) -> LightPath:
-    """Return a light path at rest, with a retro-reflector of one kind.
-
-    Parameters
-    ----------
-    kind : str
-        A key of `RETROREFLECTORS`, or ``conical mirror``.
-    camera_focal_length, tracker_focal_length, boresight_angle : float
-        As of `LightPath`, in metres and radians.
-    distance : float
-        Of the retro-reflector in front of the camera's lens, in metres.
-    aside : float
-        Half the distance along X between the light that goes and the light that comes back, in
-        metres; wider than the beam.
-
-    Returns
-    -------
-    LightPath
-
-    Examples
-    --------
-    A laser at the centre makes a spot at the centre, whatever part of the lens it lights.
-
-    >>> path = light_path("corner cube", 2.0, 0.06, np.radians(120))
-    >>> bool(np.abs(path.spots([[0.0, 0.0]], [[0.0, 0.02], [0.1, 0.05]])).max() < 1e-15)
-    True
-    """
-    point = np.array([aside, 0.0, distance])
-    retro: Mirrors | Cone
-    if kind == "conical mirror":
-        retro = Cone(point)
-    elif kind in RETROREFLECTORS:
-        # Rows look towards +Z; turned over they look at the camera.
-        retro = Mirrors(point, RETROREFLECTORS[kind] * np.array([1.0, 1.0, -1.0]))
-    else:
-        kinds = (*RETROREFLECTORS, "conical mirror")
-        raise ValueError(f"kind: expected one of {kinds}, got {kind!r}; choose one")
-    fold_point = np.array([2.0 * aside, 0.0, 0.0])
-    return LightPath(camera_focal_length, tracker_focal_length, boresight_angle, retro, fold_point)
+        _, ways = self.fold.send(*self.retroreflector.send(places, ways))
+        # The tracker counts directions to where the light comes from, in its own frame.
+        sources = -ways @ rotation_from_vector([self.boresight_angle, 0.0, 0.0])
+        return received_spots(sources, (0.0, 0.0), 1.0, self.tracker_focal_length)
