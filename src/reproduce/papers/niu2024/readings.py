@@ -43,9 +43,9 @@ from reproduce.papers.words import Column
 from reproduce.physics.optics import channel_centroids, spawned_angles, spawned_normals
 from reproduce.physics.registration import (
     Calibration,
+    Registration,
     calibrate,
     fit_registration,
-    model_points,
     random_starts,
     registration_bound,
     rmse,
@@ -392,5 +392,5 @@ def distance_to_end(calibration: Calibration) -> FloatArray:
     1e-11, where rounding takes over.
     """
     red = _imaged(given(READS))[1][1]
-    at = model_points(calibration.history, red, calibration.pivot)
+    at = Registration("similarity", calibration.history, calibration.pivot).apply(red)
     return np.maximum(rmse(at, np.broadcast_to(at[-1], at.shape)), 1e-11)
