@@ -403,7 +403,6 @@ def test_what_holds_no_numbers_is_refused_in_one_line(value: Any, message: str) 
         lambda: fit_registration(good, good, (0, 0), target_covariance=value),
         lambda: centroids.detect_spots(value, 1.0),
         lambda: centroids.detect_spots(image, value),
-        lambda: centroids.cut_windows(image, value, 3),
         lambda: fitted_centre(value, (0, 0), 0.6),
         lambda: registered_image(value, SIMILARITY),
         lambda: registered_image(image, SIMILARITY, corner=value),

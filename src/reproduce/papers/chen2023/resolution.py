@@ -54,20 +54,15 @@ from reproduce.physics.images import (
     CentroidError,
     Detector,
     Light,
-    biased_bound,
-    bound,
     centre_of_gravity,
     centre_of_gravity_error,
-    even_phases,
     expose,
     fitted_centre,
-    observed_scatter,
+    least_variance,
     predicted_errors,
-    predicted_scatter,
     simulated_errors,
     spot_windows,
     window_corners,
-    windowed_centre,
 )
 from reproduce.physics.optics import spawned_streams
 from reproduce.physics.validate import FloatArray
@@ -92,8 +87,8 @@ READS = (*SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in STUDIED))
 OPTIMUM = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
 SATURATION = f"{STUDY}#saturation"
 REPLICATES = 2000
-# Frames and iterations of the comparison of estimators.
-TRIALS, STEPS_OF_WEIGHT = 40, 12
+# Frames of the comparison of estimators.
+TRIALS = 40
 # Angles per pixel at which the estimators are compared, in arc seconds; and the errors of one.
 COMPARED = (20, 30, 43, 57, 80)
 TAKEN_APART = (10, *COMPARED)
@@ -282,7 +277,8 @@ def _setting(
 ) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return phases, light, spot radii for pixels of the given angles or of all, and the window."""
     radius = radii(given, resolutions(given) if angles is None else angles, case)
-    phases = even_phases(given.count(PHASES))
+    # The middles of so many equal parts of one pixel.
+    phases = (np.arange(given.count(PHASES)) + 0.5) / given.count(PHASES) - 0.5
     return phases, light_for_table(given, case), radius, window(given)
 
 
@@ -333,7 +329,7 @@ def monte_carlo(given: Given) -> FloatArray:
     streams = spawned_streams(seed_of("chen2023/fig-11a", given.root), len(radius))
     pairs = zip(radius, streams, strict=True)
     errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
-    return np.array([observed_scatter(drawn).total for drawn in errors])
+    return np.array([drawn.std() for drawn in errors])
 
 
 @cache
@@ -344,14 +340,14 @@ def curves(door: Given) -> dict[str, FloatArray]:
     without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
     """
     study = _setting(door)
-    law = predicted_scatter(predicted_errors(*study))
+    law = predicted_errors(*study)
     return {
         "angles": resolutions(door),
         "simulated": monte_carlo(door),
         "predicted": law.total,
         "within": law.within,
-        "bias": law.bias,
-        "bound": bound(*study),
+        "bias": np.sqrt((law.bias**2).mean(axis=-1)),
+        "bound": np.sqrt(least_variance(*study).mean(axis=-1)),
     }
 
 
@@ -414,7 +410,7 @@ def readings(given: Given) -> list[tuple[str, float, float, float]]:
         studies[f"{factor:g} times the light"] = lit
     for size in (3, 7):
         studies[f"window of {size} × {size} px"] = (*_setting(given)[:3], size)
-    laws = {name: predicted_scatter(predicted_errors(*one)) for name, one in studies.items()}
+    laws = {name: predicted_errors(*one) for name, one in studies.items()}
     found = {name: law.total for name, law in laws.items()}
     found["spot within ±6.5 µm always"] = _fixed_travel(given)
     found["scatter without bias"] = laws[LITERAL.name].within
@@ -433,7 +429,7 @@ def _fixed_travel(given: Given) -> FloatArray:
     nearest = travel - np.floor(travel + 0.5)
     pairs = zip(nearest, radius, strict=True)
     laws = (predicted_errors(places, light, wide, size) for places, wide in pairs)
-    return np.array([predicted_scatter(law).total for law in laws])
+    return np.array([law.total for law in laws])
 
 
 @studied(
@@ -444,15 +440,15 @@ def _fixed_travel(given: Given) -> FloatArray:
 def errors(given: Given) -> list[tuple[str | float, ...]]:
     """Errors of the centre of gravity taken apart, against both bounds, from the closed form."""
     study = _setting(given, np.array(TAKEN_APART) * RADIANS_PER_ARCSEC)
-    law = predicted_errors(*study)
-    parts, least = predicted_scatter(law), bound(*study)
+    law, variance = predicted_errors(*study), least_variance(*study)
+    least = np.sqrt(variance.mean(axis=-1))
     lines = {
-        "standard deviation at one place": parts.within,
-        "bias, root mean square over the places": parts.bias,
+        "standard deviation at one place": law.within,
+        "bias, root mean square over the places": np.sqrt((law.bias**2).mean(axis=-1)),
         "root-mean-square error": np.sqrt(law.mean_square.mean(axis=-1)),
         "bound without bias": least,
-        "bound for the bias that it has": biased_bound(*study),
-        "standard deviation over the bound without bias": parts.within / least,
+        "bound for the bias that it has": np.sqrt((law.slope**2 * variance).mean(axis=-1)),
+        "standard deviation over the bound without bias": law.within / least,
     }
     return [(name, *values) for name, values in lines.items()]
 
@@ -464,7 +460,7 @@ def errors(given: Given) -> list[tuple[str | float, ...]]:
     columns=(Column("Estimator"), *(Column(f"{angle} arcsec", ".4f") for angle in COMPARED)),
 )
 def estimators(given: Given) -> pd.DataFrame:
-    """Errors of four estimators over all phases, against the bound, by simulation."""
+    """Errors of two estimators over all phases, against the bound, by simulation."""
     # Half of the variance at the tracker's own pixel from the readout: a middle case.
     case, angles = replace(LITERAL, read_share=0.5), np.array(COMPARED) * RADIANS_PER_ARCSEC
     phases, light, radius, size = study = _setting(given, angles, case)
@@ -478,11 +474,10 @@ def estimators(given: Given) -> pd.DataFrame:
         seen = expose(frames, Detector(read_noise=noise), stream)
         for name, centre in {
             "centre of gravity": centre_of_gravity(seen, corner),
-            "Gaussian weight that follows": windowed_centre(seen, corner, wide, STEPS_OF_WEIGHT),
-            "matched filter": fitted_centre(seen, corner, wide, noise, "uniform").centre,
-            "maximum likelihood": fitted_centre(seen, corner, wide, noise, "likelihood").centre,
+            "maximum likelihood": fitted_centre(seen, corner, wide, noise).centre,
         }.items():
             error = np.sqrt(np.mean((centre[..., 0] - phases) ** 2))
             found.setdefault(name, []).append(error)
-    rows = [(name, *row) for name, row in (found | {"unbiased bound": bound(*study)}).items()]
+    least = np.sqrt(least_variance(*study).mean(axis=-1))
+    rows = [(name, *row) for name, row in (found | {"unbiased bound": least}).items()]
     return estimators.frame(rows, signal=light.signal, read_noise=noise)

@@ -40,7 +40,6 @@ from reproduce.physics.images import (
     blackbody_band,
     centre_of_gravity,
     channel_ratio,
-    cut_windows,
     detect_spots,
     electrons,
     expose,
@@ -197,7 +196,8 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
     if not len(kept):
         return np.empty((0, 2))
     corners = window_corners(kept, WINDOW)
-    windows = cut_windows(image, corners, WINDOW)
+    x, y = corners.T
+    windows = np.lib.stride_tricks.sliding_window_view(image, (WINDOW, WINDOW))[y, x]
     fit = fitted_centre(windows, corners, RADIUS, read_noise=noise)
     return fit.centre[fit.converged]
 

@@ -305,10 +305,8 @@ def _blackbody_photons(wavelength: FloatArray, temperature: FloatArray) -> Float
     return (_V_WAVELENGTH / wavelength) ** 4 * ratio
 
 
-def _tabulated_band(
-    wavelength: FloatArray, photons: FloatArray, low: float, high: float
-) -> FloatArray:
-    """Return the photons of tabulated spectra, (..., n), in a band: straight lines between."""
+def _tabulated_band(wavelength: FloatArray, photons: FloatArray, low: float, high: float) -> float:
+    """Return the photons of a tabulated spectrum in a band: straight lines between."""
     if wavelength[0] > low or wavelength[-1] < high:
         raise ValueError(
             f"wavelength: expected a table from {low:g} to {high:g} m, got one from "
@@ -316,8 +314,4 @@ def _tabulated_band(
         )
     inside = (wavelength > low) & (wavelength < high)
     at = np.concatenate([[low], wavelength[inside], [high]])
-    values = np.stack(
-        [np.interp(at, wavelength, row) for row in photons.reshape(-1, len(wavelength))]
-    )
-    middles = (values[:, 1:] + values[:, :-1]) / 2
-    return (middles @ np.diff(at)).reshape(photons.shape[:-1])
+    return float(np.trapezoid(np.interp(at, wavelength, photons), at))
