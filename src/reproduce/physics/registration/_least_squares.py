@@ -7,7 +7,6 @@ the transform f, its parameters u.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -84,11 +83,6 @@ class Problem:
         """How much each point counts, shape (..., n)."""
         return np.ones(self.source.shape[:-1]) if self.weights is None else self.weights
 
-    @cached_property
-    def reach(self) -> float:
-        """The largest coordinates of both images together, in px."""
-        return float(np.abs(self.source).max() + np.abs(self.target).max())
-
     def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
         """Return points, shape (..., n, 2) in px, laid over the target with these parameters."""
         return Registration._unchecked(self.model, parameters, self.pivot)._apply(points)
@@ -96,17 +90,6 @@ class Problem:
     def with_weights(self, weights: FloatArray) -> Problem:
         """Return the same problem with these weights times its own."""
         return replace(self, weights=self.counts * weights)
-
-    def thinned(self, most: int) -> Problem:
-        """Return so many of the points at most, spread evenly over the rows."""
-        some = thinned(self.source.shape[-2], most)
-        axes = {"source": 1, "target": 1, "weights": 0}
-        axes |= {"source_covariance": 2, "target_covariance": 2}
-        given = {name: getattr(self, name) for name in axes}
-        taken: dict[str, Any] = {
-            k: v[(..., some, *[slice(None)] * axes[k])] for k, v in given.items() if v is not None
-        }
-        return replace(self, **taken)
 
 
 @checked

@@ -32,6 +32,7 @@ from reproduce.physics.registration._least_squares import (
     model_jacobian,
     prepare,
     solve,
+    thinned,
 )
 from reproduce.physics.registration.transforms import (
     MODELS,
@@ -50,12 +51,8 @@ _MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
 _ROUNDS = 30
 # The start takes all pairs of so many points, spread evenly over the rows.
 _PAIRED = 600
-# The biweights settle on so many points at most, spread as evenly; each point is tested by itself.
-_SETTLED = 5_000
 # The chance that any point of a field of right matches is taken for wrong.
 _ALARM = 1e-3
-# Of the size of the field: a median residual below it is that of a fit, if not of a good one.
-_FITS = 0.01
 # What is left of a residual that the fit follows wholly: that point cannot be tested.
 _LEAST = 1e-9
 _TINY = float(np.finfo(float).tiny)
@@ -244,11 +241,10 @@ def _outlier_weights(problem: Problem) -> FloatArray:
     A residual counts in standard deviations: those of the points' covariances where they are
     known, and times the root of the point's own weight. Only their ratios matter.
     """
-    some = problem.thinned(_SETTLED)
-    closed = _repeated_median(some)
+    closed = _repeated_median(problem)
     if problem.model != "affine":
-        _refuse_mirrored(some, closed)
-    kept = _majority(problem, some, from_similarity(problem.model, closed))
+        _refuse_mirrored(problem, closed)
+    kept = _majority(problem, from_similarity(problem.model, closed))
     for _ in range(_ROUNDS):
         before, kept = kept, _fitting(problem, kept)
         if (kept == before).all():
@@ -256,19 +252,16 @@ def _outlier_weights(problem: Problem) -> FloatArray:
     return kept.astype(np.float64)
 
 
-def _majority(problem: Problem, some: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
-    """Return the points that Tukey's biweights keep when they have settled on some, (..., n)."""
-    lengths = _lengths(some, *_whitened(some, parameters, some.source))
-    weights = _biweights(lengths)
+def _majority(problem: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
+    """Return the points that Tukey's biweights keep when they have settled, (..., n)."""
+    points, before = problem.source, np.full(problem.counts.shape, np.inf)
     for _ in range(_ROUNDS):
-        found = solve(some.with_weights(weights))
-        lengths = _lengths(some, *_whitened(some, found.parameters, found.points))
-        before, weights = weights, _biweights(lengths)
+        lengths = _lengths(problem, *_whitened(problem, parameters, points))
+        weights = np.clip(1 - (lengths / _TUKEY) ** 2, 0, None) ** 2
         if np.abs(weights - before).max() < 1e-9:
             break
-    if some.source.shape != problem.source.shape:
-        lengths = _lengths(problem, *_whitened(problem, found.parameters, problem.source))
-        weights = _biweights(lengths)
+        found = solve(problem.with_weights(weights))
+        parameters, points, before = found.parameters, found.points, weights
     half = problem.source.shape[-2] // 2
     return (weights > 0) | (lengths <= np.partition(lengths, half)[..., half, None])
 
@@ -328,8 +321,9 @@ def _repeated_median(problem: Problem) -> FloatArray:
             f"expected four or more points for a robust fit, got {n}: of so few none can be told "
             "to be wrong; add points, or fit without"
         )
-    few = problem.thinned(_PAIRED)
-    source, target, counts = as_complex(few.source), as_complex(few.target), few.counts > 0
+    some = thinned(n, _PAIRED)
+    source, target = (as_complex(p[..., some, :]) for p in (problem.source, problem.target))
+    counts = problem.counts[..., some] > 0
     between = source[..., :, None] - source[..., None, :]
     across = target[..., :, None] - target[..., None, :]
     apart = (np.abs(between) > 0) & counts[..., None, :] & counts[..., :, None]
@@ -342,10 +336,6 @@ def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     flip = np.array([-1.0, 1.0])
     across = replace(problem, source=problem.source * flip, pivot=problem.pivot * flip)
     median = _median_length(problem, closed)
-    # Fields with a good fit, most of all, need no second one.
-    size = np.median(_norm(problem.target - problem.target.mean(axis=-2, keepdims=True)), axis=-1)
-    if not (median > _FITS * size).any():
-        return
     limit = np.sqrt(mirror_limit(2 * problem.source.shape[-2] - 4))
     if (median > limit * _median_length(across, _repeated_median(across))).any():
         raise MirroredPointsError(_MIRRORED)
@@ -385,9 +375,7 @@ def _whitened(
     """Return what makes residuals of variance one, (..., n, 2, 2), and the residuals so made."""
     carry = local_matrix(problem, parameters, points)
     left = combined_residuals(problem, parameters, points, carry)
-    factor = information(problem, carry)
-    if problem.errors_known:
-        factor = np.asarray(np.linalg.cholesky(factor).mT, dtype=np.float64)
+    factor = np.asarray(np.linalg.cholesky(information(problem, carry)).mT, dtype=np.float64)
     factor = np.sqrt(problem.counts)[..., None, None] * factor
     return factor, (factor @ left[..., None])[..., 0]
 
@@ -406,14 +394,9 @@ def _lengths(problem: Problem, factor: FloatArray, residuals: FloatArray) -> Flo
 
 def _rounding(problem: Problem, factor: FloatArray) -> FloatArray:
     """Return the spread of exact matches, (..., n), which is that of rounding."""
-    # Without known errors a factor is so many times the unit matrix.
-    largest = np.abs(factor).max(axis=(-2, -1)) if problem.errors_known else factor[..., 0, 0]
-    return np.asarray(1e-12 * (1 + problem.reach) * largest)
+    reach = np.abs(problem.source).max() + np.abs(problem.target).max()
+    return np.asarray(1e-12 * (1 + reach) * np.abs(factor).max(axis=(-2, -1)))
 
 
 def _norm(vectors: FloatArray) -> FloatArray:
     return np.hypot(vectors[..., 0], vectors[..., 1])
-
-
-def _biweights(lengths: FloatArray) -> FloatArray:
-    return np.clip(1 - (lengths / _TUKEY) ** 2, 0, None) ** 2
