@@ -74,9 +74,6 @@ def test_iteration_reaches_the_closed_form() -> None:
     result = calibrate(source, target, PIVOT, START)
     np.testing.assert_allclose(result.parameters, closed.parameters, rtol=1e-10, atol=1e-10)
     assert cost(result.history[-1], source, target) == pytest.approx(closed.chi_square)
-    np.testing.assert_allclose(
-        result.transform.apply(source), closed.transform.apply(source), atol=1e-9
-    )
 
 
 def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost() -> None:

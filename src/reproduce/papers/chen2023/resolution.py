@@ -474,7 +474,7 @@ def estimators(given: Given) -> pd.DataFrame:
         seen = expose(frames, Detector(read_noise=noise), stream)
         for name, centre in {
             "centre of gravity": centre_of_gravity(seen, corner),
-            "maximum likelihood": fitted_centre(seen, corner, wide, noise).centre,
+            "maximum likelihood": fitted_centre(seen, corner, wide, noise),
         }.items():
             error = np.sqrt(np.mean((centre[..., 0] - phases) ** 2))
             found.setdefault(name, []).append(error)

@@ -198,8 +198,8 @@ def extract(image: FloatArray, layers: int, significance: float = 6.0) -> FloatA
     corners = window_corners(kept, WINDOW)
     x, y = corners.T
     windows = np.lib.stride_tricks.sliding_window_view(image, (WINDOW, WINDOW))[y, x]
-    fit = fitted_centre(windows, corners, RADIUS, read_noise=noise)
-    return fit.centre[fit.converged]
+    centres = fitted_centre(windows, corners, RADIUS, read_noise=noise)
+    return centres[np.isfinite(centres).all(axis=-1)]
 
 
 def matched_errors(found: FloatArray, truth: FloatArray, within: float = 3.0) -> FloatArray:
@@ -334,7 +334,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     found = []
     for image, layers in zip(made, (1, 3, 3), strict=True):
         noise = dark * np.sqrt(layers)
-        likely = fitted_centre(image, first, RADIUS, read_noise=noise).centre
+        likely = fitted_centre(image, first, RADIUS, read_noise=noise)
         found.append([_gravity(image, first), likely])
     return np.array(found)
 

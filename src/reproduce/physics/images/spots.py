@@ -216,32 +216,12 @@ _DARKEST = 1e-3
 _TOGETHER = 2048
 
 
-@dataclass(frozen=True, eq=False)
-class CentreFit:
-    """Fitted centres, and which of the windows have one.
-
-    Attributes
-    ----------
-    centre : ndarray, shape (..., 2)
-        In px; not a number where the fit did not converge.
-    light : ndarray, shape (...)
-        Light of the whole spot, in electrons; not a number where the fit did not converge.
-    converged : ndarray of bool, shape (...)
-        Whether the fit came to rest at an optimum inside the window or less than a pixel beyond
-        its edge. It does not in a window that is dark, flat, or holds a value that is not finite.
-    """
-
-    centre: FloatArray
-    light: FloatArray
-    converged: NDArray[np.bool_]
-
-
 def fitted_centre(
     windows: ArrayLike,
     corners: ArrayLike,
     radius: ArrayLike,
     read_noise: float = 0.0,
-) -> CentreFit:
+) -> FloatArray:
     """Return the centre of the pixel-integrated Gaussian that fits each window best.
 
     It is the maximum-likelihood estimate under photon and read noise (the sum is taken as Poisson,
@@ -261,16 +241,19 @@ def fitted_centre(
 
     Returns
     -------
-    CentreFit
+    ndarray, shape (..., 2)
+        In px; not a number where the fit did not come to rest at an optimum inside the window or
+        less than a pixel beyond its edge. It does not in a window that is dark, flat, or holds a
+        value that is not finite.
 
     Examples
     --------
     A spot spread evenly about the pixel (4, 7), and a dark window.
 
     >>> spot = np.array([[0, 1, 0], [1, 6, 1], [0, 1, 0.0]])
-    >>> fit = fitted_centre([spot, 0 * spot], (3, 6), 0.6)
-    >>> fit.converged, fit.centre[0].round(6)
-    (array([ True, False]), array([4., 7.]))
+    >>> fitted_centre([spot, 0 * spot], (3, 6), 0.6).round(6)
+    array([[ 4.,  7.],
+           [nan, nan]])
     """
     light = number_array("windows", windows, shape=(None, None))
     first = finite_array("corners", corners, shape=(2,))
@@ -285,8 +268,7 @@ def fitted_centre(
     for begin in range(0, len(usable), _TOGETHER):
         part = usable[begin : begin + _TOGETHER]
         state[part] = _Fit(flat[part], widths[part], variance).optimum()
-    found = state.reshape(*batch, 3)
-    return CentreFit(found[..., :2] + first, found[..., 2], np.isfinite(found[..., 2]))
+    return state.reshape(*batch, 3)[..., :2] + first
 
 
 @dataclass(frozen=True, eq=False)

@@ -270,12 +270,6 @@ class Calibration:
             [np.abs(factor)[..., None], np.angle(factor)[..., None], last[..., 2:]], axis=-1
         )
 
-    @property
-    def transform(self) -> Registration:
-        """The final transform."""
-        final = self.parameters
-        return Registration.similarity(final[..., 0], final[..., 1], final[..., 2:], self.pivot)
-
 
 @checked
 def calibrate(source: Points, target: Points, pivot: Point, start: _Vector) -> Calibration:
