@@ -36,7 +36,7 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
         resolution.radii(DOOR, content["angles"]),
         5,
     )
-    square = law.mean_square.mean(axis=-1)
+    square = (law.bias**2 + law.variance).mean(axis=-1)
     spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
     error = np.sqrt(spread.mean(axis=-1) / (50 * 500))
     surprise = (content["simulated"] ** 2 - square) / error

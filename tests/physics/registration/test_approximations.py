@@ -10,7 +10,6 @@ from reproduce.physics.registration import (
     error_field,
     even_positions,
     fit_registration,
-    second_term_from_share,
     similarity_between,
 )
 from reproduce.physics.registration.approximations import _imaged, _turned
@@ -120,14 +119,6 @@ def test_without_tilt_and_second_term_the_camera_images():
     source, reference = _imaged(plain, positions)
     np.testing.assert_allclose(source, image_points(directions, SOURCE, 0.01), atol=1e-9)
     np.testing.assert_allclose(reference, image_points(directions, GREEN), atol=1e-9)
-
-
-def test_the_share_of_the_first_term():
-    second = second_term_from_share(SOURCE, 0.9, 4e-3)
-    first = 57.0 * 4e-3**2
-    assert first / (first + second * 4e-3**4) == pytest.approx(0.9)
-    with pytest.raises(ValueError, match="share"):
-        second_term_from_share(SOURCE, 90, 4e-3)
 
 
 def test_unknown_effects_are_refused():

@@ -445,7 +445,7 @@ def errors(given: Given) -> list[tuple[str | float, ...]]:
     lines = {
         "standard deviation at one place": law.within,
         "bias, root mean square over the places": np.sqrt((law.bias**2).mean(axis=-1)),
-        "root-mean-square error": np.sqrt(law.mean_square.mean(axis=-1)),
+        "root-mean-square error": np.sqrt((law.bias**2 + law.variance).mean(axis=-1)),
         "bound without bias": least,
         "bound for the bias that it has": np.sqrt((law.slope**2 * variance).mean(axis=-1)),
         "standard deviation over the bound without bias": law.within / least,

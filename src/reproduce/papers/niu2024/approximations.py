@@ -31,7 +31,6 @@ from reproduce.physics.registration import (
     error_field,
     even_positions,
     fit_registration,
-    second_term_from_share,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
@@ -98,7 +97,9 @@ def _channels(door: Given, table: str, channel: str) -> Channels:
     cameras: list[Camera] = _TABLES[table].cameras(door)
     source, green, rotation = cameras[place], cameras[0], _TABLES[table].rotations(door)[place]
     corner, lean = np.hypot(*_half_size(door)), float(np.tan(abs(rotation)))
-    second = [second_term_from_share(one, door[_SHARE], corner) for one in (source, green)]
+    # What leaves the first term its share at the corner.
+    left = (1 / door[_SHARE] - 1) / corner**2
+    second = [round(float(one.radial_distortion) * left, 12) for one in (source, green)]
     x, y = (green.principal_point - source.principal_point).tolist()
     return Channels(source, green, rotation, (x, y), (lean, lean), (second[0], second[1]))
 

@@ -153,11 +153,6 @@ class CentroidError:
     slope: FloatArray
 
     @property
-    def mean_square(self) -> FloatArray:
-        """Bias squared plus variance, in px squared."""
-        return self.bias**2 + self.variance
-
-    @property
     def within(self) -> FloatArray:
         """Root mean square of the scatter at each place of the last axis: bias does not count."""
         return np.asarray(np.sqrt(self.variance.mean(axis=-1)))

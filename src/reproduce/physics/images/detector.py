@@ -78,33 +78,10 @@ class Detector:
         if self.bits is not None and not 1 <= self.bits <= 32:
             raise ValueError(f"bits: expected from 1 to 32, or None, got {self.bits}")
 
-    @checked
-    def output_variance(self, photons: NonNegative) -> FloatArray:
-        """Return the variance of the output below saturation: the photon transfer curve.
-
-        Shot noise of light and dark charge, read noise and rounding, each independent.
-
-        Parameters
-        ----------
-        photons : array_like
-            Mean photons per pixel and exposure.
-
-        Returns
-        -------
-        ndarray, in DN squared
-
-        Examples
-        --------
-        >>> Detector(gain=0.5, read_noise=10).output_variance(100.0)
-        array(50.)
-        """
-        charge = self.quantum_efficiency * photons + self.dark_signal
-        rounding = 0.0 if self.bits is None else _ROUNDING_VARIANCE
-        return np.asarray(self.gain**2 * (charge + self.read_noise**2) + rounding)
-
     def noise_electrons(self) -> float:
         """Return the noise of a dark pixel, in electrons: dark charge, readout and rounding."""
-        return float(np.sqrt(self.output_variance(0.0)) / self.gain)
+        rounding = 0.0 if self.bits is None else _ROUNDING_VARIANCE / self.gain**2
+        return float(np.sqrt(self.dark_signal + self.read_noise**2 + rounding))
 
 
 @checked

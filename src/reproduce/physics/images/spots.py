@@ -212,8 +212,6 @@ _BEYOND = 1.0
 # Light below which a pixel's variance is not taken smaller, in electrons squared: a pixel that
 # should be dark must not count without limit.
 _DARKEST = 1e-3
-# Windows fitted at a time, so that what is computed of them stays in the processor's cache.
-_TOGETHER = 2048
 
 
 def fitted_centre(
@@ -265,9 +263,7 @@ def fitted_centre(
     widths = np.broadcast_to(width, batch).reshape(-1)
     state = np.full((len(flat), 3), np.nan)
     usable = np.flatnonzero(np.isfinite(flat).all(axis=(-2, -1)))
-    for begin in range(0, len(usable), _TOGETHER):
-        part = usable[begin : begin + _TOGETHER]
-        state[part] = _Fit(flat[part], widths[part], variance).optimum()
+    state[usable] = _Fit(flat[usable], widths[usable], variance).optimum()
     return state.reshape(*batch, 3)[..., :2] + first
 
 

@@ -5,7 +5,6 @@ from reproduce.physics.registration.approximations import (
     Channels,
     error_field,
     even_positions,
-    second_term_from_share,
 )
 from reproduce.physics.registration.calibration import (
     Calibration,

@@ -142,33 +142,6 @@ def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
-def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> float:
-    """Return the second radial coefficient that leaves the first term a share of the distortion.
-
-    Parameters
-    ----------
-    camera : Camera
-        Holds the first coefficient.
-    share : float
-        Of the first term in the whole displacement at `radius`, above 0 and at most 1.
-    radius : array_like
-        Where the share holds, in metres from the principal point.
-
-    Returns
-    -------
-    float, in m^-4
-
-    Examples
-    --------
-    >>> second_term_from_share(Camera(1, (0, 0), 9.0, 1), 0.9, 1.0)
-    1.0
-    """
-    if not 0 < share <= 1:
-        raise ValueError(f"share: expected above 0 and at most 1, got {share}; pass a fraction")
-    squared = float(positive("radius", radius)) ** 2
-    return round(float(camera.radial_distortion) * (1 / share - 1) / squared, 12)
-
-
 @checked
 def _imaged(channels: Channels, positions: Points) -> tuple[FloatArray, FloatArray]:
     """Image the same stars in both channels, in px, with tilt and second radial terms."""

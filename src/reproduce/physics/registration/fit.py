@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 from reproduce.physics.registration._least_squares import (
     _MIRRORED,
     Problem,
-    Solution,
     combined_residuals,
     from_similarity,
     information,
@@ -274,7 +273,12 @@ def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """
     found = solve(problem.with_weights(kept.astype(np.float64)))
     factor, residuals = _whitened(problem, found.parameters, found.points)
-    square = _tested(problem, kept, factor, residuals, found)
+    offsets = found.points - problem.pivot[..., None, :]
+    rows = factor @ model_jacobian(problem.model, found.parameters, offsets)
+    leverage = rows @ found.cofactor[..., None, :, :] @ rows.mT
+    # A point that is kept has drawn the fit to itself by its leverage; another has not.
+    share = (1 + _LEAST) * np.eye(2) + np.where(kept, -1.0, 1.0)[..., None, None] * leverage
+    square = (residuals * np.linalg.solve(share, residuals[..., None])[..., 0]).sum(axis=-1)
     chi_square = np.where(kept[..., None], residuals**2, 0).sum(axis=(-2, -1))[..., None]
     own = problem.counts > 0
     count = 2 * (kept & own).sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
@@ -284,30 +288,6 @@ def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     beyond = -0.5 * freedom * np.log1p(square / rest)
     alarm = np.log(_ALARM / own.sum(axis=-1, keepdims=True))
     return np.asarray(np.where(freedom > 0, beyond > alarm, kept))
-
-
-def _tested(
-    problem: Problem,
-    kept: NDArray[np.bool_],
-    factor: FloatArray,
-    residuals: FloatArray,
-    found: Solution,
-) -> FloatArray:
-    """Return the squares of whitened residuals over their expected share, (..., n).
-
-    A point that is kept has drawn the fit to itself by its leverage; another has not.
-    """
-    sign = np.where(kept, -1.0, 1.0)
-    offsets = found.points - problem.pivot[..., None, :]
-    rows = factor @ model_jacobian(problem.model, found.parameters, offsets)
-    # With columns of length one the matrix can be inverted whatever the units.
-    rows = rows / np.sqrt(np.square(rows).sum(axis=(-3, -2)))[..., None, None, :]
-    counted = np.where(kept[..., None, None], rows, 0)
-    normal = np.einsum("...nij,...nik->...jk", counted, counted)
-    leverage = rows @ np.linalg.inv(normal)[..., None, :, :] @ rows.mT
-    spread = (1 + _LEAST) * np.eye(2) + sign[..., None, None] * leverage
-    solved = np.linalg.solve(spread, residuals[..., None])[..., 0]
-    return np.asarray((residuals * solved).sum(axis=-1))
 
 
 def _repeated_median(problem: Problem) -> FloatArray:
@@ -328,7 +308,25 @@ def _repeated_median(problem: Problem) -> FloatArray:
     across = target[..., :, None] - target[..., None, :]
     apart = (np.abs(between) > 0) & counts[..., None, :] & counts[..., :, None]
     ratio = np.where(apart, across / np.where(apart, between, 1), np.nan)
-    return _median_similarity(problem, ratio)
+    with warnings.catch_warnings():
+        # A point without partners has no median; it is left out of the next one.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        each = [np.nanmedian(part, axis=-1) for part in (ratio.real, ratio.imag)]
+        real, imaginary = (np.nanmedian(part, axis=-1) for part in each)
+    factor = real + 1j * imaginary
+    if not (np.isfinite(factor) & (np.abs(factor) > 0)).all():
+        raise DegenerateGeometryError(
+            "expected points that are apart from each other, got half of them or more in one "
+            "place; check the matches"
+        )
+    pivot = as_complex(problem.pivot)
+    source, target = as_complex(problem.source), as_complex(problem.target)
+    landed = target - factor[..., None] * (source - pivot[..., None])
+    landed = np.where(problem.counts > 0, landed, np.nan)
+    origin = np.nanmedian(landed.real, axis=-1) + 1j * np.nanmedian(landed.imag, axis=-1)
+    shift = as_points(pivot - origin)
+    columns = (np.abs(factor), np.angle(factor), shift[..., 0], shift[..., 1])
+    return np.stack(columns, axis=-1)
 
 
 def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
@@ -345,28 +343,6 @@ def _median_length(problem: Problem, closed: FloatArray) -> FloatArray:
     # Of the similarity, whatever the model of the problem.
     landed = replace(problem, model="similarity").transformed(closed, problem.source)
     return np.median(_norm(problem.target - landed), axis=-1)
-
-
-def _median_similarity(problem: Problem, ratio: np.ndarray) -> FloatArray:
-    source, target = as_complex(problem.source), as_complex(problem.target)
-    with warnings.catch_warnings():
-        # A point without partners has no median; it is left out of the next one.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        each = [np.nanmedian(part, axis=-1) for part in (ratio.real, ratio.imag)]
-        real, imaginary = (np.nanmedian(part, axis=-1) for part in each)
-    factor = real + 1j * imaginary
-    if not (np.isfinite(factor) & (np.abs(factor) > 0)).all():
-        raise DegenerateGeometryError(
-            "expected points that are apart from each other, got half of them or more in one "
-            "place; check the matches"
-        )
-    pivot = as_complex(problem.pivot)
-    landed = target - factor[..., None] * (source - pivot[..., None])
-    landed = np.where(problem.counts > 0, landed, np.nan)
-    origin = np.nanmedian(landed.real, axis=-1) + 1j * np.nanmedian(landed.imag, axis=-1)
-    shift = as_points(pivot - origin)
-    columns = (np.abs(factor), np.angle(factor), shift[..., 0], shift[..., 1])
-    return np.stack(columns, axis=-1)
 
 
 def _whitened(
