@@ -298,12 +298,6 @@ def test_the_repeated_median_bears_almost_half_of_the_points():
     assert (np.abs(found - TRUE["similarity"]) * reach("similarity") < 1e-9).all()
 
 
-def test_a_flattened_image_is_refused():
-    flat = Registration("affine", np.array([1.0, 0, 0, 0, 0, 0]), np.zeros(2))
-    with pytest.raises(DegenerateGeometryError, match="cannot be undone"):
-        flat.inverse()
-
-
 def test_weights_of_zero_drop_points():
     target = noisy("affine")
     weights = np.ones(len(POINTS))

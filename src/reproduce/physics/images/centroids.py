@@ -20,7 +20,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 from scipy.ndimage import center_of_mass, label, maximum_filter
 
-from reproduce.physics.images.spots import IntArray, _gradient, _shares, _windows
+from reproduce.physics.images.spots import IntArray, _gradient, _shares, spot_windows
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
@@ -30,7 +30,6 @@ from reproduce.physics.validate import (
     Positive,
     checked,
     finite_array,
-    kernel,
     non_negative,
     positive,
     whole_number,
@@ -67,14 +66,10 @@ def detect_spots(frame: ArrayLike, threshold: float) -> IntArray:
     array([[7, 2]])
     """
     image = finite_array("frame", frame, shape=(None, None))
-    least = finite_array("threshold", threshold)
-    if image.ndim != 2 or least.ndim:
-        raise ValueError(
-            f"frame: expected one image and one threshold, got shapes {image.shape} and "
-            f"{least.shape}; pass images singly"
-        )
+    if image.ndim != 2:
+        raise ValueError(f"frame: expected one image, got shape {image.shape}; pass them singly")
     highest = maximum_filter(image, size=2 * _SEPARATION - 1, mode="nearest")
-    peaks = (image == highest) & (image > least)
+    peaks = (image == highest) & (image > finite_array("threshold", threshold))
     labels, count = label(peaks, structure=np.ones((3, 3)))
     middles = center_of_mass(peaks, labels, range(1, count + 1))
     found = np.ceil(np.reshape(middles, (-1, 2)) - 0.5).astype(np.int64)
@@ -208,7 +203,7 @@ def centre_of_gravity_error(
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    windows = _windows(positions, light, radius, corners, size)
+    windows = spot_windows(positions, light, radius, corners, size)
     centre = _centre_of_gravity(windows) + corners
     total = windows.sum(axis=(-2, -1))[..., np.newaxis]
     # Offsets of columns and rows from the centre of gravity, x before y.
@@ -223,9 +218,6 @@ def centre_of_gravity_error(
     moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
     slope = (offsets * moved).sum(axis=-1) / total
     return CentroidError(centre + push - positions, variance, slope)
-
-
-_error = kernel(centre_of_gravity_error)
 
 
 @checked
@@ -267,19 +259,13 @@ def cramer_rao_variance(
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
 
-_least_variance = kernel(cramer_rao_variance)
-
-
 def _state(
     points: FloatArray, flux: FloatArray, width: FloatArray, first: FloatArray, *others: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return x, y in the window and light as rows, (..., 3), and the radius of each."""
-    shapes = (array.shape for array in (flux, width, *others))
-    batch = np.broadcast_shapes(points.shape[:-1], first.shape[:-1], *shapes)
-    state = np.empty((*batch, 3))
-    state[..., :2] = points - first
-    state[..., 2] = flux
-    return state, np.broadcast_to(width, batch)
+    places = np.moveaxis(points - first, -1, 0)
+    columns = np.broadcast_arrays(*places, flux, width, *others)
+    return np.stack(columns[:3], axis=-1), columns[3]
 
 
 @dataclass(frozen=True)
@@ -380,7 +366,7 @@ def predicted_errors(
     >>> predicted_errors([0.0], Light(1e4), 0.5, 5).bias
     array([0.])
     """
-    law = _error(*_laid_out(phases, light, radius, size))
+    law = centre_of_gravity_error(*_laid_out(phases, light, radius, size))
     return CentroidError(law.bias[..., 0], law.variance[..., 0], law.slope[..., 0])
 
 
@@ -400,7 +386,7 @@ def least_variance(phases: ArrayLike, light: Light, radius: ArrayLike, size: int
     >>> (least_variance([0.0], Light(1e4), 4.0, 41) ** 0.5).round(3)
     array([0.04])
     """
-    return _least_variance(*_laid_out(phases, light, radius, size))[..., 0]
+    return cramer_rao_variance(*_laid_out(phases, light, radius, size))[..., 0]
 
 
 def _laid_out(

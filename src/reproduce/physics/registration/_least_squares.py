@@ -93,31 +93,23 @@ class Problem:
 
 
 @checked
-def _checked(
-    source: Points, target: Points, pivot: Point, weights: Weights
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
-    """Check what every fit is given."""
-    kept = None if weights is None else weights_for(weights, source.shape[-2])
-    return source, target, pivot, kept
-
-
 def prepare(
-    source: ArrayLike,
-    target: ArrayLike,
-    pivot: ArrayLike,
-    weights: ArrayLike | None = None,
+    source: Points,
+    target: Points,
+    pivot: Point,
+    weights: Weights = None,
     model: str = "similarity",
     **covariances: ArrayLike | None,
 ) -> Problem:
     """Check points, weights and covariances, and bring them to one batch shape."""
-    first, second, about, kept = _checked(source, target, pivot, weights)
-    n = first.shape[-2]
+    n = source.shape[-2]
+    kept = None if weights is None else weights_for(weights, n)
     shapes = () if kept is None else kept.shape[:-1]
-    batch = np.broadcast_shapes(first.shape[:-2], second.shape[:-2], about.shape[:-1], shapes)
+    batch = np.broadcast_shapes(source.shape[:-2], target.shape[:-2], pivot.shape[:-1], shapes)
     return Problem(
-        np.broadcast_to(first, (*batch, n, 2)),
-        np.broadcast_to(second, (*batch, n, 2)),
-        np.broadcast_to(about, (*batch, 2)),
+        np.broadcast_to(source, (*batch, n, 2)),
+        np.broadcast_to(target, (*batch, n, 2)),
+        np.broadcast_to(pivot, (*batch, 2)),
         model,
         None if kept is None else np.broadcast_to(kept, (*batch, n)),
         **{k: _covariance(k, v, (*batch, n)) for k, v in covariances.items() if v is not None},
@@ -197,22 +189,16 @@ def gauss_newton(
     normal = rows.mT @ weighted
     pull = (weighted.mT @ residuals[..., None])[..., 0]
     size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
-    if not (size > 0).all():
-        _refuse_free()
-    # With columns of length one the smallest eigenvalue says how near to dependent they are.
     outer = size[..., :, None] * size[..., None, :]
-    scaled = normal / outer
-    if (np.linalg.eigvalsh(scaled)[..., 0] < _DEPENDENT).any():
-        _refuse_free()
+    scaled = normal / np.where(outer > 0, outer, 1)
+    # With columns of length one the smallest eigenvalue says how near to dependent they are.
+    if not (size > 0).all() or (np.linalg.eigvalsh(scaled)[..., 0] < _DEPENDENT).any():
+        raise DegenerateGeometryError(
+            "expected points that fix every parameter of the model, got too few, coincident or "
+            "aligned ones; add spots across the field, or fit a simpler model"
+        )
     inverse = np.linalg.inv(scaled) / outer
     return (inverse @ pull[..., None])[..., 0], inverse
-
-
-def _refuse_free() -> None:
-    raise DegenerateGeometryError(
-        "expected points that fix every parameter of the model, got too few, coincident or aligned "
-        "ones; add spots across the field, or fit a simpler model"
-    )
 
 
 def _closed_similarity(problem: Problem) -> Solution:
@@ -326,16 +312,12 @@ def _starting_point(problem: Problem) -> FloatArray:
 
 def from_similarity(model: str, closed: FloatArray) -> FloatArray:
     """Return a model's parameters that do what a similarity (..., 4) does, or nearly so."""
-    if model == "rigid":
-        return closed[..., 1:]
-    if model == "shift":
-        return closed[..., 2:]
     if model == "similarity+radial":
         return np.concatenate([closed, np.zeros_like(closed[..., :1])], axis=-1)
     if model == "affine":
         flat = _linear_part("similarity", closed).reshape(*closed.shape[:-1], 4)
         return np.concatenate([flat, closed[..., 2:]], axis=-1)
-    return closed
+    return closed[..., -len(MODELS[model]) :]
 
 
 def combined_residuals(

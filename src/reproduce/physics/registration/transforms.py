@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.optics import Camera
 from reproduce.physics.validate import (
-    DegenerateGeometryError,
     FloatArray,
     Number,
     Point,
@@ -238,11 +237,6 @@ class Registration:
             back = 1 / self.factor
             return _similarity(back, as_points(-back * as_complex(self.shift)), self.pivot)
         matrix, _ = self.affine()
-        if (np.abs(np.linalg.det(matrix)) < 1e-300).any():
-            raise DegenerateGeometryError(
-                "expected a transform that keeps two dimensions, got one of determinant zero; "
-                "it maps many points onto one and cannot be undone"
-            )
         inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         return _affine(inverse, -(inverse @ self.shift[..., None])[..., 0], self.pivot)
 
@@ -403,8 +397,8 @@ def registered_image(
 
     Raises
     ------
-    DegenerateGeometryError
-        If the transform cannot be undone.
+    ValueError
+        If the transform is a batch, or has a radial term.
 
     Examples
     --------
