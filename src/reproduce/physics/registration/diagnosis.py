@@ -170,11 +170,13 @@ def diagnose(
     """
     settings = {"model": "similarity", "robust": False, **settings}
     fit = fit or fit_registration(source, target, pivot, **settings)
+    exact = fits_exactly(fit, source, target)
+    told = "" if exact else rounded(np.hstack([source, target]))
     found = [*_units(source, target, fit), *_repeated(source, target, named), *_line(source)]
-    found += _size(fit, source, target)
-    if fits_exactly(fit, source, target) or (told := rounded(np.hstack([source, target]))):
-        if not fits_exactly(fit, source, target):
-            found.append(Finding("rounded", f"{told}: their noise is lost in the rounding"))
+    found += _errors(fit) if fit.errors_known else _size(fit, exact)
+    if told:
+        found.append(Finding("rounded", f"{told}: their noise is lost in the rounding"))
+    if exact or told:
         return found + _dropped(fit, settings, named)
     return found + _misfits(source, target, pivot, named, settings, fit)
 
@@ -305,15 +307,13 @@ def _chance(plain: RegistrationFit, rich: RegistrationFit) -> float:
 
 def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list[Finding]:
     """Ask after the unit of stars that are small, far from their pivot, or unlike each other."""
-    pivot, columns = fit.transform.pivot, source.T
-    low, high = (np.array([end(one) for one in columns]) for end in (np.min, np.max))
+    pivot, low, high = fit.transform.pivot, source.min(axis=0), source.max(axis=0)
     span, outside = float((high - low).max()), float(np.maximum(low - pivot, pivot - high).max())
     far = f", and the pivot lies {outside:.4g} outside them" if outside > span else ""
     found = []
     if far or span < _SMALL:
         found.append(f"the stars span {span:.4g}{far} (are these pixels?)")
-    middle = [float(np.median(np.hypot(*(one - np.median(one, axis=0)).T)))
-              for one in _thinned(source, target, {})[:2]]  # fmt: skip
+    middle = [np.median(np.hypot(*(one - np.median(one, axis=0)).T)) for one in (source, target)]
     if min(middle) > 0 and max(middle) > _APART * min(middle):
         found.append(
             f"one image spans {max(middle) / min(middle):.3g} times the other (are both in pixels?)"
@@ -353,20 +353,17 @@ def _line(source: FloatArray) -> list[Finding]:
     return [Finding("line", "the stars lie in a line: their mirror image would fit as well")]
 
 
-def _size(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> list[Finding]:
-    """Say what the scatter cannot tell, or that it is not that of the errors given."""
-    if fit.errors_known:
-        return _errors(fit)
+def _size(fit: RegistrationFit, exact: bool) -> list[Finding]:
+    """Say what the scatter cannot tell."""
     if fit.degrees_of_freedom <= 0:
-        text = "no star is to spare, so nothing tells how large the errors are"
-        return [Finding("spare", text)]
-    if fits_exactly(fit, source, target):
-        text = "the stars fit without any error, so no scatter tells its size"
-        return [Finding("exact", text)]
+        return [Finding("spare", "no star is to spare, so nothing tells how large the errors are")]
+    if exact:
+        return [Finding("exact", "the stars fit without any error, so no scatter tells its size")]
     return []
 
 
 def _errors(fit: RegistrationFit) -> list[Finding]:
+    """Say that the scatter is not that of the errors given."""
     freedom = float(fit.degrees_of_freedom)
     ratio = float(fit.chi_square) / max(freedom, 1.0)
     # Beyond four standard deviations of chi-square over its freedom; then by its law.
@@ -376,11 +373,8 @@ def _errors(fit: RegistrationFit) -> list[Finding]:
 
     if min(chdtr(freedom, fit.chi_square), chdtrc(freedom, fit.chi_square)) > _BETTER:
         return []
-    text = (
-        f"the stars scatter {np.sqrt(ratio):.3g} times as much as their given errors; the "
-        "deviations follow these"
-    )
-    return [Finding("errors", text)]
+    text = f"the stars scatter {np.sqrt(ratio):.3g} times as much as their given errors"
+    return [Finding("errors", f"{text}; the deviations follow these")]
 
 
 def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: Named) -> list[Finding]:
@@ -393,8 +387,8 @@ def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: Named) -> li
         text = f"{len(rows)} of {len(fit.weights)} stars count for nothing ({named(rows)})"
         found.append(Finding("dropped", text, rows))
     if len(fit.weights) < _FEW:
-        found.append(Finding("few", f"of {len(fit.weights)} stars a robust fit can tell one to be "
-                             "wrong, not two"))  # fmt: skip
+        text = f"of {len(fit.weights)} stars a robust fit can tell one to be wrong, not two"
+        found.append(Finding("few", text))
     return found
 
 
