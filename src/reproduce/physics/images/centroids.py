@@ -30,7 +30,6 @@ from reproduce.physics.validate import (
     Positive,
     checked,
     finite_array,
-    non_negative,
     positive,
     whole_number,
 )
@@ -282,10 +281,6 @@ class Light:
 
     signal: float
     read_noise: float = 0.0
-
-    def __post_init__(self) -> None:
-        positive("signal", self.signal)
-        non_negative("read_noise", self.read_noise)
 
 
 def simulated_errors(

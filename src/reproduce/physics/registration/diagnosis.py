@@ -269,7 +269,8 @@ def _better_model(
     if not candidates:
         return None
     _, model, plain, rich = min(candidates, key=lambda one: one[0])
-    before, after = (_rms(fit) for fit in (plain, rich))
+    kept = rich.weights > 0
+    before, after = (np.sqrt(np.square(fit.residuals[kept]).mean()) for fit in (plain, rich))
     called = _CALLED.get(model, model)
     cause = "do they turn or change scale" if model in ("rigid", "similarity") else "distortion"
     return model, (
@@ -286,10 +287,6 @@ def _thinned(
     axes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
     own = {k: np.asarray(v)[some] for k, v in settings.items() if axes.get(k) == np.ndim(v)}
     return source[some], target[some], settings | own
-
-
-def _rms(fit: RegistrationFit) -> float:
-    return float(np.sqrt(np.square(fit.residuals[fit.weights > 0]).mean()))
 
 
 def _chance(plain: RegistrationFit, rich: RegistrationFit) -> float:
