@@ -106,7 +106,7 @@ def _iteration(cells: Sheet) -> Demonstration:
     rows = ("scale", "rotation", "translation-x", "translation-y")
     truth = np.array([cells[f"niu2024/table-2#{row}.red"].si for row in rows])
     source, middle = _corners(cells)
-    target = registration.model_points(truth, source, middle)
+    target = registration.Registration("similarity", truth, middle).apply(source)
     errors = []
     for step in (registration.gauss_newton_step_printed, registration.gauss_newton_step):
         found = np.array([1.0, 0.0, 0.0, 0.0])

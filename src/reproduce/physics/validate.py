@@ -142,23 +142,22 @@ def _refuse_metadata(name: str, value: object) -> None:
 def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
     """Return what `finite_array` does, and refuse zero and negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
-    if (array <= 0).any():
-        raise ValueError(
-            f"{name}: expected values above zero, got a smallest value of {array.min():g}; "
-            "check its sign and its unit"
-        )
+    _refuse_low(name, array, array <= 0, "values above zero", "its sign and its unit")
     return array
 
 
 def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
     """Return what `finite_array` does, and refuse negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
-    if (array < 0).any():
-        raise ValueError(
-            f"{name}: expected zero or more, got a smallest value of {array.min():g}; "
-            "check its sign"
-        )
+    _refuse_low(name, array, array < 0, "zero or more", "its sign")
     return array
+
+
+def _refuse_low(name: str, array: FloatArray, low: Any, wanted: str, doubt: str) -> None:
+    if low.any():
+        raise ValueError(
+            f"{name}: expected {wanted}, got a smallest value of {array.min():g}; check {doubt}"
+        )
 
 
 def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> FloatArray:

@@ -4,25 +4,11 @@ import numpy as np
 import pytest
 
 from reproduce.papers.niu2024 import approximations
-from reproduce.physics.registration import analytic_bias, even_positions, simulated_bias
 from reproduce.printed.given import given
 
 DOOR = given(approximations.READS)
 COSTS = approximations.costs(DOOR, 80)
 PEAK, RMS, LEFT = 0, 1, 2
-
-
-@pytest.mark.parametrize(("effect", "table", "channel"), COSTS)
-def test_analytic_and_simulated_bias_agree(effect, table, channel):
-    whole, sides = (
-        approximations.channels(DOOR, table, channel),
-        approximations.half_size(DOOR),
-    )
-    analytic = analytic_bias(whole, effect, sides)
-    simulated = approximations.isolated(simulated_bias, whole, effect, even_positions(sides, 80))
-    size = np.array([1e-3, 1e-3, 1.0, 1.0])
-    largest = np.abs(analytic / size).max()
-    assert (np.abs(simulated - analytic) < 0.02 * largest * size).all()
 
 
 def test_the_corner_of_the_unequal_coefficients_by_hand():

@@ -10,15 +10,12 @@ from reproduce.physics.images import (
     centre_of_gravity,
     centre_of_gravity_error,
     cramer_rao_variance,
-    cut_windows,
     detect_spots,
     expose,
     fitted_centre,
     render_frame,
-    s_curve_bias,
     spot_windows,
     window_corners,
-    windowed_centre,
 )
 from reproduce.physics.images.spots import _share_slopes, _shares
 from reproduce.physics.validate import DegenerateGeometryError
@@ -57,8 +54,8 @@ def test_slopes_are_the_derivative_of_the_shares():
 
 
 def test_x_runs_along_columns_and_y_along_rows():
-    window = spot_windows([12.0, 31.0], 100.0, 0.4, [10, 30], (5, 3))
-    assert window.shape == (3, 5)
+    window = spot_windows([12.0, 31.0], 100.0, 0.4, [10, 30], 5)
+    assert window.shape == (5, 5)
     assert np.unravel_index(window.argmax(), window.shape) == (1, 2)
 
 
@@ -72,7 +69,7 @@ def test_a_frame_holds_the_same_spots_as_the_windows():
     frame = render_frame(points, [100.0, 50.0], 0.6, (32, 16))
     corners = window_corners(points, 5)
     np.testing.assert_allclose(
-        cut_windows(frame, corners, 5),
+        [frame[y : y + 5, x : x + 5] for x, y in corners],
         spot_windows(points, [100.0, 50.0], 0.6, corners, 5),
         atol=1e-9,
     )
@@ -96,34 +93,29 @@ def test_a_flat_patch_is_one_spot_at_its_middle_whatever_its_size():
     frame = np.zeros((200, 300))
     frame[20:101, 30:141] = 4095.0
     frame[150:153, 200] = 4095.0
-    frame[150, 250] = frame[152, 252] = 4095.0
-    assert detect_spots(frame, 10.0).tolist() == [[85, 60], [250, 150], [200, 151]]
+    assert detect_spots(frame, 10.0).tolist() == [[85, 60], [200, 151]]
 
 
-@pytest.mark.parametrize("separation", [1, 2, 5])
-def test_spots_are_those_that_nothing_near_outshines(separation):
-    frame = np.random.default_rng(separation).standard_normal((40, 50))
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_spots_are_those_that_nothing_near_outshines(seed):
+    frame = np.random.default_rng(seed).standard_normal((40, 50))
     brute = [
         (x, y)
         for y in range(40)
         for x in range(50)
         if frame[y, x] > 0.5
-        and frame[y, x]
-        == frame[
-            max(y - separation + 1, 0) : y + separation, max(x - separation + 1, 0) : x + separation
-        ].max()
+        and frame[y, x] == frame[max(y - 4, 0) : y + 5, max(x - 4, 0) : x + 5].max()
     ]
     brute.sort(key=lambda at: -frame[at[1], at[0]])
-    assert detect_spots(frame, 0.5, separation).tolist() == [list(at) for at in brute]
+    assert detect_spots(frame, 0.5).tolist() == [list(at) for at in brute]
 
 
 def test_estimators_agree_on_a_wide_clean_spot():
     window = spot_windows([10.23, 19.81], 1e5, 1.2, [0, 9], 21)
     for found in (
         centre_of_gravity(window, (0, 9)),
-        windowed_centre(window, (0, 9), 1.2),
-        fitted_centre(window, (0, 9), 1.2).centre,
-        fitted_centre(window, (0, 9), 1.2, 5.0, "uniform").centre,
+        fitted_centre(window, (0, 9), 1.2),
+        fitted_centre(window, (0, 9), 1.2, 5.0),
     ):
         np.testing.assert_allclose(found, [10.23, 19.81], atol=1e-4)
 
@@ -133,7 +125,11 @@ def test_the_s_curve_is_what_a_wide_window_shows(radius):
     points = np.stack([PHASES, np.zeros_like(PHASES)], axis=-1)
     windows = spot_windows(points, 1.0, radius, [-8, -8], 17)
     found = centre_of_gravity(windows, [-8, -8])[:, 0] - PHASES
-    np.testing.assert_allclose(s_curve_bias(PHASES, radius), found, atol=1e-12)
+    order = np.arange(1, 21)[:, np.newaxis]  # the series of the page
+    damping = np.exp(-2 * (np.pi * order * radius) ** 2)
+    waves = damping * np.sin(2 * np.pi * order * PHASES)
+    series = ((-1.0) ** order / (np.pi * order) * waves).sum(axis=0)
+    np.testing.assert_allclose(series, found, atol=1e-12)
     assert np.abs(found).max() > 1e-4
 
 
@@ -185,22 +181,8 @@ def test_likelihood_reaches_the_bound_and_nothing_beats_it(trials):
     point, corners, noisy = trials
     bound = cramer_rao_variance(point, 3000.0, 0.6, corners, 5, 4.0)
     margin = 4 * np.sqrt(2 / len(noisy))
-    found = {
-        "likelihood": fitted_centre(noisy, corners, 0.6, 4.0).centre,
-        "uniform": fitted_centre(noisy, corners, 0.6, 4.0, "uniform").centre,
-        "windowed": windowed_centre(noisy, corners, 0.6),
-    }
-    ratio = {name: centres.var(axis=0) / bound for name, centres in found.items()}
-    assert (np.abs(ratio["likelihood"] - 1) < margin).all()
-    assert (ratio["uniform"] > 1 + margin).all()
-    # The weight is sampled at pixel centres, which biases it: it has the biased bound to keep.
-    ends = [
-        windowed_centre(spot_windows(point + s, 3e3, 0.6, corners, 5), corners, 0.6)
-        for s in (-1e-5, 1e-5)
-    ]
-    slope = (ends[1] - ends[0]) / 2e-5
-    assert (ratio["windowed"] > slope**2 * (1 - margin)).all()
-    assert (ratio["windowed"] < 1).any(), "the unbiased bound would not have held"
+    ratio = fitted_centre(noisy, corners, 0.6, 4.0).var(axis=0) / bound
+    assert (np.abs(ratio - 1) < margin).all()
     law = centre_of_gravity_error(point, 3000.0, 0.6, corners, 5, 4.0)
     assert (law.variance > 1.2 * bound).all(), "read noise in far pixels costs"
 
@@ -212,36 +194,15 @@ def test_a_tight_window_pushes_the_scatter_below_the_unbiased_bound_but_not_the_
     assert (law.variance >= law.slope**2 * bound).all()
 
 
-def test_windows_over_the_edge_and_dark_windows_are_refused():
-    with pytest.raises(ValueError, match="reaches over its edge"):
-        cut_windows(np.zeros((9, 9)), [[6, 0]], 5)
+def test_dark_windows_and_even_ones_are_refused():
     with pytest.raises(DegenerateGeometryError, match="light in every window"):
         centre_of_gravity(np.zeros((2, 5, 5)), [0, 0])
     with pytest.raises(ValueError, match="one image"):
         detect_spots(np.zeros((2, 9, 9)), 1.0)
     with pytest.raises(ValueError, match="odd"):
         window_corners([1.0, 1.0], 4)
-    with pytest.raises(ValueError, match="weighting"):
-        fitted_centre(np.ones((5, 5)), [0, 0], 0.6, weighting="best")
     with pytest.raises(ValueError, match="radius"):
         spot_windows([0.0, 0.0], 1.0, 0.0, [0, 0], 5)
-
-
-def test_one_windowed_step_nearly_undoes_what_the_edge_of_the_window_cuts_off():
-    """The weight halves an offset and the step doubles it: no other factor lands so close."""
-    window = spot_windows([2.0, 4.0], 1e4, 1.2, [0, 0], (9, 9))
-    cut_off = centre_of_gravity(window, (0, 0))[0] - 2.0
-    left = windowed_centre(window, (0, 0), 1.2, steps=1)[0] - 2.0
-    assert cut_off > 0.05
-    assert 0 < left < 0.2 * cut_off
-
-
-def test_a_centre_that_runs_out_of_its_window_comes_back_to_the_edge_it_left_by():
-    """From between two lights the weight sees the brighter alone: a step leads beyond it."""
-    line = np.array([[1.0, 0.0, 0.0, 0.0, 2.0]])
-    assert 2 < centre_of_gravity(line, (0, 0))[0] < 3
-    stepped = [windowed_centre(one, (0, 0), 1.0, steps=1)[0] for one in (line, line[:, ::-1])]
-    assert stepped == pytest.approx([4.5, -0.5])
 
 
 def test_dark_windows_of_a_batch_are_named():

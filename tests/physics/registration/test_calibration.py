@@ -15,12 +15,9 @@ from reproduce.physics.registration import (
     gauss_newton_step,
     gauss_newton_step_printed,
     jacobian,
-    model_points,
     random_starts,
     starting_values,
-    two_line_rotation,
 )
-from reproduce.physics.registration.calibration import ConvergenceError, Stopping
 from reproduce.physics.validate import DegenerateGeometryError
 
 TRUTH = Registration.similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
@@ -34,13 +31,19 @@ def spots(count: int = 40, batch: tuple[int, ...] = (), seed: int = 1) -> tuple:
     return source, TRUTH.apply(source) + 0.05 * rng.normal(size=source.shape)
 
 
-def test_model_is_the_similarity_and_takes_a_negative_scale_too() -> None:
-    source, _ = spots()
-    np.testing.assert_allclose(
-        model_points(TRUTH.parameters, source, PIVOT), TRUTH.apply(source), atol=1e-10
-    )
+def cost(u: np.ndarray, source: np.ndarray, target: np.ndarray) -> float:
+    return float((deviations(u, source, target, PIVOT) ** 2).sum())
+
+
+def rotation(source_line: object, target_line: object) -> float:
+    return float(starting_values(source_line, target_line, (0, 0), (0, 0))[1])
+
+
+def test_the_model_takes_a_negative_scale_too() -> None:
+    source, target = spots()
     turned = TRUTH.parameters * (-1, 1, 1, 1) + (0, np.pi, 0, 0)
-    np.testing.assert_allclose(model_points(turned, source, PIVOT), TRUTH.apply(source), atol=1e-10)
+    left = deviations(turned, source, target, PIVOT)
+    np.testing.assert_allclose(left, (target - TRUTH.apply(source)).T.ravel(), atol=1e-10)
 
 
 def test_jacobian_agrees_with_finite_differences() -> None:
@@ -70,10 +73,7 @@ def test_iteration_reaches_the_closed_form() -> None:
     closed = fit_registration(source, target, PIVOT)
     result = calibrate(source, target, PIVOT, START)
     np.testing.assert_allclose(result.parameters, closed.parameters, rtol=1e-10, atol=1e-10)
-    assert result.cost[-1] == pytest.approx(closed.chi_square)
-    np.testing.assert_allclose(
-        result.transform.apply(source), closed.transform.apply(source), atol=1e-9
-    )
+    assert cost(result.history[-1], source, target) == pytest.approx(closed.chi_square)
 
 
 def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost() -> None:
@@ -84,10 +84,8 @@ def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost() -> None:
     np.testing.assert_array_equal(result.history[0], start)
     np.testing.assert_array_equal(result.history[1 : result.first_stage + 1, 2:], 0.3)
     assert (result.history[result.first_stage + 1 :, 2:] != 0.3).all()
-    assert (np.diff(result.cost) <= 1e-9 * result.cost[0]).all()
-    for u, cost in zip(result.history, result.cost, strict=True):
-        left = target - model_points(u, source, PIVOT)
-        assert cost == pytest.approx((left**2).sum())
+    costs = [cost(u, source, target) for u in result.history]
+    assert (np.diff(costs) <= 1e-9 * costs[0]).all()
 
 
 def test_a_calibration_of_a_batch_comes_out_as_alone() -> None:
@@ -134,7 +132,7 @@ def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
     for start in solution + rng.normal(size=(20, 4)) * (1e-3, 1e-3, 1, 1):
         u, costs = start, []
         for _ in range(6):
-            costs.append((deviations(u, source, target, PIVOT) ** 2).sum())
+            costs.append(cost(u, source, target))
             u = gauss_newton_step_printed(u, source, target, PIVOT)
         assert (np.diff(costs) > 0).all()
     stay = gauss_newton_step_printed(solution, source, target, PIVOT)
@@ -160,13 +158,13 @@ def test_printed_constraint_holds_at_45_degrees_alone() -> None:
 def test_line_direction_by_singular_vectors() -> None:
     rng = np.random.default_rng(4)
     points = rng.normal(size=(30, 2)) * (5, 0.5) @ [[0.8, 0.6], [-0.6, 0.8]] + (100, 50)
-    direction = two_line_rotation([[0, 0], [1, 0]], points)
+    direction = rotation([[0, 0], [1, 0]], points)
     axis = np.linalg.svd(points - points.mean(axis=0))[2][0]
     assert abs(np.cos(direction) * axis[1] - np.sin(direction) * axis[0]) < 1e-12
 
 
 def test_line_direction_may_be_vertical() -> None:
-    direction = two_line_rotation([[0, 0], [1, 0]], [[3, 0], [3, 1], [3, 5]])
+    direction = rotation([[0, 0], [1, 0]], [[3, 0], [3, 1], [3, 5]])
     assert abs(direction) == pytest.approx(np.pi / 2)
 
 
@@ -191,8 +189,8 @@ def test_one_pair_of_lines_serves_many_shifts_and_many_pairs_one_shift() -> None
 def test_two_line_rotation_takes_the_short_way_round() -> None:
     up = [[0, 0], [np.cos(1.5), np.sin(1.5)]]
     beyond = [[0, 0], [np.cos(1.7), np.sin(1.7)]]
-    assert two_line_rotation(up, beyond) == pytest.approx(0.2)
-    assert two_line_rotation(beyond, up) == pytest.approx(-0.2)
+    assert rotation(up, beyond) == pytest.approx(0.2)
+    assert rotation(beyond, up) == pytest.approx(-0.2)
 
 
 def test_random_restarts_all_end_at_the_closed_form() -> None:
@@ -205,24 +203,16 @@ def test_random_restarts_all_end_at_the_closed_form() -> None:
     np.testing.assert_allclose(ends, np.broadcast_to(closed.parameters, (20, 3, 4)), atol=1e-9)
 
 
-def test_too_few_steps_are_reported() -> None:
-    source, target = spots()
-    with pytest.raises(ConvergenceError, match="1 of 1"):
-        calibrate(source, target, PIVOT, START, Stopping(steps=1))
-
-
 def test_a_start_at_scale_zero_is_reported() -> None:
     source, target = spots()
-    with pytest.raises(DegenerateGeometryError, match="singular"):
+    with pytest.raises(DegenerateGeometryError, match="fix every parameter"):
         gauss_newton_step((0, 0, 0, 0), source, target, PIVOT)
-    with pytest.raises(ConvergenceError):
+    with pytest.raises(DegenerateGeometryError, match="fix every parameter"):
         calibrate(source, target, PIVOT, (0, 0, 0, 0))
 
 
-def test_a_cluster_far_from_the_pivot_is_refused() -> None:
+def test_a_cluster_far_from_the_pivot_is_fitted() -> None:
     source = np.random.default_rng(6).uniform(0, 1, (5, 2))
-    with pytest.raises(DegenerateGeometryError, match="fit_registration"):
-        calibrate(source, source, (1e5, 0), START)
     far = fit_registration(source, source, (1e5, 0))
     np.testing.assert_allclose(far.parameters, START, atol=1e-9)
 

@@ -59,7 +59,7 @@ def test_a_star_ten_deviations_off_is_found(count):
         source, target, generator = stars(seed, count)
         turn = generator.uniform(0, 2 * np.pi)
         target[3] += 0.6 * np.array([np.cos(turn), np.sin(turn)])
-        found += diagnosis.wrong_matches(source, target, PIVOT)[3] > 0
+        found += diagnosis._wrong_matches(source, target, PIVOT)[3] > 0
     assert found >= {8: 30, 20: 49, 100: 50}[count]
 
 

@@ -53,12 +53,9 @@ from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,
     Light,
-    bound,
     centre_of_gravity_error,
-    even_phases,
-    observed_scatter,
+    least_variance,
     predicted_errors,
-    predicted_scatter,
     simulated_errors,
     window_corners,
 )
@@ -249,7 +246,9 @@ def light_for_table(given: Given, case: _Case = LITERAL) -> Light:
 
 def _setting(given: Given, case: _Case = LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return the phases, the light, the radii of the spot at all resolutions, and the window."""
-    radius, phases = radii(given, resolutions(given), case), even_phases(given.count(PHASES))
+    radius = radii(given, resolutions(given), case)
+    # The middles of so many equal parts of one pixel.
+    phases = (np.arange(given.count(PHASES)) + 0.5) / given.count(PHASES) - 0.5
     return phases, light_for_table(given, case), radius, round(given[_WINDOW])
 
 
@@ -295,7 +294,7 @@ def monte_carlo(given: Given) -> FloatArray:
     streams = spawned_streams(seed_of("chen2023/fig-11a", given.root), len(radius))
     pairs = zip(radius, streams, strict=True)
     errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
-    return np.array([observed_scatter(drawn).total for drawn in errors])
+    return np.array([drawn.std() for drawn in errors])
 
 
 @cache
@@ -306,14 +305,14 @@ def curves(door: Given) -> dict[str, FloatArray]:
     without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
     """
     study = _setting(door)
-    law = predicted_scatter(predicted_errors(*study))
+    law = predicted_errors(*study)
     return {
         "angles": resolutions(door),
         "simulated": monte_carlo(door),
         "predicted": law.total,
         "within": law.within,
-        "bias": law.bias,
-        "bound": bound(*study),
+        "bias": np.sqrt((law.bias**2).mean(axis=-1)),
+        "bound": np.sqrt(least_variance(*study).mean(axis=-1)),
     }
 
 
@@ -372,7 +371,7 @@ def readings(given: Given) -> list[tuple[str, float, float, float]]:
         cases[f"read noise is {share:.0%} of variance"] = replace(LITERAL, read_share=share)
     for factor in (0.5, 2.0):
         cases[f"{factor:g} times the light"] = replace(LITERAL, brighter=factor)
-    laws = {n: predicted_scatter(predicted_errors(*_setting(given, c))) for n, c in cases.items()}
+    laws = {n: predicted_errors(*_setting(given, c)) for n, c in cases.items()}
     found = {name: law.total for name, law in laws.items()}
     found["scatter without bias"] = laws[LITERAL.name].within
     rows = []

@@ -10,7 +10,7 @@ does not print; the stand-ins are ours:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from itertools import product
 
@@ -27,7 +27,6 @@ from reproduce.physics.registration import (
     error_field,
     even_positions,
     fit_registration,
-    second_term_from_share,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
@@ -75,18 +74,20 @@ def parameter_count(given: Given) -> Results:
     return {"parameters": float(registered * per_channel)}
 
 
-def half_size(door: Given) -> FloatArray:
+def _half_size(door: Given) -> FloatArray:
     """Return half the sides of the detector, shape (2,), in metres."""
     return door.array(f"{OPTICS}#pixels-?") * door[f"{OPTICS}#pixel-pitch-x"] / 2
 
 
-def channels(door: Given, table: str, channel: str) -> Channels:
+def _channels(door: Given, table: str, channel: str) -> Channels:
     """Return a channel beside green, with the printed parameters and our stand-ins."""
     place = simulation.CHANNELS.index(channel)
     cameras: list[Camera] = _TABLES[table].cameras(door)
     source, green, rotation = cameras[place], cameras[0], _TABLES[table].rotations(door)[place]
-    corner, lean = np.hypot(*half_size(door)), float(np.tan(abs(rotation)))
-    second = [second_term_from_share(one, door[_SHARE], corner) for one in (source, green)]
+    corner, lean = np.hypot(*_half_size(door)), float(np.tan(abs(rotation)))
+    # What leaves the first term its share at the corner.
+    left = (1 / door[_SHARE] - 1) / corner**2
+    second = [round(float(one.radial_distortion) * left, 12) for one in (source, green)]
     x, y = (green.principal_point - source.principal_point).tolist()
     return Channels(source, green, rotation, (x, y), (lean, lean), (second[0], second[1]))
 
@@ -98,10 +99,10 @@ def costs(door: Given, across: int = 200) -> dict[tuple[str, str, str], FloatArr
     Largest length of the error over the detector, its root mean square, and the root mean square of
     what a fit of the four parameters leaves of it: shape (3,), in px.
     """
-    positions = even_positions(half_size(door), across)
+    positions = even_positions(_half_size(door), across)
     found = {}
     for table, channel, effect in product(_TABLES, REGISTERED, EFFECTS):
-        error = isolated(error_field, channels(door, table, channel), effect, positions)
+        error = _isolated(_channels(door, table, channel), effect, positions)
         # The same projection that a fit makes: onto scale, rotation and shift of the positions.
         left = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0)).residuals
         squares = [np.square(one).sum(axis=-1) for one in (error, left)]
@@ -110,15 +111,12 @@ def costs(door: Given, across: int = 200) -> dict[tuple[str, str, str], FloatArr
     return found
 
 
-def isolated(
-    measured: Callable[[Channels, FloatArray], FloatArray],
-    whole: Channels,
-    effect: str,
-    positions: FloatArray,
-) -> FloatArray:
-    """Return what is measured of one effect alone."""
-    found = measured(whole.only(effect), positions)
-    return found - measured(whole.only("cube"), positions) if effect == "coefficients" else found
+def _isolated(whole: Channels, effect: str, positions: FloatArray) -> FloatArray:
+    """Return the error field of one effect alone."""
+    found = error_field(whole.only(effect), positions)
+    if effect == "coefficients":
+        return found - error_field(whole.only("cube"), positions)
+    return found
 
 
 def _facts(door: Given) -> dict[str, Fact]:

@@ -195,7 +195,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
     pairs = zip(made, noise, strict=True)
     first = corner + _MARGIN
-    return np.array([fitted_centre(i, first, RADIUS, read_noise=n).centre for i, n in pairs])
+    return np.array([fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs])
 
 
 def stored() -> studies.Study:

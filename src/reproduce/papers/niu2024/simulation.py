@@ -59,10 +59,8 @@ from reproduce.physics.optics import (
 )
 from reproduce.physics.registration import (
     Registration,
-    calibrate,
     fit_registration,
     rmse_per_axis,
-    starting_values,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -196,9 +194,8 @@ def calibrations(
 ) -> dict[str, Registration]:
     """Simulate and calibrate both channels in every replicate.
 
-    Where an arrangement has no zero position, which the starting values of section 3.2 need, it is
-    measured beside the calibration points, and the fit is the closed form: that is where the
-    iteration ends.
+    The fit is the closed form: that is where the iteration of section 3.2 ends. A zero position
+    that is not in an arrangement is measured beside the calibration points.
 
     Channel to its calibrated transforms, shape (replicates,).
     """
@@ -213,12 +210,8 @@ def calibrations(
     green = spots[:, 0]
     found = {}
     for position, channel in enumerate(REGISTERED, start=1):
-        source, pivot = spots[:, position], pivots[:, position]
-        if at_zero.size:
-            start = starting_values(source[:, still], green[:, still], pivot, pivots[:, 0])
-            found[channel] = calibrate(source, green, pivot, start).transform
-        else:
-            found[channel] = fit_registration(source, green, pivot).transform
+        fit = fit_registration(spots[:, position], green, pivots[:, position])
+        found[channel] = fit.transform
     return found
 
 

@@ -1,13 +1,14 @@
-"""Finding spots in a frame, and their centres in windows, for a whole batch at once.
+"""Finding spots in a frame, and their centres of gravity in windows, for a whole batch at once.
 
 Positions are in px, x before y, the centre of the first pixel at (0, 0). Windows are arrays
 [..., y, x], rows from the first upwards; `corners` holds x and y of the first pixel of each.
-Windows are in any linear unit of light, after the background has been taken away. Estimators that
-fit the shape of the spot are in `spots`.
+Windows are in any linear unit of light, after the background has been taken away. The estimator
+that fits the shape of the spot is in `spots`.
 
 Below them stands what the error should be: closed forms for the centre of gravity, and the bound.
 There light is in electrons, and the radius of a spot is the standard deviation of its Gaussian, in
-px. Leading axes are a batch.
+px. Leading axes are a batch. Last stands a spot that may lie anywhere within a pixel: it moves
+along x, its y at the middle of a row of pixels, in a window of `size` pixels around that pixel.
 """
 
 from __future__ import annotations
@@ -15,34 +16,34 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import label, maximum_filter
+from numpy.random import Generator
+from numpy.typing import ArrayLike
+from scipy.ndimage import center_of_mass, label, maximum_filter
 
-from reproduce.physics.images.spots import IntArray, _gradient, _windows
+from reproduce.physics.images.spots import IntArray, _gradient, _shares, spot_windows
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
     Image,
     NonNegative,
-    Number,
     Point,
     Positive,
     checked,
     finite_array,
-    kernel,
+    positive,
     whole_number,
 )
 
-# Steps after which every spot of sensible brightness has come to rest.
-_STEPS = 30
+# Least distance between two spots along x or y, in px.
+_SEPARATION = 5
 
 
-def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> IntArray:
+def detect_spots(frame: ArrayLike, threshold: float) -> IntArray:
     """Return the brightest pixel of every spot in a frame.
 
-    A spot is a pixel that no other one within `separation` outshines. Touching pixels that are
-    equally bright, as in a saturated star, are one spot together, however large: the pixel nearest
-    to their middle stands for it.
+    A spot is a pixel that no other one less than five pixels away along x or y outshines. Touching
+    pixels that are equally bright, as in a saturated star, are one spot together, however large:
+    the pixel in their middle stands for it.
 
     Parameters
     ----------
@@ -50,8 +51,6 @@ def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> Int
         Light or digital numbers.
     threshold : float
         What a pixel must exceed.
-    separation : int
-        Least distance between two spots along x or y, in px; with 1 every pixel is a spot.
 
     Returns
     -------
@@ -68,80 +67,13 @@ def detect_spots(frame: ArrayLike, threshold: float, separation: int = 5) -> Int
     image = finite_array("frame", frame, shape=(None, None))
     if image.ndim != 2:
         raise ValueError(f"frame: expected one image, got shape {image.shape}; pass them singly")
-    least, reach = finite_array("threshold", threshold), whole_number("separation", separation)
-    if least.ndim:
-        raise ValueError(f"threshold: expected one number, got shape {least.shape}; give one")
-    highest = maximum_filter(image, size=2 * reach - 1, mode="nearest")
-    peaks = (image == highest) & (image > least)
-    # From two pixels on, peaks that touch are equally bright.
-    rows, columns = np.nonzero(peaks) if reach == 1 else _plateaus(peaks)
-    order = np.argsort(-image[rows, columns], kind="stable")
-    # Only equally bright spots can still be too close to each other: the first one stands for both.
-    kept: dict[tuple[int, int], tuple[int, int]] = {}
-    for x, y in zip(columns[order].tolist(), rows[order].tolist(), strict=True):
-        column, row = x // reach, y // reach
-        near = (kept.get((column + i, row + j)) for i in (-1, 0, 1) for j in (-1, 0, 1))
-        if all(max(abs(x - at[0]), abs(y - at[1])) >= reach for at in near if at):
-            kept[column, row] = (x, y)
-    return np.array(list(kept.values()), dtype=np.int64).reshape(-1, 2)
-
-
-def _plateaus(peaks: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
-    """Return row and column of the pixel in the middle of each group of touching peaks."""
+    highest = maximum_filter(image, size=2 * _SEPARATION - 1, mode="nearest")
+    peaks = (image == highest) & (image > finite_array("threshold", threshold))
     labels, count = label(peaks, structure=np.ones((3, 3)))
-    rows, columns = np.nonzero(peaks)
-    group = labels[rows, columns] - 1
-    size = np.bincount(group, minlength=count)
-    middle = [np.bincount(group, weights=axis, minlength=count) / size for axis in (rows, columns)]
-    off = (rows - middle[0][group]) ** 2 + (columns - middle[1][group]) ** 2
-    # Sorted by group, then by distance: the first of each group is the one in its middle.
-    order = np.lexsort((off, group))
-    first = order[np.searchsorted(group[order], np.arange(count))]
-    first.sort()
-    return rows[first], columns[first]
-
-
-def cut_windows(frames: ArrayLike, corners: ArrayLike, size: int | tuple[int, int]) -> FloatArray:
-    """Return the windows of a frame, or of many frames, that begin at the given pixels.
-
-    Parameters
-    ----------
-    frames : array_like, shape (..., height, width)
-        Images.
-    corners : array_like of int, shape (n, 2)
-        x and y of the first pixel of each window; the same for all frames.
-    size : int or (int, int)
-        Width of a window, or width and height, in px.
-
-    Returns
-    -------
-    ndarray, shape (..., n, height, width)
-        The windows.
-
-    Raises
-    ------
-    ValueError
-        If a window reaches over the edge of the frame.
-
-    Examples
-    --------
-    >>> cut_windows(np.arange(12.0).reshape(3, 4), [[1, 0]], 2)
-    array([[[1., 2.],
-            [5., 6.]]])
-    """
-    images = finite_array("frames", frames, shape=(None, None))
-    first = finite_array("corners", corners, shape=(2,)).astype(np.int64).reshape(-1, 2)
-    columns, rows = size if isinstance(size, tuple) else (size, size)
-    height, width = images.shape[-2:]
-    last = first + np.array([columns, rows])
-    if (first < 0).any() or (last > np.array([width, height])).any():
-        raise ValueError(
-            f"corners: expected windows inside the frame of {width} x {height} px, got one that "
-            "reaches over its edge; drop the spots next to the edge"
-        )
-    y = (first[:, 1, np.newaxis] + np.arange(rows))[:, :, np.newaxis]
-    x = (first[:, 0, np.newaxis] + np.arange(columns))[:, np.newaxis, :]
-    return images[..., y, x]
+    middles = center_of_mass(peaks, labels, range(1, count + 1))
+    found = np.ceil(np.reshape(middles, (-1, 2)) - 0.5).astype(np.int64)
+    order = np.argsort(-image[tuple(found.T)], kind="stable")
+    return found[order, ::-1]
 
 
 @checked
@@ -185,51 +117,6 @@ def _centre_of_gravity(light: FloatArray) -> FloatArray:
     return (moments[:, 1:] / moments[:, :1]).reshape(*light.shape[:-2], 2)
 
 
-@checked
-def windowed_centre(
-    windows: Image, corners: Point, radius: Positive, steps: int = _STEPS
-) -> FloatArray:
-    """Return the centre of gravity under a Gaussian weight that follows the spot.
-
-    The weight has the spot's own radius, so each step doubles the weighted offset: the product of
-    two equal Gaussians lies halfway between them. Far pixels, which hold noise and no light, lose
-    their weight. Other arguments and errors are those of `centre_of_gravity`.
-
-    Parameters
-    ----------
-    radius : array_like, shape (...)
-        Standard deviation of the weight, in px.
-    steps : int
-        How many steps from the plain centre of gravity.
-
-    Returns
-    -------
-    ndarray, shape (..., 2), in px
-
-    Examples
-    --------
-    >>> even = np.ones((3, 3)) + np.eye(3)[1] * np.eye(3)[1][:, None]
-    >>> windowed_centre(even, (0, 0), 0.6)
-    array([1., 1.])
-    """
-    # Those that run out of their window are put back on its edge.
-    edge = np.array([windows.shape[-1], windows.shape[-2]]) - 0.5
-    centre = _centre_of_gravity(windows)
-    y, x = np.arange(windows.shape[-2]), np.arange(windows.shape[-1])
-    scale = radius[..., np.newaxis]
-    for _ in range(whole_number("steps", steps)):
-        across, down = x - centre[..., :1], y - centre[..., 1:]
-        right = np.exp(-0.5 * (across / scale) ** 2)
-        up = np.exp(-0.5 * (down / scale) ** 2)
-        weighted = windows * right[..., np.newaxis, :] * up[..., :, np.newaxis]
-        total = weighted.sum(axis=(-2, -1))
-        _refuse_dark(total)
-        offset_x = (weighted.sum(axis=-2) * across).sum(axis=-1) / total
-        offset_y = (weighted.sum(axis=-1) * down).sum(axis=-1) / total
-        centre = np.clip(centre + 2.0 * np.stack([offset_x, offset_y], axis=-1), -0.5, edge)
-    return centre + corners
-
-
 def _refuse_dark(total: FloatArray) -> None:
     dark = total <= 0
     if dark.any():
@@ -239,38 +126,6 @@ def _refuse_dark(total: FloatArray) -> None:
             f"windows: expected light in every window, got {len(places)} of {dark.size} with none "
             f"in sum{named}; take less background away, or drop these windows"
         )
-
-
-@checked
-def s_curve_bias(phase: Number, radius: Positive, terms: int = 20) -> FloatArray:
-    """Return the error of the centre of gravity that comes from pixels alone.
-
-    The centre of gravity of an endless row of pixels is the mean of the light's positions, each
-    rounded to its pixel. What rounding takes away is a saw-tooth; a Gaussian damps its harmonics.
-
-    Parameters
-    ----------
-    phase, radius : array_like, in px
-        Position relative to the centre of a pixel, and standard deviation of the spot.
-    terms : int
-        Harmonics of the series.
-
-    Returns
-    -------
-    ndarray
-        Found less true position, in px.
-
-    Examples
-    --------
-    A spot that is wide against a pixel has none; a narrow one is drawn to the pixel's centre.
-
-    >>> s_curve_bias(0.25, [2.0, 0.2]).round(3)
-    array([-0.   , -0.144])
-    """
-    order = np.arange(1, whole_number("terms", terms) + 1)
-    damping = np.exp(-2.0 * (np.pi * order * radius[..., np.newaxis]) ** 2)
-    waves = np.sin(2.0 * np.pi * order * phase[..., np.newaxis])
-    return np.asarray(((-1.0) ** order / (np.pi * order) * damping * waves).sum(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,9 +147,14 @@ class CentroidError:
     slope: FloatArray
 
     @property
-    def mean_square(self) -> FloatArray:
-        """Bias squared plus variance, in px squared."""
-        return self.bias**2 + self.variance
+    def within(self) -> FloatArray:
+        """Root mean square of the scatter at each place of the last axis: bias does not count."""
+        return np.asarray(np.sqrt(self.variance.mean(axis=-1)))
+
+    @property
+    def total(self) -> FloatArray:
+        """Standard deviation of the errors at all places of the last axis together: bias counts."""
+        return np.asarray(np.sqrt(self.variance.mean(axis=-1) + self.bias.var(axis=-1)))
 
 
 @checked
@@ -342,7 +202,7 @@ def centre_of_gravity_error(
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    windows = _windows(positions, light, radius, corners, size)
+    windows = spot_windows(positions, light, radius, corners, size)
     centre = _centre_of_gravity(windows) + corners
     total = windows.sum(axis=(-2, -1))[..., np.newaxis]
     # Offsets of columns and rows from the centre of gravity, x before y.
@@ -357,9 +217,6 @@ def centre_of_gravity_error(
     moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
     slope = (offsets * moved).sum(axis=-1) / total
     return CentroidError(centre + push - positions, variance, slope)
-
-
-_error = kernel(centre_of_gravity_error)
 
 
 @checked
@@ -401,16 +258,138 @@ def cramer_rao_variance(
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
 
-_least_variance = kernel(cramer_rao_variance)
-
-
 def _state(
     points: FloatArray, flux: FloatArray, width: FloatArray, first: FloatArray, *others: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return x, y in the window and light as rows, (..., 3), and the radius of each."""
-    shapes = (array.shape for array in (flux, width, *others))
-    batch = np.broadcast_shapes(points.shape[:-1], first.shape[:-1], *shapes)
-    state = np.empty((*batch, 3))
-    state[..., :2] = points - first
-    state[..., 2] = flux
-    return state, np.broadcast_to(width, batch)
+    places = np.moveaxis(points - first, -1, 0)
+    columns = np.broadcast_arrays(*places, flux, width, *others)
+    return np.stack(columns[:3], axis=-1), columns[3]
+
+
+@dataclass(frozen=True)
+class Light:
+    """What the noise of a spot depends on.
+
+    Attributes
+    ----------
+    signal : float
+        Light of the whole spot, in electrons.
+    read_noise : float
+        Noise of a pixel without light, in electrons.
+    """
+
+    signal: float
+    read_noise: float = 0.0
+
+
+def simulated_errors(
+    phases: ArrayLike,
+    light: Light,
+    radius: float,
+    size: int,
+    trials: int,
+    generator: Generator,
+) -> FloatArray:
+    """Return the errors of simulated centroids along x.
+
+    The centre of gravity along x needs only the sums of the window's columns. A sum of independent
+    Poisson numbers is a Poisson number, and a sum of normal ones is normal: so each column is
+    drawn as one number. That is the same law as drawing every pixel, with fewer draws.
+
+    Parameters
+    ----------
+    phases : array_like, shape (n,)
+        Positions of the spot relative to the middle of the window, in px.
+    light : Light
+    radius : float, in px
+    size : int
+        Width and height of the window, in px; odd.
+    trials : int
+        How often each phase is seen.
+    generator : numpy.random.Generator
+        Draws the noise.
+
+    Returns
+    -------
+    ndarray, shape (trials, n)
+        Found less true position, in px.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If noise leaves a window without light.
+
+    Examples
+    --------
+    >>> simulated_errors([0.0], Light(1e12), 0.5, 5, 2, np.random.default_rng(1)).round(4).shape
+    (2, 1)
+    """
+    offsets = finite_array("phases", phases, shape=(None,))
+    width, first = positive("radius", radius), np.array(-(whole_number("size", size) // 2))
+    columns = light.signal * _shares(offsets, width, first, size)
+    columns = columns * _shares(np.zeros(()), width, first, size).sum()
+    shape = (whole_number("trials", trials), *columns.shape)
+    seen = generator.poisson(columns, size=shape).astype(np.float64)
+    if light.read_noise:
+        noise = generator.standard_normal(shape)
+        noise *= light.read_noise * np.sqrt(size)
+        seen += noise
+    pixel = np.stack([np.ones(size), np.arange(size) + float(first)], axis=-1)
+    moments = seen.reshape(-1, size) @ pixel
+    if (moments[:, 0] <= 0).any():
+        raise DegenerateGeometryError(
+            "light: expected light in every window, got one with none; ask for more signal"
+        )
+    return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets
+
+
+def predicted_errors(
+    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
+) -> CentroidError:
+    """Return the closed-form error of the same centroids.
+
+    Arguments are those of `simulated_errors`, with radii of shape (...).
+
+    Returns
+    -------
+    CentroidError
+        bias, variance and slope along x only, of shape (..., n).
+
+    Examples
+    --------
+    >>> predicted_errors([0.0], Light(1e4), 0.5, 5).bias
+    array([0.])
+    """
+    law = centre_of_gravity_error(*_laid_out(phases, light, radius, size))
+    return CentroidError(law.bias[..., 0], law.variance[..., 0], law.slope[..., 0])
+
+
+def least_variance(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
+    """Return the Cramér-Rao bound of the same centroids, along x, at each phase.
+
+    Arguments are those of `predicted_errors`.
+
+    Returns
+    -------
+    ndarray, shape (..., n), in px squared
+
+    Examples
+    --------
+    Photon noise and pixels much finer than the spot: the radius over the root of the light.
+
+    >>> (least_variance([0.0], Light(1e4), 4.0, 41) ** 0.5).round(3)
+    array([0.04])
+    """
+    return cramer_rao_variance(*_laid_out(phases, light, radius, size))[..., 0]
+
+
+def _laid_out(
+    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray]:
+    """Return positions, light, radii, corner, size and read noise, with the phases last."""
+    offsets = finite_array("phases", phases, shape=(None,))
+    points = np.stack([offsets, np.zeros_like(offsets)], axis=-1)
+    width = positive("radius", radius)[..., np.newaxis]
+    corner = np.full(2, -float(whole_number("size", size) // 2))
+    return points, np.asarray(light.signal), width, corner, size, np.asarray(light.read_noise)

@@ -5,8 +5,8 @@ pixel to both sides of its number. Images and windows are arrays [..., y, x], ro
 upwards. Leading axes are a batch (frames, spots, trials). The radius of a spot is the standard
 deviation of its Gaussian, in px. Light is in photons.
 
-Centres are fitted by the matched filter or maximum likelihood: to windows in electrons, without
-background; `corners` holds x and y of the first pixel of each.
+Centres are fitted by maximum likelihood: to windows in electrons, without background; `corners`
+holds x and y of the first pixel of each.
 """
 
 from __future__ import annotations
@@ -33,17 +33,19 @@ from reproduce.physics.validate import (
 )
 
 IntArray = NDArray[np.int64]
+# How far from its centre a spot is drawn in a frame, in standard deviations.
+_REACH = 6.0
 
 
 @checked
-def window_corners(positions: Point, size: int | tuple[int, int]) -> IntArray:
+def window_corners(positions: Point, size: int) -> IntArray:
     """Return the first pixel of a window around each spot, centred on the pixel that holds it.
 
     Parameters
     ----------
     positions : array_like, shape (..., 2), in px
-    size : int or (int, int)
-        Width of the window, or width and height, in px; odd, so that it has a middle pixel.
+    size : int
+        Width and height of the window, in px; odd, so that it has a middle pixel.
 
     Returns
     -------
@@ -55,15 +57,14 @@ def window_corners(positions: Point, size: int | tuple[int, int]) -> IntArray:
     >>> window_corners([10.4, 7.6], 5)
     array([8, 6])
     """
-    sides = np.array(_sides(size))
-    if (sides % 2 == 0).any():
+    if whole_number("size", size) % 2 == 0:
         raise ValueError(f"size: expected odd, so that a window has a middle, got {size}")
-    return _corners(positions, sides)
+    return _corners(positions, size)
 
 
-def _corners(points: FloatArray, sides: IntArray | int) -> IntArray:
+def _corners(points: FloatArray, size: int) -> IntArray:
     # Half up everywhere, not half to even: neighbouring pixels must be treated alike.
-    return (np.floor(points + 0.5) - sides // 2).astype(np.int64)
+    return (np.floor(points + 0.5) - size // 2).astype(np.int64)
 
 
 @checked
@@ -72,7 +73,7 @@ def spot_windows(
     photons: NonNegative,
     radius: Positive,
     corners: Point,
-    size: int | tuple[int, int],
+    size: int,
 ) -> FloatArray:
     """Return the mean light in a window around each spot.
 
@@ -86,12 +87,12 @@ def spot_windows(
         Standard deviation of the Gaussian, in px.
     corners : array_like, shape (..., 2)
         First pixel of each window, from `window_corners`.
-    size : int or (int, int)
-        Width of the window, or width and height, in px.
+    size : int
+        Width and height of the window, in px.
 
     Returns
     -------
-    ndarray, shape (..., height, width)
+    ndarray, shape (..., size, size)
         Photons per pixel, without noise; see `detector.expose`.
 
     Examples
@@ -101,9 +102,9 @@ def spot_windows(
            [107., 466., 107.],
            [ 25., 107.,  25.]])
     """
-    columns, rows = _sides(size)
-    across = _shares(positions[..., 0], radius, corners[..., 0], columns)
-    down = _shares(positions[..., 1], radius, corners[..., 1], rows)
+    count = whole_number("size", size)
+    across = _shares(positions[..., 0], radius, corners[..., 0], count)
+    down = _shares(positions[..., 1], radius, corners[..., 1], count)
     # A Gaussian is the product of its rows and columns, integrals included.
     scaled = photons[..., np.newaxis] * down
     return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
@@ -116,8 +117,7 @@ def render_frame(
     positions: ArrayLike,
     photons: ArrayLike,
     radius: ArrayLike,
-    size: int | tuple[int, int],
-    reach: float = 6.0,
+    size: tuple[int, int],
 ) -> FloatArray:
     """Return the mean light in a whole frame of spots; spots outside leave only their tails.
 
@@ -126,10 +126,8 @@ def render_frame(
     positions : array_like, shape (n, 2), in px
     photons, radius : array_like, shape () or (n,)
         Light of each spot, and its standard deviation in px.
-    size : int or (int, int)
-        Width of the frame, or width and height, in px.
-    reach : float
-        How far from its centre a spot is drawn, in standard deviations; above zero.
+    size : (int, int)
+        Width and height of the frame, in px.
 
     Returns
     -------
@@ -145,24 +143,19 @@ def render_frame(
     count = len(points)
     light = np.broadcast_to(non_negative("photons", photons), (count,))
     widths = np.broadcast_to(positive("radius", radius), (count,))
-    half = int(np.ceil(float(positive("reach", reach)) * widths.max() + 0.5))
-    columns, rows = _sides(size)
+    half = int(np.ceil(_REACH * widths.max() + 0.5))
+    columns, rows = (whole_number("size", side) for side in size)
     near = (points > -half - 0.5) & (points < np.array([columns, rows]) + half - 0.5)
     kept = near.all(axis=-1)
     padded = np.zeros((rows + 4 * half + 2, columns + 4 * half + 2))
     margin = 2 * half + 1
     corners = _corners(points[kept], margin)
-    windows = _windows(points[kept], light[kept], widths[kept], corners, (margin, margin))
+    windows = _windows(points[kept], light[kept], widths[kept], corners, margin)
     steps = np.arange(margin)
     y = (corners[:, 1, np.newaxis] + steps + margin)[:, :, np.newaxis]
     x = (corners[:, 0, np.newaxis] + steps + margin)[:, np.newaxis, :]
     np.add.at(padded, (y, x), windows)
     return padded[margin : margin + rows, margin : margin + columns]
-
-
-def _sides(size: int | tuple[int, int]) -> tuple[int, int]:
-    columns, rows = size if isinstance(size, tuple) else (size, size)
-    return whole_number("size", columns), whole_number("size", rows)
 
 
 def _gradient(
@@ -205,31 +198,13 @@ def _share_slopes(
     position: FloatArray, radius: FloatArray, first: FloatArray, count: int
 ) -> FloatArray:
     """Return the derivatives of `_shares` by the position, in 1/px."""
-    _, density = _edge_densities(position, radius, first, count)
-    return -np.diff(density, axis=-1)
-
-
-def _share_curvatures(
-    position: FloatArray, radius: FloatArray, first: FloatArray, count: int
-) -> FloatArray:
-    """Return the second derivatives of `_shares` by the position, in 1/px^2."""
-    offset, density = _edge_densities(position, radius, first, count)
-    return -np.diff(density * offset / radius[..., np.newaxis], axis=-1)
-
-
-def _edge_densities(
-    position: FloatArray, radius: FloatArray, first: FloatArray, count: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return where pixel edges lie, in standard deviations, and the Gaussian there, in 1/px."""
     size = radius[..., np.newaxis]
     offset = ((first - position)[..., np.newaxis] + (np.arange(count + 1) - 0.5)) / size
-    return offset, np.exp(-0.5 * offset**2) / (np.sqrt(2 * np.pi) * size)
+    return -np.diff(np.exp(-0.5 * offset**2) / (np.sqrt(2 * np.pi) * size), axis=-1)
 
 
-_WEIGHTINGS = ("likelihood", "uniform")
-_STEPS = 200
-# Steps of scoring; fits that are not at rest by then, as between two spots, go on by Newton's.
-_SCORING = 20
+# Most steps from the brightest pixel; between two spots it takes hundreds.
+_STEPS = 500
 # A movement of the centre, in px, below which a fit has come to rest.
 _AT_REST = 1e-8
 # How far beyond the edge of its last pixel a spot may be centred, in px.
@@ -237,28 +212,6 @@ _BEYOND = 1.0
 # Light below which a pixel's variance is not taken smaller, in electrons squared: a pixel that
 # should be dark must not count without limit.
 _DARKEST = 1e-3
-# Windows fitted at a time, so that what is computed of them stays in the processor's cache.
-_TOGETHER = 2048
-
-
-@dataclass(frozen=True, eq=False)
-class CentreFit:
-    """Fitted centres, and which of the windows have one.
-
-    Attributes
-    ----------
-    centre : ndarray, shape (..., 2)
-        In px; not a number where the fit did not converge.
-    light : ndarray, shape (...)
-        Light of the whole spot, in electrons; not a number where the fit did not converge.
-    converged : ndarray of bool, shape (...)
-        Whether the fit came to rest at an optimum inside the window or less than a pixel beyond
-        its edge. It does not in a window that is dark, flat, or holds a value that is not finite.
-    """
-
-    centre: FloatArray
-    light: FloatArray
-    converged: NDArray[np.bool_]
 
 
 def fitted_centre(
@@ -266,15 +219,12 @@ def fitted_centre(
     corners: ArrayLike,
     radius: ArrayLike,
     read_noise: float = 0.0,
-    weighting: str = "likelihood",
-    steps: int = _STEPS,
-) -> CentreFit:
+) -> FloatArray:
     """Return the centre of the pixel-integrated Gaussian that fits each window best.
 
-    With weighting "likelihood" it is the maximum-likelihood estimate under photon and read noise
-    (the sum is taken as Poisson, shifted by the read noise's variance, which is exact without
-    read noise). With "uniform" it is least squares: the matched filter for noise that is the same
-    in every pixel. Where a window holds several spots, the one of the brightest pixel is fitted.
+    It is the maximum-likelihood estimate under photon and read noise (the sum is taken as Poisson,
+    shifted by the read noise's variance, which is exact without read noise). Where a window holds
+    several spots, the one of the brightest pixel is fitted.
 
     Parameters
     ----------
@@ -286,60 +236,52 @@ def fitted_centre(
         Standard deviation of the spot, in px; known.
     read_noise : float
         Noise of a pixel without light, in electrons.
-    weighting : {"likelihood", "uniform"}
-        How pixels count.
-    steps : int
-        Most steps from the brightest pixel, each damped until it gains.
 
     Returns
     -------
-    CentreFit
+    ndarray, shape (..., 2)
+        In px; not a number where the fit did not come to rest at an optimum inside the window or
+        less than a pixel beyond its edge. It does not in a window that is dark, flat, or holds a
+        value that is not finite.
 
     Examples
     --------
     A spot spread evenly about the pixel (4, 7), and a dark window.
 
     >>> spot = np.array([[0, 1, 0], [1, 6, 1], [0, 1, 0.0]])
-    >>> fit = fitted_centre([spot, 0 * spot], (3, 6), 0.6)
-    >>> fit.converged, fit.centre[0].round(6)
-    (array([ True, False]), array([4., 7.]))
+    >>> fitted_centre([spot, 0 * spot], (3, 6), 0.6).round(6)
+    array([[ 4.,  7.],
+           [nan, nan]])
     """
-    if weighting not in _WEIGHTINGS:
-        raise ValueError(f"weighting: expected one of {_WEIGHTINGS}, got {weighting!r}; choose one")
     light = number_array("windows", windows, shape=(None, None))
     first = finite_array("corners", corners, shape=(2,))
     width = positive("radius", radius)
     batch = common_batch(windows=light.shape[:-2], corners=first.shape[:-1], radius=width.shape)
     variance = float(non_negative("read_noise", read_noise)) ** 2
-    most = whole_number("steps", steps)
     shape = light.shape[-2:]
     flat = np.broadcast_to(light, (*batch, *shape)).reshape(-1, *shape)
     widths = np.broadcast_to(width, batch).reshape(-1)
     state = np.full((len(flat), 3), np.nan)
     usable = np.flatnonzero(np.isfinite(flat).all(axis=(-2, -1)))
-    for begin in range(0, len(usable), _TOGETHER):
-        part = usable[begin : begin + _TOGETHER]
-        fit = _Fit(flat[part], widths[part], variance if weighting == "likelihood" else None)
-        state[part] = fit.optimum(most)
-    found = state.reshape(*batch, 3)
-    return CentreFit(found[..., :2] + first, found[..., 2], np.isfinite(found[..., 2]))
+    state[usable] = _Fit(flat[usable], widths[usable], variance).optimum()
+    return state.reshape(*batch, 3)[..., :2] + first
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Windows (n, height, width), radii (n,), and the variance of a dark pixel, if that counts."""
+    """Windows (n, height, width), radii (n,), and the variance of a dark pixel."""
 
     light: FloatArray
     radius: FloatArray
-    variance: float | None
+    variance: float
 
-    def optimum(self, steps: int) -> FloatArray:
+    def optimum(self) -> FloatArray:
         """Return x, y and light of each spot, (n, 3); not a number where there is no optimum."""
         found = np.full((len(self.light), 3), np.nan)
         index, state = np.arange(len(found)), self.start()
-        cost, score, matrix = self.look(state, newton=False)
+        cost, score, matrix = self.look(state)
         damping = np.full(len(found), 1e-3)
-        for taken in range(steps):
+        for _ in range(_STEPS):
             # Close to the optimum a gain is lost in the last digits of the cost.
             blur = 1e-13 * np.abs(cost)
             rest = (_movement(matrix, score) < _AT_REST) & np.isfinite(cost)
@@ -350,10 +292,8 @@ class _Fit:
             if not len(index):
                 break
             part = _Fit(self.light[index], self.radius[index], self.variance)
-            if taken == _SCORING:
-                _, score, matrix = part.look(state, newton=True)
             trial = state + _step(matrix, score, damping)
-            then, pulled, turned = part.look(trial, newton=taken >= _SCORING)
+            then, pulled, turned = part.look(trial)
             nearer = _movement(turned, pulled) < _movement(matrix, score)
             better = (then < cost - blur) | ((then <= cost + blur) & nearer)
             state[better], cost[better] = trial[better], then[better]
@@ -370,11 +310,10 @@ class _Fit:
         state[:, 2] = (self.light * shape).sum(axis=(-2, -1)) / (shape**2).sum(axis=(-2, -1))
         return state
 
-    def look(self, state: FloatArray, *, newton: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the cost (n,), its fall (n, 3), and the matrix (n, 3, 3) of the next step.
+    def look(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the cost (n,), its fall (n, 3), and the information (n, 3, 3).
 
-        The cost is infinite without light and far off. The matrix is the information, or for
-        Newton's step the second derivatives where these make a bowl.
+        The cost is infinite without light and far off.
         """
         rows, columns = self.light.shape[-2:]
         last = np.array([columns, rows]) - 0.5 + _BEYOND
@@ -382,48 +321,16 @@ class _Fit:
         allowed = inside & (state[:, 2] > 0)
         safe = np.where(allowed[:, np.newaxis], state, 1.0)
         model, slopes = _gradient(safe, self.radius, columns, rows)
-        pull = self.light - model
-        trust = steep = np.ones_like(model)
-        if self.variance is None:
-            each = 0.5 * pull**2
-        else:
-            level, seen = model + self.variance, self.light + self.variance
-            bright = np.maximum(level, _DARKEST)
-            # Below the least variance, the parabola that goes on with the same slope.
-            low = np.minimum(level - _DARKEST, 0.0)
-            each = bright - seen * np.log(bright)
-            each += low * (_DARKEST - seen) / _DARKEST + low**2 / (2 * _DARKEST)
-            trust = 1.0 / bright
-            steep = np.where(low < 0, trust, seen * trust**2)
-        pull = pull * trust
-        score = np.einsum("nkyx,nyx->nk", slopes, pull)
-        matrix = _normal(slopes, trust)
-        if newton:
-            curved = _normal(slopes, steep) - self.bend(safe, pull)
-            bowl = np.linalg.eigvalsh(curved)[:, 0] > 0
-            matrix[bowl] = curved[bowl]
+        level, seen = model + self.variance, self.light + self.variance
+        bright = np.maximum(level, _DARKEST)
+        # Below the least variance, the parabola that goes on with the same slope.
+        low = np.minimum(level - _DARKEST, 0.0)
+        each = bright - seen * np.log(bright)
+        each += low * (_DARKEST - seen) / _DARKEST + low**2 / (2 * _DARKEST)
+        score = np.einsum("nkyx,nyx->nk", slopes, (self.light - model) / bright)
+        flat = slopes.reshape(*slopes.shape[:2], -1)
+        matrix = (flat / bright.reshape(len(flat), 1, -1)) @ flat.mT
         return np.where(allowed, each.sum(axis=(-2, -1)), np.inf), score, matrix
-
-    def bend(self, state: FloatArray, pull: FloatArray) -> FloatArray:
-        """Return the second derivatives of the spots, added up with `pull`, (n, 3, 3)."""
-        x, y = (
-            [form(state[:, axis], self.radius, np.zeros(len(state)), count)
-             for form in (_shares, _share_slopes, _share_curvatures)]
-            for axis, count in ((0, pull.shape[-1]), (1, pull.shape[-2]))
-        )  # fmt: skip
-        # Sums of the pull with the m-th derivative along x and the n-th along y.
-        sums = np.einsum("nyx,jny,inx->ijn", pull, np.stack(y), np.stack(x))
-        light = state[:, 2]
-        zero = np.zeros(len(light))
-        matrix = [[light * sums[2, 0], light * sums[1, 1], sums[1, 0]],
-                  [light * sums[1, 1], light * sums[0, 2], sums[0, 1]],
-                  [sums[1, 0], sums[0, 1], zero]]  # fmt: skip
-        return np.moveaxis(np.array(matrix), -1, 0)
-
-
-def _normal(slopes: FloatArray, weights: FloatArray) -> FloatArray:
-    flat = slopes.reshape(*slopes.shape[:2], -1)
-    return (flat * weights.reshape(len(flat), 1, -1)) @ flat.mT
 
 
 def _step(matrix: FloatArray, score: FloatArray, damping: FloatArray) -> FloatArray:

@@ -3,11 +3,8 @@
 from reproduce.physics.registration.approximations import (
     EFFECTS,
     Channels,
-    analytic_bias,
     error_field,
     even_positions,
-    second_term_from_share,
-    simulated_bias,
 )
 from reproduce.physics.registration.calibration import (
     Calibration,
@@ -18,13 +15,10 @@ from reproduce.physics.registration.calibration import (
     gauss_newton_step,
     gauss_newton_step_printed,
     jacobian,
-    model_points,
     random_starts,
     registration_bound,
     starting_values,
-    two_line_rotation,
 )
-from reproduce.physics.registration.closed_form import paired_points, rmse, rmse_per_axis
 from reproduce.physics.registration.diagnosis import (
     Finding,
     checked_pivot,
@@ -34,13 +28,16 @@ from reproduce.physics.registration.diagnosis import (
     rounded,
 )
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.resample import fused_image, registered_image
 from reproduce.physics.registration.transforms import (
     MODELS,
     UNITS,
     Registration,
     as_complex,
     as_points,
+    paired_points,
     principal_point_shift,
+    registered_image,
+    rmse,
+    rmse_per_axis,
     similarity_between,
 )

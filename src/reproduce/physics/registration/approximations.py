@@ -1,15 +1,12 @@
-"""What each approximation of the four-parameter model costs, in pixels and in its parameters.
+"""What each approximation of the four-parameter model costs, in pixels.
 
 The model lays a source channel over the reference by scale, rotation and shift. Five things are
 left out: that the distortions differ, that k^3 is not k, that the pivot may not be the principal
 point, that a detector may be tilted, and that there is a second radial term. For each there is the
-*error field*, reference point minus modelled point at the true parameters, and the *bias*, what a
-least-squares fit over the field then adds to (k, theta, shift x, shift y).
+*error field*, reference point minus modelled point at the true parameters.
 
 Positions have shape (n, 2), in metres on the source's focal plane, x before y, from the principal
-point; error fields have shape (n, 2), in px of the reference; angles are in radians. The analytic
-biases are those of a detector covered evenly, `half_size` metres to both sides of the principal
-point, and of small effects; `simulated_bias` images exactly and fits.
+point; error fields have shape (n, 2), in px of the reference; angles are in radians.
 """
 
 from __future__ import annotations
@@ -21,7 +18,6 @@ from numpy.typing import ArrayLike
 
 from reproduce.physics.optics import Camera
 from reproduce.physics.optics.camera import _turned
-from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import similarity_between
 from reproduce.physics.validate import FloatArray, Points, checked, positive
 
@@ -117,85 +113,6 @@ def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
     return reference - (truth.scale * turned + pivot - truth.shift)
 
 
-def simulated_bias(channels: Channels, positions: ArrayLike) -> FloatArray:
-    """What a fit to exactly imaged points adds to the true parameters.
-
-    Parameters
-    ----------
-    channels : Channels
-        What is imaged; with a single effect, from `Channels.only`, for one.
-    positions : array_like, shape (n, 2)
-        Ideal positions in the source channel, in metres.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        Fitted minus true (k, theta, shift x, shift y), in rad and px.
-
-    Examples
-    --------
-    A pivot that is off by 10 px, at a scale of 1.1: a tenth of it goes into the shift.
-
-    >>> source = Camera(20e-3, (0, 0), 0, 1e-5)
-    >>> wrong = Channels(source, Camera(22e-3, (0, 0), 0, 1e-5), pivot_error=(10, 0))
-    >>> simulated_bias(wrong, even_positions((1e-3, 1e-3), 9)).round(9) + 0.0
-    array([ 0.,  0., -1.,  0.])
-    """
-    source, reference = _imaged(channels, positions)
-    truth = similarity_between(channels.source, channels.rotation, channels.reference)
-    pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
-    return fit_registration(source, reference, pivot).parameters - truth.parameters
-
-
-def analytic_bias(channels: Channels, effect: str, half_size: ArrayLike) -> FloatArray:
-    """What an effect adds to the fitted parameters, to first order, in closed form.
-
-    A radial error ``c p |p|^2`` is best met by the scale ``c <r^4> / <r^2>``, and leaves the shift
-    alone; a tilt errs with the square of the position and so moves the shift alone.
-
-    Parameters
-    ----------
-    channels : Channels
-        Two channels of one pixel pitch.
-    effect : str
-        One of `EFFECTS`.
-    half_size : array_like, shape (2,)
-        Half the sides of the detector, in metres.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        On (k, theta, shift x, shift y), in rad and px.
-
-    Examples
-    --------
-    The same as from `simulated_bias`.
-
-    >>> source = Camera(20e-3, (0, 0), 0, 1e-5)
-    >>> wrong = Channels(source, Camera(22e-3, (0, 0), 0, 1e-5), pivot_error=(10, 0))
-    >>> analytic_bias(wrong, "pivot", (1e-3, 1e-3)).round(9) + 0.0
-    array([ 0.,  0., -1.,  0.])
-    """
-    alone, k = channels.only(effect), channels.scale
-    sides = positive("half_size", half_size, shape=(2,))
-    source, reference = (float(c.radial_distortion) for c in (alone.source, alone.reference))
-    bias = np.zeros(4)
-    if effect == "coefficients":
-        bias[0] = k**3 * (reference - source) * _moment(sides, 4) / _moment(sides, 2)
-    elif effect == "cube":
-        bias[0] = (k**3 - k) * source * _moment(sides, 4) / _moment(sides, 2)
-    elif effect == "second term":
-        first, second = alone.second_term
-        bias[0] = (k**5 * second - k * first) * _moment(sides, 6) / _moment(sides, 2)
-    elif effect == "tilt":
-        lever = np.asarray(alone.tilt) * sides**2 / 3
-        bias[2:] = k * lever / float(alone.source.focal_length * alone.source.pixel_pitch)
-    else:
-        moved = np.asarray([alone.pivot_error])
-        bias[2:] = (moved - k * _turned(moved, np.asarray(-alone.rotation)))[0]
-    return bias
-
-
 def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
     """Cover a detector evenly with positions.
 
@@ -225,33 +142,6 @@ def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
-def second_term_from_share(camera: Camera, share: float, radius: ArrayLike) -> float:
-    """Return the second radial coefficient that leaves the first term a share of the distortion.
-
-    Parameters
-    ----------
-    camera : Camera
-        Holds the first coefficient.
-    share : float
-        Of the first term in the whole displacement at `radius`, above 0 and at most 1.
-    radius : array_like
-        Where the share holds, in metres from the principal point.
-
-    Returns
-    -------
-    float, in m^-4
-
-    Examples
-    --------
-    >>> second_term_from_share(Camera(1, (0, 0), 9.0, 1), 0.9, 1.0)
-    1.0
-    """
-    if not 0 < share <= 1:
-        raise ValueError(f"share: expected above 0 and at most 1, got {share}; pass a fraction")
-    squared = float(positive("radius", radius)) ** 2
-    return round(float(camera.radial_distortion) * (1 / share - 1) / squared, 12)
-
-
 @checked
 def _imaged(channels: Channels, positions: Points) -> tuple[FloatArray, FloatArray]:
     """Image the same stars in both channels, in px, with tilt and second radial terms."""
@@ -264,16 +154,6 @@ def _imaged(channels: Channels, positions: Points) -> tuple[FloatArray, FloatArr
     turned = _turned(tilted, np.asarray(channels.rotation))
     reference = _displaced(positions * channels.scale, channels.reference, channels.second_term[1])
     return _in_pixels(turned, channels.source), _in_pixels(reference, channels.reference)
-
-
-def _moment(sides: FloatArray, power: int) -> float:
-    """Return the mean of r^power over a rectangle."""
-    a, b = (float(side) ** 2 for side in sides)
-    return {
-        2: (a + b) / 3,
-        4: (a**2 + b**2) / 5 + 2 * a * b / 9,
-        6: (a**3 + b**3) / 7 + a * b * (a + b) / 5,
-    }[power]
 
 
 def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics.registration._least_squares import thinned
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.registration.transforms import MODELS
 from reproduce.physics.validate import (
@@ -28,35 +29,35 @@ from reproduce.physics.validate import (
 )
 
 # Residuals below this share of the coordinates are rounding.
-ROUNDING = 1e-11
+_ROUNDING = 1e-11
 # The chance that a richer model is named where the fitted one is right.
-BETTER = 1e-4
+_BETTER = 1e-4
 # Models that can do all that one does, and more.
-RICHER = {
+_RICHER = {
     "shift": ("rigid", "similarity", "similarity+radial", "affine"),
     "rigid": ("similarity", "similarity+radial", "affine"),
     "similarity": ("similarity+radial", "affine"),
     "similarity+radial": (),
     "affine": (),
 }
-CALLED = {"similarity+radial": "similarity with a radial term"}
+_CALLED = {"similarity+radial": "similarity with a radial term"}
 # Models are compared by so many stars at most: more would tell a gain that no star shows.
-COMPARED = 8_000
+_COMPARED = 8_000
 # Fewer stars tell one wrong match of a robust fit, not two.
-FEW = 8
+_FEW = 8
 # Fewer degrees of freedom of the others tell no star to be wrong.
-LEAST = 4
+_LEAST = 4
 # Stars that span less, in px, are perhaps in another unit, as are those so many times apart.
-SMALL, APART = 50.0, 20.0
+_SMALL, _APART = 50.0, 20.0
 # A pivot further away, in fields, takes the digits of the shift.
-FURTHEST = 100.0
+_FURTHEST = 100.0
 # Stars whose width is a smaller share of their length lie in a line.
-THIN = 1e-3
+_THIN = 1e-3
 # Most decimals that coordinates are looked at for. Rounded stars that the transform moves apart by
-# less than `STILL` of the last one, more than a `TIED` share of them alike, hide their noise in it.
-DECIMALS, STILL, TIED = 9, 0.5, 0.1
+# less than `_STILL` of the last one, more than `_TIED` of them alike, hide their noise in it.
+_DECIMALS, _STILL, _TIED = 9, 0.5, 0.1
 # Fewer stars than this share no digits by more than chance.
-ALIKE = 10
+_ALIKE = 10
 
 Named = Callable[[Sequence[int]], str]
 
@@ -91,8 +92,7 @@ def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -
     True
     """
     largest = max(float(np.abs(one).max()) for one in (source, target, fit.transform.pivot))
-    counts = slice(None) if fit.weights is None else fit.weights > 0
-    return float(np.abs(fit.residuals[counts]).max()) < ROUNDING * largest
+    return float(np.abs(fit.residuals[fit.weights > 0]).max()) < _ROUNDING * largest
 
 
 def checked_pivot(pivot: ArrayLike, points: FloatArray) -> FloatArray:
@@ -121,9 +121,9 @@ def checked_pivot(pivot: ArrayLike, points: FloatArray) -> FloatArray:
     away = float(np.abs(points.mean(axis=0) - pivot).max())
     field = float(np.ptp(points, axis=0).max())
     # Of stars in one place their number is to be told, or that they coincide.
-    if field and not away <= FURTHEST * field:
+    if field and not away <= _FURTHEST * field:
         raise ValueError(
-            f"pivot: expected a point within {FURTHEST:g} fields of the stars, got "
+            f"pivot: expected a point within {_FURTHEST:g} fields of the stars, got "
             f"{pivot[0]:g}, {pivot[1]:g}; give the channel's principal point, in px"
         )
     return pivot
@@ -170,11 +170,13 @@ def diagnose(
     """
     settings = {"model": "similarity", "robust": False, **settings}
     fit = fit or fit_registration(source, target, pivot, **settings)
+    exact = fits_exactly(fit, source, target)
+    told = "" if exact else rounded(np.hstack([source, target]))
     found = [*_units(source, target, fit), *_repeated(source, target, named), *_line(source)]
-    found += _size(fit, source, target)
-    if fits_exactly(fit, source, target) or (told := rounded(np.hstack([source, target]))):
-        if not fits_exactly(fit, source, target):
-            found.append(Finding("rounded", f"{told}: their noise is lost in the rounding"))
+    found += _errors(fit) if fit.errors_known else _size(fit, exact)
+    if told:
+        found.append(Finding("rounded", f"{told}: their noise is lost in the rounding"))
+    if exact or told:
         return found + _dropped(fit, settings, named)
     return found + _misfits(source, target, pivot, named, settings, fit)
 
@@ -194,11 +196,11 @@ def _misfits(
         found.append(Finding("model", better[1]))
     if settings["robust"] and not found:
         return _dropped(fit, settings, named)
-    off = wrong_matches(source, target, pivot, **settings | {"model": model})
+    off = _wrong_matches(source, target, pivot, **settings | {"model": model})
     suspects = np.flatnonzero(off)
     rows = tuple(suspects[np.argsort(-off[suspects])].tolist())
     if rows:
-        of = f" of the {CALLED.get(model, model)}" if found else ""
+        of = f" of the {_CALLED.get(model, model)}" if found else ""
         text = (
             f"{len(rows)} of {len(off)} stars do not fit the others ({named(rows)}; up to "
             f"{off.max():.3g} standard deviations{of} off): wrong matches? a robust fit or "
@@ -220,39 +222,27 @@ def _robustly(
         return None
 
 
-def wrong_matches(
+def _wrong_matches(
     source: FloatArray, target: FloatArray, pivot: ArrayLike, **settings: Any
 ) -> FloatArray:
-    """Return how far each suspect is off, in standard deviations of the others; zero for the rest.
-
-    Parameters
-    ----------
-    source, target, pivot, **settings
-        As in `diagnose`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Examples
-    --------
-    >>> source = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9], [4, 7], [6, 2]])
-    >>> target = source + [[3, 0], [3.1, 0], [3, 0.1], [3, 0], [66, 0], [3, -0.1]]
-    >>> np.flatnonzero(wrong_matches(source, target, np.zeros(2)))
-    array([4])
-    """
+    """Return how many standard deviations of the others each suspect is off, else zero, (n,)."""
     fit = _robustly(source, target, pivot, **settings)
     off = np.zeros(len(source))
     # Of three stars that fit the scatter says next to nothing.
-    if fit is None or fit.weights is None or fit.degrees_of_freedom < LEAST:
+    if fit is None or fit.degrees_of_freedom < _LEAST:
         return off
-    given = settings.get("weights")
-    out = (fit.weights == 0) & (np.asarray(1.0 if given is None else given) > 0)
+    out = _left_out(fit, settings)
     # What the others leave of themselves, known errors or not.
     kept = fit.residuals[fit.weights > 0]
     noise = np.sqrt(np.square(kept).sum() / max(float(fit.degrees_of_freedom), 1.0))
     off[out] = np.hypot(*fit.residuals[out].T) / max(noise, np.finfo(float).tiny)
     return off
+
+
+def _left_out(fit: RegistrationFit, settings: dict[str, Any]) -> NDArray[np.bool_]:
+    """Return which stars a robust fit left out by itself, (n,)."""
+    given = settings.get("weights")
+    return np.asarray((fit.weights == 0) & (np.asarray(1.0 if given is None else given) > 0))
 
 
 def _better_model(
@@ -264,14 +254,14 @@ def _better_model(
     """
     source, target, settings = _thinned(source, target, settings)
     candidates = []
-    for model in RICHER[settings.get("model", "similarity")]:
+    for model in _RICHER[settings.get("model", "similarity")]:
         rich = _robustly(source, target, pivot, **settings | {"model": model})
-        if rich is None or rich.weights is None or rich.degrees_of_freedom <= 0:
+        if rich is None or rich.degrees_of_freedom <= 0:
             continue
         plain = fit_registration(
             source, target, pivot, **settings | {"robust": False, "weights": rich.weights}
         )
-        if _chance(plain, rich) < BETTER:
+        if _chance(plain, rich) < _BETTER:
             # Of several the one that gains most for its parameters (Schwarz, 1978).
             count = 2 * np.count_nonzero(rich.weights)
             cost = count * np.log(rich.chi_square) + len(MODELS[model]) * np.log(count)
@@ -279,11 +269,12 @@ def _better_model(
     if not candidates:
         return None
     _, model, plain, rich = min(candidates, key=lambda one: one[0])
-    before, after = (_rms(fit, rich.weights) for fit in (plain, rich))
-    called = CALLED.get(model, model)
+    kept = rich.weights > 0
+    before, after = (np.sqrt(np.square(fit.residuals[kept]).mean()) for fit in (plain, rich))
+    called = _CALLED.get(model, model)
     cause = "do they turn or change scale" if model in ("rigid", "similarity") else "distortion"
     return model, (
-        f"{called} fits the stars better than {CALLED.get(plain.model, plain.model)} (rms "
+        f"{called} fits the stars better than {_CALLED.get(plain.model, plain.model)} (rms "
         f'{before:.3g} → {after:.3g} px): {cause}? take model="{model}"'
     )
 
@@ -292,18 +283,10 @@ def _thinned(
     source: FloatArray, target: FloatArray, settings: dict[str, Any]
 ) -> tuple[FloatArray, FloatArray, dict[str, Any]]:
     """Return so many stars at most, spread evenly over the rows, and what is said of each."""
-    n = len(source)
-    if n <= COMPARED:
-        return source, target, settings
-    some = np.linspace(0, n - 1, COMPARED).astype(int)
+    some = thinned(len(source), _COMPARED)
     axes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
     own = {k: np.asarray(v)[some] for k, v in settings.items() if axes.get(k) == np.ndim(v)}
     return source[some], target[some], settings | own
-
-
-def _rms(fit: RegistrationFit, weights: FloatArray | None) -> float:
-    kept = fit.residuals if weights is None else fit.residuals[weights > 0]
-    return float(np.sqrt(np.square(kept).mean()))
 
 
 def _chance(plain: RegistrationFit, rich: RegistrationFit) -> float:
@@ -321,16 +304,14 @@ def _chance(plain: RegistrationFit, rich: RegistrationFit) -> float:
 
 def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list[Finding]:
     """Ask after the unit of stars that are small, far from their pivot, or unlike each other."""
-    pivot, columns = fit.transform.pivot, source.T
-    low, high = (np.array([end(one) for one in columns]) for end in (np.min, np.max))
+    pivot, low, high = fit.transform.pivot, source.min(axis=0), source.max(axis=0)
     span, outside = float((high - low).max()), float(np.maximum(low - pivot, pivot - high).max())
     far = f", and the pivot lies {outside:.4g} outside them" if outside > span else ""
     found = []
-    if far or span < SMALL:
+    if far or span < _SMALL:
         found.append(f"the stars span {span:.4g}{far} (are these pixels?)")
-    middle = [float(np.median(np.hypot(*(one - np.median(one, axis=0)).T)))
-              for one in _thinned(source, target, {})[:2]]  # fmt: skip
-    if min(middle) > 0 and max(middle) > APART * min(middle):
+    middle = [np.median(np.hypot(*(one - np.median(one, axis=0)).T)) for one in (source, target)]
+    if min(middle) > 0 and max(middle) > _APART * min(middle):
         found.append(
             f"one image spans {max(middle) / min(middle):.3g} times the other (are both in pixels?)"
         )
@@ -339,22 +320,11 @@ def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list
 
 def _repeated(source: FloatArray, target: FloatArray, named: Named) -> list[Finding]:
     """Name rows that repeat an earlier one, or that share a star of one image with it."""
-    of_source, of_target = _again(source), _again(target)
-    # Who repeats a row repeats both of its stars.
-    some = np.union1d(of_source, of_target)
-    both = np.hstack([source, target])
-    alike = np.flatnonzero(np.isin(source[:, 0], source[some, 0])) if len(some) else some
-    repeats = alike[_again(both[alike])]
-    shared = {"source": of_source, "target": of_target}
+    repeats = _again(np.hstack([source, target]))
     told = [("repeated", repeats, "repeat an earlier one")]
-    told += [
-        (
-            "shared",
-            np.setdiff1d(rows, repeats),
-            f"share the star of the {image} with an earlier one",
-        )
-        for image, rows in shared.items()
-    ]
+    for name, image in (("source", source), ("target", target)):
+        text = f"share the star of the {name} with an earlier one"
+        told.append(("shared", np.setdiff1d(_again(image), repeats), text))
     found = []
     for kind, again, text in told:
         if len(again):
@@ -366,14 +336,8 @@ def _repeated(source: FloatArray, target: FloatArray, named: Named) -> list[Find
 
 def _again(stars: FloatArray) -> NDArray[np.intp]:
     """Return the rows, in order, that repeat an earlier one."""
-    # Rows that are equal have equal sums; only these are compared.
-    sums = sum(column / prime for column, prime in zip(stars.T, (1, 3, 7, 13), strict=False))
-    order = np.argsort(sums)
-    alike = np.flatnonzero(np.diff(np.asarray(sums)[order]) == 0)
-    some = np.unique(order[np.concatenate([alike, alike + 1])])
-    order = some[np.lexsort(stars[some].T)]
-    same = (stars[order[1:]] == stars[order[:-1]]).all(axis=1)
-    return np.sort(order[1:][same])
+    first = np.unique(stars, axis=0, return_index=True)[1]
+    return np.setdiff1d(np.arange(len(stars)), first)
 
 
 def _line(source: FloatArray) -> list[Finding]:
@@ -381,25 +345,22 @@ def _line(source: FloatArray) -> list[Finding]:
     if len(source) < 3:
         return []
     length, width = np.linalg.svd(source - source.mean(axis=0), compute_uv=False)
-    if width > THIN * length:
+    if width > _THIN * length:
         return []
     return [Finding("line", "the stars lie in a line: their mirror image would fit as well")]
 
 
-def _size(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> list[Finding]:
-    """Say what the scatter cannot tell, or that it is not that of the errors given."""
-    if fit.errors_known:
-        return _errors(fit)
+def _size(fit: RegistrationFit, exact: bool) -> list[Finding]:
+    """Say what the scatter cannot tell."""
     if fit.degrees_of_freedom <= 0:
-        text = "no star is to spare, so nothing tells how large the errors are"
-        return [Finding("spare", text)]
-    if fits_exactly(fit, source, target):
-        text = "the stars fit without any error, so no scatter tells its size"
-        return [Finding("exact", text)]
+        return [Finding("spare", "no star is to spare, so nothing tells how large the errors are")]
+    if exact:
+        return [Finding("exact", "the stars fit without any error, so no scatter tells its size")]
     return []
 
 
 def _errors(fit: RegistrationFit) -> list[Finding]:
+    """Say that the scatter is not that of the errors given."""
     freedom = float(fit.degrees_of_freedom)
     ratio = float(fit.chi_square) / max(freedom, 1.0)
     # Beyond four standard deviations of chi-square over its freedom; then by its law.
@@ -407,29 +368,24 @@ def _errors(fit: RegistrationFit) -> list[Finding]:
         return []
     from scipy.special import chdtr, chdtrc
 
-    if min(chdtr(freedom, fit.chi_square), chdtrc(freedom, fit.chi_square)) > BETTER:
+    if min(chdtr(freedom, fit.chi_square), chdtrc(freedom, fit.chi_square)) > _BETTER:
         return []
-    text = (
-        f"the stars scatter {np.sqrt(ratio):.3g} times as much as their given errors; the "
-        "deviations follow these"
-    )
-    return [Finding("errors", text)]
+    text = f"the stars scatter {np.sqrt(ratio):.3g} times as much as their given errors"
+    return [Finding("errors", f"{text}; the deviations follow these")]
 
 
 def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: Named) -> list[Finding]:
     """Name the stars that a robust fit left out."""
-    if not settings["robust"] or fit.weights is None:
+    if not settings["robust"]:
         return []
-    given = settings.get("weights")
-    out = (fit.weights == 0) & (np.asarray(1.0 if given is None else given) > 0)
-    rows = tuple(np.flatnonzero(out).tolist())
+    rows = tuple(np.flatnonzero(_left_out(fit, settings)).tolist())
     found: list[Finding] = []
     if rows:
         text = f"{len(rows)} of {len(fit.weights)} stars count for nothing ({named(rows)})"
         found.append(Finding("dropped", text, rows))
-    if len(fit.weights) < FEW:
-        found.append(Finding("few", f"of {len(fit.weights)} stars a robust fit can tell one to be "
-                             "wrong, not two"))  # fmt: skip
+    if len(fit.weights) < _FEW:
+        text = f"of {len(fit.weights)} stars a robust fit can tell one to be wrong, not two"
+        found.append(Finding("few", text))
     return found
 
 
@@ -452,7 +408,7 @@ def rounded(stars: FloatArray) -> str:
     '20 of 20 stars moved alike to the last digit, 1 px'
     """
     first, second, _ = _thinned(stars[:, :2], stars[:, -2:], {})
-    decimals = None if len(stars) < ALIKE else _decimals(np.hstack([first, second]))
+    decimals = None if len(stars) < _ALIKE else _decimals(np.hstack([first, second]))
     if decimals is None:
         return ""
     digit = 10.0**-decimals
@@ -460,14 +416,14 @@ def rounded(stars: FloatArray) -> str:
     apart = max(abs(scale - 1), abs(theta)) * float(np.ptp(first, axis=0).max())
     moved = ((second - first) / digit).round()
     alike = int(np.unique(moved, axis=0, return_counts=True)[1].max())
-    if apart > STILL * digit or alike <= max(2, TIED * len(first)):
+    if apart > _STILL * digit or alike <= max(2, _TIED * len(first)):
         return ""
     return f"{alike} of {len(first)} stars moved alike to the last digit, {digit:g} px"
 
 
 def _decimals(stars: FloatArray) -> int | None:
     """How many decimals write all coordinates; None where they have more than are looked at."""
-    for decimals in range(DECIMALS):
+    for decimals in range(_DECIMALS):
         with np.errstate(over="ignore"):
             scaled = stars * 10.0**decimals
         if np.allclose(scaled, scaled.round(), rtol=0, atol=1e-6):

@@ -1,4 +1,4 @@
-"""Transforms that lay one image over another: apply, undo, invert, compose.
+"""Transforms that lay one image over another: apply, invert, compose; and how far it is off.
 
 Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
 (0, 0); the leading axes are a batch of transforms. A `Registration` is one of five models about a
@@ -18,13 +18,13 @@ scaling and rotating is then one multiplication.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.optics import Camera
 from reproduce.physics.validate import (
-    DegenerateGeometryError,
     FloatArray,
     Number,
     Point,
@@ -48,7 +48,6 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 # Units of the parameters; scales and matrix elements have none.
 UNITS = {"rotation": "rad", "shift-x": "px", "shift-y": "px", "radial": "px^-2"}
-_NEWTON_STEPS = 50
 
 
 def as_complex(points: FloatArray) -> ComplexArray:
@@ -181,13 +180,6 @@ class Registration:
         start = MODELS[self.model].index("shift-x")
         return self.parameters[..., start : start + 2]
 
-    @property
-    def radial(self) -> FloatArray:
-        """The coefficient c, shape (...), in px^-2; zero for all models but one."""
-        if self.model == "similarity+radial":
-            return self.parameters[..., -1]
-        return np.zeros(self.parameters.shape[:-1])
-
     @checked
     def apply(self, points: Points) -> FloatArray:
         """Lay source points over the target.
@@ -206,40 +198,10 @@ class Registration:
             return as_points(landed + as_complex(self.pivot - self.shift)[..., None])
         if self.model == "similarity+radial":
             squared = np.square(offsets).sum(axis=-1, keepdims=True)
-            offsets = offsets * (1 + self.radial[..., None, None] * squared)
+            offsets = offsets * (1 + self.parameters[..., -1:, None] * squared)
         return offsets @ self.matrix.mT + (self.pivot - self.shift)[..., None, :]
 
     _apply = kernel(apply)
-
-    @checked
-    def undo(self, points: Points) -> FloatArray:
-        """Lay target points over the source.
-
-        Parameters
-        ----------
-        points : array_like, shape (..., n, 2), in the target, in px
-
-        Returns
-        -------
-        ndarray, shape (..., n, 2), in the source, in px
-
-        Raises
-        ------
-        DegenerateGeometryError
-            If the linear part cannot be undone, or a point lies beyond the radius where a negative
-            radial term folds the image over.
-        """
-        determinant = np.linalg.det(self.matrix)
-        if (np.abs(determinant) < 1e-300).any():
-            raise DegenerateGeometryError(
-                "expected a transform that keeps two dimensions, got one of determinant zero; "
-                "it maps many points onto one and cannot be undone"
-            )
-        offsets = points - (self.pivot - self.shift)[..., None, :]
-        straight = offsets @ np.linalg.inv(self.matrix).mT
-        if self.model == "similarity+radial":
-            straight = straight * _shrink(np.hypot(straight[..., 0], straight[..., 1]), self.radial)
-        return straight + self.pivot[..., None, :]
 
     def affine(self) -> tuple[FloatArray, FloatArray]:
         """Write the transform as matrix and translation: matrix @ point + translation.
@@ -266,55 +228,35 @@ class Registration:
         matrix = self.matrix
         return matrix, self.pivot - self.shift - (matrix @ self.pivot[..., None])[..., 0]
 
-    def inverse(self) -> Registration | Chain:
-        """Return the transform from target to source; of a similarity, about the same pivot."""
-        if self.model != "similarity":
-            return Chain(((self, False),))
-        back = 1 / self.factor
-        return _similarity(back, as_points(-back * as_complex(self.shift)), self.pivot)
+    def inverse(self) -> Registration:
+        """Return the transform from target to source, about the same pivot.
 
-    def after(self, first: Registration | Chain) -> Registration | Chain:
-        """Return the composition: apply `first`, then this one.
-
-        Two similarities make a similarity, about the pivot of the first; others stay a chain.
+        Of a similarity a similarity, of others affine; one with a radial term has none.
         """
-        if not (isinstance(first, Registration) and self.model == first.model == "similarity"):
-            return Chain((*_steps(first), (self, True)))
+        if self.model == "similarity":
+            back = 1 / self.factor
+            return _similarity(back, as_points(-back * as_complex(self.shift)), self.pivot)
+        matrix, _ = self.affine()
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+        return _affine(inverse, -(inverse @ self.shift[..., None])[..., 0], self.pivot)
+
+    def after(self, first: Registration) -> Registration:
+        """Return the composition, about the pivot of the first: apply `first`, then this one.
+
+        Two similarities make a similarity, others an affine transform; a radial term is refused.
+        """
         common_batch(registration=self.batch, first=first.batch)
         landed = self._apply(first._apply(first.pivot[..., None, :]))[..., 0, :]
-        return _similarity(self.factor * first.factor, first.pivot - landed, first.pivot)
+        shift = first.pivot - landed
+        if self.model == first.model == "similarity":
+            return _similarity(self.factor * first.factor, shift, first.pivot)
+        return _affine(self.affine()[0] @ first.affine()[0], shift, first.pivot)
 
     def _named(self, name: str) -> FloatArray:
         names = MODELS[self.model]
         if name not in names:
             raise ValueError(f"expected a model with a {name}, got {self.model!r}")
         return self.parameters[..., names.index(name)]
-
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """Registrations one after the other, the first one first, each there or back."""
-
-    steps: tuple[tuple[Registration, bool], ...]
-
-    @checked
-    def apply(self, points: Points) -> FloatArray:
-        """Apply every step in turn to points of shape (..., n, 2), in px."""
-        for step, there in self.steps:
-            points = step.apply(points) if there else step.undo(points)
-        return points
-
-    def inverse(self) -> Chain:
-        """Return the way back."""
-        return Chain(tuple((step, not there) for step, there in reversed(self.steps)))
-
-    def after(self, first: Registration | Chain) -> Chain:
-        """Return the composition: apply `first`, then this one."""
-        return Chain((*_steps(first), *self.steps))
-
-
-def _steps(transform: Registration | Chain) -> tuple[tuple[Registration, bool], ...]:
-    return transform.steps if isinstance(transform, Chain) else ((transform, True),)
 
 
 @checked
@@ -368,8 +310,122 @@ def similarity_between(camera: Camera, rotation: Number, reference: Camera) -> R
         camera.pixel_pitch / reference.pixel_pitch
     )
     shift = camera.principal_point - reference.principal_point
-    columns = np.broadcast_arrays(scale, rotation, shift[..., 0], shift[..., 1])
-    return Registration._unchecked("similarity", np.stack(columns, axis=-1), camera.principal_point)
+    return Registration.similarity(scale, rotation, shift, camera.principal_point)
+
+
+def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
+    """Root mean square distance between two sets of points: one number for both axes.
+
+    Implements: niu2024 (26).
+
+    Arguments and errors are those of `rmse_per_axis`.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In px. Noise of standard deviation s per coordinate in one set gives s * sqrt(2).
+
+    Examples
+    --------
+    >>> float(rmse([[3, 4]], [[0, 0]]))
+    5.0
+    """
+    return np.asarray(np.sqrt(np.square(rmse_per_axis(points, reference)).sum(axis=-1)))
+
+
+@checked
+def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
+    """Root mean square difference between two sets of points, in x and in y.
+
+    Parameters
+    ----------
+    points, reference : array_like, shape (..., n, 2)
+        Transformed points and those they should meet, in px.
+
+    Returns
+    -------
+    ndarray, shape (..., 2), in px
+
+    Examples
+    --------
+    >>> rmse_per_axis([[3, 4], [3, -4]], [[0, 0], [0, 0]])
+    array([3., 4.])
+    """
+    return np.asarray(np.sqrt(np.square(points - reference).mean(axis=-2)))
+
+
+@checked
+def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArray]:
+    """Check two sets of points, (..., n, 2), that belong together row by row.
+
+    Examples
+    --------
+    >>> paired_points([[1, 2]], [[3, 4]])
+    (array([[1., 2.]]), array([[3., 4.]]))
+    """
+    return source, target
+
+
+def registered_image(
+    image: ArrayLike,
+    transform: Registration,
+    *,
+    order: Literal[0, 1, 3] = 3,
+    corner: tuple[int, int] = (0, 0),
+) -> FloatArray:
+    """Return a source image on the pixels of the target.
+
+    The value of a target pixel is read off the source where the transform comes from, between the
+    pixels by splines. It is divided by how much the transform enlarges an area: a spot that is
+    stretched over more pixels keeps its light.
+
+    Parameters
+    ----------
+    image : array_like, shape (height, width)
+        In any unit of light, background taken away: outside the image there is nothing.
+    transform : Registration, or what a fit returns
+        From source to target; a single one, without a radial term.
+    order : int
+        Of the splines: 0 for the nearest pixel, 1 for straight lines, 3 for cubic ones.
+    corner : tuple of int
+        x and y of the image's first pixel, where it is a window of a larger one.
+
+    Returns
+    -------
+    ndarray, shape (height, width)
+        On target pixels that begin at the same corner.
+
+    Raises
+    ------
+    ValueError
+        If the transform is a batch, or has a radial term.
+
+    Examples
+    --------
+    A spot one pixel to the right, brought back by a shift of one.
+
+    >>> image = np.zeros((3, 4))
+    >>> image[1, 2] = 8.0
+    >>> registered_image(image, Registration.similarity(1, 0, (1, 0), (0, 0)), order=1)
+    array([[0., 0., 0., 0.],
+           [0., 8., 0., 0.],
+           [0., 0., 0., 0.]])
+    """
+    from scipy.ndimage import affine_transform  # only now: registering stars needs no SciPy
+
+    light = finite_array("image", image, shape=(None, None))
+    if light.ndim != 2:
+        raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
+    # A fit holds its transform, and so does what the front door returns for a user's stars.
+    transform = getattr(transform, "transform", transform)
+    if transform.batch:
+        raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
+    first = finite_array("corner", corner, shape=(2,))
+    back, origin = transform.inverse().affine()
+    # Source position of target pixel p: back (p + corner) + origin - corner; y before x below.
+    offset = (back @ first + origin - first)[::-1]
+    resampled = affine_transform(light, back[::-1, ::-1], offset, order=order)
+    return np.asarray(resampled / np.abs(np.linalg.det(transform.matrix)))
 
 
 def _parameter_names(model: str) -> tuple[str, ...]:
@@ -392,28 +448,10 @@ def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
     return np.stack(rows, axis=-2)
 
 
-def _shrink(radius: FloatArray, radial: FloatArray) -> FloatArray:
-    """Return r / r' where r' = r (1 + c r^2), solved for r by Newton's method."""
-    c = np.broadcast_to(radial[..., None], radius.shape)
-    # A negative c folds the image at r = 1 / sqrt(-3 c), where r' is two thirds of that.
-    fold = np.where(c < 0, (2 / 3) / np.sqrt(np.maximum(-3 * c, 1e-300)), np.inf)
-    if (radius >= fold).any():
-        raise DegenerateGeometryError(
-            f"points: expected radii below {float(fold.min()):g} px, where the radial term folds "
-            f"the image over, got {float(radius.max()):g}; check the coefficient"
-        )
-    solved = np.minimum(radius, 1.5 * fold * 0.999)
-    for _ in range(_NEWTON_STEPS):
-        step = (solved * (1 + c * solved**2) - radius) / (1 + 3 * c * solved**2)
-        solved = solved - step
-        if (np.abs(step) <= 1e-13 * (1 + radius)).all():
-            break
-    return (1 / (1 + c * solved**2))[..., None]
-
-
 def _similarity(factor: ComplexArray, shift: FloatArray, pivot: FloatArray) -> Registration:
-    # Checking again what has just been computed would cost as much as the arithmetic.
-    columns = np.broadcast_arrays(
-        np.abs(factor), np.arctan2(factor.imag, factor.real), shift[..., 0], shift[..., 1]
-    )
-    return Registration._unchecked("similarity", np.stack(columns, axis=-1), pivot)
+    return Registration.similarity(np.abs(factor), np.angle(factor), shift, pivot)
+
+
+def _affine(matrix: FloatArray, shift: FloatArray, pivot: FloatArray) -> Registration:
+    flat = np.broadcast_to(matrix.reshape(*matrix.shape[:-2], 4), (*shift.shape[:-1], 4))
+    return Registration("affine", np.concatenate([flat, shift], axis=-1), pivot)
