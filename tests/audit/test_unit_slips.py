@@ -2,9 +2,9 @@
 
 import pint
 import pytest
+from made_up import printed_cell
 
-from reproduce.audit.rounding import printed_cell
-from reproduce.audit.slips import of_cell
+from reproduce.audit.corrections import of_cell
 from reproduce.printed.units import UNITS
 
 

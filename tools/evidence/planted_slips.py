@@ -21,11 +21,10 @@ import numpy as np
 import pandas as pd
 
 import reproduce
-from reproduce.audit.examine import contradicted
-from reproduce.audit.relation import Relation
+from reproduce.audit.corrections import of_digits, readable
+from reproduce.audit.examine import contradicted, reprinted
+from reproduce.audit.relation import Relation, Sheet
 from reproduce.audit.report import audit_paper
-from reproduce.audit.rounding import Sheet, reprinted
-from reproduce.audit.slips import of_digits, readable
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import judge_result
 from reproduce.judge.propagate import result_intervals

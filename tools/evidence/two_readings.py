@@ -18,9 +18,8 @@ from collections.abc import Iterable
 import pandas as pd
 
 import reproduce
-from reproduce.audit.errata import register
 from reproduce.audit.relation import Relation
-from reproduce.audit.report import audit_paper
+from reproduce.audit.report import audit_paper, register
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
 from reproduce.store import studies
