@@ -12,6 +12,17 @@ from reproduce.audit.report import audit
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import PrintedNumber
 
+# What pint calls a unit where it is not what the data files do.
+PINT = {
+    "count": "",
+    "1": "",
+    "mag": "",
+    "um": "micrometer",
+    "mm^-2": "millimeter**-2",
+    "Hz": "hertz",
+}
+PINT |= {"deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
+
 
 def printed_cell(address, text, unit="1", qualifier=None):
     """Make a cell from what stands on paper."""

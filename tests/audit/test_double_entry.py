@@ -18,7 +18,7 @@ from reproduce.audit.intervals import enclosure, printed_intervals
 from reproduce.audit.relation import relations_of
 from reproduce.audit.report import audit_paper, paper_sheet
 from reproduce.judge.ledger import build
-from reproduce.judge.propagate import numbers, result_intervals
+from reproduce.judge.verdicts import numbers, result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import reproduces
 from reproduce.printed.cells import PAPERS

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pint
 import pytest
-from made_up import audited_table, declared, printed_cell
+from made_up import PINT, audited_table, declared, printed_cell
 
 from reproduce.audit.examine import by_value, contradicted, reprinted
 from reproduce.audit.intervals import printed_intervals, propagate
@@ -320,7 +320,7 @@ def dimensions(relation, units):
     registry = pint.application_registry
 
     def one(unit):
-        return registry.Quantity(np.float64(1.0), UNITS[unit][0])
+        return registry.Quantity(np.float64(1.0), PINT.get(unit, unit))
 
     known = {"abs": abs, "min": min, "max": max, "sqrt": np.sqrt}
     known |= {"sin": np.sin, "tan": np.tan, "atan": np.arctan}

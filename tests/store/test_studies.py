@@ -1,7 +1,6 @@
 """Stored studies: what is written is read, and what was changed is refused."""
 
 from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +8,6 @@ import pytest
 
 import recompute as slow
 from reproduce.inference import Store, run_parts
-from reproduce.judge.studies import SLOW
 from reproduce.store import studies
 
 NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
@@ -74,8 +72,8 @@ def test_a_table_changed_by_hand_is_refused(tmp_path):
 
 
 def test_every_study_of_the_project_is_whole():
-    assert SLOW
-    for name in SLOW:
+    assert slow.SLOW
+    for name in slow.SLOW:
         found = studies.read(name)
         assert found.arrays
         assert found.note["command"] == f"python tools/evidence/recompute.py {name}"
@@ -95,9 +93,7 @@ def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatc
         parts = run_parts(part, range(3), None, Store(folder, note))
         return {"numbers": np.stack([array for (array,) in parts])}, 3
 
-    made_up = SimpleNamespace(recomputed=recomputed, SEED=7)
-    monkeypatch.setattr(slow, "SLOW", {"small": "made up"})
-    monkeypatch.setattr(slow, "import_module", {"made up": made_up}.get)
+    monkeypatch.setattr(slow, "SLOW", {"small": (recomputed, 7)})
     monkeypatch.setattr(slow.tempfile, "gettempdir", lambda: str(tmp_path))
     with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
         slow.run("small", tmp_path, pool)

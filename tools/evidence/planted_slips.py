@@ -27,7 +27,7 @@ from reproduce.audit.relation import Relation, Sheet
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import judge_result
-from reproduce.judge.propagate import result_intervals
+from reproduce.judge.verdicts import result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Results
 from reproduce.printed.cells import PAPERS, Cell, library

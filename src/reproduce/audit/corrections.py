@@ -29,7 +29,7 @@ from reproduce.audit.intervals import (
 from reproduce.audit.relation import Relation, Sheet
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval
-from reproduce.printed.units import si_factor
+from reproduce.printed.units import ALIKE, si_factor
 
 SlipKind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
 
@@ -46,8 +46,6 @@ COSTS: Mapping[SlipKind, float] = {
     "rows": 2.0,
     "columns": 2.0,
 }
-# Units that a pen confuses. To a computer an angle is a pure number, but not to a pen.
-_ALIKE = (("nm", "um", "mm", "m", "km"), ("deg", "arcsec"), ("ms", "s", "min"))
 DEPTH = 3
 BREADTH = 30
 # In the order of search, a relation still wrong weighs as one digit, a newly broken one half: an
@@ -123,7 +121,7 @@ def of_cell(cell: Cell) -> Iterator[Slip]:
             seen.add(text)
             label = f"{address}: {printed} → {text}"
             yield Slip(kind, label, ((address, reprinted(cell, text)),))
-    for unit in next((alike for alike in _ALIKE if cell.unit in alike), ()):
+    for unit in next((alike for alike in ALIKE if cell.unit in alike), ()):
         if unit != cell.unit:
             label = f"{address}: {cell.unit} → {unit}"
             yield Slip("unit", label, ((address, replace(cell, unit=unit)),))

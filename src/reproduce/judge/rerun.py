@@ -31,14 +31,13 @@ from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
 from reproduce.printed.number import Interval
-from reproduce.printed.units import UNITS, si_factor, symbol
+from reproduce.printed.units import ALIKE, UNITS, si_factor, symbol
 
 Replaced = dict[str, float]
 Made = TypeVar("Made")
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"
 )
-_ANGLES = {"deg", "arcsec"}
 # Relative: far above rounding noise, far below what any printed digit shows.
 _NOISE = 1e-9
 _NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -203,15 +202,8 @@ def _unfit(cell: Cell, wanted: str, value: str | float) -> CannotChangeError:
 
 
 def _same_kind(one: str, other: str) -> bool:
-    if one == other:
-        return True
-    # To pint an angle, a count and a magnitude are pure numbers; no reader means them so.
-    if {one, other} & {"count", "mag"} or (one in _ANGLES) != (other in _ANGLES):
-        return False
-    import pint
-
-    kinds = [pint.application_registry.Quantity(1.0, UNITS[unit][0]) for unit in (one, other)]
-    return bool(kinds[0].is_compatible_with(kinds[1]))
+    kinds = ({one}, {"1", "percent"}, *map(set, ALIKE))
+    return any({one, other} <= kind for kind in kinds)
 
 
 def rerun(

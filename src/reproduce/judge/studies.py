@@ -10,12 +10,6 @@ from reproduce.papers.study import Study
 # The modules of the tables that see printed answers, which no module of a paper may.
 JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")
 
-# The modules whose `recomputed` redoes a slow study, by the name of its files.
-SLOW = {
-    "niu2024-readings": "reproduce.judge.readings",
-    "niu2024-fusion": "reproduce.papers.niu2024.images",
-}
-
 
 @cache
 def studies() -> catalogue.Declared[Study]:

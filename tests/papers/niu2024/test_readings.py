@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
+import recompute
 from reproduce.inference import Store
 from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
@@ -186,7 +187,7 @@ def test_the_stored_moments_are_those_of_a_small_run(stored, drawn):
 
 def test_the_stored_tails_are_those_of_a_small_run(stored, drawn):
     wanted = [LITERAL, place(shifts="Table 2"), place(shifts="Table 2", tests="among the angles")]
-    found = judged.stacked(map(judged.compare, drawn[wanted]))
+    found = recompute.stacked(map(recompute.compare, drawn[wanted]))
     tails = stored.arrays["tails"][wanted]
     error = 2 * np.sqrt(tails / 2 * (1 - tails / 2) / drawn.shape[1]) + 3 / drawn.shape[1]
     assert (np.abs(found["tails"] - tails) < 5 * error).all()

@@ -244,7 +244,7 @@ def summary(draws: FloatArray) -> dict[str, FloatArray]:
 
 
 def stored() -> studies.Study:
-    """Return the stored run: arrays as in `summary`, and as in `judge.readings.COMPARED`."""
+    """Return the stored run: arrays as in `summary`, and those of `tools/evidence/recompute.py`."""
     return studies.read(_STUDY)
 
 
