@@ -21,7 +21,7 @@ PINT = {
     "mm^-2": "millimeter**-2",
     "Hz": "hertz",
 }
-PINT |= {"deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
+PINT |= {"px": "pixel", "deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
 
 
 def printed_cell(address, text, unit="1", qualifier=None):

@@ -111,7 +111,7 @@ PINT = {
     "mm^-2": "millimeter**-2",
     "Hz": "hertz",
 }
-PINT |= {"deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
+PINT |= {"px": "pixel", "deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
 
 
 @pytest.mark.parametrize("unit", UNITS)
