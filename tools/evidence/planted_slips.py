@@ -21,6 +21,7 @@ import numpy as np
 import pandas as pd
 
 import reproduce
+from keep import write_table
 from reproduce.audit.corrections import of_digits, readable
 from reproduce.audit.examine import contradicted, reprinted
 from reproduce.audit.relation import Relation, Sheet
@@ -238,7 +239,7 @@ def main() -> None:
     found = study()
     seconds = round(time.process_time() - start)
     note = {"about": ABOUT, "command": COMMAND, "version": reproduce.__version__, "seed": SEED}
-    studies.write_table(NAME, found, {**note, "processor_seconds": seconds})
+    write_table(NAME, found, {**note, "processor_seconds": seconds})
 
 
 if __name__ == "__main__":

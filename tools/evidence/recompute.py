@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from keep import write
 from reproduce.inference import Store, processes, run_parts
 from reproduce.judge import laws
 from reproduce.judge import readings as judged
@@ -24,7 +25,6 @@ from reproduce.judge.verdicts import judge_prediction
 from reproduce.papers.niu2024 import images, readings
 from reproduce.printed.cells import Cell
 from reproduce.printed.units import si_factor
-from reproduce.store import studies
 from reproduce.version import __version__
 from reproduce.views.computed import fingerprint
 
@@ -104,7 +104,7 @@ def run(name: str, where: Path | None = None, executor: Executor | None = None) 
         "versions": f"Python {platform.python_version()}, NumPy {np.__version__}, {__version__}",
         "processor_seconds": round(_processor_seconds() - begin, 1),
     }
-    studies.write(name, arrays, note, where)
+    write(name, arrays, note, where)
     shutil.rmtree(folder)
 
 
