@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from made_up import TABLES, audited_table, printed_cell
 
-from reproduce.audit.conflicts import conflicts, groups
 from reproduce.audit.corrections import corrections, of_cell, of_digits
-from reproduce.audit.examine import contradicted, examine, reprinted
+from reproduce.audit.examine import conflicts, contradicted, examine, groups, reprinted
 from reproduce.audit.intervals import EVERYTHING, printed_intervals, propagate
 
 

@@ -6,9 +6,8 @@ import math
 import pytest
 from made_up import declared, printed_cell
 
-from reproduce.audit.conflicts import groups
 from reproduce.audit.corrections import Search, corrections, interchanges, of_cell
-from reproduce.audit.examine import contradicted
+from reproduce.audit.examine import contradicted, groups
 from reproduce.audit.report import audit_paper
 
 CHAIN = """

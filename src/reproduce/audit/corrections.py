@@ -54,7 +54,6 @@ _BROKEN = 0.5
 # The search follows everything up to this many slips.
 _COMPLETE = 2
 _SMALLEST = min(COSTS.values())
-Fingerprint = frozenset[tuple[str, str, str]]
 
 
 @dataclass(frozen=True)
@@ -205,7 +204,26 @@ def _two_lines(table: list[Cell], kind: SlipKind) -> Iterator[Interchange]:
 
 
 @dataclass(frozen=True)
-class Correction:
+class State:
+    """A sheet with some slips undone, in their order, and the relations that then contradict."""
+
+    slips: tuple[Slip, ...]
+    cells: Sheet
+    wrong: frozenset[str]
+
+    @property
+    def cost(self) -> float:
+        """The sum of the slips' sizes."""
+        return sum(slip.cost for slip in self.slips)
+
+    def changed(self, cells: Sheet) -> frozenset[Cell]:
+        """Return the cells that print something else, whatever the order of the slips."""
+        moved = {address for slip in self.slips for address in slip.addresses}
+        return frozenset(self.cells[a] for a in moved if self.cells[a] != cells[a])
+
+
+@dataclass(frozen=True)
+class Correction(State):
     """Slips that, undone together, lift a group of contradictions.
 
     `lifted` relations no longer contradict, `broken` ones held as printed and no longer do;
@@ -214,17 +232,11 @@ class Correction:
     far the corrected numbers still lie from their relations, relatively and within rounding.
     """
 
-    slips: tuple[Slip, ...]
     lifted: tuple[str, ...]
     broken: tuple[str, ...]
     unknowns: dict[str, Agreement]
     moved: tuple[str, ...]
     misfit: float
-
-    @property
-    def cost(self) -> float:
-        """The sum of the slips' sizes."""
-        return sum(slip.cost for slip in self.slips)
 
     @property
     def restores_everything(self) -> bool:
@@ -254,25 +266,6 @@ def corrections(
     return sorted(_worth_showing(found), key=rank)
 
 
-@dataclass(frozen=True)
-class State:
-    """A sheet with some slips undone, in their order, and the relations that then contradict."""
-
-    slips: tuple[Slip, ...]
-    cells: Sheet
-    wrong: frozenset[str]
-
-    @property
-    def cost(self) -> float:
-        """The sum of the slips' sizes."""
-        return sum(slip.cost for slip in self.slips)
-
-    def fingerprint(self, cells: Sheet) -> Fingerprint:
-        """Tell states apart by what they print, whatever the order of the slips."""
-        moved = [a for slip in self.slips for a in slip.addresses if self.cells[a] != cells[a]]
-        return frozenset((a, self.cells[a].number.text, self.cells[a].unit) for a in moved)
-
-
 class Search:
     """A search over the slips that could lift one group of contradictions, its targets."""
 
@@ -295,14 +288,14 @@ class Search:
 
     def run(self, depth: int, breadth: int) -> list[State]:
         """Return the states without a contradiction of the group."""
-        done: dict[Fingerprint, State] = {}
+        done: dict[frozenset[Cell], State] = {}
         limit = math.inf  # the size of the smallest correction that restores everything
         level = [self.start]
         for taken in range(depth):
             level = self._further(level, taken, breadth) if taken else level
             for state in level:
                 for child in self._finished(state, limit):
-                    done.setdefault(child.fingerprint(self.cells), child)
+                    done.setdefault(child.changed(self.cells), child)
                     if not child.wrong - self.already:
                         limit = min(limit, child.cost)
             if math.isfinite(limit):
@@ -344,10 +337,10 @@ class Search:
         if taken < _COMPLETE:
             grown = itertools.chain(*(self._grown(state) for state in level))
             return sorted(grown, key=lambda state: (state.cost, len(state.wrong - self.already)))
-        found: dict[Fingerprint, State] = {}
+        found: dict[frozenset[Cell], State] = {}
         for state in sorted(level, key=promise)[:breadth]:
             for child in self._grown(state, self._ill(state.wrong)):
-                found.setdefault(child.fingerprint(self.cells), child)
+                found.setdefault(child.changed(self.cells), child)
         return sorted(found.values(), key=promise)[:breadth]
 
     def _ill(self, wrong: frozenset[str]) -> float:
@@ -463,7 +456,7 @@ def _correction(state: State, search: Search) -> Correction:
     ours = [relation for relation in search.near if relation.name in search.targets]
     unknowns = agreements(state.cells, ours)
     return Correction(
-        slips=state.slips,
+        **vars(state),
         lifted=tuple(name for name in order if name in search.already - state.wrong),
         broken=tuple(name for name in order if name in broken),
         unknowns=unknowns,

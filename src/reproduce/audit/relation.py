@@ -24,9 +24,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import CodeType, SimpleNamespace
-from typing import Any, Literal
-
-from pydantic import BaseModel, ConfigDict
+from typing import Any, Literal, get_args
 
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval
@@ -154,31 +152,6 @@ class Tolerance:
         return f"{self.size:.3g} {self.unit}" if self.unit else f"{100 * self.size:.3g} %"
 
 
-class _Line(BaseModel):
-    """A line of declaration, which stands for a relation or, with placeholders, for several."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-    name: str
-    formula: str
-    cells: str
-    # Where the paper says so: an equation, a definition, geometry.
-    source: str
-    kind: RelationKind
-    each: dict[str, Any] = {}
-    unknown: str | None = None
-    tolerance: str | None = None
-    # The paper's conclusion that rests on it.
-    claim: str | None = None
-    reading: Finder = ""
-    # What it supposes that the paper does not say. Such a relation is counted apart, and no
-    # contradiction of the paper follows from it.
-    supposition: str = ""
-    # The number that the library computes by a function of its own, a cell or one reading of it.
-    # Such a relation is a second entry of that computation, and no further evidence.
-    restates: str = ""
-
-
 @dataclass(frozen=True, eq=False)  # compared by identity, so that work on it can be cached
 class Relation:
     """An equation or inequality between printed cells.
@@ -192,14 +165,20 @@ class Relation:
     formula: Formula
     # The address (or, for a list, the addresses) behind each name of the formula.
     binding: Mapping[str, str | tuple[str, ...]]
+    # Where the paper says so: an equation, a definition, geometry.
     source: str
     kind: RelationKind
     unknown: Unknown | None
     tolerance: Tolerance | None
-    claim: str | None
-    reading: Finder
-    supposition: str
+    # The number that the library computes by a function of its own, a cell or one reading of it.
+    # Such a relation is a second entry of that computation, and no further evidence.
     restates: str
+    # The paper's conclusion that rests on it.
+    claim: str | None = None
+    reading: Finder = ""
+    # What it supposes that the paper does not say. Such a relation is counted apart, and no
+    # contradiction of the paper follows from it.
+    supposition: str = ""
 
     @property
     def compares(self) -> bool:
@@ -275,9 +254,8 @@ def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list
         for name, given in content.get(part, {}).items()
     }
     relations: dict[str, Relation] = {}
-    for entry in itertools.chain.from_iterable(content.get("relations", {}).values()):
-        line = _Line.model_validate(entry)
-        for place in _places(line.each):
+    for line in itertools.chain.from_iterable(content.get("relations", {}).values()):
+        for place in _places(line.get("each", {})):
             made = _relation(line, place, cells, prefix, {None: None, **named})
             if made.name in relations:
                 raise ValueError(f"{made.name!r} is declared twice; give each its own name")
@@ -286,31 +264,36 @@ def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list
 
 
 def _relation(
-    line: _Line,
+    line: Mapping[str, Any],
     place: Mapping[str, str],
     cells: Sheet,
     prefix: str,
     named: Mapping[str | None, Any],
 ) -> Relation:
+    own = {name: text for name, text in line.items() if name not in {"cells", "each"}}
     marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-") for key, value in place.items()}
-    formula = read(line.formula.format(**place))
-    pairs = (pair.split("=", 1) for pair in line.cells.format(**place).split())
+    formula, restates = read(own["formula"].format(**place)), own.get("restates", "")
+    pairs = (pair.split("=", 1) for pair in line["cells"].format(**place).split())
     bound = {name: _bound(prefix + where, cells) for name, where in pairs}
-    restates = line.restates.format(**place)
-    own = set(bound) | {line.unknown} - {None}
-    if strays := own - formula.names or formula.names - own - {"u", *_FLOATS, *UNITS}:
-        raise ValueError(f"{line.name!r}: bound or named only once: {strays}")
-    if restates and prefix + restates.partition(" (")[0] != bound.get(formula.result):
-        raise ValueError(f"{line.name!r}: the formula is not solved for {restates!r}")
+    restates = restates and prefix + restates.format(**place)
+    known = set(bound) | {own.get("unknown")} - {None}
+    if strays := known - formula.names or formula.names - known - {"u", *_FLOATS, *UNITS}:
+        raise ValueError(f"{own['name']!r}: bound or named only once: {strays}")
+    if restates and restates.partition(" (")[0] != bound.get(formula.result):
+        raise ValueError(f"{own['name']!r}: the formula is not solved for {restates!r}")
+    if own["kind"] not in get_args(RelationKind) or own.get("reading", "") not in get_args(Finder):
+        raise ValueError(f"{own['name']!r}: unknown kind or reading")
     return Relation(
-        name=re.sub("-+", "-", line.name.format(**marks)).strip("-"),
-        declared=line.name,
-        formula=formula,
-        binding=bound,
-        unknown=named[line.unknown],
-        tolerance=named[line.tolerance],
-        restates=restates and prefix + restates,
-        **line.model_dump(include={"source", "kind", "claim", "reading", "supposition"}),
+        **own
+        | {
+            "name": re.sub("-+", "-", own["name"].format(**marks)).strip("-"),
+            "declared": own["name"],
+            "formula": formula,
+            "binding": bound,
+            "unknown": named[own.get("unknown")],
+            "tolerance": named[own.get("tolerance")],
+            "restates": restates,
+        }
     )
 
 

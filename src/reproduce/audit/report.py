@@ -12,16 +12,18 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-from reproduce.audit.conflicts import Conflict, conflicts, groups
 from reproduce.audit.corrections import Correction, corrections
 from reproduce.audit.equations import Demonstration, demonstrations
 from reproduce.audit.examine import (
     OUTCOMES,
     Agreement,
+    Conflict,
     Examined,
     RelationOutcome,
     agreements,
+    conflicts,
     examine,
+    groups,
 )
 from reproduce.audit.relation import Finder, Relation, Sheet, relations_of
 from reproduce.printed.cells import PAPERS, Cell, library
