@@ -1,6 +1,7 @@
 """Formulas and declarations: what is read, and what of a line is refused."""
 
 import math
+import pickle
 
 import pytest
 from made_up import declared, printed_cell
@@ -115,3 +116,10 @@ def test_placeholders_make_one_relation_each():
 def test_a_formula_gives_what_python_gives(text, plain):
     values = {"x": -1.7, "y": 0.3, "z": 2.0, "list": [3.0, -4.1, 0.7]}
     assert right(f"z = {text}", **values) == pytest.approx(plain(-1.7, 0.3), rel=1e-12)
+
+
+def test_a_relation_that_was_kept_is_read_again():
+    (relation,) = declared(line(), CELLS)
+    again = pickle.loads(pickle.dumps(relation))
+    assert (again.name, again.formula.text) == (relation.name, relation.formula.text)
+    assert again.sides({"t#1.length": 2.0, "t#2.length": 4.0}) == (2.0, 4.0)

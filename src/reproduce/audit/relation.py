@@ -82,6 +82,10 @@ class Formula:
     result: str
     bare: bool
 
+    def __reduce__(self) -> tuple[Callable[[str], Formula], tuple[str]]:
+        """Keep the text alone, from which it can be read again."""
+        return read, (self.text,)
+
     @property
     def names(self) -> set[str]:
         """The names of its cells, of its functions and of its units."""
