@@ -63,7 +63,7 @@ def reprinted(cell: Cell, text: str) -> Cell:
     return replace(cell, content=replace(cell.number, text=text))
 
 
-def last_digit(cell: Cell) -> float:
+def _last_digit(cell: Cell) -> float:
     """Return one unit of the last printed digit, in SI units; one for a count."""
     return 10.0**cell.number.exponent * si_factor(cell.unit)
 
@@ -187,7 +187,7 @@ def printed_by(rule: str, cells: Sheet) -> Sheet:
 
 
 def _sides(relation: Relation, cells: Sheet, shared: dict[str, Agreement]) -> tuple[float, float]:
-    value = last_digit if relation.kind == "print" else lambda cell: cell.si
+    value = _last_digit if relation.kind == "print" else lambda cell: cell.si
     values = {a: value(cells[a]) for a in relation.addresses}
     if relation.unknown is None:
         return relation.sides(values)
@@ -253,7 +253,7 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
         for r in relations
         if r.kind == "print" and r.name in wrong
         for a, b in itertools.combinations(r.addresses, 2)
-        if last_digit(cells[a]) != last_digit(cells[b])
+        if _last_digit(cells[a]) != _last_digit(cells[b])
     ]
     kept = by_value(relations)
     intervals = printed_intervals(cells, kept)

@@ -254,16 +254,15 @@ def judge_result(
         "equations": computation.equations,
         "seed": computation.entropy or None,
     }
-    interval = intervals.get(cell.name)
+    name = cell.name
     if isinstance(result, Blocked):
-        readings = _readings(cell, result.readings, intervals)
+        readings = tuple(_reading(cell, one, intervals) for one in result.readings)
         if len({reading.agrees for reading in readings}) != 1:
             return _blocked(cell, result, readings, source)
         # All readings give one verdict: the literal one stands for them.
         source["readings"] = readings
-        interval = intervals.get(reading_name(cell.name, result.readings[0].name))
-        result = _literal(result)
-    found = _judgement(cell, result, interval)
+        name, result = reading_name(name, result.readings[0].name), _literal(result)
+    found = _judgement(cell, name, result, intervals)
     weak = (plain,) if plain and found.verdict == "exact" else ()
     return _make(cell, _why(cell, found), source, weak, **vars(found))
 
@@ -288,25 +287,20 @@ def _literal(result: Result) -> float | Prediction:
     return result.readings[0].result if isinstance(result, Blocked) else result
 
 
-def _judgement(cell: Cell, result: float | Prediction, interval: Interval | None) -> Judgement:
+def _judgement(
+    cell: Cell, name: str, result: float | Prediction, intervals: Mapping[str, Interval]
+) -> Judgement:
     unit = si_factor(cell.unit)
     if isinstance(result, Prediction):
         return judge_prediction(cell.number, result.draws / unit)
-    low, high = interval or (result, result)
+    low, high = intervals.get(name, (result, result))
     return judge_value(cell.number, result / unit, (low / unit, high / unit))
 
 
-def _readings(
-    cell: Cell, readings: tuple[Reading, ...], intervals: Mapping[str, Interval]
-) -> tuple[ReadingRecord, ...]:
-    records = []
-    for one in readings:
-        interval = intervals.get(reading_name(cell.name, one.name))
-        found = vars(_judgement(cell, one.result, interval))
-        kept = {name: found[name] for name in ReadingRecord.model_fields if name in found}
-        own = {"name": one.name, "place": one.place, "added": one.added}
-        records.append(ReadingRecord.model_validate(own | kept))
-    return tuple(records)
+def _reading(cell: Cell, one: Reading, intervals: Mapping[str, Interval]) -> ReadingRecord:
+    name = reading_name(cell.name, one.name)
+    found = {**vars(one), **vars(_judgement(cell, name, one.result, intervals))}
+    return ReadingRecord.model_validate({n: found[n] for n in ReadingRecord.model_fields})
 
 
 def _input(cell: Cell) -> Record:

@@ -20,7 +20,6 @@ from reproduce.papers.study import LEAST_DRAWS, Fact, studied
 from reproduce.papers.words import Column
 from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
-from reproduce.printed.units import si_factor
 
 Array = NDArray[np.float64]
 RESIDUAL = np.array(["rmse" in address for address in readings.ADDRESSES])
@@ -40,11 +39,6 @@ LEAST_CORRECTED = 1e3 * LEAST  # a correction multiplies by nearly a thousand re
 def cells() -> list[Cell]:
     """Return the printed cells, in the order of `ADDRESSES`."""
     return [find(address)[0] for address in readings.ADDRESSES]
-
-
-def printed_values() -> list[float]:
-    """Return the print, in the order of `ADDRESSES`, in rad and px."""
-    return [cell.number.value * si_factor(cell.unit) for cell in cells()]
 
 
 def corrected(joint: Array, readings: int) -> Array:

@@ -35,6 +35,11 @@ def drawn():
     return readings.simulate(DOOR, 400)
 
 
+def printed_values():
+    """Return the print, in the order of `ADDRESSES`, in rad and px."""
+    return [cell.si for cell in judged.cells()]
+
+
 def place(**choices):
     """Return the place of the literal reading with some choices changed."""
     return READINGS.index(readings.Choices(**{**vars(READINGS[LITERAL]), **choices}))
@@ -264,7 +269,7 @@ def test_all_starts_end_at_one_point():
 
 
 def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold():
-    printed = dict(zip(readings.ADDRESSES, judged.printed_values(), strict=True))
+    printed = dict(zip(readings.ADDRESSES, printed_values(), strict=True))
     figure = Figure()
     drawings()["niu2024/drawing-distributions"](figure, printed)
     levels = readings.stored().arrays["quantiles"]
@@ -275,7 +280,7 @@ def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold()
         away = {tuple(one.get_position()): float(one.get_text()) for one in axes.texts}
         for row, (number, counted) in enumerate(chosen):
             low, high = readings.counted(levels[number], counted)[[0, -1], channel]
-            value = judged.printed_values()[channel * 6 : channel * 6 + 6]
+            value = printed_values()[channel * 6 : channel * 6 + 6]
             held = (low <= value) & (value <= high)
             assert {x for x, y in inside if y == row} == set(np.flatnonzero(held))
             for column in np.flatnonzero(~held):
@@ -284,14 +289,14 @@ def test_the_drawing_of_the_distributions_marks_what_the_stored_quantiles_hold()
                 assert away[column, row] == pytest.approx(
                     1 + beyond, abs=0.51 if beyond > 9 else 0.051
                 )
-    assert judged.printed_values()[:2] == pytest.approx([0.9973, np.radians(0.0698)])
+    assert printed_values()[:2] == pytest.approx([0.9973, np.radians(0.0698)])
 
 
 def test_what_the_book_says_of_the_distributions():
     """Which bars hold the print, by the quantiles: scales none, rotations nearly all, and so on."""
     levels = readings.stored().arrays["quantiles"]
     chosen = readings.chosen()
-    print_, inside = np.reshape(judged.printed_values(), (2, 6)), {}
+    print_, inside = np.reshape(printed_values(), (2, 6)), {}
     for name, (number, way) in chosen.items():
         bars = readings.counted(levels[number], way)
         inside[name] = (bars[0] <= print_) & (print_ <= bars[-1])
