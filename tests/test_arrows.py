@@ -17,7 +17,7 @@ ARROWS = {
         *{"papers", "inference", "physics", "store", "printed.given", "units"},
         *{"locate.papers", "locate.search_path", "locate.words_files"},
     },
-    "judge": {"judge", "papers", "printed", "locate", "inference.Store", "inference.run_parts"},
+    "judge": {"judge", "papers", "printed", "locate"},
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},

@@ -4,10 +4,42 @@ Three shapes, none of them that of a table in the papers: an invoice with sums a
 columns, distances and times of cars that share one speed, and readings with their mean and spread.
 """
 
+import tomllib
 from decimal import Decimal
 
-from reproduce.audit.relation import declared
-from reproduce.audit.rounding import printed_cell
+from reproduce.audit import relation
+from reproduce.audit.report import audit
+from reproduce.printed.cells import Cell
+from reproduce.printed.number import PrintedNumber
+
+# What pint calls a unit where it is not what the data files do.
+PINT = {
+    "count": "",
+    "1": "",
+    "mag": "",
+    "um": "micrometer",
+    "mm^-2": "millimeter**-2",
+    "Hz": "hertz",
+}
+PINT |= {"px": "pixel", "deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
+
+
+def printed_cell(address, text, unit="1", qualifier=None):
+    """Make a cell from what stands on paper."""
+    key, _, name = address.partition("#")
+    number = PrintedNumber(text, unit == "count", qualifier)
+    return Cell(key, name, name, number, unit, "derived", key)
+
+
+def declared(text, cells, prefix=""):
+    """Read relations from a text."""
+    return relation.declared(tomllib.loads(text), cells, prefix)
+
+
+def audited_table(name, cells, relations):
+    """Audit cells by relations, or by a text of them."""
+    given = declared(relations, cells) if isinstance(relations, str) else relations
+    return audit(name, cells, given)
 
 
 def invoice():
@@ -82,8 +114,8 @@ def readings():
     text = """
     [[relations.all]]
     name = "mean-{d}"
-    formula = "mean = mean(x)"
-    cells = "mean=log#mean.{d} x=log#[1-5].{d}"
+    formula = "m = mean(x)"
+    cells = "m=log#mean.{d} x=log#[1-5].{d}"
     each = { d = ["mon", "tue"] }
     kind = "arithmetic"
     source = "by name"

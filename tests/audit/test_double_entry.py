@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up import declared
 
 from reproduce.audit import relation as declarations
-from reproduce.audit.relation import declared, relations_of
+from reproduce.audit.intervals import enclosure, printed_intervals
+from reproduce.audit.relation import relations_of
 from reproduce.audit.report import audit_paper, paper_sheet
-from reproduce.audit.solve import enclosure, printed_intervals
 from reproduce.judge.ledger import build
-from reproduce.judge.propagate import numbers, result_intervals
+from reproduce.judge.verdicts import numbers, result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import reproduces
 from reproduce.printed.cells import PAPERS

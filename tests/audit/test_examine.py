@@ -4,13 +4,13 @@ import itertools
 import math
 
 import pytest
+from made_up import audited_table, declared, printed_cell
 
+from reproduce.audit.corrections import COSTS, interchanges
 from reproduce.audit.equations import STEPS
-from reproduce.audit.relation import declared
-from reproduce.audit.report import audit_paper, audit_table
-from reproduce.audit.rounding import printed_cell, reprinted
-from reproduce.audit.slips import COSTS, interchanges
-from reproduce.audit.solve import printed_intervals, propagate
+from reproduce.audit.examine import reprinted
+from reproduce.audit.intervals import printed_intervals, propagate
+from reproduce.audit.report import audit_paper
 
 TEXT = """
 [[relations.all]]
@@ -25,7 +25,7 @@ source = "s"
 def audited(formula, **texts):
     cells = {f"t#{name}": printed_cell(f"t#{name}", text) for name, text in texts.items()}
     bound = " ".join(f"{name}=t#{name}" for name in texts)
-    return audit_table("made up", cells, TEXT.format(formula=formula, cells=bound))
+    return audited_table("made up", cells, TEXT.format(formula=formula, cells=bound))
 
 
 @pytest.mark.parametrize(
@@ -169,11 +169,11 @@ def test_last_digits_are_compared_where_a_relation_says_so():
     alike = {
         f"t#{i}": printed_cell(f"t#{i}", v, "mm") for i, v in enumerate(["1.20", "3.47", "0.05"])
     }
-    (finding,) = audit_table("made up", alike, text).findings
+    (finding,) = audited_table("made up", alike, text).findings
     assert finding.outcome == "agrees"
     assert not finding.relation.compares
     short = alike | {"t#1": reprinted(alike["t#1"], "3.4")}
-    audit = audit_table("made up", short, text)
+    audit = audited_table("made up", short, text)
     assert audit.findings[0].outcome == "contradicts"
     assert {c.cells for c in audit.conflicts} == {("t#0", "t#1"), ("t#1", "t#2")}
     told = {c.slips[0].label for c in audit.groups[0].corrections if c.restores_everything}

@@ -1,20 +1,21 @@
 """What a print can mean: rounding rules, about, bounds, counts."""
 
-import math
 from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_up import printed_cell
 
-from reproduce.audit.examine import rounding_votes
+from reproduce.audit.examine import printed_by
 from reproduce.audit.relation import Tolerance
-from reproduce.audit.rounding import ROUNDINGS, allowed, printed_cell, rules_that_print
 from reproduce.printed.cells import library
 from reproduce.printed.given import given as given_cells
-from reproduce.printed.number import PrintedNumber
 from reproduce.printed.units import si_factor
+
+
+def allowed(cell, rule="nearest"):
+    return cell.allowed if rule == "nearest" else printed_by(rule, {"t": cell})["t"].allowed
 
 
 @pytest.mark.parametrize(
@@ -69,34 +70,9 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
     }
     for name, way in ways.items():
         text = str(value.quantize(Decimal(step), rounding=way))
-        assert name in rules_that_print(float(value), PrintedNumber(text))
         rule = "nearest" if name.startswith("half") else name
         low, high = allowed(printed_cell("t#a", text), rule)
         assert low - 1e-9 <= float(value) <= high + 1e-9
-
-
-def test_what_is_no_number_is_printed_by_no_rule():
-    assert rules_that_print(math.nan, PrintedNumber("1.0")) == frozenset()
-    assert rules_that_print(3.0000001, PrintedNumber("3", exact=True)) == frozenset()
-
-
-def test_the_last_bits_of_a_sum_speak_for_no_rule():
-    """A tenth and two tenths are three tenths, whatever floating point makes of them."""
-    assert 0.1 + 0.2 > 0.3
-    assert rules_that_print(0.1 + 0.2, PrintedNumber("0.3")) == frozenset(ROUNDINGS)
-    assert rules_that_print(0.0, PrintedNumber("0.0")) == frozenset(ROUNDINGS)
-
-
-def test_only_results_that_tell_rules_apart_have_a_vote():
-    def printed_by(*rules):
-        return SimpleNamespace(rules=frozenset(rules))
-
-    findings = [printed_by(*ROUNDINGS), printed_by(), printed_by("truncation", "half-up")]
-    votes = rounding_votes([*findings, printed_by("truncation")])
-    assert {rule: count for rule, count in votes.items() if count} == {
-        "truncation": 2,
-        "half-up": 1,
-    }
 
 
 def test_tolerances_are_read_in_their_unit_or_in_hundredths():

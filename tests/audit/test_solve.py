@@ -3,10 +3,9 @@
 import math
 
 import pytest
+from made_up import declared, printed_cell
 
-from reproduce.audit.relation import declared
-from reproduce.audit.rounding import printed_cell
-from reproduce.audit.solve import contract, projection, propagate
+from reproduce.audit.intervals import contract, projection, propagate
 
 
 def relations(*formulas, cells, unknown=""):

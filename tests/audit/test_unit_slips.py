@@ -2,9 +2,9 @@
 
 import pint
 import pytest
+from made_up import PINT, printed_cell
 
-from reproduce.audit.rounding import printed_cell
-from reproduce.audit.slips import of_cell
+from reproduce.audit.corrections import of_cell
 from reproduce.printed.units import UNITS
 
 
@@ -27,7 +27,7 @@ def test_a_slip_of_the_unit_stays_within_its_kind(unit, likely, never):
 def test_every_unit_with_another_of_its_dimension_can_slip():
     """Pure numbers apart, which no pen gives another unit."""
     registry = pint.application_registry
-    dimensions = {u: registry.Quantity(1.0, name).dimensionality for u, (name, *_) in UNITS.items()}
+    dimensions = {u: registry.Quantity(1.0, PINT.get(u, u)).dimensionality for u in UNITS}
     for unit, dimension in dimensions.items():
         if dimension and unit != "px":
             alike = {u for u, other in dimensions.items() if other == dimension and u != unit}

@@ -11,7 +11,8 @@ import pytest
 import xarray
 from arviz_stats.base import array_stats
 
-from reproduce.inference import UnconvergedError, processes, sampling
+from parts import processes
+from reproduce.inference import UnconvergedError, sampling
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(3, steps=600, warmup=200)

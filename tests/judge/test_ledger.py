@@ -290,7 +290,8 @@ def test_whole_readings_are_tested_together_and_not_one_by_one():
         texts = dict(zip(names, printed, strict=True))
         cells = [library()["chen2023/text-resolution"][name] for name in names]
         cells = [replace(c, content=replace(c.number, text=texts[c.name])) for c in cells]
-        return ledger._together(list(zip(cells, moved + noise, strict=True)))[0]
+        draws = [Prediction(np.radians(row / 3600)) for row in moved + noise]
+        return ledger._together(zip(cells, draws, strict=True))["joint_probability"]
 
     assert together(("40.5", "40.5")) > 0.3
     assert together(("41.0", "39.0")) < 0.01

@@ -1,15 +1,14 @@
 """Stored studies: what is written is read, and what was changed is refused."""
 
 from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
+import keep
 import recompute as slow
-from reproduce.inference import Store, run_parts
-from reproduce.judge.studies import SLOW
+from parts import Store, run_parts
 from reproduce.store import studies
 
 NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
@@ -17,7 +16,7 @@ ARRAYS = {"one": np.arange(6.0).reshape(2, 3), "two": np.array([1, 2])}
 
 
 def test_what_is_written_is_read(tmp_path):
-    studies.write("small", ARRAYS, NOTE, tmp_path)
+    keep.write("small", ARRAYS, NOTE, tmp_path)
     found = studies.read("small", tmp_path)
     for key, array in ARRAYS.items():
         np.testing.assert_array_equal(found.arrays[key], array)
@@ -26,13 +25,13 @@ def test_what_is_written_is_read(tmp_path):
 
 def test_the_same_arrays_make_the_same_file(tmp_path):
     for name in ("a", "b"):
-        studies.write(name, ARRAYS, NOTE, tmp_path)
+        keep.write(name, ARRAYS, NOTE, tmp_path)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
 def test_changed_arrays_are_refused(tmp_path):
-    studies.write("small", ARRAYS, NOTE, tmp_path)
-    studies.write("other", {"one": np.zeros(3)}, NOTE, tmp_path)
+    keep.write("small", ARRAYS, NOTE, tmp_path)
+    keep.write("other", {"one": np.zeros(3)}, NOTE, tmp_path)
     (tmp_path / "other.npz").replace(tmp_path / "small.npz")
     with pytest.raises(studies.StudyError, match="SHA-256"):
         studies.read("small", tmp_path)
@@ -45,7 +44,7 @@ def test_a_missing_study_is_named(tmp_path):
 
 def test_a_note_without_its_command_is_refused(tmp_path):
     with pytest.raises(studies.StudyError, match="command"):
-        studies.write("small", ARRAYS, {"seed": 1, "versions": "none"}, tmp_path)
+        keep.write("small", ARRAYS, {"seed": 1, "versions": "none"}, tmp_path)
 
 
 TABLE = pd.DataFrame(
@@ -54,7 +53,7 @@ TABLE = pd.DataFrame(
 
 
 def test_a_table_comes_back_with_its_note(tmp_path):
-    studies.write_table("small", TABLE, {"command": "run", "made": {"x/y": 3}}, tmp_path)
+    keep.write_table("small", TABLE, {"command": "run", "made": {"x/y": 3}}, tmp_path)
     found = studies.table("small", tmp_path)
     pd.testing.assert_frame_equal(found, TABLE, check_dtype=False)
     assert found["seen"].dtype == bool
@@ -62,7 +61,7 @@ def test_a_table_comes_back_with_its_note(tmp_path):
 
 
 def test_a_table_changed_by_hand_is_refused(tmp_path):
-    studies.write_table("small", TABLE, {"command": "run"}, tmp_path)
+    keep.write_table("small", TABLE, {"command": "run"}, tmp_path)
     path = tmp_path / "small.toml"
     path.write_text(path.read_text("utf-8").replace("1.50", "1.51"), "utf-8")
     with pytest.raises(studies.StudyError, match="changed by hand; run again: run"):
@@ -70,12 +69,12 @@ def test_a_table_changed_by_hand_is_refused(tmp_path):
     with pytest.raises(studies.StudyError, match="no such study"):
         studies.table("other", tmp_path)
     with pytest.raises(studies.StudyError, match="command"):
-        studies.write_table("small", TABLE, {}, tmp_path)
+        keep.write_table("small", TABLE, {}, tmp_path)
 
 
 def test_every_study_of_the_project_is_whole():
-    assert SLOW
-    for name in SLOW:
+    assert slow.SLOW
+    for name in slow.SLOW:
         found = studies.read(name)
         assert found.arrays
         assert found.note["command"] == f"python tools/evidence/recompute.py {name}"
@@ -95,9 +94,7 @@ def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatc
         parts = run_parts(part, range(3), None, Store(folder, note))
         return {"numbers": np.stack([array for (array,) in parts])}, 3
 
-    made_up = SimpleNamespace(recomputed=recomputed, SEED=7)
-    monkeypatch.setattr(slow, "SLOW", {"small": "made up"})
-    monkeypatch.setattr(slow, "import_module", {"made up": made_up}.get)
+    monkeypatch.setattr(slow, "SLOW", {"small": (recomputed, 7)})
     monkeypatch.setattr(slow.tempfile, "gettempdir", lambda: str(tmp_path))
     with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
         slow.run("small", tmp_path, pool)

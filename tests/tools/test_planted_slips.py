@@ -1,6 +1,7 @@
 """The planted slips: what is planted, what is seen, and that the stored study is the real one."""
 
 import random
+import tomllib
 from decimal import Decimal
 
 import pytest
@@ -9,8 +10,8 @@ import planted_slips
 from planted_slips import KINDS, SEED, differing, plants, seen_by_relations, seen_by_verdicts, some
 from reproduce.audit.relation import declared
 from reproduce.audit.report import audit_paper
-from reproduce.audit.rounding import printed_cell
-from reproduce.printed.cells import PAPERS
+from reproduce.printed.cells import PAPERS, Cell
+from reproduce.printed.number import PrintedNumber
 from reproduce.store import studies
 
 STORED = studies.table(planted_slips.NAME)
@@ -59,7 +60,8 @@ def test_a_table_of_sums_sees_nearly_all():
     cells = {}
     for row, (net, tax) in enumerate(bills):
         for column, value in {"net": net, "tax": tax, "gross": net + tax}.items():
-            cells[f"bill#{row}.{column}"] = printed_cell(f"bill#{row}.{column}", str(value))
+            name, number = f"{row}.{column}", PrintedNumber(str(value))
+            cells[f"bill#{name}"] = Cell("bill", name, name, number, "1", "derived", "bill")
     text = """
     [[relations.all]]
     name = "sum-{r}"
@@ -70,7 +72,7 @@ def test_a_table_of_sums_sees_nearly_all():
     source = "by name"
     """
     planted = list(plants(cells, 3))
-    seen = seen_by_relations(cells, declared(text, cells), planted)
+    seen = seen_by_relations(cells, declared(tomllib.loads(text), cells), planted)
     assert sum(seen) > 0.8 * len(planted)
 
 

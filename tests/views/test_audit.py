@@ -17,35 +17,6 @@ from reproduce.printed.cells import anchor, find, library
 from reproduce.views.cli import main
 from reproduce.views.objects.contradictions import JOINT, errata_register
 
-TABLE = """
-title = "A bill"
-place = "Table 1"
-section = "1"
-
-[[column]]
-id = "net"
-label = "Net"
-
-[[column]]
-id = "gross"
-label = "Gross"
-
-[[row]]
-id = "1"
-label = "First"
-unit = "m"
-role = "derived"
-cells = ["8.25", "9.09"]
-"""
-RELATIONS = """
-[[relations.all]]
-name = "tax"
-formula = "gross = 1.2 * net"
-cells = "gross=bill#1.gross net=bill#1.net"
-kind = "arithmetic"
-source = "by law"
-"""
-
 
 def errata(part="errata"):
     return rp.contradictions()[part]._repr_html_()
@@ -82,18 +53,7 @@ def test_the_audit_as_json():
     assert len(told["errata"]) + len(told["suppositions"]) == len(errata_register())
 
 
-def test_a_table_of_ones_own(tmp_path):
-    table, relations = tmp_path / "bill.toml", tmp_path / "relations.toml"
-    table.write_text(TABLE)
-    relations.write_text(RELATIONS)
-    result = run("audit", "--table", str(table), "--relations", str(relations))
-    assert result.exit_code == 0, result.output
-    assert "9.09 → 9.90" in result.stdout
-    relations.write_text(RELATIONS.replace("1.2 * net", "tax * net"))
-    result = run("audit", "--table", str(table), "--relations", str(relations))
-    assert result.exit_code == 2
-    assert "only once" in result.stderr
-    assert run("audit", "--table", str(table)).exit_code == 2
+def test_an_unknown_paper_is_refused():
     assert run("audit", "nobody2000").exit_code == 2
 
 

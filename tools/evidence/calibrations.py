@@ -29,6 +29,7 @@ from scipy.special import ndtr
 from scipy.stats import binom, norm
 
 from estimators import estimate
+from keep import write, write_table
 from reproduce.inference import Model, autocorrelation_time, thinned
 from reproduce.inference.sampling import Job, Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
@@ -267,7 +268,7 @@ def store(key: str, found: Ranks, seed: int, where: Path | None = None) -> None:
         "failed": found.failed.astype(bool),
         "covered": found.covered.astype(np.int8),
     }
-    studies.write(f"sbc-{key}", arrays, note, where)
+    write(f"sbc-{key}", arrays, note, where)
 
 
 def load(key: str, where: Path | None = None) -> Ranks:
@@ -317,7 +318,7 @@ def main() -> None:
             for key in asked.posteriors or posteriors():
                 model = posteriors()[key].model()
                 store(key, calibrate(model, asked.seed, asked.replicates, executor), asked.seed)
-    studies.write_table(NAME, table(), {"command": f"{COMMAND} --table", "trials": TRIALS})
+    write_table(NAME, table(), {"command": f"{COMMAND} --table", "trials": TRIALS})
 
 
 if __name__ == "__main__":

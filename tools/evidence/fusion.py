@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from reproduce.inference import Store, run_parts
+from parts import Store, run_parts
 from reproduce.papers.niu2024.images import (
     MAGNITUDES,
     PHASES,

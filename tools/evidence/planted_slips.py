@@ -21,14 +21,14 @@ import numpy as np
 import pandas as pd
 
 import reproduce
-from reproduce.audit.examine import contradicted
-from reproduce.audit.relation import Relation
+from keep import write_table
+from reproduce.audit.corrections import of_digits, readable
+from reproduce.audit.examine import contradicted, reprinted
+from reproduce.audit.relation import Relation, Sheet
 from reproduce.audit.report import audit_paper
-from reproduce.audit.rounding import Sheet, reprinted
-from reproduce.audit.slips import of_digits, readable
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import judge_result
-from reproduce.judge.propagate import result_intervals
+from reproduce.judge.verdicts import result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Results
 from reproduce.printed.cells import PAPERS, Cell, library
@@ -239,7 +239,7 @@ def main() -> None:
     found = study()
     seconds = round(time.process_time() - start)
     note = {"about": ABOUT, "command": COMMAND, "version": reproduce.__version__, "seed": SEED}
-    studies.write_table(NAME, found, {**note, "processor_seconds": seconds})
+    write_table(NAME, found, {**note, "processor_seconds": seconds})
 
 
 if __name__ == "__main__":

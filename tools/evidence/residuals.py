@@ -17,6 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import reproduce
+from keep import write_table
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Ledger, Record, build
 from reproduce.papers.catalogue import catalogue
@@ -24,7 +25,6 @@ from reproduce.papers.declare import Computation, Results
 from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.given import given
 from reproduce.printed.units import si_factor
-from reproduce.store import studies
 
 NAME = "rounding-residuals"
 COMMAND = "python tools/evidence/residuals.py"
@@ -187,4 +187,4 @@ def study() -> pd.DataFrame:
 
 
 if __name__ == "__main__":
-    studies.write_table(NAME, study(), {"command": COMMAND, "version": reproduce.__version__})
+    write_table(NAME, study(), {"command": COMMAND, "version": reproduce.__version__})

@@ -18,12 +18,11 @@ from collections.abc import Iterable
 import pandas as pd
 
 import reproduce
-from reproduce.audit.errata import register
+from keep import write_table
 from reproduce.audit.relation import Relation
-from reproduce.audit.report import audit_paper
+from reproduce.audit.report import audit_paper, register
 from reproduce.locate import data_folder
 from reproduce.printed.cells import PAPERS
-from reproduce.store import studies
 
 NAME = "two-readings"
 COMMAND = "python tools/evidence/two_readings.py"
@@ -73,4 +72,4 @@ def by_the_third(reading: str, again: bool) -> str:
 
 
 if __name__ == "__main__":
-    studies.write_table(NAME, study(), {"command": COMMAND, "version": reproduce.__version__})
+    write_table(NAME, study(), {"command": COMMAND, "version": reproduce.__version__})

@@ -1,8 +1,8 @@
-"""The search for slips of the pen that lift a group of contradictions, the smallest first.
+"""Slips of the pen that lift a group of contradictions, the smallest first.
 
-It rests on one fact. A relation that cannot hold stays so until one of its cells changes; two
-relations that share an unknown and allow no common value of it stay apart until a cell of one of
-them changes. Each contradiction is therefore a set of cells that every correction must touch, a
+The search rests on one fact. A relation that cannot hold stays so until one of its cells changes;
+two relations that share an unknown and allow no common value of it stay apart until a cell of one
+of them changes. Each contradiction is therefore a set of cells that every correction must touch, a
 cover. The search follows every slip that touches a cover, and then every slip that touches all
 covers that are left: up to two slips, in different numbers, it overlooks nothing. Beyond that it
 follows the most promising pairs only.
@@ -13,19 +13,39 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
-from reproduce.audit.examine import Agreement, agreements, by_value, contradicted
-from reproduce.audit.intervals import EVERYTHING, meet
-from reproduce.audit.relation import Relation
-from reproduce.audit.rounding import Sheet, allowed, reprinted
-from reproduce.audit.slips import COSTS, Slip, interchanges, of_cell
-from reproduce.audit.solve import contract, printed_intervals, projection, widened
+from reproduce.audit.examine import Agreement, agreements, by_value, contradicted, reprinted
+from reproduce.audit.intervals import (
+    EVERYTHING,
+    contract,
+    meet,
+    printed_intervals,
+    projection,
+    widened,
+)
+from reproduce.audit.relation import Relation, Sheet
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval
-from reproduce.printed.units import si_factor
+from reproduce.printed.units import ALIKE, si_factor
 
+SlipKind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
+
+# How large a slip is, in slips of one digit. Only the order matters: a mistake in one character
+# is smaller than one that moves a cell, and that is smaller than one that moves a whole line.
+COSTS: Mapping[SlipKind, float] = {
+    "digit": 1.0,
+    "swap": 1.0,
+    "sign": 1.0,
+    "drop": 1.25,
+    "extra": 1.25,
+    "unit": 1.5,
+    "cells": 1.5,
+    "rows": 2.0,
+    "columns": 2.0,
+}
 DEPTH = 3
 BREADTH = 30
 # In the order of search, a relation still wrong weighs as one digit, a newly broken one half: an
@@ -34,11 +54,176 @@ _BROKEN = 0.5
 # The search follows everything up to this many slips.
 _COMPLETE = 2
 _SMALLEST = min(COSTS.values())
-Fingerprint = frozenset[tuple[str, str, str]]
 
 
 @dataclass(frozen=True)
-class Correction:
+class Slip:
+    """One supposed mistake in words, and the cells as they should have been, by address."""
+
+    kind: SlipKind
+    label: str
+    changes: tuple[tuple[str, Cell], ...]
+
+    @property
+    def cost(self) -> float:
+        """How large a slip it is."""
+        return COSTS[self.kind]
+
+    @functools.cached_property
+    def addresses(self) -> frozenset[str]:
+        """The cells that it touches."""
+        return frozenset(address for address, _ in self.changes)
+
+    def undone(self, cells: Sheet) -> dict[str, Cell]:
+        """Return the sheet with the slip corrected."""
+        return {**cells, **dict(self.changes)}
+
+
+def of_digits(text: str) -> Iterator[tuple[SlipKind, str]]:
+    """Yield what the digits may have been before a slip.
+
+    Examples
+    --------
+    >>> sorted(set(before for kind, before in of_digits("1.2") if kind in {"swap", "sign"}))
+    ['-1.2', '2.1']
+    """
+    mantissa, mark, power = text.partition("e")
+    sign = "-" if mantissa.startswith("-") else ""
+    body = mantissa.removeprefix("-")
+    tail = mark + power
+    places = [i for i, character in enumerate(body) if character.isdigit()]
+    for i in places:
+        for digit in "0123456789":
+            if digit != body[i]:
+                yield "digit", f"{sign}{body[:i]}{digit}{body[i + 1 :]}{tail}"
+    for i, j in itertools.pairwise(places):
+        if body[i] != body[j]:
+            swapped = body[:i] + body[j] + body[i + 1 : j] + body[i] + body[j + 1 :]
+            yield "swap", f"{sign}{swapped}{tail}"
+    for i in range(len(body) + 1):
+        for digit in "0123456789":
+            yield "drop", f"{sign}{body[:i]}{digit}{body[i:]}{tail}"
+    # Without its last decimal a number only gets vaguer, and that would "mend" anything.
+    for i in places[:-1] if "." in body else places:
+        if len(places) > 1:
+            yield "extra", f"{sign}{body[:i]}{body[i + 1 :]}{tail}"
+    if any(character in "123456789" for character in body):
+        yield "sign", ("" if sign else "-") + body + tail
+
+
+def of_cell(cell: Cell) -> Iterator[Slip]:
+    """Yield all slips in one cell: in its digits and in its unit."""
+    address, printed = cell.address, cell.number.text
+    seen = {printed}
+    for kind, text in of_digits(printed):
+        if text not in seen and readable(text):
+            seen.add(text)
+            label = f"{address}: {printed} → {text}"
+            yield Slip(kind, label, ((address, reprinted(cell, text)),))
+    for unit in next((alike for alike in ALIKE if cell.unit in alike), ()):
+        if unit != cell.unit:
+            label = f"{address}: {cell.unit} → {unit}"
+            yield Slip("unit", label, ((address, replace(cell, unit=unit)),))
+
+
+def readable(text: str) -> bool:
+    """Tell whether a number could be printed so: it starts with a digit, without idle zeros."""
+    body = text.removeprefix("-").partition("e")[0]
+    return body[:1].isdigit() and not (len(body) > 1 and body[0] == "0" and body[1] != ".")
+
+
+@dataclass(frozen=True)
+class Interchange:
+    """Two cells, rows or columns of one table that could change places, pair by pair."""
+
+    kind: SlipKind
+    label: str
+    pairs: tuple[tuple[str, str], ...]
+
+    @functools.cached_property
+    def addresses(self) -> frozenset[str]:
+        """All cells that would move."""
+        return frozenset(itertools.chain.from_iterable(self.pairs))
+
+    def slip(self, cells: Sheet) -> Slip | None:
+        """Return the interchange, or None if it would change nothing or mix units.
+
+        A row or column must change at least two pairs of cells; with one pair it is no more
+        than an interchange of two cells.
+        """
+        pairs = [(cells[one], cells[two]) for one, two in self.pairs]
+        if any(one.unit != two.unit for one, two in pairs):
+            return None
+        changes: list[tuple[str, Cell]] = []
+        for one, two in pairs:
+            if one.number != two.number:
+                changes.append((one.address, replace(one, content=two.number)))
+                changes.append((two.address, replace(two, content=one.number)))
+        if len(changes) <= (0 if self.kind == "cells" else 2):
+            return None
+        return Slip(self.kind, self.label, tuple(changes))
+
+
+def interchanges(cells: Sheet, keys: Iterable[str]) -> list[Interchange]:
+    """Return what could be interchanged in some tables.
+
+    Two cells within their row, column or group; two rows or two columns of a table.
+    """
+    found: list[Interchange] = []
+    for key in keys:
+        table = [cell for cell in cells.values() if cell.key == key]
+        found += [*_two_cells(table), *_two_lines(table, "columns"), *_two_lines(table, "rows")]
+    return found
+
+
+def _place(cell: Cell) -> tuple[str, str]:
+    """Return the row, empty in a group, and the column of a cell."""
+    row, _, column = cell.name.rpartition(".")
+    return row, column
+
+
+def _two_cells(table: list[Cell]) -> Iterator[Interchange]:
+    for one, two in itertools.combinations(table, 2):
+        (row, column), (other_row, other_column) = _place(one), _place(two)
+        if not row or row == other_row or column == other_column:
+            label = f"{one.address} ↔ {two.address}"
+            yield Interchange("cells", label, ((one.address, two.address),))
+
+
+def _two_lines(table: list[Cell], kind: SlipKind) -> Iterator[Interchange]:
+    lines: dict[str, dict[str, str]] = {}
+    for cell in table:
+        row, column = _place(cell)
+        if row:
+            line, along = (column, row) if kind == "columns" else (row, column)
+            lines.setdefault(line, {})[along] = cell.address
+    for (name, one), (other, two) in itertools.combinations(lines.items(), 2):
+        pairs = tuple((one[at], two[at]) for at in one if at in two)
+        if len(pairs) > 1:
+            yield Interchange(kind, f"{table[0].key}: {kind} {name} ↔ {other}", pairs)
+
+
+@dataclass(frozen=True)
+class State:
+    """A sheet with some slips undone, in their order, and the relations that then contradict."""
+
+    slips: tuple[Slip, ...]
+    cells: Sheet
+    wrong: frozenset[str]
+
+    @property
+    def cost(self) -> float:
+        """The sum of the slips' sizes."""
+        return sum(slip.cost for slip in self.slips)
+
+    def changed(self, cells: Sheet) -> frozenset[Cell]:
+        """Return the cells that print something else, whatever the order of the slips."""
+        moved = {address for slip in self.slips for address in slip.addresses}
+        return frozenset(self.cells[a] for a in moved if self.cells[a] != cells[a])
+
+
+@dataclass(frozen=True)
+class Correction(State):
     """Slips that, undone together, lift a group of contradictions.
 
     `lifted` relations no longer contradict, `broken` ones held as printed and no longer do;
@@ -47,17 +232,11 @@ class Correction:
     far the corrected numbers still lie from their relations, relatively and within rounding.
     """
 
-    slips: tuple[Slip, ...]
     lifted: tuple[str, ...]
     broken: tuple[str, ...]
     unknowns: dict[str, Agreement]
     moved: tuple[str, ...]
     misfit: float
-
-    @property
-    def cost(self) -> float:
-        """The sum of the slips' sizes."""
-        return sum(slip.cost for slip in self.slips)
 
     @property
     def restores_everything(self) -> bool:
@@ -87,25 +266,6 @@ def corrections(
     return sorted(_worth_showing(found), key=rank)
 
 
-@dataclass(frozen=True)
-class State:
-    """A sheet with some slips undone, in their order, and the relations that then contradict."""
-
-    slips: tuple[Slip, ...]
-    cells: Sheet
-    wrong: frozenset[str]
-
-    @property
-    def cost(self) -> float:
-        """The sum of the slips' sizes."""
-        return sum(slip.cost for slip in self.slips)
-
-    def fingerprint(self, cells: Sheet) -> Fingerprint:
-        """Tell states apart by what they print, whatever the order of the slips."""
-        moved = [a for slip in self.slips for a in slip.addresses if self.cells[a] != cells[a]]
-        return frozenset((a, self.cells[a].number.text, self.cells[a].unit) for a in moved)
-
-
 class Search:
     """A search over the slips that could lift one group of contradictions, its targets."""
 
@@ -128,14 +288,14 @@ class Search:
 
     def run(self, depth: int, breadth: int) -> list[State]:
         """Return the states without a contradiction of the group."""
-        done: dict[Fingerprint, State] = {}
+        done: dict[frozenset[Cell], State] = {}
         limit = math.inf  # the size of the smallest correction that restores everything
         level = [self.start]
         for taken in range(depth):
             level = self._further(level, taken, breadth) if taken else level
             for state in level:
                 for child in self._finished(state, limit):
-                    done.setdefault(child.fingerprint(self.cells), child)
+                    done.setdefault(child.changed(self.cells), child)
                     if not child.wrong - self.already:
                         limit = min(limit, child.cost)
             if math.isfinite(limit):
@@ -175,25 +335,25 @@ class Search:
             return state.cost + self._ill(state.wrong)
 
         if taken < _COMPLETE:
-            grown = itertools.chain(*(self._grown(state, 0) for state in level))
+            grown = itertools.chain(*(self._grown(state) for state in level))
             return sorted(grown, key=lambda state: (state.cost, len(state.wrong - self.already)))
-        found: dict[Fingerprint, State] = {}
+        found: dict[frozenset[Cell], State] = {}
         for state in sorted(level, key=promise)[:breadth]:
-            for child in self._grown(state, 1, self._ill(state.wrong)):
-                found.setdefault(child.fingerprint(self.cells), child)
+            for child in self._grown(state, self._ill(state.wrong)):
+                found.setdefault(child.changed(self.cells), child)
         return sorted(found.values(), key=promise)[:breadth]
 
     def _ill(self, wrong: frozenset[str]) -> float:
         left, broken = wrong & self.targets, wrong - self.already
         return len(left) + _BROKEN * len(broken)
 
-    def _grown(self, state: State, lifting: int | None, below: float = math.inf) -> Iterator[State]:
+    def _grown(self, state: State, below: float = math.inf) -> Iterator[State]:
         """Yield the states one slip on that touch the smallest cover, with the group still wrong.
 
         Only those with less wrong than `below`, as `_ill` weighs it.
         """
         cover = min(self.covers(state), key=len)
-        slips = (self._slips(state, address, lifting) for address in sorted(cover))
+        slips = (self._slips(state, address, lifting=False) for address in sorted(cover))
         for slip in itertools.chain(*slips, self._interchanged(state, [cover])):
             child = self._after(state, slip, lambda wrong: self._ill(wrong) < below)
             if child is not None and child.wrong & self.targets:
@@ -205,8 +365,8 @@ class Search:
         if room < _SMALLEST:
             return
         covers = self.covers(state)
-        common = frozenset.intersection(*covers) - self._tried_before(state)
-        slips = (self._slips(state, address, None) for address in sorted(common))
+        common = frozenset.intersection(*covers)
+        slips = (self._slips(state, address) for address in sorted(common))
         for slip in itertools.chain(*slips, self._interchanged(state, covers, room)):
             whole = slip.cost == room  # as large as what restores everything: so must this
 
@@ -215,13 +375,6 @@ class Search:
 
             if slip.cost <= room and (child := self._after(state, slip, lifts)):
                 yield child
-
-    def _tried_before(self, state: State) -> frozenset[str]:
-        """Return the cells whose slips were tried first: a pair need not come in both orders."""
-        if len(state.slips) != 1 or len(state.slips[0].addresses) > 1:
-            return frozenset()
-        (address,) = state.slips[0].addresses
-        return frozenset(a for a in min(self.covers(self.start), key=len) if a < address)
 
     def _interchanged(
         self, state: State, covers: Sequence[frozenset[str]], room: float = math.inf
@@ -233,13 +386,13 @@ class Search:
                 if slip is not None:
                     yield slip
 
-    def _slips(self, state: State, address: str, lifting: int | None) -> Iterator[Slip]:
-        """Yield the slips in one cell that may lift its first contradictions, as many as said."""
+    def _slips(self, state: State, address: str, lifting: bool = True) -> Iterator[Slip]:
+        """Yield the slips in one cell, or those that may lift its contradictions."""
         if any(slip.addresses == {address} for slip in state.slips):
             return  # enough slips turn any number into any other
-        wrong = state.wrong & self.targets
+        wrong = state.wrong & self.targets if lifting else frozenset()
         blamed = [r for r in self.near if r.name in wrong and address in r.addresses]
-        goals = [self._goals(r, address, state.cells) for r in by_value(blamed[:lifting])]
+        goals = [self._goals(r, address, state.cells) for r in by_value(blamed)]
         for slip, reached in _slips_of(state.cells[address]):
             if all(any(meet(reached, one) for one in goal) for goal in goals):
                 yield slip
@@ -259,40 +412,31 @@ class Search:
         """Undo a slip, and judge again what it touches and what shares an unknown with that.
 
         None if what is wrong is not worth going on, which more that is wrong never makes it: the
-        group's own relations tell first, and the first that tells ends it.
+        group's own relations tell first.
         """
-        if slip.addresses not in self._touched:
-            self._touched[slip.addresses] = self._batches(slip.addresses)
+        batches = self._touched.get(slip.addresses) or self._batches(slip.addresses)
+        self._touched[slip.addresses] = batches
         cells = slip.undone(state.cells)
-        batches = self._touched[slip.addresses]
         wrong = state.wrong - {r.name for r in itertools.chain(*batches)}
         for batch in batches:
             wrong |= contradicted(cells, batch)
             if not worth(wrong):
-                # The next slip in these cells will most likely end here too.
-                batches.remove(batch)
-                batches.insert(0, batch)
                 return None
         return State((*state.slips, slip), cells, wrong)
 
     def _batches(self, addresses: frozenset[str]) -> list[list[Relation]]:
         """Return what to judge again where some cells change: alone, or with all that share."""
         hit = [r for r in self.near if not addresses.isdisjoint(r.addresses)]
-        unknowns = dict.fromkeys(r.unknown for r in hit if r.unknown)
-        families = [[r for r in self.near if r.unknown == one] for one in unknowns]
-
-        def order(batch: list[Relation]) -> tuple[bool, int]:
-            return all(r.name not in self.targets for r in batch), sum(
-                len(r.addresses) for r in batch
-            )
-
-        return sorted([*families, *([r] for r in hit if not r.unknown)], key=order)
+        batches = [[r] for r in hit if not r.unknown]
+        shared = {r.unknown: _sharing([r], self.near) for r in hit if r.unknown}
+        batches += shared.values()
+        return sorted(batches, key=lambda batch: not any(r.name in self.targets for r in batch))
 
 
 @functools.lru_cache(maxsize=5_000)
 def _slips_of(cell: Cell) -> tuple[tuple[Slip, Interval], ...]:
     """Return the slips in a cell, each with the values that then print so."""
-    return tuple((slip, widened(allowed(slip.changes[0][1]))) for slip in of_cell(cell))
+    return tuple((slip, widened(slip.changes[0][1].allowed)) for slip in of_cell(cell))
 
 
 def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Relation]:
@@ -303,8 +447,6 @@ def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Re
 
 def _value(relation: Relation, cells: Sheet) -> Interval | None:
     """Return what a relation allows of its unknown; None if that is nothing or it has none."""
-    if relation.unknown is None:
-        return None
     return projection(relation, printed_intervals(cells, [relation]))
 
 
@@ -314,7 +456,7 @@ def _correction(state: State, search: Search) -> Correction:
     ours = [relation for relation in search.near if relation.name in search.targets]
     unknowns = agreements(state.cells, ours)
     return Correction(
-        slips=state.slips,
+        **vars(state),
         lifted=tuple(name for name in order if name in search.already - state.wrong),
         broken=tuple(name for name in order if name in broken),
         unknowns=unknowns,

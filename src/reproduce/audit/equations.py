@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.audit.rounding import Sheet
+from reproduce.audit.relation import Sheet, declarations
 from reproduce.physics import attitude, light, optics, registration
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.optics import (
@@ -27,6 +27,8 @@ from reproduce.printed.units import si_factor
 # Far above the noise of double precision, far below any digit of print.
 _ZERO = 1e-9
 STEPS = 5
+# What the form as extracted gives, what that of the library gives, and what it should be.
+_Values = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -39,11 +41,11 @@ class Demonstration:
     """
 
     name: str
-    place: str
-    asked: str
     printed: float
     right: float
     wanted: float
+    place: str
+    asked: str
     meaning: str
     supposition: str = ""
 
@@ -58,41 +60,35 @@ class Demonstration:
         return abs(self.right - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
 
 
-def _distortion_ratio(cells: Sheet) -> Demonstration:
+def _distortion_ratio(cells: Sheet) -> _Values:
     k = cells["niu2024/table-2#scale.red"].si
     ours, theirs = (cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red"))
     right = float(optics.distortion_ratio(k, ours, theirs))
     # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
     printed = k**2 * ours / theirs
-    asked = "the ratio of distortions must be the same along x and y"
-    return Demonstration("distortion-ratio", "(7)", asked, printed, right, right, "ratio along y")
+    return printed, right, right
 
 
-def _turned_back(cells: Sheet) -> Demonstration:
+def _turned_back(cells: Sheet) -> _Values:
     angle = cells["niu2024/table-2#rotation.red"].si
     start = np.array([[3.0, 4.0]])
     cosine, sine = np.cos(angle), np.sin(angle)
     back = turned_onto_detector(start, angle) @ np.array([[cosine, -sine], [sine, cosine]]).T
     left = float(np.abs(back - start).max())
-    asked = "the rotation of (13) must undo that of (22) and (23)"
-    return Demonstration("turned-back", "(13), (22), (23)", asked, left, left, 0.0, "what is left")
+    return left, left, 0.0
 
 
-def _rotary(cells: Sheet) -> Demonstration:
+def _rotary(cells: Sheet) -> _Values:
     turn = cells["niu2024/text-simulation#range-x-high"].si
     printed, right = (
         float(np.linalg.det(form(0.0, turn))) for form in (rotary_matrix_printed, rotary_matrix)
     )
-    asked = "a rotation matrix must have determinant one"
-    meaning = "determinant at the largest angle"
-    return Demonstration("rotary-matrix", "(20)", asked, printed, right, 1.0, meaning)
+    return printed, right, 1.0
 
 
-def _constraint(cells: Sheet) -> Demonstration:
+def _constraint(cells: Sheet) -> _Values:
     turn = cells["niu2024/table-2#rotation.red"].si
-    printed, right = float(constraint_printed(turn)), float(constraint(turn))
-    asked, meaning = "cosine and sine must lie on the unit circle", "excess at a printed angle"
-    return Demonstration("unit-circle", "section 3.2", asked, printed, right, 0.0, meaning)
+    return float(constraint_printed(turn)), float(constraint(turn)), 0.0
 
 
 def _corners(cells: Sheet) -> tuple[FloatArray, FloatArray]:
@@ -102,7 +98,7 @@ def _corners(cells: Sheet) -> tuple[FloatArray, FloatArray]:
     return corners, detector_centre(size)
 
 
-def _iteration(cells: Sheet) -> Demonstration:
+def _iteration(cells: Sheet) -> _Values:
     rows = ("scale", "rotation", "translation-x", "translation-y")
     truth = np.array([cells[f"niu2024/table-2#{row}.red"].si for row in rows])
     source, middle = _corners(cells)
@@ -113,9 +109,7 @@ def _iteration(cells: Sheet) -> Demonstration:
         for _ in range(STEPS):
             found = step(found, source, target, middle)
         errors.append(float(np.linalg.norm((found - truth)[2:])))
-    asked = f"an iteration must approach the solution; after {STEPS} steps the error must be gone"
-    meaning = "error of the translation in pixels"
-    return Demonstration("iteration", "(24), (25)", asked, errors[0], errors[1], 0.0, meaning)
+    return errors[0], errors[1], 0.0
 
 
 def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
@@ -124,13 +118,12 @@ def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
     return places, cells["chen2023/table-2#telescope-focal-length.value"].si
 
 
-def _unit_vectors(cells: Sheet) -> Demonstration:
+def _unit_vectors(cells: Sheet) -> _Values:
     length = float(np.linalg.norm(attitude.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
-    asked = "a direction must have length one"
-    return Demonstration("unit-vectors", "(2), (3)", asked, length, length, 1.0, "length")
+    return length, length, 1.0
 
 
-def _chain(cells: Sheet) -> Demonstration:
+def _chain(cells: Sheet) -> _Values:
     """Close the chain (4), (6), (7): the misalignment put in must come out."""
     camera = attitude.emitted_directions(*_laser_geometry(cells))
     zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
@@ -138,23 +131,20 @@ def _chain(cells: Sheet) -> Demonstration:
     moved = attitude.moved_laser_transform(zero, turned)
     seen = camera @ moved.T  # w = T v, one row for each laser
     left = float(np.abs(camera - seen @ (turned @ zero.T).T).max())
-    asked = "the misalignment put in by (6) must make (7) vanish"
-    return Demonstration("chain", "(4), (6), (7)", asked, left, left, 0.0, "largest residual")
+    return left, left, 0.0
 
 
-def _retroreflector(cells: Sheet) -> Demonstration:
+def _retroreflector(cells: Sheet) -> _Values:
     """Turn the reflector of the satellite, read as a corner cube, about three axes."""
     beam, turn = np.array([0.0, 0.0, -1.0]), si_factor("arcsec")
     straight = light.mirror_train(light.CORNER) @ beam
     turns = [rotation_from_vector(turn * axis) for axis in np.eye(3)]
     returned = [light.mirror_train(light.CORNER @ turned.T) @ beam for turned in turns]
     moved = max(float(np.linalg.norm(one - straight)) / turn for one in returned)
-    asked = "the returning beam must not turn with the retroreflector, about whatever axis"
-    meaning = "arcseconds by which the beam turns for each of the reflector, about the worst axis"
-    return Demonstration("retroreflector", "II-B", asked, moved, moved, 0.0, meaning)
+    return moved, moved, 0.0
 
 
-def _roll_leak(cells: Sheet) -> Demonstration:
+def _roll_leak(cells: Sheet) -> _Values:
     """Roll the camera about its boresight, and take the error of (5) in the two orders."""
     t = "chen2023/table-2#tracker-"
     spots = np.array(
@@ -170,13 +160,10 @@ def _roll_leak(cells: Sheet) -> Demonstration:
         / si_factor("arcsec")
         for form in (attitude.transform_error_printed, attitude.misalignment_between)
     ]
-    asked = "a roll of the camera must not count as an error about X and Y"
-    meaning = "arcseconds about X and Y for a roll of one arcminute"
-    place, supposed = "V-B, behind Fig. 8", "the tracker's boresight meets its detector's centre"
-    return Demonstration("roll-leak", place, asked, errors[0], errors[1], 0.0, meaning, supposed)
+    return errors[0], errors[1], 0.0
 
 
-def _stage_angle(cells: Sheet) -> Demonstration:
+def _stage_angle(cells: Sheet) -> _Values:
     travel = cells["chen2023/text-effectiveness#maximum-travel"].si
     focal = cells["chen2023/text-effectiveness#focal-length"].si
     arcsec = si_factor("arcsec")
@@ -184,13 +171,10 @@ def _stage_angle(cells: Sheet) -> Demonstration:
         float(form(travel, focal)) / arcsec
         for form in (attitude.stage_angle_printed, attitude.stage_angle)
     )
-    asked = "a length moved behind a focal length must turn the beam by their ratio"
-    wanted = -float(np.arctan(travel / focal)) / arcsec
-    meaning = "angle in arcseconds, the printed form with metres"
-    return Demonstration("stage-angle", "(10)", asked, printed, right, wanted, meaning)
+    return printed, right, -float(np.arctan(travel / focal)) / arcsec
 
 
-def _stage_signs(cells: Sheet) -> Demonstration:
+def _stage_signs(cells: Sheet) -> _Values:
     """Move the lasers along Y and let (5) and (7) measure which way the camera seems to turn."""
     places, focal = _laser_geometry(cells)
     shift = cells["chen2023/text-effectiveness#step"].si
@@ -205,13 +189,10 @@ def _stage_signs(cells: Sheet) -> Demonstration:
         attitude.misalignment_angles(found)[0],
     )
     printed, right, wanted = (float(np.sign(float(angle))) for angle in angles)
-    asked = "with right-handed axes (10) must have the sign that (7) measures about X"
-    supposed = "the angles about X and Y are both right-handed"
-    meaning = "sign of the angle about X"
-    return Demonstration("stage-signs", "(10)", asked, printed, right, wanted, meaning, supposed)
+    return printed, right, wanted
 
 
-def _misalignment_side(cells: Sheet) -> Demonstration:
+def _misalignment_side(cells: Sheet) -> _Values:
     """Set the inverse of the matrix of (8) in the place of R_U, and compare the lines of sight."""
     turn = cells["chen2023/text-effectiveness#simulated-angle"].si
     boresights = cells["chen2023/text-satellite#boresight-angle"].si
@@ -223,25 +204,26 @@ def _misalignment_side(cells: Sheet) -> Demonstration:
         forms = moved.T, attitude.misalignment_in_tracker(moved, installed)
         gaps.append([np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms])
     printed, right = (float(gap) for gap in np.max(gaps, axis=0) / si_factor("arcsec"))
-    asked = (
-        "the inverse of the matrix of (8), in the place of R_U, must give the same line of sight"
-    )
-    supposed = "R_U of (1) is the matrix of (8), or its inverse"
-    meaning = "arcseconds between the lines of sight, for the simulated angle about the worse axis"
-    return Demonstration(
-        "misalignment-side", "(1), (8)", asked, printed, right, 0.0, meaning, supposed
-    )
+    return printed, right, 0.0
 
 
-_RUNS: dict[str, tuple[Callable[[Sheet], Demonstration], ...]] = {
-    "niu2024": (_distortion_ratio, _turned_back, _rotary, _constraint, _iteration),
-    "chen2023": (
-        *(_unit_vectors, _chain, _misalignment_side),
-        *(_stage_angle, _stage_signs, _retroreflector, _roll_leak),
-    ),
+_RUNS: dict[str, Callable[[Sheet], _Values]] = {
+    "distortion-ratio": _distortion_ratio,
+    "turned-back": _turned_back,
+    "rotary-matrix": _rotary,
+    "unit-circle": _constraint,
+    "iteration": _iteration,
+    "unit-vectors": _unit_vectors,
+    "chain": _chain,
+    "misalignment-side": _misalignment_side,
+    "stage-angle": _stage_angle,
+    "stage-signs": _stage_signs,
+    "retroreflector": _retroreflector,
+    "roll-leak": _roll_leak,
 }
 
 
 def demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
-    """Run the equations of a paper as printed, in order of print; none if none are declared."""
-    return [run(cells) for run in _RUNS.get(paper, ())]
+    """Run the equations of a paper as printed, in the order of its file; none without one."""
+    texts = declarations(paper).get("equations", {})
+    return [Demonstration(name, *_RUNS[name](cells), **text) for name, text in texts.items()]

@@ -1,29 +1,71 @@
-"""Examine the relations of a table: which agree, which only through rounding, which contradict."""
+"""Examine the relations of a paper: which agree, which only through rounding, which contradict.
+
+And how contradictions hang together: in groups, and as smallest sets that cannot all be right.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from reproduce.audit.relation import Relation, Unknown
-from reproduce.audit.rounding import (
-    ROUNDINGS,
-    RoundingRule,
-    Sheet,
-    allowed,
-    last_digit,
-    rules_that_print,
+from reproduce.audit.intervals import (
+    EVERYTHING,
+    contract,
+    meet,
+    printed_intervals,
+    projection,
+    propagate,
 )
-from reproduce.audit.solve import NOISE, contract, printed_intervals, projection
-from reproduce.printed.number import Interval
+from reproduce.audit.relation import Relation, Sheet, Unknown
+from reproduce.printed.cells import Cell
+from reproduce.printed.number import Interval, PrintedNumber
 from reproduce.printed.units import si_factor
 
+# Floating-point noise between the two sides of a relation, as a share of them.
+_NOISE = 1e-9
 RelationOutcome = Literal["agrees", "agrees only through rounding", "contradicts"]
 OUTCOMES: tuple[RelationOutcome, ...] = ("agrees", "agrees only through rounding", "contradicts")
-_NEAREST = frozenset({"half-up", "half-even"})
-_OTHER_RULES: tuple[RoundingRule, ...] = ("truncation", "ceiling")
+
+
+class _CutOff(PrintedNumber):
+    """A number as if its further digits had been cut off."""
+
+    @property
+    def low(self) -> float:
+        return self.value - 2 * self.half_unit * (self.value <= 0)
+
+    @property
+    def high(self) -> float:
+        return self.value + 2 * self.half_unit * (self.value >= 0)
+
+
+class _RoundedUp(PrintedNumber):
+    """A number as if it had been rounded upwards."""
+
+    @property
+    def low(self) -> float:
+        return self.value - 2 * self.half_unit
+
+    @property
+    def high(self) -> float:
+        return self.value
+
+
+# What else a plain number may have been rounded by. Half up and half to even differ on a tie alone.
+_OTHER_RULES: dict[str, type[PrintedNumber]] = {"truncation": _CutOff, "ceiling": _RoundedUp}
+
+
+def reprinted(cell: Cell, text: str) -> Cell:
+    """Return the same cell with other digits."""
+    return replace(cell, content=replace(cell.number, text=text))
+
+
+def _last_digit(cell: Cell) -> float:
+    """Return one unit of the last printed digit, in SI units; one for a count."""
+    return 10.0**cell.number.exponent * si_factor(cell.unit)
 
 
 @dataclass(frozen=True)
@@ -31,15 +73,14 @@ class Examined:
     """What became of one relation.
 
     `left` and `right` are its sides with the printed values inserted, in SI; NaN with an unknown
-    that nothing fixes. `rules` are the rounding rules that turn the right side into the printed
-    result. `rescued_by` is the rule that lifts a contradiction if all numbers were rounded by it.
+    that nothing fixes. `rescued_by` is the rounding rule that lifts a contradiction if all numbers
+    were rounded by it.
     """
 
     relation: Relation
     outcome: RelationOutcome
     left: float
     right: float
-    rules: frozenset[str] = frozenset()
     rescued_by: str = ""
 
 
@@ -64,9 +105,7 @@ class Agreement:
         return (max(middles) - min(middles)) / (sum(middles) / len(middles))
 
 
-def agreements(
-    cells: Sheet, relations: Iterable[Relation], rule: RoundingRule = "nearest"
-) -> dict[str, Agreement]:
+def agreements(cells: Sheet, relations: Iterable[Relation]) -> dict[str, Agreement]:
     """Find, for each unknown by name, the largest set of relations that agree on one value."""
     groups: dict[Unknown, list[Relation]] = {}
     for relation in relations:
@@ -74,7 +113,7 @@ def agreements(
             groups.setdefault(relation.unknown, []).append(relation)
     found = {}
     for unknown, group in groups.items():
-        intervals = printed_intervals(cells, group, rule)
+        intervals = printed_intervals(cells, group)
         allows = {r.name: own for r in group if (own := projection(r, intervals)) is not None}
         found[unknown.name] = _largest_agreement(unknown, allows)
     return found
@@ -89,38 +128,29 @@ def _largest_agreement(unknown: Unknown, allows: dict[str, Interval]) -> Agreeme
     size = max(map(len, overlaps), default=0)
     largest = [overlap for overlap in overlaps if len(overlap) == size]
     shared = frozenset.intersection(*largest) if largest else frozenset()
-    low, high = unknown.domain
-    for name in shared:
-        low, high = max(low, allows[name][0]), min(high, allows[name][1])
-    return Agreement(unknown, allows, (low, high), tuple(n for n in allows if n in shared))
+    lows, highs = zip(unknown.domain, *(allows[name] for name in shared), strict=True)
+    common = max(lows), min(highs)
+    return Agreement(unknown, allows, common, tuple(n for n in allows if n in shared))
 
 
-def contradicted(
-    cells: Sheet, relations: Sequence[Relation], rule: RoundingRule = "nearest"
-) -> frozenset[str]:
+def contradicted(cells: Sheet, relations: Sequence[Relation]) -> frozenset[str]:
     """Return the names of the relations that cannot hold.
 
     A relation with an unknown cannot hold if it is outside the largest set that agrees on one
     value. Where several sets are largest, it cannot be said which is right, and the relations
     that are not in all of them count as contradicting.
     """
-    shared = agreements(cells, relations, rule)
-    intervals = printed_intervals(cells, relations, rule)
+    shared = agreements(cells, relations)
+    intervals = printed_intervals(cells, relations)
 
     def holds(relation: Relation) -> bool:
         if relation.kind == "print":
-            return uniform(cells, relation)
+            return _agrees(relation, cells, *_sides(relation, cells, shared))
         if relation.unknown is None:
             return contract(relation, intervals) is not None
         return relation.name in shared[relation.unknown.name].members
 
     return frozenset(relation.name for relation in relations if not holds(relation))
-
-
-def uniform(cells: Sheet, relation: Relation) -> bool:
-    """Tell whether a relation between last printed digits holds."""
-    left, right = relation.sides({a: last_digit(cells[a]) for a in relation.addresses})
-    return relation.missed_by(left, right) <= NOISE * max(abs(left), abs(right))
 
 
 def by_value(relations: Iterable[Relation]) -> list[Relation]:
@@ -131,23 +161,33 @@ def by_value(relations: Iterable[Relation]) -> list[Relation]:
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     """Say of every relation, in order, whether it agrees, only through rounding, or contradicts."""
     wrong = contradicted(cells, relations)
-    lifted = {rule: wrong - contradicted(cells, relations, rule) for rule in _OTHER_RULES}
+    lifted = {
+        rule: wrong - contradicted(printed_by(rule, cells), relations) for rule in _OTHER_RULES
+    }
     shared = agreements(cells, relations)
     findings = []
     for relation in relations:
         left, right = _sides(relation, cells, shared)
-        rules = _rules(relation, cells, right)
         outcome: RelationOutcome = "contradicts"
         if relation.name not in wrong:
-            plain = rules & _NEAREST or _agrees(relation, cells, left, right)
+            plain = _agrees(relation, cells, left, right)
             outcome = "agrees" if plain else "agrees only through rounding"
         rescue = next((rule for rule, names in lifted.items() if relation.name in names), "")
-        findings.append(Examined(relation, outcome, left, right, rules, rescue))
+        findings.append(Examined(relation, outcome, left, right, rescue))
     return findings
 
 
+def printed_by(rule: str, cells: Sheet) -> Sheet:
+    """Return the sheet as if all plain numbers had been rounded by another rule."""
+    kind = _OTHER_RULES[rule]
+    return {
+        a: c if c.number.qualifier else replace(c, content=kind(c.text, c.number.exact))
+        for a, c in cells.items()
+    }
+
+
 def _sides(relation: Relation, cells: Sheet, shared: dict[str, Agreement]) -> tuple[float, float]:
-    value = last_digit if relation.kind == "print" else lambda cell: cell.si
+    value = _last_digit if relation.kind == "print" else lambda cell: cell.si
     values = {a: value(cells[a]) for a in relation.addresses}
     if relation.unknown is None:
         return relation.sides(values)
@@ -157,30 +197,97 @@ def _sides(relation: Relation, cells: Sheet, shared: dict[str, Agreement]) -> tu
     return relation.sides(values, sum(agreement.common) / 2)
 
 
-def _rules(relation: Relation, cells: Sheet, right: float) -> frozenset[str]:
-    if relation.result is None or relation.kind == "print":
-        return frozenset()
-    printed = cells[relation.result]
-    if printed.number.is_bound or printed.number.qualifier == "nominal":
-        return frozenset()
-    return rules_that_print(right / si_factor(printed.unit), printed.number)
-
-
 def _agrees(relation: Relation, cells: Sheet, left: float, right: float) -> bool:
-    """Tell whether the relation holds with the printed values inserted as they stand."""
-    room = NOISE * max(abs(left), abs(right))
+    """Tell whether the relation holds with the printed values inserted as they stand.
+
+    An equation need only give the printed digits of its result.
+    """
+    room = _NOISE * max(abs(left), abs(right))
     if tolerance := relation.tolerance:
         room += tolerance.si if tolerance.unit else tolerance.si * abs(right)
-    if relation.result is not None and cells[relation.result].number.qualifier == "about":
-        low, high = allowed(cells[relation.result])
-        room += (high - low) / 2
+    if relation.result is not None and relation.kind != "print":
+        result = cells[relation.result]
+        if result.number.qualifier != "nominal":
+            room += result.number.reach * si_factor(result.unit)
     return relation.missed_by(left, right) <= room
 
 
-def rounding_votes(findings: Iterable[Examined]) -> dict[str, int]:
-    """Count, over the results that tell them apart, how many each rounding rule prints.
+def groups(cells: Sheet, relations: Sequence[Relation]) -> list[list[Relation]]:
+    """Sort the contradictions into groups that share cells or unknowns."""
+    wrong = contradicted(cells, relations)
+    found: list[list[Relation]] = []
+    for relation in (r for r in relations if r.name in wrong):
+        shares = set(relation.variables)
+        touching = [group for group in found if any(shares & set(r.variables) for r in group)]
+        found = [group for group in found if group not in touching]
+        found.append([*itertools.chain.from_iterable(touching), relation])
+    order = {relation.name: i for i, relation in enumerate(relations)}
+    return sorted(
+        (sorted(group, key=lambda r: order[r.name]) for group in found),
+        key=lambda group: order[group[0].name],
+    )
 
-    Results printed by all rules or by none are not counted.
+
+@dataclass(frozen=True)
+class Conflict:
+    """Addresses of cells that cannot all be right, and the names of the relations that say so.
+
+    With any one of the cells free, the relations can hold.
     """
-    telling = [f.rules for f in findings if f.rules and len(f.rules) < len(ROUNDINGS)]
-    return {rule: sum(rule in rules for rules in telling) for rule in ROUNDINGS}
+
+    cells: tuple[str, ...]
+    relations: tuple[str, ...]
+
+
+def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
+    """Return the smallest sets of cells that cannot all be right, in order of their size.
+
+    A relation that contradicts by itself gives one set. Relations that share an unknown conflict
+    in pairs: intervals of one number have a common point if and only if every two of them have.
+    Relations that hold one by one but not together are found by propagation through all. Each set
+    is minimal: free any of its cells, and the rest can be right.
+    """
+    wrong = contradicted(cells, relations)
+    found = [
+        Conflict((a, b), (r.name,))
+        for r in relations
+        if r.kind == "print" and r.name in wrong
+        for a, b in itertools.combinations(r.addresses, 2)
+        if _last_digit(cells[a]) != _last_digit(cells[b])
+    ]
+    kept = by_value(relations)
+    intervals = printed_intervals(cells, kept)
+
+    def apart(together: Sequence[Relation]) -> bool:
+        return propagate(together, intervals) is None
+
+    alone = [[relation] for relation in kept if apart([relation])]
+    asked = [(r, p) for r in kept if (p := projection(r, intervals)) is not None]
+    pairs = [
+        [one, two]
+        for (one, a), (two, b) in itertools.combinations(asked, 2)
+        if one.unknown is two.unknown and not meet(a, b)
+    ]
+    found += [_smallest(cells, together) for together in (*alone, *pairs)]
+    kept = [relation for relation in kept if relation.name not in wrong]
+    while apart(kept):
+        needed = list(kept)
+        for relation in kept:
+            without = [other for other in needed if other is not relation]
+            needed = without if apart(without) else needed
+        found.append(_smallest(cells, needed))
+        kept.remove(needed[-1])
+    unique = {frozenset(conflict.cells): conflict for conflict in reversed(found)}
+    return sorted(unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells))
+
+
+def _smallest(cells: Sheet, relations: Sequence[Relation]) -> Conflict:
+    """Free cells one by one as long as the rest is still in conflict."""
+    state = printed_intervals(cells, relations)
+    blamed = list(state)
+    for address in list(state):
+        freed = state | {address: EVERYTHING}
+        if propagate(relations, freed) is None:
+            state = freed
+            blamed.remove(address)
+    return Conflict(tuple(blamed), tuple(relation.name for relation in relations))

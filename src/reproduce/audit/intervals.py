@@ -1,49 +1,43 @@
-"""Intervals through a formula, forwards and backwards, rounded outwards.
+"""Intervals through relations, forwards and backwards, rounded outwards.
 
 A formula becomes a row of steps, each of which makes one number of one or two others. Forwards, a
 step encloses what its operands allow; backwards, it narrows its operands to what is left of its
-result (HC4 in the words of interval analysis). Nothing is removed that could hold: a sum is rounded
-by its own error, the ends of a product or quotient go one float outwards, and those of a function
-by `_ROOM`.
+result (HC4 in the words of interval analysis). What is removed cannot hold: an empty result proves
+that no values which print as they do keep the relation. An angle whose tangent or sine is taken
+lies within a quarter of a turn.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from reproduce.audit.formula import functions
-from reproduce.audit.relation import Relation
+from reproduce.audit.relation import Relation, Sheet, functions
 from reproduce.printed.number import Interval
 
 _INF = math.inf
 EVERYTHING: Interval = (-_INF, _INF)
-_TARGETS: dict[str, Interval] = {"=": (0.0, 0.0), "<=": (-_INF, 0.0), ">=": (0.0, _INF)}
-_LARGEST, _SMALLEST = sys.float_info.max, math.ulp(0.0)
-# Far more than a C library errs by, and than a root does whose exponent 1/n is rounded: no float
-# has a logarithm above 745, and 745 / 3 half units of the last place are 3e-14.
+_POINT: Interval = (0.0, 0.0)
+_POSITIVE: Interval = (0.0, _INF)
+_TARGETS: dict[str, Interval] = {"=": _POINT, "<=": (-_INF, 0.0), ">=": _POSITIVE}
+_QUARTER: Interval = (-math.pi / 2, math.pi / 2)
+# Far more than a C library errs by, and than a root does whose exponent is rounded.
 _ROOM = 1e-13
+# Interval ends in binary may miss a decimal tie by one unit in the last place; without this the
+# last bit would decide.
+_SLACK = 1e-12
+# Two intervals of print meet at an end, or share at least half a unit of the finer print; this
+# share of them tells the two cases apart whatever the noise of binary arithmetic.
+_END = 1e-3
+# Two relations can pass ever smaller gains back and forth; whoever stops here has not been refuted.
+_VISITS = 5_000
 _Found = Interval | None
 _Pair = tuple[Interval, Interval] | None
 _Step = tuple[
     Callable[[Interval, Interval], _Found], Callable[[Interval, Interval, Interval], _Pair]
 ]
-
-
-def _ends(low: float, high: float) -> Interval:
-    """Return an interval; what overflows is beyond the largest float, but not infinite."""
-    return low if low < _LARGEST else _LARGEST, high if high > -_LARGEST else -_LARGEST
-
-
-def _out(low: float, high: float) -> Interval:
-    return _ends(low and math.nextafter(low, -_INF), high and math.nextafter(high, _INF))
-
-
-def _loose(low: float, high: float) -> Interval:
-    return _ends(low * (1 - math.copysign(_ROOM, low)), high * (1 + math.copysign(_ROOM, high)))
 
 
 def meet(one: Interval, two: Interval) -> _Found:
@@ -53,15 +47,24 @@ def meet(one: Interval, two: Interval) -> _Found:
     return (low, high) if low <= high else None
 
 
+def widened(interval: Interval, share: float = _SLACK) -> Interval:
+    """Widen an interval by the noise of binary arithmetic."""
+    low, high = interval
+    return low - share * abs(low), high + share * abs(high)
+
+
 def _hull(within: Interval, parts: Sequence[Interval]) -> _Found:
-    if len(parts) == 1:
-        return meet(within, parts[0])
     met = [found for part in parts if (found := meet(within, part))]
     return (min(low for low, _ in met), max(high for _, high in met)) if met else None
 
 
 def _both(x: _Found, y: _Found) -> _Pair:
     return (x, y) if x and y else None
+
+
+def _out(low: float, high: float) -> Interval:
+    """Round outwards; nought stays nought."""
+    return low and math.nextafter(low, -_INF), high and math.nextafter(high, _INF)
 
 
 def _sum(p: float, q: float, towards: float) -> float:
@@ -73,44 +76,28 @@ def _sum(p: float, q: float, towards: float) -> float:
 
 
 def _add(x: Interval, y: Interval) -> Interval:
-    return _ends(_sum(x[0], y[0], -_INF), _sum(x[1], y[1], _INF))
+    return _sum(x[0], y[0], -_INF), _sum(x[1], y[1], _INF)
 
 
 def _subtract(x: Interval, y: Interval) -> Interval:
-    return _ends(_sum(x[0], -y[1], -_INF), _sum(x[1], -y[0], _INF))
-
-
-def _product(p: float, q: float) -> float:
-    """Multiply two ends; nought times infinity is nought, and what underflows is not."""
-    return p and q and (p * q or math.copysign(_SMALLEST, p * q))
-
-
-def _quotient(p: float, q: float) -> float:
-    return p and math.isfinite(q) and (p / q or math.copysign(_SMALLEST, p / q))
+    return _add(x, (-y[1], -y[0]))
 
 
 def _multiply(x: Interval, y: Interval) -> Interval:
-    if x[0] > 0 and y[0] > 0:
-        return _out(_product(x[0], y[0]), _product(x[1], y[1]))
-    ends = [_product(p, q) for p in x for q in y]
+    ends = [p and q and p * q for p in x for q in y]  # nought times infinity is nought
     return _out(min(ends), max(ends))
 
 
 def _quotients(x: Interval, y: Interval) -> list[Interval]:
     """Return the values of x / y: in two intervals where nought is inside y but not in x."""
-    (low, high), (start, end) = x, y
-    if low > 0 and start > 0:
-        return [_out(_quotient(low, end), _quotient(high, start))]
+    start, end = y
     if start > 0 or end < 0:
-        ends = [_quotient(p, q) for p in x for q in y]
-        return [_out(min(ends), max(ends))]
-    if low <= 0 <= high:
+        return [_multiply(x, _out(1 / end, 1 / start))]
+    if x[0] <= 0 <= x[1]:
         return [EVERYTHING]
-    if high < 0:
-        low, start, end = -high, -end, -start
-    below = [(-_INF, _out(0.0, _quotient(low, start))[1])] if start < 0 else []
-    above = [(_out(_quotient(low, end), 0.0)[0], _INF)] if end > 0 else []
-    return below + above
+    below = [_out(-_INF, 1 / start)] if start < 0 else []
+    above = [_out(1 / end, _INF)] if end > 0 else []
+    return [_multiply(x, part) for part in (*below, *above)]
 
 
 def _lesser(z: Interval, x: Interval, y: Interval) -> _Pair:
@@ -119,19 +106,23 @@ def _lesser(z: Interval, x: Interval, y: Interval) -> _Pair:
     return _both(meet(x, (z[0], alone)), meet(y, (z[0], other)))
 
 
-_TWO: dict[str, _Step] = {
-    "add": (_add, lambda z, x, y: _both(meet(x, _subtract(z, y)), meet(y, _subtract(z, x)))),
-    "sub": (_subtract, lambda z, x, y: _both(meet(x, _add(z, y)), meet(y, _subtract(x, z)))),
-    "mul": (
-        _multiply,
-        lambda z, x, y: _both(_hull(x, _quotients(z, y)), _hull(y, _quotients(z, x))),
-    ),
-    "truediv": (
-        lambda x, y: _hull(EVERYTHING, _quotients(x, y)),
-        lambda z, x, y: _both(meet(x, _multiply(z, y)), _hull(y, _quotients(x, z))),
-    ),
-    "min": (lambda x, y: (min(x[0], y[0]), min(x[1], y[1])), _lesser),
-}
+_ADD: _Step = (
+    _add,
+    lambda z, x, y: _both(meet(x, _subtract(z, y)), meet(y, _subtract(z, x))),
+)
+_SUBTRACT: _Step = (
+    _subtract,
+    lambda z, x, y: _both(meet(x, _add(z, y)), meet(y, _subtract(x, z))),
+)
+_MULTIPLY: _Step = (
+    _multiply,
+    lambda z, x, y: _both(_hull(x, _quotients(z, y)), _hull(y, _quotients(z, x))),
+)
+_DIVIDE: _Step = (
+    lambda x, y: _hull(EVERYTHING, _quotients(x, y)),
+    lambda z, x, y: _both(meet(x, _multiply(z, y)), _hull(y, _quotients(x, z))),
+)
+_LEAST: _Step = (lambda x, y: (min(x[0], y[0]), min(x[1], y[1])), _lesser)
 
 
 def _rising(
@@ -144,86 +135,47 @@ def _rising(
 
     def forwards(x: Interval, _: Interval) -> _Found:
         inside = meet(x, domain)
-        return inside and meet(_loose(function(inside[0]), function(inside[1])), values)
+        ends = inside and widened((function(inside[0]), function(inside[1])), _ROOM)
+        return ends and meet(ends, values)
 
     def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
-        left = meet(z, values)
-        if left is None:
+        left, inside = meet(z, values), meet(x, domain)
+        if left is None or inside is None:
             return None
         low = domain[0] if left[0] <= values[0] else inverse(left[0])
         high = domain[1] if left[1] >= values[1] else inverse(left[1])
-        inside = meet(x, domain)
-        narrowed = inside and meet(inside, _loose(low, high))
+        narrowed = meet(inside, widened((low, high), _ROOM))
         return _both(narrowed, narrowed)
 
     return forwards, backwards
 
 
-def _turning(
-    function: Callable[[float], float],
-    inverse: Callable[[float], float],
-    values: Interval,
-    sign: int,
-) -> _Step:
-    """Return the step of a function that rises over half a turn, and repeats it times `sign`."""
-    half = math.pi / 2
-    rises, narrows = _rising(function, inverse, (-half, half), values)
+def _size(x: Interval, _: Interval) -> Interval:
+    near, far = sorted(map(abs, x))
+    return (0.0 if x[0] <= 0 <= x[1] else near), far
 
-    def branch(x: Interval) -> tuple[Interval, Interval, bool] | None:
-        turns = round((x[0] + x[1]) / math.tau) if math.isfinite(x[1] - x[0]) else 0
-        moved = _loose(turns * math.pi, turns * math.pi)
-        at = _subtract(x, moved) if turns else x
-        return (at, moved, sign < 0 and turns % 2 == 1) if max(-at[0], at[1]) <= half else None
 
-    def forwards(x: Interval, _: Interval) -> _Found:
-        found = branch(x)
-        if found is None:
-            return values
-        z = rises(found[0], found[0])
-        return (-z[1], -z[0]) if z and found[2] else z
-
-    def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
-        found = branch(x)
-        if found is None:
-            return x, x
-        pair = narrows((-z[1], -z[0]) if found[2] else z, found[0], found[0])
-        narrowed = pair and meet(x, _add(pair[0], found[1]))
-        return _both(narrowed, narrowed)
-
-    return forwards, backwards
+def _of_size(z: Interval, x: Interval, _: Interval) -> _Pair:
+    size = meet(z, _POSITIVE)
+    narrowed = size and _hull(x, [(-size[1], -size[0]), size])
+    return _both(narrowed, narrowed)
 
 
 @functools.cache
-def _power(exponent: int, absolute: bool = False) -> _Step:
-    """Return the step of a power, or of a power of the absolute value."""
-    widened = _ends if exponent == 1 else _loose
-
-    def power(value: float) -> float:
-        return math.prod([value] * exponent)
-
-    def root(value: float) -> float:
-        return math.copysign(abs(value) ** (1 / exponent), value)
-
-    def forwards(x: Interval, _: Interval) -> Interval:
-        near, far = sorted(map(abs, x))
-        return widened(0.0 if x[0] <= 0 <= x[1] else power(near), power(far))
-
-    def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
-        if z[1] < 0:
-            return None
-        low, high = widened(root(max(z[0], 0.0)), root(z[1]))
-        narrowed = _hull(x, ((-high, -low), (low, high)))
-        return _both(narrowed, narrowed)
-
-    return _rising(power, root) if exponent % 2 and not absolute else (forwards, backwards)
+def _power(exponent: int) -> _Step:
+    return _rising(
+        lambda x: math.prod([x] * exponent),
+        lambda z: math.copysign(abs(z) ** (1 / exponent), z),
+        *([EVERYTHING] * 2 if exponent % 2 else [_POSITIVE] * 2),
+    )
 
 
 _ONE: dict[str, _Step] = {
-    "abs": _power(1, absolute=True),
-    "sqrt": _rising(math.sqrt, lambda z: z * z, (0.0, _INF), (0.0, _INF)),
-    "atan": _rising(math.atan, math.tan, values=(-math.pi / 2, math.pi / 2)),
-    "tan": _turning(math.tan, math.atan, EVERYTHING, 1),
-    "sin": _turning(math.sin, math.asin, (-1.0, 1.0), -1),
+    "abs": (_size, _of_size),
+    "sqrt": _rising(math.sqrt, lambda z: z * z, _POSITIVE, _POSITIVE),
+    "atan": _rising(math.atan, math.tan, values=_QUARTER),
+    "tan": _rising(math.tan, math.atan, _QUARTER),
+    "sin": _rising(math.sin, math.asin, _QUARTER, (-1.0, 1.0)),
 }
 
 
@@ -233,6 +185,17 @@ class _Steps:
     def __init__(self, size: int) -> None:
         self.start: list[Interval] = [EVERYTHING] * size
         self.steps: list[tuple[_Step, int, int, int]] = []
+        one = {name: functools.partial(self._twice, step) for name, step in _ONE.items()}
+        self.functions = functions(
+            {
+                **one,
+                "min": functools.partial(self.further, _LEAST),
+                "max": lambda x, y: -self.further(_LEAST, -x, -y),
+            }
+        )
+
+    def _twice(self, step: _Step, x: Any) -> _Number:
+        return self.further(step, x, x)
 
     def further(self, step: _Step, x: Any, y: Any) -> _Number:
         """Take one step more, from numbers of the formula or plain ones."""
@@ -244,20 +207,15 @@ class _Steps:
     def _place(self, operand: Any) -> int:
         if isinstance(operand, _Number):
             return operand.at
-        self.start.append(operand if isinstance(operand, tuple) else (operand, operand))
+        self.start.append((operand, operand))
         return len(self.start) - 1
 
-    def functions(self) -> dict[str, Any]:
-        """Return the functions that a formula may name."""
-        one = {name: lambda x, s=step: self.further(s, x, x) for name, step in _ONE.items()}
-        quarter = _loose(math.pi / 2, math.pi / 2)
-        least = functools.partial(self.further, _TWO["min"])
-        others: dict[str, Callable[..., Any]] = {
-            "cos": lambda x: one["sin"](self.further(_TWO["add"], x, quarter)),
-            "min": least,
-            "max": lambda x, y: -least(-x, -y),
-        }
-        return functions({**one, **others})
+
+def _operator(step: _Step, reflected: bool = False) -> Callable[[_Number, Any], _Number]:
+    def operate(self: _Number, other: Any) -> _Number:
+        return self.steps.further(step, *((other, self) if reflected else (self, other)))
+
+    return operate
 
 
 class _Number:
@@ -266,29 +224,21 @@ class _Number:
     def __init__(self, steps: _Steps, at: int) -> None:
         self.steps, self.at = steps, at
 
+    __add__, __radd__ = _operator(_ADD), _operator(_ADD, True)
+    __sub__, __rsub__ = _operator(_SUBTRACT), _operator(_SUBTRACT, True)
+    __mul__, __rmul__ = _operator(_MULTIPLY), _operator(_MULTIPLY, True)
+    __truediv__, __rtruediv__ = _operator(_DIVIDE), _operator(_DIVIDE, True)
+
     def __neg__(self) -> _Number:
-        return self.steps.further(_TWO["sub"], 0.0, self)
+        return 0.0 - self
 
     def __pow__(self, exponent: int) -> _Number:
-        return self.steps.further(_power(exponent), self, self)
-
-
-def _operator(name: str, reflected: bool) -> Callable[[_Number, Any], _Number]:
-    def operate(self: _Number, other: Any) -> _Number:
-        if name == "mul" and isinstance(other, _Number) and other.at == self.at:
-            return self.steps.further(_power(2), self, self)
-        return self.steps.further(_TWO[name], *((other, self) if reflected else (self, other)))
-
-    return operate
-
-
-for _name in ("add", "sub", "mul", "truediv"):
-    setattr(_Number, f"__{_name}__", _operator(_name, reflected=False))
-    setattr(_Number, f"__r{_name}__", _operator(_name, reflected=True))
+        base = self if exponent % 2 else self.steps.functions["abs"](self)
+        return self.steps.further(_power(exponent), base, base)
 
 
 @functools.lru_cache(maxsize=5_000)
-def contractor(relation: Relation) -> Callable[[tuple[Interval, ...]], list[Interval] | None]:
+def _contractor(relation: Relation) -> Callable[[tuple[Interval, ...]], list[Interval] | None]:
     """Compile a relation to a function that narrows intervals.
 
     It takes one interval for each address, then one for the unknown and one for the departure that
@@ -299,12 +249,10 @@ def contractor(relation: Relation) -> Callable[[tuple[Interval, ...]], list[Inte
     numbers: list[Any] = [_Number(steps, at) for at in range(size)]
     *cells, unknown, departure = numbers
     values = relation.values(dict(zip(relation.addresses, cells, strict=True)), unknown)
-    formula, known = relation.formula, steps.functions()
-    left, right = formula.left(values, known), formula.right(values, known)
+    left, right = relation.formula.values(values, steps.functions)
     relative = relation.tolerance is not None and relation.tolerance.unit is None
     right = right * (1 + departure) if relative else right + departure
-    gap = steps.further(_TWO["sub"], left, right).at
-    target = _TARGETS[formula.sign]
+    gap, target = steps.further(_SUBTRACT, left, right).at, _TARGETS[relation.formula.sign]
 
     def contract(box: tuple[Interval, ...]) -> list[Interval] | None:
         at = [*box, *steps.start[size:]]
@@ -325,3 +273,97 @@ def contractor(relation: Relation) -> Callable[[tuple[Interval, ...]], list[Inte
         return at[:size]
 
     return contract
+
+
+@functools.lru_cache(maxsize=200_000)
+def _narrowed(relation: Relation, box: tuple[Interval, ...]) -> list[Interval] | None:
+    """Narrow the variables of a relation, which come in their order."""
+    room = relation.tolerance.si if relation.tolerance else 0.0
+    point = [] if relation.unknown else [_POINT]
+    return _contractor(relation)((*box, *point, (-room, room)))
+
+
+def printed_intervals(cells: Sheet, relations: Iterable[Relation]) -> dict[str, Interval]:
+    """Return the interval of print, in SI, for every cell of some relations."""
+    return {a: cells[a].allowed for r in relations for a in r.addresses}
+
+
+def enclosure(relation: Relation, cells: Sheet) -> Interval:
+    """Enclose, in SI, what the right side gives for its result, whatever the rounding.
+
+    Exact but for outward rounding where the formula names each cell once.
+    """
+    if relation.result is None or relation.unknown or relation.tolerance:
+        raise ValueError(f"{relation.name!r}: expected an equation solved for one cell")
+    inputs = printed_intervals(cells, [relation]) | {relation.result: EVERYTHING}
+    found = _narrowed(relation, tuple(inputs.values()))
+    if found is None:
+        raise ArithmeticError(f"{relation.name!r}: no values that print so give a result")
+    return found[relation.addresses.index(relation.result)]
+
+
+def contract(
+    relation: Relation, intervals: Mapping[str, Interval], unknown: Interval | None = None
+) -> dict[str, Interval] | None:
+    """Narrow the intervals of a relation's cells to the values that can keep it.
+
+    Address to narrowed interval, the unknown under its name; None if nothing is left.
+    """
+    box = [_met(intervals[a], relation.repeats) for a in relation.addresses]
+    if relation.unknown is not None:
+        box.append(unknown or relation.unknown.domain)
+    found = _narrowed(relation, tuple(box))
+    return None if found is None else dict(zip(relation.variables, found, strict=False))
+
+
+def projection(relation: Relation, intervals: Mapping[str, Interval]) -> Interval | None:
+    """Return the values of its unknown that a relation allows on its own; None without any."""
+    found = contract(relation, intervals) if relation.unknown else None
+    return found[relation.unknown.name] if found and relation.unknown else None
+
+
+def _met(interval: Interval, repeated: bool) -> Interval:
+    """Widen an interval of print, without its ends where one number is printed twice."""
+    low, high = interval
+    if repeated and math.isfinite(high - low):
+        interval = low + _END * (high - low), high - _END * (high - low)
+    return widened(interval)
+
+
+def propagate(
+    relations: Iterable[Relation], intervals: Mapping[str, Interval]
+) -> dict[str, Interval] | None:
+    """Narrow all cells by all relations together, back and forth until nothing moves.
+
+    Address (and name of unknown) to narrowed interval; None if they cannot all hold.
+    """
+    every = list(relations)
+    repeated = {a for r in every if r.repeats for a in r.addresses}
+    state = {a: _met(intervals[a], a in repeated) for r in every for a in r.addresses}
+    state |= {r.unknown.name: r.unknown.domain for r in every if r.unknown}
+    touching: dict[str, list[Relation]] = {}
+    for relation in every:
+        for name in relation.variables:
+            touching.setdefault(name, []).append(relation)
+    queue = dict.fromkeys(every)
+    for _ in range(_VISITS):
+        if not queue:
+            break
+        relation = next(iter(queue))
+        del queue[relation]
+        found = _narrowed(relation, tuple([state[name] for name in relation.variables]))
+        if found is None:
+            return None
+        for name, interval in zip(relation.variables, found, strict=False):
+            if _narrower(interval, state[name]):
+                low, high = state[name]
+                state[name] = max(interval[0], low), min(interval[1], high)
+                queue |= dict.fromkeys(r for r in touching[name] if r is not relation)
+    return state
+
+
+def _narrower(new: Interval, old: Interval) -> bool:
+    """Tell whether an interval shrank by enough to be worth telling the others."""
+    if math.isinf(old[0]) or math.isinf(old[1]):
+        return new != old and not (new[0] <= old[0] and new[1] >= old[1])
+    return (old[1] - old[0]) - (new[1] - new[0]) > 1e-6 * (old[1] - old[0])

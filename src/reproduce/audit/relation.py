@@ -1,33 +1,37 @@
 """Relations that printed numbers should keep, declared in a TOML text, one line each.
 
 The text has three parts: ``[unknown]`` names numbers that are not printed, ``[tolerance]`` names
-departures with their reasons, and ``[relations]`` holds topics, each a list of
-``{ name, formula, cells, source, kind, each, unknown, tolerance, claim, reading, supposition,
-restates }``. ``cells`` binds the names of the formula to addresses, ``"a=table-1#x.y
-b=table-1#x.*"``. ``each`` gives values to placeholders in braces, and a key such as ``"i,j"`` gives
-them together: ``motion-{state}-{axis}`` is the declaration of ``motion-4-y``, as every view says.
+departures with their reasons, and ``[relations]`` holds topics, each a list of lines. ``cells``
+binds the names of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``. ``each`` gives
+values to placeholders in braces, and a key such as ``"i,j"`` gives them together:
+``motion-{state}-{axis}`` is the declaration of ``motion-4-y``, as every view says.
+
+A formula is a comparison between two expressions in named cells: ``motion = position - first``,
+``abs(difference) <= bound``. Units are written ``u.arcsec``; a cell stands for its SI value.
 """
 
 from __future__ import annotations
 
 import fnmatch
+import functools
 import importlib.resources
 import itertools
 import math
+import operator
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
+from types import CodeType, SimpleNamespace
 from typing import Any, Literal, get_args
 
-import numpy as np
-
-from reproduce.audit.formula import Formula, FormulaError, Side, functions, read
-from reproduce.audit.rounding import Sheet
+from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval
 from reproduce.printed.units import UNITS, si_factor
 
+# Address to printed number.
+Sheet = Mapping[str, Cell]
 RelationKind = Literal[
     "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
 ]
@@ -35,8 +39,82 @@ RelationKind = Literal[
 # was seen when their lists were laid side by side; "third" if a later one, which knew neither list,
 # was the first to find it; empty where nobody counts.
 Finder = Literal["", "first", "second", "both", "merging", "third"]
-_NEEDED = {"name", "formula", "cells", "source", "kind"}
-_KNOWN = _NEEDED | {"each", "unknown", "tolerance", "claim", "reading", "supposition", "restates"}
+_SI = SimpleNamespace(**{unit: si_factor(unit) for unit in UNITS})
+
+
+def functions(known: Mapping[str, Callable[..., Any]]) -> dict[str, Any]:
+    """Return what formulas may call in some arithmetic; those of several numbers take lists too."""
+
+    def flat(parts: tuple[Any, ...]) -> list[Any]:
+        return [x for part in parts for x in (part if isinstance(part, list) else [part])]
+
+    def mean(*parts: Any) -> Any:
+        return functools.reduce(operator.add, flat(parts)) / len(flat(parts))
+
+    return {
+        **known,
+        "count": lambda *parts: len(flat(parts)),
+        "sum": lambda *parts: functools.reduce(operator.add, flat(parts)),
+        "mean": mean,
+        "rms": lambda *parts: known["sqrt"](mean([x**2 for x in flat(parts)])),
+        "min": lambda *parts: functools.reduce(known["min"], flat(parts)),
+        "max": lambda *parts: functools.reduce(known["max"], flat(parts)),
+    }
+
+
+_PLAIN: dict[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max}
+_PLAIN |= {name: getattr(math, name) for name in ("sqrt", "sin", "tan", "atan")}
+_FLOATS = functions(_PLAIN)
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A comparison between two expressions.
+
+    `result` is the name that stands alone on the left of an equation, empty if none does; `bare`
+    tells whether both sides are nothing but a name.
+    """
+
+    text: str
+    sign: str
+    left: CodeType
+    right: CodeType
+    result: str
+    bare: bool
+
+    def __reduce__(self) -> tuple[Callable[[str], Formula], tuple[str]]:
+        """Keep the text alone, from which it can be read again."""
+        return read, (self.text,)
+
+    @property
+    def names(self) -> set[str]:
+        """The names of its cells, of its functions and of its units."""
+        return {*self.left.co_names, *self.right.co_names}
+
+    def values(
+        self, values: Mapping[str, Any], known: Mapping[str, Any] = _FLOATS, units: Any = _SI
+    ) -> Iterator[Any]:
+        """Yield both sides for what the names stand for, in some arithmetic."""
+        scope = {"u": units, **known, **values}
+        for side in (self.left, self.right):
+            yield eval(side, {"__builtins__": {}}, scope)
+
+
+@functools.cache
+def read(text: str) -> Formula:
+    """Read a formula.
+
+    Examples
+    --------
+    >>> formula = read("motion = 2 * position - first")
+    >>> formula.result, list(formula.values({"motion": 9.0, "position": 5.0, "first": 1.0}))
+    ('motion', [9.0, 9.0])
+    """
+    left, sign, right = re.split(r"\s*([<>]?=)\s*", text)
+    codes = [compile(side, "<formula>", "eval") for side in (left, right)]
+    named = left.isidentifier()
+    result = left if named and sign == "=" else ""
+    return Formula(text, sign, codes[0], codes[1], result, named and right.isidentifier())
 
 
 @dataclass(frozen=True)
@@ -94,17 +172,17 @@ class Relation:
     # Where the paper says so: an equation, a definition, geometry.
     source: str
     kind: RelationKind
-    unknown: Unknown | None = None
-    tolerance: Tolerance | None = None
+    unknown: Unknown | None
+    tolerance: Tolerance | None
+    # The number that the library computes by a function of its own, a cell or one reading of it.
+    # Such a relation is a second entry of that computation, and no further evidence.
+    restates: str
     # The paper's conclusion that rests on it.
     claim: str | None = None
     reading: Finder = ""
     # What it supposes that the paper does not say. Such a relation is counted apart, and no
     # contradiction of the paper follows from it.
     supposition: str = ""
-    # The number that the library computes by a function of its own, a cell or one reading of it.
-    # Such a relation is a second entry of that computation, and no further evidence.
-    restates: str = ""
 
     @property
     def compares(self) -> bool:
@@ -148,9 +226,12 @@ class Relation:
         return found if self.unknown is None else {**found, self.unknown.name: unknown}
 
     def sides(self, by_address: Mapping[str, float], unknown: float = 0.0) -> tuple[float, float]:
-        """Return both sides at given values of the cells, in SI; NaN where one has none."""
-        values = self.values(by_address, unknown)
-        return _number(self.formula.left, values), _number(self.formula.right, values)
+        """Return both sides at given values of the cells, in SI; NaN where they have none."""
+        try:
+            left, right = self.formula.values(self.values(by_address, unknown))
+        except (ArithmeticError, ValueError):  # a division by zero, a root of a negative number
+            return math.nan, math.nan
+        return float(left), float(right)
 
     def missed_by(self, left: float, right: float) -> float:
         """Return by how much two sides miss the relation; at most zero where they keep it."""
@@ -158,56 +239,30 @@ class Relation:
         return missed[self.formula.sign]
 
 
-def _number(side: Side, values: Mapping[str, Any]) -> float:
-    try:
-        return float(side(values))
-    except (ArithmeticError, ValueError):  # a division by zero, a root of a negative number
-        return math.nan
+def declarations(paper: str) -> dict[str, Any]:
+    """Return what is declared of a paper: relations, equations; nothing of one without a file."""
+    file = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
+    return tomllib.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
 def relations_of(paper: str, cells: Sheet) -> list[Relation]:
-    """Return the relations that the printed numbers of a paper should keep, as declared.
-
-    None of a paper without a file of relations. A test holds their dimensions; doing so each time
-    would take longer than to judge them.
-    """
-    file = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
-    text = file.read_text(encoding="utf-8") if file.is_file() else "relations = {}"
-    return declared(text, cells, f"{paper}/", dimensions=False)
+    """Return the relations that the printed numbers of a paper should keep, as declared."""
+    return declared(declarations(paper), cells, f"{paper}/")
 
 
-def declared(
-    text: str, cells: Sheet, prefix: str = "", *, dimensions: bool = True
-) -> list[Relation]:
-    """Read relations from a TOML text, in order of declaration.
-
-    Their dimensions are checked unless it is said that they are known to fit.
-
-    Examples
-    --------
-    >>> from reproduce.audit.rounding import printed_cell
-    >>> table = {a: printed_cell(a, text) for a, text in {"t#1.a": "2", "t#1.b": "3"}.items()}
-    >>> line = '{ name = "less", formula = "a <= b", cells = "a=t#1.a b=t#1.b", kind = "order",'
-    >>> text = "[relations]\\nall = [" + line + ' source = "by nature" }]'
-    >>> [relation.name for relation in declared(text, table)]
-    ['less']
-    """
-    content = tomllib.loads(text)
-    unknowns = {n: Unknown(n, **given) for n, given in content.get("unknown", {}).items()}
-    tolerances = {n: Tolerance(**given) for n, given in content.get("tolerance", {}).items()}
+def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list[Relation]:
+    """Return relations in order of declaration."""
+    named: dict[str | None, Any] = {
+        name: kind(**{"name": name, **given} if kind is Unknown else given)
+        for part, kind in (("unknown", Unknown), ("tolerance", Tolerance))
+        for name, given in content.get(part, {}).items()
+    }
     relations: dict[str, Relation] = {}
-    for line in itertools.chain.from_iterable(content["relations"].values()):
-        _refuse_line(line, unknowns, tolerances)
+    for line in itertools.chain.from_iterable(content.get("relations", {}).values()):
         for place in _places(line.get("each", {})):
-            made = _relation(line, place, cells, prefix, unknowns, tolerances)
-            _refuse(made)
-            if dimensions:
-                _refuse_mixed(made, cells)
+            made = _relation(line, place, cells, prefix, {None: None, **named})
             if made.name in relations:
-                raise FormulaError(
-                    f"{made.name!r} is declared twice; give each its own name, and put every "
-                    "placeholder of each = {...} into it"
-                )
+                raise ValueError(f"{made.name!r} is declared twice; give each its own name")
             relations[made.name] = made
     return list(relations.values())
 
@@ -217,113 +272,48 @@ def _relation(
     place: Mapping[str, str],
     cells: Sheet,
     prefix: str,
-    unknowns: Mapping[str, Unknown],
-    tolerances: Mapping[str, Tolerance],
+    named: Mapping[str | None, Any],
 ) -> Relation:
+    own = {name: text for name, text in line.items() if name not in {"cells", "each"}}
     marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-") for key, value in place.items()}
-    bound = dict(pair.split("=", 1) for pair in line["cells"].format(**place).split())
-    restates = line.get("restates", "").format(**place)
+    formula, restates = read(own["formula"].format(**place)), own.get("restates", "")
+    pairs = (pair.split("=", 1) for pair in line["cells"].format(**place).split())
+    bound = {name: _bound(prefix + where, cells) for name, where in pairs}
+    restates = restates and prefix + restates.format(**place)
+    known = set(bound) | {own.get("unknown")} - {None}
+    if strays := known - formula.names or formula.names - known - {"u", *_FLOATS, *UNITS}:
+        raise ValueError(f"{own['name']!r}: bound or named only once: {strays}")
+    if restates and restates.partition(" (")[0] != bound.get(formula.result):
+        raise ValueError(f"{own['name']!r}: the formula is not solved for {restates!r}")
+    if own["kind"] not in get_args(RelationKind) or own.get("reading", "") not in get_args(Finder):
+        raise ValueError(f"{own['name']!r}: unknown kind or reading")
     return Relation(
-        name=re.sub("-+", "-", line["name"].format(**marks)).strip("-"),
-        declared=line["name"],
-        formula=read(line["formula"].format(**place)),
-        binding={name: _bound(prefix + where, cells) for name, where in bound.items()},
-        source=line["source"],
-        kind=line["kind"],
-        unknown=unknowns.get(line.get("unknown", "")),
-        tolerance=tolerances.get(line.get("tolerance", "")),
-        claim=line.get("claim"),
-        reading=line.get("reading", ""),
-        supposition=line.get("supposition", ""),
-        restates=restates and prefix + restates,
+        **own
+        | {
+            "name": re.sub("-+", "-", own["name"].format(**marks)).strip("-"),
+            "declared": own["name"],
+            "formula": formula,
+            "binding": bound,
+            "unknown": named[own.get("unknown")],
+            "tolerance": named[own.get("tolerance")],
+            "restates": restates,
+        }
     )
 
 
 def _bound(where: str, cells: Sheet) -> str | tuple[str, ...]:
     """Return the address, or for a pattern the addresses, behind a name of a formula."""
-    if not any(sign in where for sign in "*?["):
-        if where not in cells:
-            raise FormulaError(f"no printed number at {where!r}; check the address")
-        return where
     found = tuple(address for address in cells if fnmatch.fnmatchcase(address, where))
     if not found:
-        raise FormulaError(f"no printed number matches {where!r}; check the address")
-    return found
+        raise ValueError(f"no printed number matches {where!r}; check the address")
+    return found if any(sign in where for sign in "*?[") else found[0]
 
 
 def _places(each: Mapping[str, Any]) -> Iterator[dict[str, str]]:
     """Yield every combination of the placeholders' values."""
-    axes = []
-    for keys, values in each.items():
-        together = keys.split(",")
-        rows = [row if len(together) > 1 else [row] for row in values]
-        axes.append([dict(zip(together, row, strict=True)) for row in rows])
-    for chosen in itertools.product(*axes):
-        yield {key: value for part in chosen for key, value in part.items()}
-
-
-def _refuse_line(
-    line: Mapping[str, Any], unknowns: Mapping[str, Unknown], tolerances: Mapping[str, Tolerance]
-) -> None:
-    """Raise a FormulaError if the keys of a line, or their choice of words, are not known ones."""
-    name = line.get("name", "?")
-    if stray := set(line) - _KNOWN:
-        raise FormulaError(f"relation {name!r}: unknown keys {sorted(stray)}; known: {_KNOWN}")
-    if missing := _NEEDED - set(line):
-        raise FormulaError(f"relation {name!r}: missing {sorted(missing)}")
-    for key, named in (("unknown", unknowns), ("tolerance", tolerances)):
-        if key in line and line[key] not in named:
-            raise FormulaError(f"relation {name!r}: no {key} called {line[key]!r}")
-    for key, words in (("kind", get_args(RelationKind)), ("reading", get_args(Finder))):
-        if line.get(key, words[0]) not in words:
-            raise FormulaError(f"{name!r}: unknown {key} {line[key]!r}; expected one of {words}")
-
-
-def _refuse(relation: Relation) -> None:
-    """Raise a FormulaError if a relation's names or restated cell do not fit."""
-    formula = relation.formula
-    known = set(relation.binding) | ({relation.unknown.name} if relation.unknown else set())
-    if stray := known ^ set(formula.names):
-        raise FormulaError(f"{formula.text!r}: bound or named only once: {stray}")
-    if relation.restates and relation.restates.partition(" (")[0] != relation.result:
-        raise FormulaError(
-            f"{relation.name!r}: restates {relation.restates!r}, but the formula is solved for "
-            f"{relation.result!r}"
-        )
-
-
-def _refuse_mixed(relation: Relation, cells: Sheet) -> None:
-    """Raise a FormulaError if the dimensions of a relation's sides do not fit."""
-    units = relation.values({a: cells[a].unit for a in relation.addresses})
-    if relation.unknown is not None:
-        units[relation.unknown.name] = relation.unknown.unit
-    # Of a list, each unit once: how long it is says nothing about the dimension.
-    once = {n: tuple(dict.fromkeys(u)) if isinstance(u, list) else u for n, u in units.items()}
-    if fault := _mixed(relation.formula, tuple(once.items())):
-        raise FormulaError(f"{relation.formula.text!r}: {fault}")
-
-
-@cache
-def _mixed(formula: Formula, units: tuple[tuple[str, str | tuple[str, ...]], ...]) -> str:
-    """Return what is wrong with the dimensions of a formula; empty if nothing is."""
-    import pint
-
-    registry = pint.application_registry
-
-    def of(unit: str) -> Any:
-        return registry.Quantity(np.float64(1.0), UNITS[unit][0])
-
-    trigonometry = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "atan": np.arctan}
-    physical = functions({"abs": abs, "min": min, "max": max, "sqrt": np.sqrt, **trigonometry})
-    values = {n: of(u) if isinstance(u, str) else [of(one) for one in u] for n, u in units}
-    try:
-        with np.errstate(all="ignore"):  # ones may cancel, and only the dimension counts
-            left, right = (
-                registry.Quantity(side(values, physical, of))
-                for side in (formula.left, formula.right)
-            )
-    except pint.DimensionalityError as error:
-        return str(error)
-    if left.dimensionality == right.dimensionality:
-        return ""
-    return f"the left side is {left.dimensionality}, the right side {right.dimensionality}"
+    for chosen in itertools.product(*each.values()):
+        place: dict[str, str] = {}
+        for keys, value in zip(each, chosen, strict=True):
+            values = value if "," in keys else [value]
+            place |= zip(keys.split(","), values, strict=True)
+        yield place

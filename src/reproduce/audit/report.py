@@ -1,26 +1,32 @@
-"""The whole audit of a table or paper in one call."""
+"""The whole audit of a paper in one call, and the register of errata."""
 
 from __future__ import annotations
 
+import fnmatch
 import functools
+import tomllib
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Literal
 
-from reproduce.audit.conflicts import Conflict, apart, conflicts, groups
+from pydantic import BaseModel, ConfigDict
+
 from reproduce.audit.corrections import Correction, corrections
 from reproduce.audit.equations import Demonstration, demonstrations
 from reproduce.audit.examine import (
     OUTCOMES,
     Agreement,
+    Conflict,
     Examined,
     RelationOutcome,
     agreements,
+    conflicts,
     examine,
-    rounding_votes,
+    groups,
 )
-from reproduce.audit.relation import Relation, declared, relations_of
-from reproduce.audit.rounding import Sheet, sheet
-from reproduce.printed.cells import PAPERS, Cell, library
+from reproduce.audit.relation import Finder, Relation, Sheet, relations_of
+from reproduce.printed.cells import Cell, library
 
 
 @dataclass(frozen=True)
@@ -37,7 +43,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Audit:
-    """What the relations say of a table or paper, and its equations run as printed.
+    """What the relations say of a paper, and its equations run as printed.
 
     There is a finding for each relation, those that rest on a supposition of ours included.
     """
@@ -48,8 +54,7 @@ class Audit:
     conflicts: tuple[Conflict, ...]
     groups: tuple[Group, ...]
     unknowns: dict[str, Agreement]
-    votes: dict[str, int]
-    equations: tuple[Demonstration, ...] = ()
+    equations: tuple[Demonstration, ...]
 
     @property
     def examined(self) -> tuple[str, ...]:
@@ -93,11 +98,7 @@ class Audit:
 
     def blamed(self) -> dict[str, int]:
         """Count, for each cell in a contradiction, the smallest sets that hold it."""
-        counts: dict[str, int] = {}
-        for conflict in self.conflicts:
-            for address in conflict.cells:
-                counts[address] = counts.get(address, 0) + 1
-        return counts
+        return Counter(address for conflict in self.conflicts for address in conflict.cells)
 
     def finding(self, name: str) -> Examined:
         """Return the finding on one relation, or raise KeyError."""
@@ -107,67 +108,94 @@ class Audit:
         raise KeyError(f"{self.name} has no relation {name!r}")
 
 
-def audit_table(name: str, cells: Sheet, relations: Sequence[Relation] | str) -> Audit:
-    """Audit any table: which of its numbers agree among themselves, and what may be wrong.
-
-    Examples
-    --------
-    >>> from reproduce.audit.rounding import printed_cell
-    >>> texts = {"t#1.net": "8.25", "t#1.tax": "1.65", "t#1.gross": "9.09"}
-    >>> table = {address: printed_cell(address, text) for address, text in texts.items()}
-    >>> relations = '''
-    ... [[relations.all]]
-    ... name = "sum"
-    ... formula = "gross = net + tax"
-    ... cells = "gross=t#1.gross net=t#1.net tax=t#1.tax"
-    ... kind = "arithmetic"
-    ... source = "by name"
-    ... '''
-    >>> found = audit_table("an invoice", table, relations)
-    >>> found.findings[0].outcome
-    'contradicts'
-    >>> found.groups[0].corrections[0].slips[0].label
-    't#1.gross: 9.09 → 9.90'
-    """
-    relations = declared(relations, cells) if isinstance(relations, str) else relations
-    findings = examine(cells, relations)
-    read = [relation for relation in relations if not relation.supposition]
-    found = [part for names in groups(cells, read) for part in _parts(cells, read, names)]
-    return Audit(
-        name=name,
-        cells=cells,
-        findings=tuple(findings),
-        conflicts=tuple(conflicts(cells, read)),
-        groups=tuple(found),
-        unknowns=agreements(cells, relations),
-        votes=rounding_votes(f for f in findings if not f.relation.supposition),
-    )
-
-
-def _parts(cells: Sheet, relations: Sequence[Relation], names: frozenset[str]) -> list[Group]:
-    """Explain contradictions that hang together as one, or else one by one."""
-
-    def group(part: frozenset[str], found: Sequence[Correction]) -> Group:
-        return Group(tuple(r.name for r in relations if r.name in part), tuple(found))
-
-    whole = corrections(cells, relations, names)
-    parts = [names] if whole else apart(relations, names)
-    if len(parts) == 1:
-        return [group(names, whole)]
-    return [group(part, corrections(cells, relations, part)) for part in parts]
-
-
 def paper_sheet(paper: str) -> dict[str, Cell]:
     """Return the printed numbers of a paper by address."""
-    if paper not in PAPERS:
-        raise KeyError(f"unknown paper {paper!r}; expected one of {', '.join(PAPERS)}")
     tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
-    return sheet(cell for table in tables for cell in table.cells)
+    return {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
 
 
 @functools.cache
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
     cells = paper_sheet(paper)
-    found = audit_table(paper, cells, relations_of(paper, cells))
-    return replace(found, equations=tuple(demonstrations(paper, cells)))
+    return audit(paper, cells, relations_of(paper, cells))
+
+
+def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
+    """Audit some cells: which agree among themselves, and what may be wrong."""
+    read = [relation for relation in relations if not relation.supposition]
+    return Audit(
+        name=name,
+        cells=cells,
+        findings=tuple(examine(cells, relations)),
+        conflicts=tuple(conflicts(cells, read)),
+        groups=tuple(part for group in groups(cells, read) for part in _parts(cells, read, group)),
+        unknowns=agreements(cells, relations),
+        equations=tuple(demonstrations(name, cells)),
+    )
+
+
+def _parts(cells: Sheet, every: Sequence[Relation], group: Sequence[Relation]) -> list[Group]:
+    """Explain contradictions that hang together as one, or else by shared unknowns, one by one."""
+    parts: dict[object, list[str]] = {}
+    for relation in group:
+        parts.setdefault(relation.unknown or relation.name, []).append(relation.name)
+    names = [relation.name for relation in group]
+    whole = corrections(cells, every, frozenset(names))
+    if whole or len(parts) == 1:
+        return [Group(tuple(names), tuple(whole))]
+    return [
+        Group(tuple(part), tuple(corrections(cells, every, frozenset(part))))
+        for part in parts.values()
+    ]
+
+
+Conclusion = Literal["stands", "moves", "open"]
+
+
+class Erratum(BaseModel):
+    """One entry of the register.
+
+    The numbers of its evidence are not written in it: they come from the relations and equations
+    that it names. Where words stand against words, `evidence` says which. `reading` tells which
+    of two independent readings of the paper found it, as for a relation, and `again` whether the
+    third one did too, which knew no list. An entry that holds only if we suppose something that
+    the paper does not say names it as its `supposition`, and is counted apart. `extraction` marks
+    what rests on a formula, a digit or a heading of our text, which a machine read.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    id: str
+    paper: str
+    place: str
+    printed: str
+    problem: str
+    library: str
+    conclusion: Conclusion
+    because: str
+    status: Literal["open", "one reading of several", "reported", "confirmed"]
+    reading: Finder
+    again: bool = False
+    extraction: bool = False
+    supposition: str = ""
+    evidence: str = ""
+    relations: list[str] = []
+    equations: list[str] = []
+
+    def findings(self, audit: Audit) -> list[Examined]:
+        """Return the findings of the relations that the entry names."""
+        return [f for f in audit.findings if self.names(f.relation.name)]
+
+    def names(self, relation: str) -> bool:
+        """Tell whether the entry rests on a relation."""
+        return any(fnmatch.fnmatchcase(relation, pattern) for pattern in self.relations)
+
+    def demonstrations(self, audit: Audit) -> list[Demonstration]:
+        """Return the equations, run as printed, that the entry names."""
+        return [shown for shown in audit.equations if shown.name in self.equations]
+
+
+def register(text: str) -> list[Erratum]:
+    """Read the register, in the order of the file."""
+    return [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]

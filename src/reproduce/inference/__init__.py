@@ -23,7 +23,6 @@ from reproduce.inference.model import (
     StartError,
     Uniform,
 )
-from reproduce.inference.parts import ResumeError, Store, processes, run_parts
 from reproduce.inference.posterior import (
     PredictiveCheck,
     Sampled,

@@ -23,8 +23,8 @@ class Expectation:
 
 
 @cache
-def frozen(key: str | None = None) -> dict[str, Expectation]:
-    """Return the frozen verdicts by address, those of one item or all."""
+def frozen() -> dict[str, Expectation]:
+    """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
     for entry in _entries():
         verdict, reason = entry["verdict"], entry.get("reason", "")
@@ -32,8 +32,7 @@ def frozen(key: str | None = None) -> dict[str, Expectation]:
             raise ValueError(f"verdicts.toml: unknown verdict {verdict!r}; one of {VERDICTS}")
         if verdict == "differs" and not reason:
             raise ValueError(f"verdicts.toml: {entry['cells']}: a differs needs its reason")
-        wanted = (one for one in entry["cells"] if key in {None, one.partition("#")[0]})
-        for address in (cell.address for pattern in wanted for cell in find(pattern)):
+        for address in (cell.address for pattern in entry["cells"] for cell in find(pattern)):
             if address in expectations:
                 raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
             expectations[address] = Expectation(verdict, reason, entry.get("erratum", ""))
@@ -58,24 +57,16 @@ class Surprise:
 
 def surprises(ledger: Ledger) -> list[Surprise]:
     """Compare the ledger's verdicts with the frozen ones."""
-    keys = dict.fromkeys(record.key for record in ledger.records)
-    expectations = {a: e for key in keys for a, e in frozen(key).items()}
-    found = [
-        Surprise(r.cell, e.verdict if (e := expectations.get(r.cell)) else "none", r.verdict)
-        for r in ledger.records
-    ]
-    return [surprise for surprise in found if surprise.expected != surprise.found]
-
-
-def _of(address: str) -> Expectation:
-    return frozen(address.partition("#")[0]).get(address, Expectation("", ""))
+    unknown = Expectation("none", "")
+    wanted = [(r, frozen().get(r.cell, unknown).verdict) for r in ledger.records]
+    return [Surprise(r.cell, verdict, r.verdict) for r, verdict in wanted if verdict != r.verdict]
 
 
 def reason(address: str) -> str:
     """Return the written reason for the frozen verdict of a cell, empty where there is none."""
-    return _of(address).reason
+    return frozen()[address].reason if address in frozen() else ""
 
 
 def erratum(address: str) -> str:
     """Return the id of the erratum behind a `differs`, empty where the register has none."""
-    return _of(address).erratum
+    return frozen()[address].erratum if address in frozen() else ""

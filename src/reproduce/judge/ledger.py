@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from typing import Literal
+from itertools import groupby
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from reproduce.judge.propagate import plain_results, reading_name, result_intervals
 from reproduce.judge.verdicts import (
     CENTRAL,
     Judgement,
     Verdict,
     judge_prediction,
     judge_value,
+    plain_results,
+    reading_name,
+    result_intervals,
 )
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import (
@@ -26,6 +28,7 @@ from reproduce.papers.declare import (
     Reading,
     Result,
     Results,
+    agree,
 )
 from reproduce.printed.cells import Cell, PrintedTable, altered_files, library
 from reproduce.printed.given import given
@@ -183,20 +186,15 @@ def build(
     if unknown := asked - set(items):
         raise KeyError(f"unknown key {sorted(unknown)}; expected some of {list(items)}")
     wanted = [key for key in items if key in asked]
-    records: list[Record] = []
-    tables: list[TableRecord] = []
-    readings: list[WholeReading] = []
+    found: list[Ledger] = []
     for done, key in enumerate(wanted, start=1):
-        found = _judged(key)
-        records += found.records
-        tables += found.tables
-        readings += found.readings
+        found.append(_judged(key))
         if progress is not None:
             progress(done, len(wanted))
     return Ledger(
-        records=tuple(records),
-        tables=tuple(tables),
-        readings=tuple(readings),
+        records=tuple(record for one in found for record in one.records),
+        tables=tuple(table for one in found for table in one.tables),
+        readings=tuple(reading for one in found for reading in one.readings),
         altered=altered_files(),
     )
 
@@ -256,16 +254,15 @@ def judge_result(
         "equations": computation.equations,
         "seed": computation.entropy or None,
     }
-    interval = intervals.get(cell.name)
+    name = cell.name
     if isinstance(result, Blocked):
-        readings = _readings(cell, result.readings, intervals)
+        readings = tuple(_reading(cell, one, intervals) for one in result.readings)
         if len({reading.agrees for reading in readings}) != 1:
             return _blocked(cell, result, readings, source)
         # All readings give one verdict: the literal one stands for them.
         source["readings"] = readings
-        interval = intervals.get(reading_name(cell.name, result.readings[0].name))
-        result = _literal(result)
-    found = _judgement(cell, result, interval)
+        name, result = reading_name(name, result.readings[0].name), _literal(result)
+    found = _judgement(cell, name, result, intervals)
     weak = (plain,) if plain and found.verdict == "exact" else ()
     return _make(cell, _why(cell, found), source, weak, **vars(found))
 
@@ -290,25 +287,20 @@ def _literal(result: Result) -> float | Prediction:
     return result.readings[0].result if isinstance(result, Blocked) else result
 
 
-def _judgement(cell: Cell, result: float | Prediction, interval: Interval | None) -> Judgement:
+def _judgement(
+    cell: Cell, name: str, result: float | Prediction, intervals: Mapping[str, Interval]
+) -> Judgement:
     unit = si_factor(cell.unit)
     if isinstance(result, Prediction):
         return judge_prediction(cell.number, result.draws / unit)
-    low, high = interval or (result, result)
+    low, high = intervals.get(name, (result, result))
     return judge_value(cell.number, result / unit, (low / unit, high / unit))
 
 
-def _readings(
-    cell: Cell, readings: tuple[Reading, ...], intervals: Mapping[str, Interval]
-) -> tuple[ReadingRecord, ...]:
-    records = []
-    for one in readings:
-        interval = intervals.get(reading_name(cell.name, one.name))
-        found = vars(_judgement(cell, one.result, interval))
-        kept = {name: found[name] for name in ReadingRecord.model_fields if name in found}
-        own = {"name": one.name, "place": one.place, "added": one.added}
-        records.append(ReadingRecord.model_validate(own | kept))
-    return tuple(records)
+def _reading(cell: Cell, one: Reading, intervals: Mapping[str, Interval]) -> ReadingRecord:
+    name = reading_name(cell.name, one.name)
+    found = {**vars(one), **vars(_judgement(cell, name, one.result, intervals))}
+    return ReadingRecord.model_validate({n: found[n] for n in ReadingRecord.model_fields})
 
 
 def _input(cell: Cell) -> Record:
@@ -360,77 +352,56 @@ def _why(cell: Cell, found: Judgement) -> str:
 def _joint(
     table: PrintedTable, results: Results, records: Mapping[str, Record]
 ) -> tuple[TableRecord, ...]:
-    cells = [
-        cell
+    own = [
+        (cell, results[cell.name])
         for cell in table.cells
         if cell.name in records and records[cell.name].probability is not None
     ]
-    probability, mcse, replicates = _together(
-        [(cell, _draws(cell, _literal(results[cell.name]))) for cell in cells]
-    )
-    if probability is None or mcse is None:
+    together = _together((cell, _literal(result)) for cell, result in own)
+    if not together["replicates"]:
         return ()
     record = TableRecord(
         key=table.key,
-        cells=len(cells),
-        outside=sum(records[cell.name].verdict == "differs" for cell in cells),
-        expected_outside=len(cells) * (1 - CENTRAL),
-        joint_probability=probability,
-        mcse=mcse,
-        replicates=replicates,
+        cells=len(own),
+        outside=sum(records[cell.name].verdict == "differs" for cell, _ in own),
+        expected_outside=len(own) * (1 - CENTRAL),
+        **together,
     )
     return (record,)
-
-
-def _draws(cell: Cell, result: float | Prediction) -> NDArray[np.float64]:
-    """Return the draws of a prediction in the unit of print; none of a number."""
-    return (result.draws if isinstance(result, Prediction) else np.empty(0)) / si_factor(cell.unit)
 
 
 def _whole_readings(
     table: PrintedTable, results: Results, records: Mapping[str, Record]
 ) -> tuple[WholeReading, ...]:
     """Judge every reading of the text on all cells that depend on one, at once."""
-    open_cells: dict[str, tuple[Reading, ...]] = {
-        cell.name: result.readings
+    every = [
+        (cell, one, record)
         for cell in table.cells
         if isinstance(result := results.get(cell.name), Blocked) and result.readings
-    }
-    found = []
-    for chosen in _combined(open_cells.values()) if open_cells else ():
-        parts = [
-            (table[name], one, record)
-            for name, readings in open_cells.items()
-            for one, record in zip(readings, records[name].readings, strict=True)
-            if one.choices.items() <= chosen.items()
-        ]
-        found.append(_whole(table.key, parts))
-    return tuple(found)
+        for one, record in zip(result.readings, records[cell.name].readings, strict=True)
+    ]
+    return tuple(
+        _whole(table.key, [part for part in every if part[1].choices.items() <= chosen.items()])
+        for chosen in _combined(every)
+    )
 
 
-def _combined(every: Iterable[tuple[Reading, ...]]) -> list[Mapping[str, str]]:
+def _combined(every: Iterable[tuple[Cell, Reading, ReadingRecord]]) -> list[Mapping[str, str]]:
     """Return every way to choose all options that the readings of some cells leave open."""
-    ways: list[Mapping[str, str]] = [{}]
-    for readings in every:
+    ways: list[Mapping[str, str]] = []
+    for _, group in groupby(every, lambda part: part[0].name):
+        readings = [one.choices for _, one, _ in group]
         grown: list[Mapping[str, str]] = []
-        for way in ways:
+        for way in ways or [{}]:
             # A cell that no reading fits to what is chosen leaves it as it is.
-            fitting = [r.choices for r in readings if _agree(r.choices, way)] or [{}]
-            grown += [{**way, **choices} for choices in fitting]
+            grown += [{**way, **c} for c in readings if agree(c, way)] or [way]
         ways = [way for place, way in enumerate(grown) if way not in grown[:place]]
     return ways
-
-
-def _agree(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
-    return all(other.get(name, way) == way for name, way in one.items())
 
 
 def _whole(key: str, parts: Sequence[tuple[Cell, Reading, ReadingRecord]]) -> WholeReading:
     names = list(dict.fromkeys(one.name for _, one, _ in parts))
     longest = [name for name in names if not any(o != name and o.startswith(name) for o in names)]
-    probability, mcse, replicates = _together(
-        [(cell, _draws(cell, one.result)) for cell, one, _ in parts]
-    )
     return WholeReading(
         key=key,
         name="; ".join(longest),
@@ -438,24 +409,24 @@ def _whole(key: str, parts: Sequence[tuple[Cell, Reading, ReadingRecord]]) -> Wh
         cells=len(parts),
         agreeing=sum(record.agrees for *_, record in parts),
         apart=sum("through_rounding" in record.flags for *_, record in parts),
-        joint_probability=probability,
-        mcse=mcse,
-        replicates=replicates,
+        **_together((cell, one.result) for cell, one, _ in parts),
     )
 
 
-def _together(
-    predicted: Sequence[tuple[Cell, NDArray[np.float64]]],
-) -> tuple[float | None, float | None, int]:
+def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str, Any]:
     """Return how often cells simulated together lie as far out as the print, error and number.
 
     None and zero where nothing is drawn; what all replicates give alike has no share.
     """
     from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
 
-    drawn = [(cell, draws) for cell, draws in predicted if draws.size and np.ptp(draws) > 0]
+    drawn = [
+        (cell.number.interval(), result.draws / si_factor(cell.unit))
+        for cell, result in predicted
+        if isinstance(result, Prediction) and np.ptp(result.draws) > 0
+    ]
     if not drawn:
-        return None, None, 0
-    columns = [draws for _, draws in drawn]
-    intervals = np.array([cell.number.interval() for cell, _ in drawn])
-    return *joint_probability(columns, intervals), columns[0].size
+        return {"joint_probability": None, "mcse": None, "replicates": 0}
+    intervals, columns = zip(*drawn, strict=True)
+    probability, error = joint_probability(list(columns), np.array(intervals))
+    return {"joint_probability": probability, "mcse": error, "replicates": columns[0].size}

@@ -9,21 +9,16 @@ follow is used, see `reproduce.judge.laws`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import Executor
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.inference import Store, run_parts
-from reproduce.judge import laws
-from reproduce.judge.verdicts import CENTRAL, judge_prediction
+from reproduce.judge.verdicts import CENTRAL
 from reproduce.papers.declare import LEAST_DRAWS, Column, Fact, studied
 from reproduce.papers.niu2024 import readings, simulation
 from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
-from reproduce.printed.units import si_factor
 
 Array = NDArray[np.float64]
 RESIDUAL = np.array(["rmse" in address for address in readings.ADDRESSES])
@@ -40,54 +35,9 @@ LEAST = 1e-12
 LEAST_CORRECTED = 1e3 * LEAST  # a correction multiplies by nearly a thousand readings
 
 
-# What a comparison holds: the two-sided mid-p of each cell by counting draws, its decimal logarithm
-# by the law of the draws; the same of each group; the Mahalanobis distance of each group. The first
-# axes are the readings, and how (26) counts the axes.
-COMPARED = ("tails", "law_tails", "joint", "law_joint", "distance")
-
-
-def recomputed(
-    executor: Executor, folder: Path, note: Mapping[str, str]
-) -> tuple[dict[str, Array], int]:
-    """Simulate the paper under every reading, compare each with the print, and count replicates.
-
-    The first replicates, shape (readings, 20, 2, 8), and arrays as in `COMPARED`.
-    """
-    note = {**note, "replicates": str(readings.REPLICATES)}
-    draws = readings.all_draws(readings.REPLICATES, executor, Store(folder / "draws", note))
-    rows = run_parts(compare, list(draws), executor, Store(folder / "compared", note))
-    return {"first": draws[:, : readings.KEPT], **stacked(rows)}, readings.REPLICATES
-
-
-def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
-    """Put the comparisons of all readings together, by the names of `COMPARED`."""
-    arrays = (np.stack(parts) for parts in zip(*rows, strict=True))
-    return dict(zip(COMPARED, arrays, strict=True))
-
-
-def compare(draws: Array) -> tuple[Array, ...]:
-    """Compare the print with the prediction of one reading: a row of each array of `COMPARED`."""
-    cells = _cells()
-    intervals = np.array([cell.number.interval() for cell in cells])
-    rows: list[tuple[Array, ...]] = []
-    for axes in readings.COUNTED:
-        columns = _columns_in_print(draws, cells, axes)
-        law = laws.fitted(columns, RESIDUAL)
-        judged = [judge_prediction(c.number, d) for c, d in zip(cells, columns, strict=True)]
-        joint = [laws.joint(law, columns, intervals, wanted) for wanted in GROUPS.values()]
-        tails = np.array([judgement.probability for judgement in judged])
-        rows.append((tails, laws.log_tails(law, intervals), *np.array(joint).T))
-    return tuple(np.stack(arrays) for arrays in zip(*rows, strict=True))
-
-
-def _cells() -> list[Cell]:
+def cells() -> list[Cell]:
+    """Return the printed cells, in the order of `ADDRESSES`."""
     return [find(address)[0] for address in readings.ADDRESSES]
-
-
-def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]:
-    """Return the draws of one reading cell by cell, shape (replicates,), in the unit of print."""
-    flat = readings.counted(draws, axes).reshape(len(draws), -1)
-    return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
 
 
 def corrected(joint: Array, readings: int) -> Array:

@@ -31,14 +31,13 @@ from reproduce.papers.declare import Blocked, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
 from reproduce.printed.number import Interval
-from reproduce.printed.units import UNITS, si_factor, symbol
+from reproduce.printed.units import ALIKE, UNITS, si_factor, symbol
 
 Replaced = dict[str, float]
 Made = TypeVar("Made")
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"
 )
-_ANGLES = {"deg", "arcsec"}
 # Relative: far above rounding noise, far below what any printed digit shows.
 _NOISE = 1e-9
 _NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -177,41 +176,31 @@ def in_si(cell: Cell, value: str | float) -> float:
     """Return a value written as in the print, such as ``"0.2 px"``, in SI units."""
     bare = isinstance(value, int | float)
     matched = _VALUE.fullmatch(f"{value:.17g}" if bare else str(value))
-    if matched is None:
-        raise _unfit(cell, f"a number as in the print ({cell.shown})", value)
-    number, written = float(matched[1].replace("−", "-")), matched[2].strip()
-    units = {name: name for name in UNITS} | {symbol(name): name for name in UNITS}
+    number = float(matched[1].replace("−", "-")) if matched else math.nan
+    written = matched[2].strip() if matched else ""
+    units = {name: name for name in UNITS} | {symbol(name): name for name in UNITS if symbol(name)}
     as_printed = not written and (bare or cell.unit in {"1", "count"})
-    unit = cell.unit if as_printed else units.get(written, "") if written else ""
-    if not unit or not _same_kind(unit, cell.unit):
-        wanted = symbol(cell.unit) or "no unit"
-        raise _unfit(cell, f"{wanted} as in the print ({cell.shown})", value)
-    if not np.isfinite(number):
-        raise _unfit(cell, "a finite number", value)
-    if cell.unit == "count":
-        most = LARGEST * cell.number.value
-        if number != round(number):
-            raise _unfit(cell, "a whole number", value)
-        if not 0 <= number <= most:
-            wanted = f"a count up to {LARGEST} times the printed one, {most:.0f}"
-            raise _unfit(cell, wanted, value)
+    unit = cell.unit if as_printed else units.get(written, "")
+    most = LARGEST * cell.number.value
+    wanted = ""
+    if matched is None:
+        wanted = f"a number as in the print ({cell.shown})"
+    elif not _same_kind(unit, cell.unit):
+        wanted = f"{symbol(cell.unit) or 'no unit'} as in the print ({cell.shown})"
+    elif not math.isfinite(number):
+        wanted = "a finite number"
+    elif cell.unit == "count" and number != round(number):
+        wanted = "a whole number"
+    elif cell.unit == "count" and not 0 <= number <= most:
+        wanted = f"a count up to {LARGEST} times the printed one, {most:.0f}"
+    if wanted:
+        raise CannotChangeError(f"{cell.address}: expected {wanted}, got {value!r}")
     return number * si_factor(unit)
 
 
-def _unfit(cell: Cell, wanted: str, value: str | float) -> CannotChangeError:
-    return CannotChangeError(f"{cell.address}: expected {wanted}, got {value!r}")
-
-
 def _same_kind(one: str, other: str) -> bool:
-    if one == other:
-        return True
-    # To pint an angle, a count and a magnitude are pure numbers; no reader means them so.
-    if {one, other} & {"count", "mag"} or (one in _ANGLES) != (other in _ANGLES):
-        return False
-    import pint
-
-    kinds = [pint.application_registry.Quantity(1.0, UNITS[unit][0]) for unit in (one, other)]
-    return bool(kinds[0].is_compatible_with(kinds[1]))
+    kinds = ({one}, {"1", "percent"}, *map(set, ALIKE))
+    return any({one, other} <= kind for kind in kinds)
 
 
 def rerun(
@@ -239,7 +228,8 @@ def rerun(
             after, before = run.results(computation), plain.results(computation)
             for name, result in after.items():
                 cells += _changed(library()[key][name], before[name], result)
-        if strays := [c.cell.address for c in cells if c.value is not None and not _finite(c)]:
+        ends = {c.cell.address: [c.value or 0.0, *(c.interval or ())] for c in cells}
+        if strays := [address for address, found in ends.items() if not np.isfinite(found).all()]:
             raise ArithmeticError(f"no finite number comes out for {', '.join(strays)}")
     order = list(library()[key].by_name)
     cells.sort(key=lambda one: order.index(one.cell.name))
@@ -300,12 +290,10 @@ def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) 
 
 
 def _near(stray: str, allowed: Sequence[str]) -> list[str]:
-    """Return the cells whose name holds that of a stray, or else those with a name much like it."""
-    name = stray.rpartition("#")[2]
-    names = {address: address.partition("#")[2] for address in allowed}
-    held = {one for one in names.values() if len(name) > 2 and name in one}
-    alike = held or difflib.get_close_matches(name, names.values(), n=SUGGESTED, cutoff=0.7)
-    return [address for address, one in names.items() if one in alike]
+    """Return the cells whose name is much like that of a stray."""
+    names = [address.partition("#")[2] for address in allowed]
+    alike = difflib.get_close_matches(stray.rpartition("#")[2], names, n=SUGGESTED, cutoff=0.7)
+    return [address for address, name in zip(allowed, names, strict=True) if name in alike]
 
 
 def under(
@@ -384,10 +372,6 @@ def _from_print(
 ) -> _Run:
     """Return what is computed from the print, which one change after the other is held against."""
     return _Run({}, seed, replicates, dict(chosen))
-
-
-def _finite(one: ChangedCell) -> bool:
-    return bool(np.isfinite([one.value or 0.0, *(one.interval or ())]).all())
 
 
 def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:

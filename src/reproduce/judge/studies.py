@@ -10,12 +10,6 @@ from reproduce.papers.declare import Study
 # The modules of the tables that see printed answers, which no module of a paper may.
 JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")
 
-# The modules, of the package or of tools, whose `recomputed` redoes a slow study.
-SLOW = {
-    "niu2024-readings": "reproduce.judge.readings",
-    "niu2024-fusion": "fusion",
-}
-
 
 @cache
 def studies() -> catalogue.Declared[Study]:

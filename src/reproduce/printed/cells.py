@@ -1,32 +1,126 @@
-"""Printed cells with their addresses, read from the data files."""
+"""Printed cells with their addresses, read from the data files, and the form of such a file."""
 
 from __future__ import annotations
 
 import fnmatch
 import hashlib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections import Counter
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
 
 from reproduce.locate import data_folders, papers
 from reproduce.printed.number import PrintedNumber
-from reproduce.printed.schema import (
-    CellEntry,
-    Line,
-    PrintedFile,
-    PrintedFileError,
-    QuotedCell,
-    Role,
-    Traits,
-    parse,
-)
 from reproduce.printed.units import si_factor, symbol
 
 PAPERS = tuple(papers())
+# What a number is in the paper (not what we do with it: that is up to each use).
+Role = Literal["setting", "specification", "measurement", "simulation", "derived", "citation"]
+Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]
 # A no-break space keeps sign and digits on one line.
 _SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}
+
+
+class PrintedFileError(ValueError):
+    """A file of printed numbers does not follow the format; the message lists every fault."""
+
+
+def _known(unit: str) -> str:
+    si_factor(unit)
+    return unit
+
+
+class _Traits(BaseModel):
+    """What can be said of a cell, or once for its row, column or file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    unit: Annotated[str, AfterValidator(_known)] | None = None
+    unit_assumed: str | None = None
+    role: Role | None = None
+    qualifier: Qualifier | None = None
+    sigma: Literal[1, 3] | None = None
+    section: str | None = None
+    page: str | None = None
+    spelled: str | None = None
+    misprint: str | None = None
+
+
+class _Entry(_Traits):
+    """One cell of a table: digits or text, with what differs from its row and column."""
+
+    value: str | None = None
+    text: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _digits(cls, entry: Any) -> Any:
+        if isinstance(entry, int | float):
+            raise ValueError(f'unquoted number: write "{entry}", with all the digits of the print')
+        return {"value": entry} if isinstance(entry, str) else entry
+
+    @model_validator(mode="after")
+    def _number_or_text(self) -> _Entry:
+        if (self.value is None) == (self.text is None):
+            raise ValueError("expected exactly one of value (digits) and text (words, a dash)")
+        if self.value is not None:
+            PrintedNumber(self.value)
+        return self
+
+
+class Line(_Traits):
+    """What rows, columns and quoted numbers have in common: an id and a label."""
+
+    id: Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
+    label: str
+
+
+class _Quoted(Line, _Entry):
+    """One number quoted in the text."""
+
+
+class _Row(Line):
+    """A row of a table, with its cells in the order of the columns."""
+
+    cells: list[_Entry]
+
+
+class _File(_Traits):
+    """One file: a table with rows and columns, or a group of quoted numbers."""
+
+    title: str
+    place: str
+    column: list[Line] = []
+    row: list[_Row] = []
+    cell: list[_Quoted] = []
+
+    @model_validator(mode="after")
+    def _whole(self) -> _File:
+        if self.page is None and self.section is None:
+            raise ValueError("missing page or section: say where in the paper the numbers stand")
+        if bool(self.cell) == bool(self.row or self.column):
+            raise ValueError("expected either [[column]] and [[row]] (a table) or [[cell]]")
+        for name, lines in (("column", self.column), ("row", self.row), ("cell", self.cell)):
+            if twice := [i for i, n in Counter(line.id for line in lines).items() if n > 1]:
+                raise ValueError(f"duplicate {name} {', '.join(twice)}: each id may stand once")
+        for row in self.row:
+            if len(row.cells) != len(self.column):
+                raise ValueError(
+                    f"row {row.id!r}: expected {len(self.column)} cells, one per column, "
+                    f"got {len(row.cells)}"
+                )
+        return self
 
 
 @dataclass(frozen=True)
@@ -51,8 +145,8 @@ class Cell:
         Table or text, with page or section.
     sigma : int, optional
         1 or 3 where the print gives the number as that many standard deviations.
-    unit_assumed, spelled, misprint : str, optional
-        Why the unit is ours; the word that stands for the digits; the misprint we claim.
+    unit_assumed, misprint : str, optional
+        Why the unit is ours; the misprint we claim.
     """
 
     key: str
@@ -64,7 +158,6 @@ class Cell:
     place: str
     sigma: int | None = None
     unit_assumed: str | None = None
-    spelled: str | None = None
     misprint: str | None = None
 
     @property
@@ -176,96 +269,59 @@ def read(path: Path, key: str) -> PrintedTable:
     """Read one file of printed numbers."""
     source = f"{path.parent.name}/{path.name}"
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return build(tomllib.loads(path.read_text(encoding="utf-8")), key, source)
     except tomllib.TOMLDecodeError as error:
         raise PrintedFileError(f"{source}: not valid TOML: {error}") from error
-    return build(parse(content, source), key)
 
 
-def build(file: PrintedFile, key: str) -> PrintedTable:
-    """Give every cell of a checked file its address and its inherited traits."""
-    cells: list[Cell] = []
+def build(content: Any, key: str, source: str = "") -> PrintedTable:
+    """Check the content of a file; give every cell its address and its inherited traits."""
+    try:
+        file = _File.model_validate(content)
+    except ValidationError as error:
+        faults = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]
+        raise PrintedFileError("\n".join(f"{source}: {fault}" for fault in faults)) from error
+    cells = [_cell(key, quoted.id, quoted.label, (file, quoted)) for quoted in file.cell]
     for row in file.row:
         for column, entry in zip(file.column, row.cells, strict=True):
-            name, label = f"{row.id}.{column.id}", _label(row, column, file)
-            cells.append(_cell(key, name, label, entry, (row, column, file)))
-    cells += [_cell(key, quoted.id, quoted.label, quoted, (file,)) for quoted in file.cell]
-    place = f"{file.place}, {_where(file)}"
-    return PrintedTable(key, file.title, place, file.row or file.cell, file.column, tuple(cells))
+            label = row.label if len(file.column) == 1 else f"{row.label}, {column.label}"
+            cells.append(_cell(key, f"{row.id}.{column.id}", label, (file, column, row, entry)))
+    rows, place = tuple(file.row or file.cell), _place(file, file)
+    return PrintedTable(key, file.title, place, rows, tuple(file.column), tuple(cells))
 
 
-def _label(row: Line, column: Line, file: PrintedFile) -> str:
-    return row.label if len(file.column) == 1 else f"{row.label}, {column.label}"
-
-
-def _cell(
-    key: str, name: str, label: str, entry: CellEntry | QuotedCell, above: tuple[Traits, ...]
-) -> Cell:
-    def trait(which: str) -> object:
-        return next((v for t in (entry, *above) if (v := getattr(t, which)) is not None), None)
-
-    traits = {which: trait(which) for which in ("unit", "role", "sigma", "unit_assumed")}
-    if entry.text is None and (traits["unit"] is None or traits["role"] is None):
-        missing = "unit" if traits["unit"] is None else "role"
-        raise PrintedFileError(f"{key}#{name}: missing {missing}; give it to the cell or its row")
+def _cell(key: str, name: str, label: str, above: tuple[Any, ...]) -> Cell:
+    """Return a cell with the traits of its file, column and row where its entry has none."""
+    traits: dict[str, Any] = {}
+    for one in above:
+        traits |= one.model_dump(include=set(_Traits.model_fields), exclude_none=True)
+    file, entry = above[0], above[-1]
+    if entry.value is not None and (missing := {"unit", "role"} - set(traits)):
+        raise PrintedFileError(f"{key}#{name}: missing {missing.pop()}; give it to the cell or row")
     content: PrintedNumber | str = entry.text or ""
     if entry.value is not None:
-        qualifier = trait("qualifier")
-        content = PrintedNumber(
-            entry.value,
-            traits["unit"] == "count",
-            qualifier if isinstance(qualifier, str) else None,
-        )
-    file = above[-1]
-    where = entry if entry.section or entry.page else file
+        exact = traits["unit"] == "count"
+        content = PrintedNumber(entry.value, exact, traits.get("qualifier"))
     return Cell(
         key=key,
         name=name,
         label=label,
         content=content,
-        unit=str(traits["unit"] or "") if entry.text is None else "",
-        # The schema has checked the role; looking it up by name loses its type.
-        role=traits["role"] or "specification",  # type: ignore[arg-type]
-        place=f"{getattr(file, 'place', '')}, {_where(where)}",
-        sigma=traits["sigma"] if isinstance(traits["sigma"], int) else None,
-        unit_assumed=None if traits["unit_assumed"] is None else str(traits["unit_assumed"]),
-        spelled=entry.spelled,
+        unit=traits["unit"] if entry.text is None else "",
+        role=traits.get("role", "specification"),
+        place=_place(file, entry if entry.section or entry.page else file),
+        sigma=traits.get("sigma"),
+        unit_assumed=traits.get("unit_assumed"),
         misprint=entry.misprint,
     )
 
 
-def _where(traits: Traits) -> str:
-    return f"page {traits.page}" if traits.page else f"section {traits.section}"
-
-
-class Library(Mapping[str, PrintedTable]):
-    """All printed tables and groups of quoted numbers by key; each file is read when asked for."""
-
-    def __init__(self, paths: Mapping[str, Path]) -> None:
-        self._paths = paths
-        self._read: dict[str, PrintedTable] = {}
-
-    def __getitem__(self, key: str) -> PrintedTable:
-        """Return a table, or raise PrintedFileError if its file does not follow the format."""
-        if key not in self._read:
-            self._read[key] = read(self._paths[key], key)
-        return self._read[key]
-
-    def __contains__(self, key: object) -> bool:
-        """Tell whether there is a file of this key, without reading it."""
-        return key in self._paths
-
-    def __iter__(self) -> Iterator[str]:
-        """Go through the keys."""
-        return iter(self._paths)
-
-    def __len__(self) -> int:
-        """Return how many there are."""
-        return len(self._paths)
+def _place(file: _File, at: _Traits) -> str:
+    return f"{file.place}, {f'page {at.page}' if at.page else f'section {at.section}'}"
 
 
 @cache
-def library() -> Library:
+def library() -> dict[str, PrintedTable]:
     """Return all printed tables and groups of all papers.
 
     Examples
@@ -273,13 +329,11 @@ def library() -> Library:
     >>> library()["niu2024/table-3"]["scale.red"].text
     '0.9973'
     """
-    return Library(
-        {
-            f"{paper}/{path.stem}": path
-            for paper, folder in papers().items()
-            for path in sorted((folder / "printed" / paper).glob("*.toml"))
-        }
-    )
+    return {
+        (key := f"{paper}/{path.stem}"): read(path, key)
+        for paper, folder in papers().items()
+        for path in sorted((folder / "printed" / paper).glob("*.toml"))
+    }
 
 
 def altered_files() -> tuple[str, ...]:
@@ -314,8 +368,7 @@ def find(pattern: str) -> tuple[Cell, ...]:
     ['0.9976', '1.0020']
     """
     key, _, name = pattern.partition("#")
-    table = library().get(key)
-    cells = () if table is None else table.cells
+    cells = library()[key].cells if key in library() else ()
     found = tuple(c for c in cells if not name or fnmatch.fnmatchcase(c.name, name))
     if not found:
         raise KeyError(f"no printed cell matches {pattern!r}; see `reproduce list` for the keys")

@@ -16,7 +16,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from io import BytesIO
@@ -36,7 +36,7 @@ SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 # Stars of one channel: their places there and in the reference channel, in px.
 STARS = ("x", "y", "x_reference", "y_reference")
 MASK = "mask"
-MASKED = {"": False, "0": False, "0.0": False, "false": False, "1": True, "1.0": True, "true": True}
+MASKED = {"": 0.0, "false": 0.0, "true": 1.0}
 PIXELS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is what Pint calls px
 # So many rows are named in one remark, and so many columns in one error.
 NAMED, LISTED = 5, 12
@@ -57,32 +57,29 @@ class Table:
     ----------
     path : str
         The file, or what else the numbers come from.
+    names : tuple of str
+        All columns, in their order.
     columns : tuple of str
-        The columns, in the order asked for.
+        Those asked for, in the order asked for.
     values : ndarray, shape (rows, columns)
         The numbers; rows that a mask drops are left out.
     lines : ndarray of int, shape (rows,)
         The line of each row, from one; or its place in arrays, from zero.
-    positions : tuple of int
-        The place of each column, counted from one.
     kind : {"line", "row"}
         What a row is called.
     optional : mapping
         The numbers of those optional columns that there are.
-    names : tuple of str
-        All columns, in their order.
     notes : tuple of str
         What a user should hear of the reading.
     """
 
     path: str
+    names: tuple[str, ...]
     columns: tuple[str, ...]
     values: FloatArray
     lines: NDArray[np.int64]
-    positions: tuple[int, ...]
     kind: str = "row"
     optional: Mapping[str, FloatArray] = field(default_factory=dict)
-    names: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     _entry: Callable[[int, str], str] | None = None
     _content: bytes | None = None
@@ -94,12 +91,8 @@ class Table:
     def text(self, row: int, name: str) -> str:
         """Return one entry as it is written, also of a column that nobody asked for."""
         if self._entry is None:
-            return repr(float(self.column(name)[row]))
+            return f"{self.column(name)[row]:g}"
         return self._entry(int(self.lines[row]), name)
-
-    def extra(self, name: str) -> tuple[str, ...]:
-        """Return one of ``names`` as text, such as those of the stars."""
-        return tuple(self.text(row, name) for row in range(len(self.lines)))
 
     @cached_property
     def sha256(self) -> str:
@@ -108,18 +101,19 @@ class Table:
 
     def named(self, rows: Sequence[int] | NDArray[np.int64]) -> str:
         """Name rows for a reader: "lines 3, 4"."""
-        return _named(self.kind, self.lines[np.asarray(rows, dtype=int)])
+        labels = self.lines[np.asarray(rows, dtype=int)]
+        shown = ", ".join(map(str, labels[:NAMED].tolist()))
+        return f"{self.kind}{'s' * (len(labels) > 1)} {shown}{', ...' * (len(labels) > NAMED)}"
 
     def at(self, row: int, name: str) -> str:
         """Return where one number stands: file, line and column."""
-        position = self.positions[self.columns.index(name)] if name in self.columns else (
-            self.names.index(name) + 1
-        )  # fmt: skip
-        return f"{self.path}, {self.kind} {self.lines[row]}, column {position} ({name})"
+        place = self.names.index(name) + 1
+        return f"{self.path}, {self.kind} {self.lines[row]}, column {place} ({name})"
 
     def wrong(self, row: int, name: str, problem: str) -> TableFileError:
         """Return the error that names file, line and column of one number."""
-        return TableFileError(f"{self.at(row, name)}: {problem}, got {self.text(row, name)!r}")
+        text = self.text(row, name)[:40]
+        return TableFileError(f"{self.at(row, name)}: {problem}, got {text!r}")
 
 
 @contextmanager
@@ -152,12 +146,19 @@ def read_table(
 
     A column ``mask`` drops the rows where it is 1.
     """
-    wanted = (*optional, MASK)
     if not isinstance(source, str | Path):
-        return _from_frame(source, columns, wanted)
-    if str(source) == "-":
-        return _TextFile("standard input", sys.stdin.buffer.read(), columns).table(wanted)
-    return _TextFile(str(source), Path(source).read_bytes(), columns).table(wanted)
+        table = _framed(source, columns, optional)
+    elif str(source) == "-":
+        table = _File("standard input", sys.stdin.buffer.read(), columns).table(optional)
+    else:
+        table = _File(str(source), Path(source).read_bytes(), columns).table(optional)
+    gone = np.zeros(len(table.values), bool)
+    if MASK in table.columns:
+        flags = table.column(MASK)
+        if len(odd := np.flatnonzero((flags != 0) & (flags != 1))):
+            raise table.wrong(int(odd[0]), MASK, "expected 0, or 1 to drop the row")
+        gone = flags == 1
+    return _kept(table, len(columns), gone)
 
 
 def table_of(columns: Sequence[str], *blocks: tuple[str, Any]) -> Table:
@@ -179,18 +180,9 @@ def table_of(columns: Sequence[str], *blocks: tuple[str, Any]) -> Table:
             "observation"
         )
     gone = np.logical_or.reduce([one.any(axis=1) for one in dropped])
-    values, lines = np.hstack(arrays), np.arange(len(gone))
-    bad = ~(np.abs(values) < LARGEST) & ~gone[:, None]
-    if bad.any():
-        row, place = (int(i) for i in np.argwhere(bad)[0])
-        raise TableFileError(
-            f"{blocks[place // 2][0]}, row {row}: expected {_expected(values[row, place])}, got "
-            f"{values[row, place]:g} ({int(bad.any(axis=1).sum())} such rows); remove or mask them"
-        )
-    return Table(
-        "the arrays", tuple(columns), values[~gone], lines[~gone],
-        tuple(range(1, len(columns) + 1)), names=tuple(columns), notes=_note(gone, "row", lines),
-    )  # fmt: skip
+    names = tuple(columns)
+    table = Table("the arrays", names, names, np.hstack(arrays), np.arange(len(gone)))
+    return _kept(table, len(names), gone)
 
 
 def measured(*named: tuple[str, Any]) -> list[tuple[FloatArray, NDArray[np.bool_]]]:
@@ -203,36 +195,47 @@ def measured(*named: tuple[str, Any]) -> list[tuple[FloatArray, NDArray[np.bool_
     found = []
     for name, one in named:
         bare = getattr(one, "magnitude", getattr(one, "value", one)) if hasattr(one, "to") else one
-        if hasattr(bare, "iloc"):
-            bare = bare.to_numpy()
-        mask = np.array(np.ma.getmaskarray(bare)) if np.ma.isMaskedArray(bare) else None
+        bare = bare.to_numpy() if hasattr(bare, "iloc") else bare
         try:
-            array = np.asarray(np.ma.getdata(bare) if mask is not None else bare, dtype=np.float64)
+            array = np.ma.asarray(bare, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
             raise TypeError(f"{name}: expected an array of numbers, got something else; give each "
                             "row as many numbers, without text") from None  # fmt: skip
-        found.append((array, np.zeros(array.shape, bool) if mask is None else mask))
+        found.append((array.data, np.ma.getmaskarray(array)))
     return found
 
 
-def _named(kind: str, labels: NDArray[np.int64]) -> str:
-    shown = ", ".join(map(str, labels[:NAMED].tolist()))
-    return f"{kind}{'s' * (len(labels) > 1)} {shown}{', ...' * (len(labels) > NAMED)}"
-
-
-def _note(dropped: NDArray[np.bool_], kind: str, lines: NDArray[np.int64]) -> tuple[str, ...]:
-    count = int(dropped.sum())
-    if not count:
-        return ()
-    if count == len(dropped):
-        raise TableFileError(f"expected {kind}s that are not masked, got all {count} masked")
-    told = _named(kind, lines[dropped])
-    return (f"{count} of {len(dropped)} {kind}s {'are' if count > 1 else 'is'} masked ({told}) "
-            "and left out",)  # fmt: skip
-
-
-def _expected(value: float) -> str:
-    return f"a number below {LARGEST:g}" if math.isfinite(value) else "a finite number"
+def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
+    """Return a table without some rows, the columns after so many being optional ones."""
+    kind, lost = table.kind, int(gone.sum())
+    if lost and lost == len(gone):
+        raise TableFileError(
+            f"{table.path}: expected {kind}s that are not masked, got all {lost} masked"
+        )
+    bad = ~(np.abs(table.values) < LARGEST) & ~gone[:, None]
+    if bad.any():
+        row, place = (int(i) for i in np.argwhere(bad)[0])
+        finite = math.isfinite(table.values[row, place])
+        wanted = f"a number below {LARGEST:g}" if finite else "a finite number"
+        error = table.wrong(row, table.columns[place], f"expected {wanted}")
+        raise TableFileError(f"{error}; correct, remove or mask the {kind}")
+    notes: tuple[str, ...] = ()
+    if lost:
+        verb, which = "are" if lost > 1 else "is", table.named(np.flatnonzero(gone))
+        notes = (f"{lost} of {len(gone)} {kind}s {verb} masked ({which}) and left out",)
+    values = table.values[~gone] if lost else table.values
+    return replace(
+        table,
+        columns=table.columns[:count],
+        values=values[:, :count],
+        lines=table.lines[~gone],
+        optional={
+            name: values[:, place]
+            for place, name in enumerate(table.columns)
+            if place >= count and name != MASK
+        },
+        notes=notes,
+    )
 
 
 def _plain(name: object) -> str:
@@ -241,159 +244,115 @@ def _plain(name: object) -> str:
     return re.sub(r"[\s-]+", "_", bare)
 
 
-def _order(where: str, names: Sequence[str], columns: Sequence[str]) -> list[int]:
-    """Return the place of each wanted column; refuse what is missing or named twice."""
-    places: dict[str, int] = {}
+def _wanted(where: str, names: Sequence[str], columns: Sequence[str], optional: Sequence[str]
+            ) -> tuple[str, ...]:  # fmt: skip
+    """Return the columns and those optional ones that there are; refuse missing or double ones."""
     for place, name in enumerate(names):
-        if name and name in places:
+        if name and name in names[:place]:
             raise TableFileError(
                 f"{where}, column {place + 1}: {name!r} is named twice; remove one"
             )
-        places[name] = place
-    missing = [name for name in columns if name not in places]
-    if missing:
+    if missing := [name for name in columns if name not in names]:
         others = [name for name in names[: 10 * LISTED] if name not in columns]
         near = {one: difflib.get_close_matches(one, others, 1) for one in missing}
-        hint = "".join(f"; did you mean column {places[found[0]] + 1}, {found[0]!r}, by {one}?"
+        hint = "".join(f"; did you mean column {names.index(found[0]) + 1}, {found[0]!r}, by {one}?"
                        for one, found in near.items() if found)  # fmt: skip
         came = ", ".join(repr(name[:40]) for name in names[:LISTED])
         raise TableFileError(
             f"{where}: missing column {', '.join(missing)}{hint}; expected {', '.join(columns)}, "
             f"got {came}{', ...' * (len(names) > LISTED)}"
         )
-    return [places[name] for name in columns]
+    return (*columns, *(one for one in (*optional, MASK) if one in names))
 
 
-def _split(line: str, separator: str) -> list[str]:
-    """Return the values of a line."""
-    text = " ".join(line.split()) if separator == " " else line
-    rows = csv.reader([text], delimiter=separator, skipinitialspace=True)
-    return [entry.strip() for entry in next(rows)]
-
-
-def _from_frame(frame: pd.DataFrame, columns: Sequence[str], optional: Sequence[str]) -> Table:
+def _framed(frame: pd.DataFrame, columns: Sequence[str], optional: Sequence[str]) -> Table:
     import pandas as pd
 
-    name = "the DataFrame"
     names = tuple(map(_plain, frame.columns))
-    there = (*columns, *(one for one in optional if one in names))
-    order = _order(name, names, there)
+    there = _wanted("the DataFrame", names, columns, optional)
     if not len(frame):
-        raise TableFileError(f"{name}: expected rows of numbers, got none")
+        raise TableFileError("the DataFrame: expected rows of numbers, got none")
     values = np.column_stack(
-        [pd.to_numeric(frame.iloc[:, place], errors="coerce").to_numpy(float, na_value=np.nan)
-         for place in order]
+        [pd.to_numeric(frame.iloc[:, names.index(one)], errors="coerce").to_numpy(
+            float, na_value=np.nan) for one in there]
     )  # fmt: skip
 
     def entry(row: int, column: str) -> str:
         return str(frame.iloc[row, names.index(column)])
 
-    table = Table(name, there, values, np.arange(len(values)), tuple(i + 1 for i in order), "row",
-                  {}, names, (), entry)  # fmt: skip
-    return _sorted_out(table, len(columns))
+    return Table("the DataFrame", names, there, values, np.arange(len(values)), _entry=entry)
 
 
-def _sorted_out(table: Table, count: int) -> Table:
-    """Return a table without its masked rows, the columns after so many being optional ones."""
-    gone = np.zeros(len(table.values), bool)
-    if MASK in table.columns:
-        flags = table.column(MASK)
-        if len(odd := np.flatnonzero((flags != 0) & (flags != 1))):
-            raise table.wrong(int(odd[0]), MASK, "expected 0, or 1 to drop the row")
-        gone = flags == 1
-    bad = ~(np.abs(table.values) < LARGEST) & ~gone[:, None]
-    if bad.any():
-        row, place = (int(i) for i in np.argwhere(bad)[0])
-        name = table.columns[place]
-        raise TableFileError(
-            f"{table.at(row, name)}: expected {_expected(table.values[row, place])}, got "
-            f"{table.text(row, name)[:40]!r}; correct or remove the {table.kind}"
-        )
-    try:
-        notes = _note(gone, table.kind, table.lines)
-    except TableFileError as error:
-        raise TableFileError(f"{table.path}: {error}") from error
-    kept = slice(None) if not notes else ~gone
-    values, columns = table.values[kept], table.columns
-    more = {name: values[:, i] for i, name in enumerate(columns) if i >= count and name != MASK}
-    return Table(
-        table.path, columns[:count], values[:, :count], table.lines[kept], table.positions[:count],
-        table.kind, more, table.names, notes, table._entry, table._content,
-    )  # fmt: skip
-
-
-class _TextFile:
+class _File:
     """A file of columns: where its lines are, and how they are written."""
 
     def __init__(self, name: str, content: bytes, columns: Sequence[str]) -> None:
         self.name, self.content, self.columns = name, content, columns
-        self.text = self._bytes()
-        ends = np.append(np.flatnonzero(np.frombuffer(self.text, np.uint8) == ord("\n")),
-                         len(self.text))  # fmt: skip
-        self.starts = np.concatenate([[0], ends + 1])
-        self.head, self.lines, self.separator = self._layout()
-        self.names = tuple(map(_plain, self._entries(self.head, self.line(self.head).lstrip("#"))))
-        _order(f"{name}, line {self.head}", self.names, columns)
-        if not len(self.lines):
-            raise TableFileError(f"{name}: expected lines of numbers below the names, got none")
-        self.decimal = self._decimal()
+        self.text = self._decoded()
+        comments: list[int] = []
+        plain: list[int] = []
+        for number, line in enumerate(BytesIO(self.text), start=1):
+            if line.strip():
+                (comments if line.startswith(b"#") else plain).append(number)
+        if plain and re.fullmatch(r"\"?sep=.\"?", self._line(plain[0])):
+            plain = plain[1:]
+        if not plain:
+            raise TableFileError(f"{name}: expected a line of column names, got an empty file")
+        self.head, *numbers = plain
+        # `numpy.savetxt` writes the names as a comment.
+        for number in comments if not self._told(self.head) else ():
+            if number < plain[0] and self._told(number):
+                self.head, numbers = number, plain
+        text = self._line(self.head).lstrip("#")[:100_000]
+        ranks = {
+            one: (self._known(text, one), one != " " and text.count(one)) for one in SEPARATORS
+        }
+        self.separator = max(ranks, key=ranks.__getitem__)
+        self.lines = np.array(numbers, dtype=np.int64)
+        self.names = tuple(map(_plain, self._entries(self.head)))
 
-    def _bytes(self) -> bytes:
+    def _decoded(self) -> bytes:
         """Return the file in UTF-8, each line ended by a line feed."""
         data = self.content
-        if not data.strip():
-            raise TableFileError(f"{self.name}: expected a line of column names, got an empty file")
         try:
             if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
                 data = data.decode("utf-16").encode()
             data.decode()
+            if b"\0" in data:
+                raise UnicodeError("binary data")
         except UnicodeError as error:
             raise TableFileError(
-                f"{self.name}: expected text in UTF-8, got other bytes ({error}); save it as CSV "
-                "in UTF-8"
+                f"{self.name}: expected text in UTF-8, got {error}; save it as CSV in UTF-8"
             ) from error
-        if b"\0" in data:
-            raise TableFileError(f"{self.name}: expected text in UTF-8, got binary data; save it "
-                                 "as CSV in UTF-8")  # fmt: skip
         if b"\r" in data:
             data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         return data.removeprefix(b"\xef\xbb\xbf")
 
-    def line(self, number: int) -> str:
+    @cached_property
+    def _every(self) -> list[bytes]:
+        return self.text.split(b"\n")
+
+    def _line(self, number: int) -> str:
         """Return one line, counted from one."""
-        start, end = self.starts[number - 1 : number + 1]
-        return self.text[start : end - 1].decode()
+        return self._every[number - 1].decode()
 
-    def _layout(self) -> tuple[int, NDArray[np.int64], str]:
-        """Return the line of names, those of values, and what separates them."""
-        letters = np.frombuffer(self.text, np.uint8)
-        first = letters[np.minimum(self.starts[:-1], len(letters) - 1)]
-        full = first != ord("\n")
-        for i in np.flatnonzero((first == ord(" ")) | (first == ord("\t"))).tolist():
-            full[i] = bool(self.line(i + 1).strip())
-        told = first == ord("#")
-        numbers = np.flatnonzero(full & ~told) + 1
-        said = re.fullmatch(r"\"?sep=(.)\"?", self.line(numbers[0])) if len(numbers) else None
-        numbers = numbers[1:] if said else numbers
-        if not len(numbers):
-            raise TableFileError(f"{self.name}: expected a line of column names, got an empty file")
-        head, lines = int(numbers[0]), numbers[1:]
-        # `numpy.savetxt` writes the names as a comment.
-        before = np.flatnonzero(full & told)[:1] + 1
-        if len(before) and before[0] < head and re.match(r"[\s\d.+-]*\d", self.line(head)):
-            above = self.line(int(before[0])).lstrip("#")
-            if set(self.columns) <= set(map(_plain, re.split(r"[,;\t ]+", above.strip()))):
-                head, lines = int(before[0]), numbers
-        names = self.line(head).lstrip("#")[:100_000]
-        known = {one: len({*self.columns} & {*map(_plain, names.split(one))}) for one in SEPARATORS}
-        known[" "] = len({*self.columns} & {*map(_plain, names.split())})
-        if not any(known.values()):
-            known = {one: names.count(one) for one in ",;\t"}
-        return head, lines, max(known, key=lambda one: known[one])
+    def _known(self, line: str, separator: str) -> int:
+        """Count the columns that are named in a line by their separator."""
+        parts = line.split(separator if separator.strip() or separator == "\t" else None)
+        return len({*self.columns} & {*map(_plain, parts)})
 
-    def _entries(self, number: int, line: str | None = None) -> list[str]:
+    def _told(self, number: int) -> bool:
+        """Tell whether a line names all columns."""
+        line = self._line(number).lstrip("#")[:100_000]
+        return any(self._known(line, one) == len({*self.columns}) for one in SEPARATORS)
+
+    def _entries(self, number: int) -> list[str]:
+        line = self._line(number)
+        line = line.lstrip("#") if number == self.head else line
+        line = " ".join(line.split()) if self.separator == " " else line
         try:
-            return _split(self.line(number) if line is None else line, self.separator)
+            rows = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
+            return [entry.strip() for entry in next(rows)]
         except csv.Error as error:
             raise TableFileError(
                 f"{self.name}, line {number}: expected values separated by "
@@ -406,7 +365,7 @@ class _TextFile:
         if self.separator == "," or b"," not in self.text:
             return "."
         places = [self.names.index(name) for name in self.columns]
-        doubtful: tuple[int, str] | None = None
+        doubtful = ""
         for number in self.lines.tolist():
             entries = self._entries(number)
             for entry in (entries[place] for place in places if place < len(entries)):
@@ -414,51 +373,50 @@ class _TextFile:
                     return "."
                 if "," in entry and not _THOUSANDS.fullmatch(entry):
                     return ","
-                doubtful = doubtful or ((number, entry) if "," in entry else None)
-        if doubtful is None:
-            return "."
-        number, entry = doubtful
-        raise TableFileError(
-            f"{self.name}, line {number}: expected decimals that can be told from thousands, got "
-            f"{entry!r}; write {entry.replace(',', '.')!r} or {entry.replace(',', '')!r}"
-        )
+                if "," in entry and not doubtful:
+                    doubtful = (
+                        f"{self.name}, line {number}: expected decimals that can be told from "
+                        f"thousands, got {entry!r}; write {entry.replace(',', '.')!r} or "
+                        f"{entry.replace(',', '')!r}"
+                    )
+        if doubtful:
+            raise TableFileError(doubtful)
+        return "."
 
     def table(self, optional: Sequence[str]) -> Table:
-        """Return the columns and those optional ones that there are."""
-        columns = (*self.columns, *(one for one in optional if one in self.names))
-        order = _order(f"{self.name}, line {self.head}", self.names, columns)
-        values = self._bulk(columns, order)
-        lines = self.lines
+        """Return the columns, and those optional ones that there are, before any row is dropped."""
+        there = _wanted(f"{self.name}, line {self.head}", self.names, self.columns, optional)
+        places = {name: self.names.index(name) for name in there}
+        decimal = self._decimal()
+        values, lines = self._at_once(places, decimal), self.lines
         if values is None:
-            values, lines = self._walked(columns, order)
-        table = Table(
-            self.name, columns, values, lines, tuple(i + 1 for i in order), "line", {},
-            self.names, (), self._entry, self.content,
-        )  # fmt: skip
-        return _sorted_out(table, len(self.columns))
+            lines, values = self._one_by_one(places, decimal)
+        if not len(values):
+            raise TableFileError(f"{self.name}: expected lines of numbers below the names, "
+                                 "got none")  # fmt: skip
 
-    def _entry(self, number: int, column: str) -> str:
-        return self._entries(number)[self.names.index(column)]
+        def entry(number: int, column: str) -> str:
+            return self._entries(number)[self.names.index(column)]
 
-    def _bulk(self, columns: Sequence[str], order: list[int]) -> FloatArray | None:
+        return Table(self.name, self.names, there, values, lines, "line",
+                     _entry=entry, _content=self.content)  # fmt: skip
+
+    def _at_once(self, places: Mapping[str, int], decimal: str) -> FloatArray | None:
         """Return all numbers at once; None where one of them, or a line, is in doubt."""
         import pandas as pd
 
-        first, last = self.lines[0], len(self.names) - 1
-        between = np.arange(first, self.lines[-1])
-        passed = np.setdiff1d(between, self.lines, assume_unique=True) - first
+        if not len(self.lines) or len(self._entries(int(self.lines[0]))) != len(self.names):
+            return None
+        last = len(self.names) - 1
+        passed = np.setdiff1d(np.arange(1, self.lines[-1]), self.lines, assume_unique=True) - 1
         # Exact by default from pandas 3.1 on, which no longer takes the word.
         old = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
         exact: dict[str, Any] = {"float_precision": "round_trip"} if old else {}
-        stream = BytesIO(self.text)
-        stream.seek(int(self.starts[first - 1]))
-        types = dict.fromkeys(range(last + 1), str) | dict.fromkeys(order, np.float64)
-        if len(self._entries(int(first))) != len(self.names):
-            return None
+        types = dict.fromkeys(range(last + 1), str) | dict.fromkeys(places.values(), np.float64)
         try:
             frame = pd.read_csv(
-                stream, header=None, dtype=types, skiprows=passed.tolist(),
-                sep=r"\s+" if self.separator == " " else self.separator, decimal=self.decimal,
+                BytesIO(self.text), header=None, dtype=types, skiprows=passed.tolist(),
+                sep=r"\s+" if self.separator == " " else self.separator, decimal=decimal,
                 skipinitialspace=True, engine="c", **exact,
             )  # fmt: skip
         except (ValueError, OverflowError):  # pandas' own errors of parsing are ValueErrors
@@ -466,13 +424,13 @@ class _TextFile:
         # A line that ends early lacks its last value.
         if len(frame) != len(self.lines) or frame[last].isna().any():
             return None
-        return np.asarray(frame[order], dtype=np.float64)
+        return np.asarray(frame[list(places.values())], dtype=np.float64)
 
-    def _walked(
-        self, columns: Sequence[str], order: list[int]
-    ) -> tuple[FloatArray, NDArray[np.int64]]:
-        """Return the same line by line, with NaN for what is no number, and the lines."""
-        rows, kept = [], []
+    def _one_by_one(
+        self, places: Mapping[str, int], decimal: str
+    ) -> tuple[NDArray[np.int64], FloatArray]:
+        """Return the lines, and the same line by line, with NaN for what is no number."""
+        rows: dict[int, list[float]] = {}
         for number in self.lines.tolist():
             entries = self._entries(number)
             if not any(entries):  # a spreadsheet writes so what was cleared
@@ -483,20 +441,16 @@ class _TextFile:
                     f"{len(entries)}; separate them with {SEPARATORS[self.separator]} as line "
                     f"{self.head} does, and write decimals with a point"
                 )
-            rows.append([self._number(name, entries[place])
-                         for name, place in zip(columns, order, strict=True)])  # fmt: skip
-            kept.append(number)
-        if not rows:
-            raise TableFileError(f"{self.name}: expected lines of numbers below the names, "
-                                 "got none")  # fmt: skip
-        return np.array(rows), np.array(kept)
+            rows[number] = [_number(n, entries[at], decimal) for n, at in places.items()]
+        return np.array(list(rows), dtype=np.int64), np.array(list(rows.values()))
 
-    def _number(self, column: str, entry: str) -> float:
-        if column == MASK and entry.lower() in MASKED:
-            return float(MASKED[entry.lower()])
-        if self.decimal == ",":
-            entry = "" if "." in entry else entry.replace(",", ".")
-        try:
-            return float(entry)
-        except ValueError:
-            return math.nan
+
+def _number(column: str, entry: str, decimal: str) -> float:
+    if column == MASK and entry.lower() in MASKED:
+        return MASKED[entry.lower()]
+    if decimal == ",":
+        entry = "" if "." in entry else entry.replace(",", ".")
+    try:
+        return float(entry)
+    except ValueError:
+        return math.nan

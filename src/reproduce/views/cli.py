@@ -219,11 +219,9 @@ def cite(address: str, form: str) -> None:
 @main.command()
 @click.argument("paper", required=False, metavar="[PAPER]")
 @_JSON
-@click.option("--table", type=_FILE, help="Audit this table of yours (format: data/README.md).")
-@click.option("--relations", type=_FILE, help="What its numbers should keep, in TOML.")
-def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path | None) -> None:
-    """Cross-examine the printed numbers of a paper, or of a table of your own."""
-    found = front.contradictions(paper, table=table, relations=relations)
+def audit(paper: str | None, as_json: bool) -> None:
+    """Cross-examine the printed numbers of a paper."""
+    found = front.contradictions(paper)
     _show(as_json, found.as_json, found.print)
 
 

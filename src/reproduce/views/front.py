@@ -192,20 +192,13 @@ def posterior(
     return Posterior(name, **own, platform=platform, **plan)
 
 
-def contradictions(
-    paper: str | None = None,
-    *,
-    table: str | Path | None = None,
-    relations: str | Path | None = None,
-) -> Contradictions:
+def contradictions(paper: str | None = None) -> Contradictions:
     """Return what printed numbers say of each other, and the errata.
 
     Parameters
     ----------
     paper : str, optional
         Such as ``chen2023``; all by default.
-    table, relations : path, optional
-        A table of your own, and what its numbers should keep, in its place.
 
     Returns
     -------
@@ -214,7 +207,7 @@ def contradictions(
     """
     from reproduce.views.objects.contradictions import Contradictions
 
-    return Contradictions(paper, table, relations)
+    return Contradictions(paper)
 
 
 def register(

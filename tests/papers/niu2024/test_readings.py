@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from reproduce.inference import Store
+import recompute
+from parts import Store
 from reproduce.judge import readings as judged
 from reproduce.judge.ledger import build
 from reproduce.papers.declare import LEAST_DRAWS, Reading
@@ -29,6 +30,11 @@ def stored():
 @pytest.fixture(scope="module")
 def drawn():
     return readings.simulate(DOOR, 400)
+
+
+def printed_values():
+    """Return the print, in the order of `ADDRESSES`, in rad and px."""
+    return [cell.si for cell in judged.cells()]
 
 
 def place(**choices):
@@ -173,7 +179,7 @@ def test_the_stored_replicates_are_recomputed(stored):
 
 def test_the_stored_tails_are_those_of_a_small_run(stored, drawn):
     wanted = [LITERAL, place(shifts="Table 2"), place(shifts="Table 2", tests="among the angles")]
-    found = judged.stacked(map(judged.compare, drawn[wanted]))
+    found = recompute.stacked(map(recompute.compare, drawn[wanted]))
     tails = stored.arrays["tails"][wanted]
     error = 2 * np.sqrt(tails / 2 * (1 - tails / 2) / drawn.shape[1]) + 3 / drawn.shape[1]
     assert (np.abs(found["tails"] - tails) < 5 * error).all()
@@ -278,8 +284,8 @@ def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path, mon
     monkeypatch.setattr(readings, "CHUNK", 1)
     store = Store(tmp_path, {"replicates": 4})
     with ThreadPoolExecutor(2) as pool:
-        drawn = readings.all_draws(4, pool, store)
+        drawn = recompute.all_draws(4, pool, store)
     np.testing.assert_array_equal(drawn, readings.simulate(DOOR, 4))
     assert len(list(tmp_path.glob("part-*.npz"))) == 4
     (tmp_path / "part-2.npz").unlink()
-    np.testing.assert_array_equal(readings.all_draws(4, None, store), drawn)
+    np.testing.assert_array_equal(recompute.all_draws(4, None, store), drawn)

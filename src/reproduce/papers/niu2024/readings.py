@@ -23,7 +23,6 @@ radians and px, residuals in px.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -32,7 +31,6 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from reproduce.inference import Store, run_parts
 from reproduce.papers.declare import Column
 from reproduce.papers.niu2024 import simulation
 from reproduce.physics.optics import channel_centroids, spawned_angles, spawned_normals
@@ -171,22 +169,8 @@ def counted(measured: FloatArray, axes: str) -> FloatArray:
     return np.concatenate([measured[..., :4], residuals], axis=-1)
 
 
-def _part(span: tuple[int, int]) -> tuple[FloatArray]:
-    first, count = span
-    return (simulate(given(READS), count, first),)
-
-
-def all_draws(
-    replicates: int = REPLICATES, executor: Executor | None = None, store: Store | None = None
-) -> FloatArray:
-    """Simulate every reading on any executor, with the same result: as `simulate` returns it."""
-    spans = [(begin, min(CHUNK, replicates - begin)) for begin in range(0, replicates, CHUNK)]
-    parts = run_parts(_part, spans, executor, store)
-    return np.concatenate([part for (part,) in parts], axis=1)
-
-
 def stored() -> studies.Study:
-    """Return the stored run: its first replicates, and arrays as in `judge.readings.COMPARED`."""
+    """Return the stored run: its first replicates, and arrays of `tools/evidence/recompute.py`."""
     return studies.read("niu2024-readings")
 
 

@@ -201,7 +201,6 @@ def calibrations(
     """
     setting = _LITERAL | chosen
     table = _arrangement(given, setting["angles"]).angles
-    still = np.isclose(table[:, 1], 0.0)  # the external frame stays at zero
     at_zero = zero_places(table)
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
     zero = at_zero.item() if at_zero.size else len(table)

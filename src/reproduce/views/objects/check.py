@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from reproduce.audit.intervals import enclosure
 from reproduce.audit.relation import Relation, relations_of
 from reproduce.audit.report import paper_sheet
-from reproduce.audit.solve import enclosure
 from reproduce.judge.expected import surprises
 from reproduce.judge.ledger import Ledger, ReadingRecord, Record, build
 from reproduce.printed.cells import PAPERS

@@ -10,22 +10,19 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from reproduce.audit.corrections import Correction
-from reproduce.audit.errata import Erratum, register
 from reproduce.audit.examine import Agreement, Examined
-from reproduce.audit.report import Audit, Group, audit_table
-from reproduce.audit.rounding import sheet
+from reproduce.audit.report import Audit, Erratum, Group, register
 from reproduce.judge.expected import frozen
 from reproduce.judge.ledger import Record
 from reproduce.locate import data_folders
 from reproduce.papers.declare import words
 from reproduce.papers.sketch import sized
-from reproduce.printed.cells import PAPERS, anchor, find, read
+from reproduce.printed.cells import PAPERS, anchor, find
 from reproduce.printed.units import si_factor, symbol
 from reproduce.version import __version__
 from reproduce.views.computed import item_ledger, paper_audit
@@ -74,7 +71,7 @@ class Part(Blocks):
 
 
 class Contradictions(Display):
-    """What the printed numbers of papers or of a table say of each other, and the errata.
+    """What the printed numbers of papers say of each other, and the errata.
 
     Its parts are ``score``, ``relations``, ``sets`` (the smallest sets of numbers that cannot all
     be right), ``corrections`` (the slips of the pen that would lift a contradiction),
@@ -86,43 +83,22 @@ class Contradictions(Display):
     ----------
     paper : str, optional
         One paper; all by default.
-    table, relations : path, optional
-        A table of a reader's own in the form of ``data/README.md``, and what its numbers keep.
     """
 
-    def __init__(
-        self,
-        paper: str | None = None,
-        table: str | Path | None = None,
-        relations: str | Path | None = None,
-    ) -> None:
-        if (table is None) != (relations is None) or (table is not None and paper is not None):
-            raise ValueError("give a PAPER, or both table and relations, or nothing")
+    def __init__(self, paper: str | None = None) -> None:
         self.paper = paper if paper is None else check_paper(paper)
-        self._files = [Path(one) for one in (table, relations) if one is not None]
 
     @cached_property
     def audits(self) -> list[Audit]:
-        """What the cross-examination found, an audit for each paper or table."""
-        if not self._files:
-            return [paper_audit(name) for name in PAPERS if self.paper in {None, name}]
-        table, relations = self._files
-        cells = sheet(read(table, table.stem).cells)
-        text = relations.read_text(encoding="utf-8")
-        try:
-            return [audit_table(table.stem, cells, text)]
-        except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-            raise ValueError(
-                f"{relations}: does not follow the form of data/README.md, or cannot be computed: "
-                f"{error!r}"
-            ) from error
+        """What the cross-examination found, an audit for each paper."""
+        return [paper_audit(name) for name in PAPERS if self.paper in {None, name}]
 
     def __getitem__(self, name: str) -> Part:
         """Return a part by its name."""
         if name in _REGISTER:
-            supposed, files = name == _REGISTER[1], self._files
+            supposed = name == _REGISTER[1]
             entries = [one for one in errata_register() if bool(one.supposition) == supposed]
-            return _errata([e for e in entries if self.paper in {None, e.paper} and not files])
+            return _errata([e for e in entries if self.paper in {None, e.paper}])
         if name not in _PARTS:
             expected = ", ".join((*_PARTS, *_REGISTER))
             raise KeyError(f"no part {name!r}: expected one of {expected}")

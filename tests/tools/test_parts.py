@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from reproduce.inference import ResumeError, Store, processes, run_parts
+from parts import ResumeError, Store, processes, run_parts
 
 
 def squares(part):
