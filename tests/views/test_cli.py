@@ -243,6 +243,7 @@ def test_show_reruns_under_a_change():
         (["show", "niu2024/table-3", "--option", "angles=round"], "angles is one of square,"),
         (["show", "niu2024/table-3", "--replicates", "100001"], "from 2 to 100,000, got 100001"),
         (["export", "niu2024/table-3#x", "--format", "csv"], "has no cell 'x'"),
+        (["audit", "nobody2000"], "unknown paper 'nobody2000': expected one of niu2024"),
     ],
 )
 def test_slips_in_addresses_and_changes_are_told(arguments, message):

@@ -32,7 +32,6 @@ from reproduce.views.writing.display import Blocks
 from reproduce.views.writing.terminal import PLAIN
 
 _CHANGE, _CHOICE = "CELL=VALUE", "NAME=ALTERNATIVE"
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 def _checked(check: Callable[[str], str]) -> Callable[..., Any]:
@@ -207,18 +206,16 @@ def cite(address: str, form: str) -> None:
 @main.command()
 @click.argument("paper", required=False, metavar="[PAPER]")
 @_JSON
-@click.option("--table", type=_FILE, help="Audit this table of yours (format: data/README.md).")
-@click.option("--relations", type=_FILE, help="What its numbers should keep, in TOML.")
-def audit(paper: str | None, as_json: bool, table: Path | None, relations: Path | None) -> None:
-    """Cross-examine the printed numbers of a paper, or of a table of your own."""
+def audit(paper: str | None, as_json: bool) -> None:
+    """Cross-examine the printed numbers of a paper."""
     try:
-        found = front.contradictions(paper, table=table, relations=relations)
-        if as_json:
-            click.echo(json.dumps(found.as_json(), indent=2, ensure_ascii=False))
-        else:
-            found.print()
-    except (ValueError, OSError) as error:
+        found = front.contradictions(paper)
+    except ValueError as error:
         raise click.UsageError(str(error)) from error
+    if as_json:
+        click.echo(json.dumps(found.as_json(), indent=2, ensure_ascii=False))
+    else:
+        found.print()
 
 
 @main.command(cls=Spoken)

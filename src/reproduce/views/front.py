@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
     from reproduce.inference import Prior
     from reproduce.physics.attitude import Platform as Platform
-    from reproduce.views.objects.check import Check
-    from reproduce.views.objects.contents import Contents
+    from reproduce.views.objects.contents import Check, Contents
     from reproduce.views.objects.contradictions import Contradictions
     from reproduce.views.objects.figure import Figure, Panels
     from reproduce.views.objects.measurements import Registered
@@ -119,7 +118,7 @@ def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Che
     >>> bool(check("niu2024/table-2"))
     True
     """
-    from reproduce.views.objects.check import Check
+    from reproduce.views.objects.contents import Check
 
     return Check(keys, progress)
 
@@ -202,20 +201,13 @@ def posterior(
     return Posterior(name, data, pivot, priors, platform, data_seed, **plan)
 
 
-def contradictions(
-    paper: str | None = None,
-    *,
-    table: str | Path | None = None,
-    relations: str | Path | None = None,
-) -> Contradictions:
+def contradictions(paper: str | None = None) -> Contradictions:
     """Return what printed numbers say of each other, and the errata.
 
     Parameters
     ----------
     paper : str, optional
         Such as ``chen2023``; all by default.
-    table, relations : path, optional
-        A table of your own, and what its numbers should keep, in its place.
 
     Returns
     -------
@@ -224,7 +216,7 @@ def contradictions(
     """
     from reproduce.views.objects.contradictions import Contradictions
 
-    return Contradictions(paper, table, relations)
+    return Contradictions(paper)
 
 
 def register(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
-from reproduce.judge.rerun import Rerun
+from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.printed.units import symbol
 from reproduce.views.objects.base import setting
-from reproduce.views.writing.blocks import Block, Grid
+from reproduce.views.writing.blocks import Block, Grid, grid
 from reproduce.views.writing.display import Display
 from reproduce.views.writing.numbers import minus
 from reproduce.views.writing.verdicts import joint_chance
@@ -47,24 +47,7 @@ class Changed(Display):
         """
         import pandas as pd
 
-        rows = [
-            {
-                "cell": one.cell.name,
-                "reading": one.reading,
-                "printed": one.cell.text,
-                "unchanged": one.unchanged,
-                "changed": one.value,
-                "changed - printed": None
-                if one.value is None or not one.cell.is_number
-                else one.value - one.cell.number.value,
-                "low": one.interval[0] if one.interval else None,
-                "high": one.interval[1] if one.interval else None,
-                "unit": symbol(one.cell.unit) if one.cell.unit else "",
-                "would be": one.would_be,
-            }
-            for one in self._cells
-        ]
-        frame = pd.DataFrame(rows).set_index("cell")
+        frame = pd.DataFrame(map(_row, self._cells)).set_index("cell")
         return frame.drop(columns=[n for n in ("reading", "would be") if not frame[n].any()])
 
     def _caption(self) -> str:
@@ -88,28 +71,50 @@ class Changed(Display):
 
     @property
     def grid(self) -> Grid:
-        """The cells and what was changed, as a reader sees them."""
-        head = ["cell", "printed", "from the print", "changed", "from", "to", "unit"]
-        if self.result.is_reading:
-            head = ["cell", "printed", "so read", "from", "to", "would be", "unit"]
-        rows = []
-        for one in self._cells:
-            if not one.cell.is_number:
-                continue
-            values = [one.unchanged, one.value, *(one.interval or (None, None))]
-            digits = [
-                "" if v is None else minus(one.cell.number.format(v, extra=1)) for v in values
-            ]
-            if self.result.is_reading:
-                digits = [*digits[1:], one.would_be]
-            name = f"{one.cell.name} if {one.reading}" if one.reading else one.cell.name
-            rows.append((name, minus(one.cell.text), *digits, symbol(one.cell.unit)))
-        # Deterministic cells have no ends, and pure numbers no unit.
-        spare = {"from", "to", "unit"}
-        filled = [i for i, h in enumerate(head) if h not in spare or any(row[i] for row in rows)]
-        head, rows = [head[i] for i in filled], [tuple(row[i] for i in filled) for row in rows]
-        return Grid(self._caption(), head, rows, whole=range(1, len(head)))
+        """The cells and what was changed, as a reader sees them; without empty columns."""
+        rows = [one for one in self._cells if one.cell.is_number]
+        shown = {head: write for head, write in self._columns().items() if any(map(write, rows))}
+        return grid(self._caption(), shown, rows, whole=range(1, len(shown)))
+
+    def _columns(self) -> dict[str, Callable[[ChangedCell], str]]:
+        reading = self.result.is_reading
+        return {
+            "cell": lambda one: one.cell.name + f" if {one.reading}" * bool(one.reading),
+            "printed": lambda one: minus(one.cell.text),
+            "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
+            "so read" if reading else "changed": lambda one: _digits(one, one.value),
+            "from": lambda one: _digits(one, _ends(one)[0]),
+            "to": lambda one: _digits(one, _ends(one)[1]),
+            "would be": lambda one: one.would_be,
+            "unit": lambda one: symbol(one.cell.unit),
+        }
 
     def blocks(self) -> Iterator[Block]:
         """Yield the cells and what was changed."""
         yield self.grid
+
+
+def _digits(one: ChangedCell, value: float | None) -> str:
+    return "" if value is None else minus(one.cell.number.format(value, extra=1))
+
+
+def _ends(one: ChangedCell) -> tuple[float | None, float | None]:
+    return one.interval or (None, None)
+
+
+def _row(one: ChangedCell) -> dict[str, Any]:
+    value, cell = one.value, one.cell
+    return {
+        "cell": cell.name,
+        "reading": one.reading,
+        "printed": cell.text,
+        "unchanged": one.unchanged,
+        "changed": value,
+        "changed - printed": value - cell.number.value
+        if value is not None and cell.is_number
+        else None,
+        "low": _ends(one)[0],
+        "high": _ends(one)[1],
+        "unit": symbol(cell.unit) if cell.unit else "",
+        "would be": one.would_be,
+    }

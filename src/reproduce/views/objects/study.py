@@ -15,7 +15,7 @@ from reproduce.printed.cells import anchor
 from reproduce.views.computed import once
 from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, setting, text_of
-from reproduce.views.objects.sweep import Moved, Sweep, of_study
+from reproduce.views.objects.sweep import Point, Sweep, of_study, swept
 from reproduce.views.writing import numbers
 from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html
 from reproduce.views.writing.export import table_files
@@ -133,13 +133,15 @@ class StudyTable(Changeable):
         Sweep
             One row per value; on a page a slider.
         """
-        left = self._declared.settings
-        swept = Moved.checked(moved, values, left)
-        frames = [self.frame()]
-        for changes in swept.changes:
-            settings: dict[str, Any] = {one: changes.pop(one) for one in left if one in changes}
-            frames.append(self.rerun(changes, **settings).frame())
-        return of_study(swept, self._declared, frames, columns, rows or {})
+        study, before = self._declared, self.frame()
+
+        def compute(step: Mapping[str, Any]) -> Iterator[Point]:
+            settings = {name: value for name, value in step.items() if name in study.settings}
+            cells = {name: value for name, value in step.items() if name not in settings}
+            after = self.rerun(cells, **settings).frame()
+            return of_study(study, (before, after), columns, rows or {})
+
+        return swept(self.key, moved, values, compute, study.settings, "with what is printed")
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""

@@ -20,7 +20,7 @@ from reproduce.views.computed import item_ledger
 from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Item, Shown, by_row, line_of, text_of
 from reproduce.views.objects.changed import Changed
-from reproduce.views.objects.sweep import Moved, Sweep, of_cells
+from reproduce.views.objects.sweep import Sweep, of_cells, swept
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, Section, badge
 from reproduce.views.writing.export import export, full_frame, table_files
@@ -156,13 +156,14 @@ class Table(Item):
         Sweep
             One row per value; on a page a slider.
         """
-        moved = Moved.checked(address, values, {})
         for name in cells:
             self[name]
-        reruns = [
-            rerunning.rerun(self.key, changes, replicates=replicates) for changes in moved.changes
-        ]
-        return of_cells(moved, reruns, cells)
+        return swept(
+            self.key,
+            address,
+            values,
+            lambda step: of_cells(rerunning.rerun(self.key, step, replicates=replicates), cells),
+        )
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""

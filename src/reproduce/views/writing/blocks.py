@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
@@ -100,6 +100,17 @@ class Grid:
 
 
 Block = str | Markup | Html | Grid | Fold | Section
+
+
+def grid(
+    caption: Entry,
+    columns: Mapping[Any, Callable[[Any], Entry | Box]],
+    rows: Iterable[Any],
+    **looks: Any,
+) -> Grid:
+    """Return a table from what writes the entries of each column, by its head, and the rows."""
+    written = [[write(row) for write in columns.values()] for row in rows]
+    return Grid(caption, list(columns), written, **looks)
 
 
 def badge(word: str, text: str = "") -> Markup:

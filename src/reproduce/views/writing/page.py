@@ -12,7 +12,11 @@ from reproduce.views.writing.numbers import powers_in_html
 
 def html(blocks: Iterable[Block]) -> str:
     """Write blocks as HTML."""
-    return powers_in_html(Markup("\n").join(map(_block_html, blocks)))
+    return powers_in_html(_joined(blocks))
+
+
+def _joined(blocks: Iterable[Block]) -> Markup:
+    return Markup("\n").join(map(_block_html, blocks))
 
 
 def _block_html(block: Block) -> Markup:
@@ -21,18 +25,13 @@ def _block_html(block: Block) -> Markup:
     if isinstance(block, Grid):
         return _table_html(block)
     if isinstance(block, Fold):
-        return folded(block.summary, Markup("\n").join(map(_block_html, block.blocks)),
-                      opened=block.opened)  # fmt: skip
+        fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
+        opened = Markup(" open" if block.opened else "")
+        return Markup(fold).format(opened, block.summary, _joined(block.blocks))
     if isinstance(block, Section):
-        inner = Markup("\n").join(map(_block_html, block.blocks))
+        inner = _joined(block.blocks)
         return Markup('<div class="rp-item" id="{}">\n{}\n</div>').format(block.identifier, inner)
     return Markup('<p class="rp-joint">{}</p>').format(block)
-
-
-def folded(summary: str, content: Entry, *, opened: bool = False) -> Markup:
-    """Return HTML that shows its content when it is asked to."""
-    fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
-    return Markup(fold).format(Markup(" open" if opened else ""), summary, content)
 
 
 def _table_html(grid: Grid) -> Markup:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord, WholeReading
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import Cell, library
@@ -142,7 +144,7 @@ def quantity(value: str, mark: str) -> str:
     return f"{value}{gap}{mark}"
 
 
-def tally(records: tuple[Record, ...]) -> dict[str, int]:
+def tally(records: Sequence[Record]) -> dict[str, int]:
     """Count records by verdict, every verdict present, in the order in which they are shown."""
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
@@ -150,12 +152,12 @@ def tally(records: tuple[Record, ...]) -> dict[str, int]:
 WEAK = ("repeated", "difference", "through_rounding", "uninformative")
 
 
-def weak(records: tuple[Record, ...]) -> dict[str, int]:
+def weak(records: Sequence[Record]) -> dict[str, int]:
     """Count the records that agree by each flag of `WEAK`; one with two flags counts in both."""
     return {flag: sum(flag in r.flags for r in _agreeing(records)) for flag in WEAK}
 
 
-def strong(records: tuple[Record, ...]) -> int:
+def strong(records: Sequence[Record]) -> int:
     """Count the records that agree and carry no flag of weak agreement."""
     return sum(not weak_agreement(r) for r in _agreeing(records))
 
@@ -171,5 +173,5 @@ def qualified(record: Record) -> str:
     return f"{record.verdict} ({flags})" if flags else record.verdict
 
 
-def _agreeing(records: tuple[Record, ...]) -> list[Record]:
+def _agreeing(records: Sequence[Record]) -> list[Record]:
     return [r for r in records if r.verdict in {"exact", "consistent"}]
