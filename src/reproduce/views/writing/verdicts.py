@@ -66,15 +66,6 @@ def interval(record: Record, *, unit: bool = False) -> str:
     return quantity(text, symbol(record.unit)) if unit and record.unit else text
 
 
-def loosely(record: Record) -> str:
-    """Write the interval of a print that a word such as *about* widens; empty without one."""
-    cell = cell_of(record)
-    if not cell.is_number or not {"about", "nominal"} & set(record.flags):
-        return ""
-    low, high = (minus(cell.number.format(end, extra=1)) for end in cell.number.interval())
-    return quantity(f"{low} to {high}", symbol(record.unit))
-
-
 def probability(record: Record) -> str:
     """Write a record's probability with no more digits than its Monte Carlo error allows."""
     if record.probability is None or record.mcse is None:
