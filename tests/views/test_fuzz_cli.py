@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from reproduce.inference import sampling
 from reproduce.judge import rerun
-from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare_posterior import File
 from reproduce.papers.posteriors import posteriors
@@ -184,28 +183,3 @@ def test_any_numbers_in_the_right_columns(tmp_path, data, model, count):
     check("posterior", model, "--data", str(path))
     pivot = data.draw(st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "1e7", "-1e5"]]))
     check("register", str(path), *pivot, *data.draw(FITS), *data.draw(JSON))
-
-
-TABLE = (data_folder() / "printed" / "niu2024" / "table-2.toml").read_text(encoding="utf-8")
-RELATIONS = """
-[relations]
-all = [
-  { name = "less", formula = "a <= b", cells = "a=table#scale.red b=table#scale.blue", \
-kind = "order", source = "by nature" },
-]
-"""
-
-
-def spoilt(text):
-    """Replace or cut out some piece of a text."""
-    ends = st.tuples(st.integers(0, len(text)), st.integers(0, 30), st.one_of(TEXT, NUMBERS))
-    return ends.map(lambda cut: text[: cut[0]] + cut[2] + text[cut[0] + cut[1] :])
-
-
-@FEW
-@given(spoilt(TABLE), spoilt(RELATIONS), st.booleans())
-def test_any_table_and_relations_of_ones_own(tmp_path, table, relations, whole):
-    paths = [tmp_path / "table.toml", tmp_path / "relations.toml"]
-    for path, text in zip(paths, (TABLE if whole else table, relations), strict=True):
-        path.write_bytes(text.encode(errors="surrogatepass"))
-    check("audit", "--table", str(paths[0]), "--relations", str(paths[1]))

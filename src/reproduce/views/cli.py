@@ -29,7 +29,6 @@ from reproduce.views.cli_posteriors import (
 )
 from reproduce.views.keys import check_address, check_key
 from reproduce.views.writing.display import Blocks
-from reproduce.views.writing.terminal import PLAIN
 
 _CHANGE, _CHOICE = "CELL=VALUE", "NAME=ALTERNATIVE"
 
@@ -53,10 +52,10 @@ class _Streams(click.Group):
     """Commands whose output suits any stream, and that say in one line where it has no room."""
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
-        """Run; what the stream cannot encode is written in plain signs."""
+        """Run, and write UTF-8 whatever the locale."""
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(errors=PLAIN)
+                stream.reconfigure(encoding="utf-8", errors="backslashreplace")
         try:
             try:
                 return super().main(*arguments, **settings)

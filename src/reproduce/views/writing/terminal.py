@@ -1,11 +1,9 @@
-"""How blocks are written for a terminal: aligned, within its columns, in signs that it knows."""
+"""How blocks are written for a terminal: aligned, within its columns."""
 
 from __future__ import annotations
 
-import codecs
 import io
 import re
-import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import zip_longest
 
@@ -20,18 +18,11 @@ from rich.text import Text
 from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, Section
 
 WIDTH = 80
-PLAIN = "reproduce-plain"  # how streams write what they cannot encode
 TOWER = 14  # columns that a wrapped sentence takes at least
 # How a terminal shows the badge of a verdict.
 _COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
 _COLOURS |= {"input": "dim"}
-# What stands in for a sign that a stream cannot encode.
-_SIGNS = {"−": "-", "×": "x", "″": '"', "′": "'", "°": " deg", "±": "+/-", "µ": "u", "μ": "u"}
-_SIGNS |= {"→": "->", "↔": "<->", "≈": "~", "∞": "inf", "√": "sqrt", "∆": "Delta"}
-_SIGNS |= {"≤": "<=", "≥": ">=", "·": ".", "–": "-", "—": "-", "…": "...", "’": "'", "─": "-"}
-_SIGNS |= {"σ": "sigma", "τ": "tau", "χ": "chi", "κ": "kappa", "θ": "theta", "Δ": "Delta"}
 _SMALL = re.compile("<br><small>(.*?)</small>")
-_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"
 
 
 def text(blocks: Iterable[Block]) -> str:
@@ -146,21 +137,3 @@ def _text(entry: Entry | Box) -> Text:
     lines = content if isinstance(content, tuple) else (content,)
     text = ", ".join(_plain(line) for line in lines if line)
     return Text(text, style=_COLOURS.get(text.partition(" ")[0], ""))
-
-
-def _encodable(error: UnicodeError) -> tuple[str, int]:
-    """Write what a stream cannot encode in plain signs."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    text = error.object[error.start : error.end]
-    return "".join(map(_plain_sign, text)), error.end
-
-
-def _plain_sign(sign: str) -> str:
-    if sign in _RAISED:
-        return str(_RAISED.index(sign)).replace("10", "-")
-    letters = unicodedata.normalize("NFKD", sign)
-    return _SIGNS.get(sign) or letters.encode("ascii", "ignore").decode() or "?"
-
-
-codecs.register_error(PLAIN, _encodable)
