@@ -75,8 +75,8 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     computed.kept.cache_clear()
     try:
         figures.write_figure("niu2024/fig-2", tmp_path)
-        monkeypatch.setattr(figures, "draw", lambda key, **_: pytest.fail("drawn again"))
-        shown = figures.vectors("niu2024/fig-2")
+        monkeypatch.setattr(figures, "drawn", lambda paint, **_: pytest.fail("drawn again"))
+        shown = figures.in_build("niu2024/fig-2")
         assert shown.narrow.startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-2.svg"
         assert file.read_text(encoding="utf-8") == figures.XML + shown.wide

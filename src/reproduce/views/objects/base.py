@@ -55,13 +55,19 @@ class Item(Shown):
         """What the text leaves open: one row for each alternative, the literal one first."""
         import pandas as pd
 
-        from reproduce.views.objects.words import Words
-
         rows = [
             (name, way, words_of)
             for name, ways in rerun.options(self.key).items()
             for way, words_of in ways.items()
         ]
+
+        class Words(pd.DataFrame):
+            """A DataFrame whose sentences a notebook shows whole."""
+
+            def _repr_html_(self) -> str:
+                with pd.option_context("display.max_colwidth", None):
+                    return self.to_html(notebook=True)
+
         frame = pd.DataFrame(rows, columns=["option", "alternative", "what it stands for"])
         return Words(frame.set_index(["option", "alternative"]))
 
@@ -94,15 +100,33 @@ class Changeable(Shown):
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional
         Of its random numbers, in place of the project's own.
+    **settings : float, optional
+        What it leaves to a reader beside printed cells.
     """
 
     kind = ""
 
     def __init__(
-        self, key: str, changes: Mapping[str, str | float] | None = None, seed: int | None = None
+        self,
+        key: str,
+        changes: Mapping[str, str | float] | None = None,
+        seed: int | None = None,
+        **settings: Any,
     ) -> None:
         self.key, self.seed = key, seed
-        self._changes = dict(changes or {})
+        self._changes, self._settings = dict(changes or {}), settings
+        left = getattr(self._declared, "settings", {})
+        if unknown := sorted(set(settings) - set(left)):
+            others = ["cells that it reads"] + ["a seed"] * self.random
+            others += [f"{name} ({what})" for name, what in left.items()]
+            raise rerun.CannotChangeError(
+                f"{key} is {self.kind}: expected {', '.join(others)}; got {', '.join(unknown)}"
+            )
+        for name, value in settings.items():
+            if not isinstance(value, int | float) or not 0 < value < float("inf"):
+                raise ValueError(
+                    f"{name}: expected a number above zero, {left[name]}, got {value!r}"
+                )
         rerun.checked_values(key, self._changes)
         rerun.check_randomness(key, self.random, self._changes, seed)
 
@@ -128,8 +152,9 @@ class Changeable(Shown):
 
     @property
     def changes(self) -> dict[str, str]:
-        """What was changed: addresses, or ``seed``, to the value as given."""
-        return rerun.by_name(self._changes, self.seed)
+        """What was changed: address, ``seed`` or setting to the value as given."""
+        settings = {name: f"{value:g}" for name, value in self._settings.items()}
+        return rerun.by_name(self._changes, self.seed) | settings
 
     @property
     def replaced(self) -> dict[str, float]:
@@ -141,7 +166,7 @@ class Changeable(Shown):
         changes: Mapping[str, str | float] | None = None,
         *,
         seed: int | None = None,
-        **settings: object,
+        **settings: Any,
     ) -> Self:
         """Return the same computed again with other values for cells that it reads, or a seed.
 
@@ -152,6 +177,8 @@ class Changeable(Shown):
             printed stays the print.
         seed : int, optional
             Of the random numbers, where it draws some.
+        **settings : float, optional
+            What a table of our own leaves to a reader, such as ``wanted`` of ``niu2024/stars``.
 
         Returns
         -------
@@ -164,13 +191,8 @@ class Changeable(Shown):
             If it does not read the cell, the value does not fit it, it draws no random numbers, or
             anything else is to be changed.
         """
-        if settings:
-            raise rerun.CannotChangeError(
-                f"{self.key} is {self.kind}: expected cells that it reads"
-                f"{' or a seed' * self.random}, got {', '.join(settings)}"
-            )
-        seed = self.seed if seed is None else seed
-        return type(self)(self.key, {**self._changes, **(changes or {})}, seed)
+        cells, seed = {**self._changes, **(changes or {})}, self.seed if seed is None else seed
+        return type(self)(self.key, cells, seed, **{**self._settings, **settings})
 
 
 def setting(

@@ -92,7 +92,7 @@ class Contents(Display):
     @property
     def index(self) -> Blocks:
         """Every item in order of print, with its cells by verdict; each leads to its place."""
-        return Blocks((score(self.keys, self._ledger),))
+        return Blocks((_score(self.keys, self._ledger),))
 
     def blocks(self) -> Iterator[Block]:
         """Yield every number as a mark, and the same as lists: items, tables of our own, score."""
@@ -148,7 +148,7 @@ class Check(Display):
     def blocks(self) -> Iterator[Block]:
         """Yield the score, weak agreement apart, and what is not as frozen."""
         records = self.ledger.records
-        yield score(list(dict.fromkeys(record.key for record in records)), self.ledger)
+        yield _score(list(dict.fromkeys(record.key for record in records)), self.ledger)
         counts = verdicts.weak(records).items()
         if weak := [f"{count} {flag.replace('_', ' ')}" for flag, count in counts if count]:
             yield f"Weak agreement, counted apart: {', '.join(weak)}."
@@ -157,7 +157,7 @@ class Check(Display):
             yield f"All {len(records)} verdicts are as frozen."
 
 
-def score(listed: Sequence[str], ledger: Ledger) -> Grid:
+def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
     """Return the number of cells by verdict, item by item; each item leads to its place."""
     rows: list[list[Entry | Box]] = []
     entry = Markup('<a href="#{}">{}</a><br><small>{}</small><br><code>{}</code>')

@@ -7,16 +7,16 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from reproduce.judge.rerun import refuse_strays
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import drawings
 from reproduce.papers.declare import Drawing
 from reproduce.papers.words import words
 from reproduce.printed.cells import anchor
-from reproduce.views import computed, keys
+from reproduce.views import computed
 from reproduce.views.facts import filled
 from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, Item, Shown, setting, text_of
@@ -37,13 +37,12 @@ def captioned(caption: str) -> Markup:
 
 def pictured(picture: figures.Picture, alternative: str, caption: str, source: str) -> Html:
     """Show a picture of the book, and, in a build of it, write the files that its bar offers."""
-    figure = figures.drawn(picture.paint)
-    slender = figures.drawn(picture.paint, narrow=True)
-    shown = figures.Vectors(figures.vector_of(figure), figures.vector_of(slender))
+    root = None
     if build := os.environ.get(computed.FOLDER):
         downloads = Path(build).parent.parent / "_extra"
-        if (downloads / ".nojekyll").is_file():  # a book's, and not a folder of somebody else's
-            figures.write_files(figure, picture.key, downloads, picture.numbers, svg=shown.wide)
+        # A book's, and not a folder of somebody else's.
+        root = downloads if (downloads / ".nojekyll").is_file() else None
+    shown = figures.vectors(picture, root)
     name = f"figure-{picture.key}"
     offered = bar(picture.key, name, figures.figure_files(picture.key), source, cited=False)
     return Html(figures.inline(shown, name, alternative, captioned(caption) + offered))
@@ -63,14 +62,6 @@ class Figure(Changeable, Item):
     """
 
     kind = "a figure"
-
-    def __init__(
-        self, key: str, changes: Mapping[str, str | float] | None = None, seed: int | None = None
-    ) -> None:
-        if key not in drawings() and catalogue()[keys.check_key(key)].draw is None:
-            known = ", ".join((*figures.drawable(), *drawings()))
-            raise ValueError(f"{key} has no figure; these have one: {known}")
-        super().__init__(key, changes, seed)
 
     @property
     def _declared(self) -> Drawing:
@@ -142,10 +133,11 @@ class Figure(Changeable, Item):
             source = text_of(self._declared.function)
             below += bar(self.key, name, figures.figure_files(self.key), source)
         # A page of the book has a narrow drawing beside the wide one; a reader's notebook has one.
-        if computed.kept() and not self.changes:
-            shown = figures.vectors(self.key)
-        else:
-            shown = figures.Vectors(figures.vector_of(self.drawn))
+        shown = (
+            figures.in_build(self.key)
+            if computed.kept() and not self.changes
+            else figures.Vectors(figures.vector_of(self.drawn))
+        )
         yield Html(figures.inline(shown, name, self.alternative, below), text)
 
 
@@ -189,7 +181,7 @@ class Panels(Shown):
         changes: Mapping[str, str | float] | None = None,
         *,
         seed: int | None = None,
-        **settings: object,
+        **settings: Any,
     ) -> Panels:
         """Return the panels drawn again; each takes what it reads, and a seed where it draws."""
         told = dict(changes or {})

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.study import Study
 from reproduce.papers.words import Column
@@ -45,29 +44,6 @@ class StudyTable(Changeable):
 
     kind = "a table of our own"
 
-    def __init__(
-        self,
-        key: str,
-        changes: Mapping[str, str | float] | None = None,
-        seed: int | None = None,
-        **settings: Any,
-    ) -> None:
-        super().__init__(key, changes, seed)
-        left = self._declared.settings
-        if unknown := set(settings) - set(left):
-            others = ["cells that it reads"] + ["a seed"] * self.random
-            others += [f"{name} ({what})" for name, what in left.items()]
-            raise CannotChangeError(
-                f"{key} is {self.kind}: expected {', '.join(others)}; got "
-                f"{', '.join(sorted(unknown))}"
-            )
-        for name, value in settings.items():
-            if not isinstance(value, int | float) or not 0 < value < float("inf"):
-                raise ValueError(
-                    f"{name}: expected a number above zero, {left[name]}, got {value!r}"
-                )
-        self._settings = {name: float(value) for name, value in settings.items()}
-
     @property
     def _declared(self) -> Study:
         return studies()[self.key]
@@ -89,23 +65,6 @@ class StudyTable(Changeable):
 
             return once(f"study-{self.key}", pd.DataFrame, study)
         return study(door, **self._settings)
-
-    @property
-    def changes(self) -> dict[str, str]:
-        """What was changed: address, seed or setting to the value as given."""
-        return super().changes | {name: f"{value:g}" for name, value in self._settings.items()}
-
-    def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        **settings: Any,
-    ) -> Self:
-        """Return the same computed again with other values for cells that it reads, or settings."""
-        cells = {**self._changes, **(changes or {})}
-        seed = self.seed if seed is None else seed
-        return type(self)(self.key, cells, seed, **{**self._settings, **settings})
 
     def sweep(
         self,

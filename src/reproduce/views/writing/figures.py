@@ -34,11 +34,11 @@ _Paint = Callable[["Figure"], None]
 
 
 class Picture(NamedTuple):
-    """A picture that belongs to no paper: its key, what paints it, and the numbers behind it."""
+    """What is drawn: its key, what paints it, and the numbers behind it, else what is drawn."""
 
     key: str
     paint: _Paint
-    numbers: pd.DataFrame
+    numbers: pd.DataFrame | None = None
 
 
 class Vectors(NamedTuple):
@@ -75,14 +75,18 @@ def drawn(paint: _Paint, *, narrow: bool = False) -> Figure:
     return figure
 
 
-def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Figure:
-    """Draw an item, or one of our own drawings."""
-    drawing = declared(key)
-    table = library().get(key)
+def _picture(key: str, door: Given | None = None) -> Picture:
+    """Return an item that draws, or one of our own drawings, with what it marks as printed."""
+    drawing, table = declared(key), library().get(key)
     marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
     numbers = [cell for cell in marked if cell.is_number]
     printed = Marks({c.address: c.si for c in numbers}, {c.address: c.si_interval for c in numbers})
-    return drawn(lambda figure: drawing(figure, printed, door), narrow=narrow)
+    return Picture(anchor(key), lambda figure: drawing(figure, printed, door))
+
+
+def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Figure:
+    """Draw an item, or one of our own drawings."""
+    return drawn(_picture(key, door).paint, narrow=narrow)
 
 
 def data(figure: Figure) -> pd.DataFrame:
@@ -130,15 +134,6 @@ def figure_files(key: str) -> list[str]:
     return [f"figures/{anchor(key)}{ending}" for ending in (*ENDINGS, ".csv")]
 
 
-def vectors(key: str) -> Vectors:
-    """Draw an item or one of our own drawings for a page; once in a build."""
-    return once(f"figure-{anchor(key)}", Vectors, lambda: _both(key, draw(key)))
-
-
-def _both(key: str, figure: Figure) -> Vectors:
-    return Vectors(vector_of(figure), vector_of(draw(key, narrow=True)))
-
-
 def vector_of(figure: Figure) -> str:
     """Return a figure as SVG for a page."""
     buffer = io.StringIO()
@@ -147,26 +142,32 @@ def vector_of(figure: Figure) -> str:
     return FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
+def vectors(picture: Picture, root: Path | None = None) -> Vectors:
+    """Draw a picture for wide pages and narrow ones; write its files below the root of a book."""
+    figure = drawn(picture.paint)
+    shown = Vectors(vector_of(figure), vector_of(drawn(picture.paint, narrow=True)))
+    if root is not None:
+        numbers = data(figure) if picture.numbers is None else picture.numbers
+        _write_files(figure, picture.key, root, numbers, shown.wide)
+    return shown
+
+
+def in_build(key: str) -> Vectors:
+    """Draw an item or one of our own drawings for a page; once in a build."""
+    return once(f"figure-{anchor(key)}", Vectors, lambda: vectors(_picture(key)))
+
+
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
-    figure = draw(key)
-    drawn = once(f"figure-{anchor(key)}", Vectors, lambda: _both(key, figure))
-    write_files(figure, key, root, svg=drawn.wide)
+    shown = vectors(_picture(key), root)
+    once(f"figure-{anchor(key)}", Vectors, lambda: shown)
 
 
-def write_files(
-    figure: Figure,
-    key: str,
-    root: Path,
-    numbers: pd.DataFrame | None = None,
-    *,
-    svg: str,
-) -> None:
-    """Write a figure, its page's SVG and its data (else its lines and points) below a root."""
+def _write_files(figure: Figure, key: str, root: Path, numbers: pd.DataFrame, svg: str) -> None:
     (root / "figures").mkdir(parents=True, exist_ok=True)
     for path in figure_files(key):
         if path.endswith(".csv"):
-            (data(figure) if numbers is None else numbers).to_csv(root / path, index=False)
+            numbers.to_csv(root / path, index=False)
         elif path.endswith(".svg"):
             (root / path).write_text(f"{XML}{svg}", encoding="utf-8")
         else:
