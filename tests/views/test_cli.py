@@ -110,7 +110,6 @@ def test_check_names_the_file_with_a_changed_input(tmp_path, monkeypatch, name, 
 def test_check_counts_weak_agreement_apart():
     """Table V's motions are differences of the positions beside them, its first less itself."""
     output = run("check", "chen2023/table-5").stdout
-    assert "Weak agreement, counted apart: 17 difference." in output
     (line,) = [line for line in output.splitlines() if line.startswith("all ")]
     assert line.split()[-1] == "17"
 

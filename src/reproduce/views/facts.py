@@ -96,9 +96,9 @@ def _agreement(records: tuple[Record, ...]) -> dict[str, str]:
     groups["agree"] = groups["exact"] + groups["consistent"]
     said: dict[str, str] = {}
     for name, found in groups.items():
-        weak = sum(map(verdicts.weak_agreement, found))
+        weak = verdicts.weak(found)
         share = "all" if weak == len(found) else str(weak)
         said[name] = f"{len(found)} ({share} of them weakly)" if weak else str(len(found))
-    said["strong"] = str(verdicts.strong(records))
-    said["weak"] = str(len(groups["agree"]) - verdicts.strong(records))
+    weak = verdicts.weak(records)
+    said |= {"strong": str(len(groups["agree"]) - weak), "weak": str(weak)}
     return said

@@ -84,14 +84,6 @@ def title(key: str) -> str:
     return "" if draw is None else draw.title
 
 
-def functions(key: str) -> list[str]:
-    """Return the names of the functions that compute an item or a table of our own."""
-    if key in studies():
-        made = studies()[key].function
-        return [f"{made.__module__}.{made.__qualname__}"]
-    return [one.name for one in catalogue()[key].computations]
-
-
 def place(key: str) -> str:
     """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``."""
     if key in studies():

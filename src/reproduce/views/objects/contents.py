@@ -64,7 +64,6 @@ class Contents(Display):
                 "key": key,
                 "place": keys.place(key),
                 "title": keys.title(key),
-                "functions": keys.functions(key),
                 "draws": key in catalogue() and catalogue()[key].draw is not None,
             }
             for key in (*self.keys, *self.own)
@@ -146,15 +145,10 @@ class Check(Display):
         ]
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the score, weak agreement apart, and what is not as frozen."""
+        """Yield the score, and what is not as frozen."""
         records = self.ledger.records
         yield _score(list(dict.fromkeys(record.key for record in records)), self.ledger)
-        counts = verdicts.weak(records).items()
-        if weak := [f"{count} {flag.replace('_', ' ')}" for flag, count in counts if count]:
-            yield f"Weak agreement, counted apart: {', '.join(weak)}."
-        yield from self.faults()
-        if self:
-            yield f"All {len(records)} verdicts are as frozen."
+        yield from self.faults() or [f"All {len(records)} verdicts are as frozen."]
 
 
 def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
@@ -173,8 +167,7 @@ def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
 
 
 def _counts(records: Sequence[Record]) -> list[Box]:
-    weak = sum(map(verdicts.weak_agreement, records))
-    counts = [*verdicts.tally(records).values(), weak]
+    counts = [*verdicts.tally(records).values(), verdicts.weak(records)]
     return [Box(str(count)) if count else Box("·", kind="rp-zero") for count in counts]
 
 
@@ -193,7 +186,7 @@ def legend(records: Sequence[Record]) -> Markup:
         _entry("", verdict, f"{count} {verdict}", verdicts.MEANINGS[verdict])
         for verdict, count in verdicts.tally(records).items()
     ]
-    hollow = f"{sum(map(verdicts.weak_agreement, records))} of these weak"
+    hollow = f"{verdicts.weak(records)} of these weak"
     weak = "agrees, but in a way that says little: a copy, a difference, a wide interval"
     entries.insert(2, _entry(" rp-mark-weak", "exact", hollow, weak))
     return Markup('<ul class="rp-wall-legend">\n{}\n</ul>').format(Markup("\n").join(entries))

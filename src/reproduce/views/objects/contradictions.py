@@ -400,16 +400,11 @@ def _erratum(entry: Erratum, audit: Audit) -> Fold:
 def _evidence(entry: Erratum, audit: Audit) -> Markup:
     """Write what the relations and equations behind an entry give, computed now."""
     pieces = [Markup("{}").format(entry.evidence)] if entry.evidence else []
-    findings = entry.findings(audit)
     link = Markup('<a href="#{}"><code>{}</code></a>: {}')
-    for finding in findings:
+    for finding in entry.findings(audit):
         name = finding.relation.name
         where = _relation_anchor(entry.paper, name)
         pieces.append(link.format(where, name, _sides(finding, audit)))
-    related = [finding.relation for finding in findings]
-    if origins := dict.fromkeys(r.declared for r in related if r.declared != r.name):
-        codes = Markup(", ").join(map(_code, origins))
-        pieces.append(Markup("<small>declared as {}</small>").format(codes))
     for run in entry.demonstrations(audit):
         values = f"{_digits(run.printed)} as extracted, {_digits(run.wanted)} wanted"
         pieces.append(Markup("{}: {}: {}").format(run.place, run.meaning, values))

@@ -23,7 +23,7 @@ from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Item, Shown, by_row, line_of, setting, text_of
 from reproduce.views.objects.sweep import Sweep, of_cells, swept
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, Section, badge, grid
+from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.writing.display import Display
 from reproduce.views.writing.export import export, full_frame, table_files
 from reproduce.views.writing.numbers import minus
@@ -169,9 +169,6 @@ class Table(Item):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and where it comes from."""
-        yield Section(anchor(self.key), tuple(self._described()))
-
-    def _described(self) -> Iterator[Block]:
         place, records = self._printed.place, self._ledger.of(self.key)
         files, inputs = table_files(self.key), self._inputs()
         yield self._whole()
@@ -202,14 +199,16 @@ class Table(Item):
                 rows.append([cell.label, *(Box(text, kind=kind) for text in texts)])
             head = ["Quantity", "Printed", "Computed", "Verdict", *["Where"] * elsewhere]
             anchors = [cell.anchor for cell in printed.cells]
-            return Grid(caption, head, rows, anchors=anchors, names=list(printed.by_name))
+            named = list(printed.by_name)
+            return Grid(caption, head, rows, anchor(self.key), anchors=anchors, names=named)
         if any(record.role == "result" for record in records.values()):
             caption += " In each cell: printed, then computed, then the verdict."
         for row in printed.rows:
             names = [f"{row.id}.{column.id}" for column in printed.columns]
             rows.append([row.label, *(_cell(printed[name], records[name]) for name in names)])
         head = ["", *(column.label for column in printed.columns)]
-        return Grid(caption, head, rows, stacked=("printed", "computed", "verdict"))
+        stacked = ("printed", "computed", "verdict")
+        return Grid(caption, head, rows, anchor(self.key), stacked=stacked)
 
     def _inputs(self) -> Markup:
         """Say what the table is computed from, each printed cell a link; nothing if it is not."""
@@ -266,8 +265,7 @@ def _computed(record: Record) -> Entry:
 
 
 def _verdict(record: Record) -> Markup:
-    shown = {*verdicts.WEAK, "stand_in"}
-    marks = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in shown)
+    marks = verdicts.flags(record.flags, {*verdicts.WEAK, "stand_in"})
     return badge(record.verdict) + (
         Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
     )
@@ -285,8 +283,8 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
         yield grid(f"Reasons, {place}", _REASONS, rows, kind="rp-small", words=3)
     for flag, meaning in verdicts.FLAG_MEANINGS.items():
         if flagged := [one for one in records if flag in one.flags]:
-            said = Markup("{} ({}): {}")
-            yield said.format(flag.replace("_", " "), meaning, _cells(flagged))
+            words = verdicts.flags([flag], [flag])
+            yield Markup("{} ({}): {}").format(words, meaning, _cells(flagged))
 
 
 def _reason(record: Record) -> Entry:
@@ -535,10 +533,12 @@ class Cell(Shown):
     def _lines(self) -> list[tuple[str, str]]:
         record, maker = self.record, self._maker
         value = verdicts.computed(record, extra=1)
+        predicted = record.probability is not None
+        meaning = "predicted, central 99 %" if predicted else "allowed by rounded inputs"
         lines = [
             ("printed", self.printed),
             ("computed", verdicts.quantity(value, verdicts.unit(record)) if value else ""),
-            (verdicts.meaning_of_interval(record), verdicts.interval(record, unit=True)),
+            (meaning, verdicts.interval(record, unit=True)),
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", minus(reason(self.address) or record.why)),

@@ -49,13 +49,6 @@ class Fold(NamedTuple):
     page: bool = False
 
 
-class Section(NamedTuple):
-    """Blocks under one anchor."""
-
-    identifier: str
-    blocks: tuple[Block, ...]
-
-
 @dataclass(frozen=True)
 class Grid:
     """A table of texts; the first entry of each row names it.
@@ -99,7 +92,7 @@ class Grid:
     spare: bool = False
 
 
-Block = str | Markup | Html | Grid | Fold | Section
+Block = str | Markup | Html | Grid | Fold
 
 
 def grid(

@@ -126,10 +126,7 @@ def _shaped_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataF
 
 
 def _shaped(record: Record) -> str:
-    flags = [flag.replace("_", " ") for flag in record.flags if flag in verdicts.WEAK]
-    told = [hyphen(verdicts.computed(record)), record.verdict, *flags]
-    return (
-        f"{record.printed} ({', '.join(filter(None, told))})"
-        if record.role == "result"
-        else (record.printed)
-    )
+    if record.role != "result":
+        return record.printed
+    told = (hyphen(verdicts.computed(record)), record.verdict, verdicts.flags(record.flags))
+    return f"{record.printed} ({', '.join(filter(None, told))})"

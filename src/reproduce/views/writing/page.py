@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from markupsafe import Markup, escape
 
-from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, Section
+from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html
 from reproduce.views.writing.numbers import powers_in_html
 
 
@@ -28,9 +28,6 @@ def _block_html(block: Block) -> Markup:
         fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
         opened = Markup(" open" if block.opened else "")
         return Markup(fold).format(opened, block.summary, _joined(block.blocks))
-    if isinstance(block, Section):
-        inner = _joined(block.blocks)
-        return Markup('<div class="rp-item" id="{}">\n{}\n</div>').format(block.identifier, inner)
     return Markup('<p class="rp-joint">{}</p>').format(block)
 
 

@@ -15,7 +15,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, Section
+from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html
 
 WIDTH = 80
 TOWER = 14  # columns that a wrapped sentence takes at least
@@ -50,8 +50,6 @@ def _terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
         elif isinstance(block, Fold):
             yield f"\n{_plain(block.summary)}"
             yield from () if block.page else _terminal(block.blocks, width)
-        elif isinstance(block, Section):
-            yield from _terminal(block.blocks, width)
         elif isinstance(block, Html):
             yield from [block.words] * bool(block.words)
         else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable
 
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord, WholeReading
 from reproduce.judge.verdicts import VERDICTS
@@ -30,6 +30,9 @@ FLAG_MEANINGS: dict[str, str] = {
 }
 
 
+WEAK = ("repeated", "difference", "through_rounding", "uninformative")
+
+
 def name_of(record: Record) -> str:
     """Return the name of a record's cell within its item."""
     return record.cell.partition("#")[2]
@@ -47,13 +50,6 @@ def computed(record: Record, extra: int = 0) -> str:
     # One more digit where the printed ones alone could not show the difference.
     hidden = record.verdict == "differs" or "through_rounding" in record.flags
     return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
-
-
-def meaning_of_interval(record: Record) -> str:
-    """Say what a record's interval is."""
-    if record.probability is None:
-        return "allowed by rounded inputs"
-    return "predicted, central 99 %"
 
 
 def interval(record: Record, *, unit: bool = False) -> str:
@@ -88,7 +84,10 @@ def _counted(probability: float, mcse: float, replicates: int, before: str = "")
 def fitting(readings: tuple[WholeReading, ...]) -> str:
     """Say whether one reading of the text fits all cells of a table that depend on one."""
     count = sum(one.fits for one in readings)
-    closest = max(readings, key=lambda one: (one.fits, one.agreeing - one.apart, _together(one)))
+    closest = max(
+        readings,
+        key=lambda one: (one.fits, one.agreeing - one.apart, one.joint_probability or 0.0),
+    )
     what = "fits" if count == 1 else "fit"
     return (
         f"One reading for all cells that depend on a reading: {count or 'none'} of "
@@ -111,17 +110,12 @@ def chance_of(reading: WholeReading) -> str:
     return _counted(reading.joint_probability, reading.mcse, reading.replicates, "p = ")
 
 
-def _together(reading: WholeReading) -> float:
-    return reading.joint_probability or 0.0
-
-
 def read(record: Record, reading: ReadingRecord) -> str:
     """Write what a blocked cell is under one reading of the text."""
-    flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
+    marks = flags(reading.flags, {"through_rounding", "uninformative"})
     hidden = not reading.agrees or "through_rounding" in reading.flags
     value = minus(cell_of(record).number.format(reading.computed, extra=int(hidden)))
-    marks = f" ({', '.join(flag.replace('_', ' ') for flag in flags)})" if flags else ""
-    return f"{quantity(value, unit(record))}, {reading.verdict}{marks}"
+    return f"{quantity(value, unit(record))}, {reading.verdict}{f' ({marks})' * bool(marks)}"
 
 
 def unit(record: Record) -> str:
@@ -135,34 +129,27 @@ def quantity(value: str, mark: str) -> str:
     return f"{value}{gap}{mark}"
 
 
-def tally(records: Sequence[Record]) -> dict[str, int]:
+def tally(records: Collection[Record]) -> dict[str, int]:
     """Count records by verdict, every verdict present, in the order in which they are shown."""
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
-WEAK = ("repeated", "difference", "through_rounding", "uninformative")
-
-
-def weak(records: Sequence[Record]) -> dict[str, int]:
-    """Count the records that agree by each flag of `WEAK`; one with two flags counts in both."""
-    return {flag: sum(flag in r.flags for r in _agreeing(records)) for flag in WEAK}
-
-
-def strong(records: Sequence[Record]) -> int:
-    """Count the records that agree and carry no flag of weak agreement."""
-    return sum(not weak_agreement(r) for r in _agreeing(records))
-
-
 def weak_agreement(record: Record) -> bool:
     """Tell whether a record agrees in a way that says little."""
-    return bool(_agreeing((record,)) and set(WEAK) & set(record.flags))
+    return record.verdict in {"exact", "consistent"} and not {*WEAK}.isdisjoint(record.flags)
+
+
+def weak(records: Iterable[Record]) -> int:
+    """Count the records that agree in a way that says little."""
+    return sum(map(weak_agreement, records))
+
+
+def flags(names: Iterable[str], shown: Collection[str] = WEAK) -> str:
+    """Write flags as words."""
+    return ", ".join(name.replace("_", " ") for name in names if name in shown)
 
 
 def qualified(record: Record) -> str:
     """Write a verdict with what makes it weak."""
-    flags = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in WEAK)
-    return f"{record.verdict} ({flags})" if flags else record.verdict
-
-
-def _agreeing(records: Sequence[Record]) -> list[Record]:
-    return [r for r in records if r.verdict in {"exact", "consistent"}]
+    marks = flags(record.flags)
+    return f"{record.verdict} ({marks})" if marks else record.verdict
