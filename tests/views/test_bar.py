@@ -9,7 +9,7 @@ import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
 from reproduce.views import computed
-from reproduce.views.writing import figures
+from reproduce.views.objects import figure as figures
 from reproduce.views.writing.export import table_files
 
 KEY = "niu2024/table-2"

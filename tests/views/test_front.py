@@ -26,7 +26,7 @@ from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
 from reproduce.views.platforms import platform_of
-from reproduce.views.writing import terminal
+from reproduce.views.writing import display as terminal
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
 SQUARE = np.array([[0.0, 0], [1000, 0], [0, 1000], [1000, 1000]])

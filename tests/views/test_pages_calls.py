@@ -12,10 +12,10 @@ from reproduce.papers.study import Fact
 from reproduce.papers.words import Column
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views.computed import whole_ledger
-from reproduce.views.facts import facts_of
+from reproduce.views.objects.figure import drawable
 from reproduce.views.writing import numbers, verdicts
 from reproduce.views.writing.export import signed, table_files
-from reproduce.views.writing.figures import drawable
+from reproduce.views.writing.verdicts import facts_of
 
 TABLES = list(library())
 

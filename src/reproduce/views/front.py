@@ -131,7 +131,7 @@ def cite(address: str, form: str = "bibtex") -> str:
     >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
     Yanzhao Niu, Xinguo Wei, and Jian Li
     """
-    from reproduce.views.writing.cite import citation
+    from reproduce.views.writing.export import citation
 
     return citation(address, form)
 

@@ -9,7 +9,7 @@ from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import SCATTER, scatter
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
-from reproduce.views.writing.figures import data, draw
+from reproduce.views.objects.figure import data, draw
 
 ARCSEC = np.pi / 180 / 3600
 

@@ -23,9 +23,8 @@ from reproduce.views import computed
 from reproduce.views.objects.base import Shown, by_row, text_of
 from reproduce.views.platforms import platform_of
 from reproduce.views.writing.blocks import Block, Fold, Grid, Html
-from reproduce.views.writing.cite import beside
 from reproduce.views.writing.display import Blocks
-from reproduce.views.writing.export import export_frame
+from reproduce.views.writing.export import beside, export_frame
 from reproduce.views.writing.numbers import digits, minus, moments
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ if TYPE_CHECKING:
     from reproduce.inference.sampling import Plan
     from reproduce.papers.declare_posterior import Declaration, Supplied
     from reproduce.physics.attitude import Platform
-    from reproduce.views.writing.figures import Picture
+    from reproduce.views.objects.figure import Picture
 
 # Rows that a page shows at once.
 SHORT = 20
@@ -421,8 +420,14 @@ class Posterior(Shown):
         self, picture: Picture, alternative: str, caption: str, draw: Callable[..., Picture]
     ) -> Html:
         """Return a picture with its downloads; a reader's own is in no file of the book."""
-        from reproduce.views.objects.figure import captioned, pictured
-        from reproduce.views.writing.figures import Vectors, drawn, inline, vector_of
+        from reproduce.views.objects.figure import (
+            Vectors,
+            captioned,
+            drawn,
+            inline,
+            pictured,
+            vector_of,
+        )
 
         if self.data is None and not self.changes:
             return pictured(picture, alternative, caption, text_of(draw))

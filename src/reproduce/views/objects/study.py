@@ -12,12 +12,11 @@ from reproduce.papers.study import Study
 from reproduce.papers.words import Column
 from reproduce.printed.cells import anchor
 from reproduce.views.computed import once
-from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, setting, text_of
 from reproduce.views.objects.sweep import Point, Sweep, of_study, swept
 from reproduce.views.writing import numbers
 from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html
-from reproduce.views.writing.export import table_files
+from reproduce.views.writing.export import bar, table_files
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,13 +19,12 @@ from reproduce.printed.cells import anchor, library
 from reproduce.printed.units import symbol
 from reproduce.views import keys
 from reproduce.views.computed import item_ledger
-from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Item, Shown, by_row, line_of, setting, text_of
 from reproduce.views.objects.sweep import Sweep, of_cells, swept
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.writing.display import Display
-from reproduce.views.writing.export import export, full_frame, table_files
+from reproduce.views.writing.export import bar, export, full_frame, table_files
 from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:

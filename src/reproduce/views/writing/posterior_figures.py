@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from reproduce.inference import Parameter, Sampled
 from reproduce.papers.sketch import again, sized, thin
-from reproduce.views.writing.figures import Picture
+from reproduce.views.objects.figure import Picture
 from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
