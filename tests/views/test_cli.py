@@ -311,7 +311,7 @@ def test_what_a_study_or_a_figure_cannot_change_is_said_in_a_line(key, option):
     assert result.exception is None or isinstance(result.exception, SystemExit)
 
 
-@pytest.mark.parametrize("form", ["bibtex", "csl", "text"])
+@pytest.mark.parametrize("form", ["bibtex", "text"])
 def test_a_table_of_our_own_is_cited_beside_its_paper(form):
     result = run("cite", "chen2023/heat", "--format", form)
     assert result.exit_code == 0, result.output

@@ -193,7 +193,7 @@ def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> N
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["bibtex", "csl", "text"]),
+    type=click.Choice(["bibtex", "text"]),
     default="bibtex",
     show_default=True,
 )

@@ -124,7 +124,7 @@ def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Che
 
 
 def cite(address: str, form: str = "bibtex") -> str:
-    """Return how to cite an item, a cell or a study and its paper: bibtex, csl or text.
+    """Return how to cite an item, a cell or a study and its paper: bibtex or text.
 
     Examples
     --------

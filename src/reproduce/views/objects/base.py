@@ -42,7 +42,7 @@ class Shown(Display):
         return export_frame(self.frame(), form)
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite this and its paper: bibtex, csl or text."""
+        """Return how to cite this and its paper: bibtex or text."""
         return citation(self.key, form)
 
 

@@ -481,7 +481,7 @@ class Posterior(Shown):
         return path
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite the paper that it rests on: bibtex, csl or text."""
+        """Return how to cite the paper that it rests on: bibtex or text."""
         return beside("Posterior", self.name, self.declared.paper, self.declared.title, form)
 
     def rerun(

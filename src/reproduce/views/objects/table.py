@@ -280,10 +280,6 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
     if reasons:
         rows = reasons.values()
         yield grid(f"Reasons, {place}", _REASONS, rows, kind="rp-small", words=3)
-    for flag, meaning in verdicts.FLAG_MEANINGS.items():
-        if flagged := [one for one in records if flag in one.flags]:
-            words = verdicts.flags([flag], [flag])
-            yield Markup("{} ({}): {}").format(words, meaning, _cells(flagged))
 
 
 def _reason(record: Record) -> Entry:

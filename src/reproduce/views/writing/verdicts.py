@@ -20,18 +20,6 @@ MEANINGS: dict[str, str] = {
     "input": "taken from the paper, nothing to compute",
 }
 
-FLAG_MEANINGS: dict[str, str] = {
-    "through_rounding": "agrees only because the printed inputs are rounded",
-    "repeated": "the print repeats another printed cell",
-    "difference": "one printed number less another",
-    "uninformative": "the predicted interval is wider than the number itself",
-    "bound": "the print states a limit, not a value",
-    "stand_in": "the value shown stands in for something unpublished",
-    "about": "printed as an approximate number",
-    "nominal": "printed as a nominal value",
-}
-
-
 WEAK = ("repeated", "difference", "through_rounding", "uninformative")
 
 
