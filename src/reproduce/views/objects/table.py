@@ -19,7 +19,7 @@ from reproduce.printed.cells import anchor, library
 from reproduce.printed.units import symbol
 from reproduce.views import keys
 from reproduce.views.computed import item_ledger
-from reproduce.views.objects.base import Item, Shown, by_row, line_of, setting, text_of
+from reproduce.views.objects.base import Item, Shown, by_row, setting, text_of
 from reproduce.views.objects.sweep import Sweep, of_cells, swept
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
@@ -537,7 +537,7 @@ class Cell(Shown):
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", minus(reason(self.address) or record.why)),
-            ("function", f"{record.function} ({line_of(maker.function)})" if maker else ""),
+            ("function", record.function or ""),
             ("equations", ", ".join(f"({one})" for one in record.equations)),
             ("seed", _seed(maker) if maker else ""),
             ("reads", ", ".join(_braced(*one) for one in keys.alike(self.reads).items())),

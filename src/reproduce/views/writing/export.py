@@ -41,11 +41,9 @@ def export(ledger: Ledger, address: str, form: str) -> str:
         return full_frame(records).to_csv(index=False)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
     label = f"tab:{key.replace('/', '-')}"
-    shaped = len(library()[key].columns) > 1 and not name
-    make = _shaped_frame if shaped else _shown_frame
-    shown = make(records, ascii_units=form == "latex")
+    shown = _shaped_frame(records, whole=not name, ascii_units=form == "latex")
     if form == "latex":
-        caption += "; printed (computed, verdict)" if shaped else ""
+        caption += "; printed (computed, verdict)"
         return shown.to_latex(index=False, escape=True, caption=caption, label=label)
     return export_frame(shown, form)
 
@@ -92,37 +90,24 @@ def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _shown_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFrame:
-    """Lay out what a reader sees; a plain LaTeX document has no glyph for the signs of units."""
+def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool) -> pd.DataFrame:
+    """Lay out a table in the shape of the print, quoted numbers and a cell alone line by line.
+
+    Units stand where a row or a column shares one; plain LaTeX has no glyph for their signs.
+    """
     import pandas as pd
 
-    rows = [
-        {
-            "cell": verdicts.name_of(record),
-            "printed": record.printed,
-            "computed": hyphen(verdicts.computed(record)),
-            "unit": record.unit if ascii_units else verdicts.unit(record),
-            "verdict": verdicts.qualified(record),
-            "probability": verdicts.probability(record).replace("\u00a0", " "),
-        }
-        for record in records
-    ]
-    return pd.DataFrame(rows, dtype=str)
-
-
-def _shaped_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFrame:
-    """Lay out a table in the shape of the print; units stand where a row or a column shares one."""
-    import pandas as pd
-
-    table = library()[records[0].key]
-    by_name = {verdicts.name_of(record): record for record in records}
-    grid = [[by_name[f"{row.id}.{column.id}"] for column in table.columns] for row in table.rows]
+    table, by_name = library()[records[0].key], {verdicts.name_of(one): one for one in records}
+    heads, labels = ["printed (computed, verdict)"], list(by_name)
+    grid = [[record] for record in records]
+    if whole and len(table.columns) > 1:
+        heads, labels = [c.label for c in table.columns], [row.label for row in table.rows]
+        grid = [[by_name[f"{row.id}.{c.id}"] for c in table.columns] for row in table.rows]
 
     def named(label: str, line: Iterable[Record]) -> str:
         units = {one.unit if ascii_units else verdicts.unit(one) for one in line} - {"", "1"}
         return f"{label} ({units.pop()})" if len(units) == 1 else label
 
-    heads, labels = [c.label for c in table.columns], [row.label for row in table.rows]
     if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
         labels = [named(*pair) for pair in zip(labels, grid, strict=True)]
     else:
