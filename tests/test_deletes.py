@@ -11,7 +11,6 @@ from reproduce.views import computed
 ROOT = Path(__file__).parent.parent
 CALLS = {"rmtree", "unlink", "rmdir", "remove", "removedirs"}
 PLACES = {
-    "src/reproduce/views/computed.py kept": "results of ours, by name and marker",
     "tools/evidence/recompute.py run": "a folder of its own among temporary ones",
     "book/_ext/notebook_downloads.py write": "book/_build/notebooks, which only a build writes",
     "tools/drop_stale_pages.py drop_stale": "book/_build, which only a build writes",
@@ -55,21 +54,6 @@ def folder(tmp_path, monkeypatch):
     computed.kept.cache_clear()
     yield tmp_path
     computed.kept.cache_clear()
-
-
-def test_only_what_carries_our_marker_goes(folder):
-    ours, named = folder / ("0" * 64), folder / ("1" * 64)
-    marked, other = folder / "marked", folder / "thesis"
-    for one in (ours, named, marked, other):
-        one.mkdir()
-        (one / "file").touch()
-    for one in (ours, marked):
-        (one / computed.MARKER).touch()
-    (folder / "letter.txt").touch()
-    computed.kept()
-    assert {one.name for one in folder.iterdir()} == {
-        named.name, marked.name, other.name, "letter.txt"}  # fmt: skip
-    assert all((one / "file").exists() for one in (named, marked, other))
 
 
 @pytest.mark.parametrize("content", [b"", b"half", b"\x80\x04K\x01."], ids=["empty", "no", "int"])

@@ -29,11 +29,11 @@ from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
 from reproduce.views import computed
 from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
-from reproduce.views.facts import facts_of
 from reproduce.views.objects.contradictions import errata_register
 from reproduce.views.objects.study import StudyTable
 from reproduce.views.writing import numbers, verdicts
 from reproduce.views.writing.export import export, signed, table_files
+from reproduce.views.writing.verdicts import facts_of
 
 if TYPE_CHECKING:
     from reproduce.papers.posteriors import Aside

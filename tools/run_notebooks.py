@@ -72,7 +72,7 @@ def compute_ledger(downloads: Path) -> None:
 
 def compute_figure(key: str, downloads: Path) -> None:
     """Draw a figure, and write the pictures that readers download."""
-    from reproduce.views.writing.figures import write_figure
+    from reproduce.views.objects.figure import write_figure
 
     write_figure(key, downloads)
 
@@ -117,7 +117,7 @@ def computing(book: Path) -> list[Task]:
         return []
     from reproduce.papers.catalogue import drawings
     from reproduce.papers.posteriors import posteriors
-    from reproduce.views.writing.figures import drawable
+    from reproduce.views.objects.figure import drawable
 
     run = partial(partial, warm_kernels.run)
     tasks = [Task("ledger", run(compute_ledger, downloads))]

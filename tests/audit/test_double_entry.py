@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from made_up import declared
 
-from reproduce.audit import relation as declarations
 from reproduce.audit.intervals import enclosure, printed_intervals
 from reproduce.audit.relation import relations_of
 from reproduce.audit.report import audit_paper, paper_sheet
@@ -25,9 +24,6 @@ from reproduce.printed.cells import PAPERS
 from reproduce.printed.given import given
 from reproduce.printed.number import PrintedNumber
 from reproduce.printed.units import si_factor
-from reproduce.views.front import check
-from reproduce.views.objects import check as double_entry
-from reproduce.views.objects.check import disagreement, disagreements
 
 SHEET = {address: cell for paper in PAPERS for address, cell in paper_sheet(paper).items()}
 RELATIONS = [r for paper in PAPERS for r in relations_of(paper, paper_sheet(paper))]
@@ -67,6 +63,16 @@ def enclosed(relation):
         number = PrintedNumber(repr(end / si_factor("um")), exact=True)
         ends.append(enclosure(relation, SHEET | {first: replace(SHEET[first], content=number)}))
     return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def disagreement(relation, enclosed, interval):
+    """Say how a formula's interval differs from that of the computation; empty if it does not."""
+    if enclosed == pytest.approx(interval, rel=0, abs=1e-9 * max(map(abs, (*enclosed, *interval)))):
+        return ""
+    return (
+        f"{relation.name} ({relation.formula.text}) gives {enclosed}, the computation of "
+        f"{relation.restates} {interval}, in SI: one of them is wrong, or not monotone"
+    )
 
 
 def test_every_deterministic_number_has_one_second_entry():
@@ -157,28 +163,6 @@ def test_a_computation_that_is_not_monotone_is_seen():
     assert found.startswith("turning (scale = ")
     assert "the computation of niu2024/table-2#scale.red" in found
     assert "not monotone" in found
-
-
-def test_a_check_names_both_entries_that_disagree(monkeypatch):
-    ledger = build(["niu2024/table-2"])
-    assert disagreements(ledger) == []
-    assert check("niu2024/table-2")
-
-    def wrong(paper, cells):
-        found = relations_of(paper, cells)
-        formula = declarations.read("scale = green / f0 * 1.000001")
-        return [
-            replace(r, formula=formula) if r.restates == "niu2024/table-2#scale.red" else r
-            for r in found
-        ]
-
-    monkeypatch.setattr(double_entry, "relations_of", wrong)
-    (line,) = disagreements(ledger)
-    assert line.startswith("true-scale-red (scale = green / f0 * 1.000001) gives")
-    assert "the computation of niu2024/table-2#scale.red" in line
-    found = check("niu2024/table-2")
-    assert not found
-    assert found.faults() == [line]
 
 
 def test_restating_relations_are_counted_apart():

@@ -13,13 +13,23 @@ import reproduce as rp
 from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
-from reproduce.printed.cells import anchor, find, library
+from reproduce.printed.cells import anchor, library
 from reproduce.views.cli import main
 from reproduce.views.objects.contradictions import JOINT, errata_register
 
 
 def errata(part="errata"):
     return rp.contradictions()[part]._repr_html_()
+
+
+def entry(name):
+    """Return the unfolded text of an entry."""
+    return re.search(rf'id="{name}".*?</table>', errata(), flags=re.DOTALL).group()
+
+
+def ids(text):
+    """Return the anchors of entries, as they stand."""
+    return re.findall(r'<div class="rp-scroll" id="([^"]+)"', text)
 
 
 def run(*arguments, columns=80):
@@ -85,7 +95,7 @@ def test_a_relation_that_restates_a_cell_links_to_it():
 
 
 def test_a_generated_name_leads_to_its_declaration():
-    """The line is found by the pattern that the page, the erratum and the data show beside it."""
+    """The line is found by the pattern that the page and the data show beside it."""
     folder = Path(relation.__file__).parent / "relations"
     for paper in ("niu2024", "chen2023"):
         source = (folder / f"{paper}.toml").read_text()
@@ -94,8 +104,6 @@ def test_a_generated_name_leads_to_its_declaration():
             pattern = finding.relation.declared
             assert f'name = "{pattern}"' in source
             assert pattern == finding.relation.name or f"<small>{pattern}</small>" in text
-    section = re.search(r'id="chen2023-table-5-motion".*?</section>', errata())
-    assert "declared as <code>motion-{state}-{axis}</code>" in section.group()
     found = json.loads(run("audit", "chen2023", "--json").stdout)
     by_name = {r["name"]: r for r in found["relations"]}
     assert by_name["motion-4-y"]["declared"] == "motion-{state}-{axis}"
@@ -116,18 +124,18 @@ def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
 def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(supposed):
     register = errata_register()
     text = errata("suppositions" if supposed else "errata")
-    anchors = re.findall(r'<section class="rp-erratum" id="([^"]+)"', text)
+    anchors = ids(text)
     assert sorted(anchors) == sorted(e.id for e in register if bool(e.supposition) == supposed)
     assert re.findall(r'<tr><th scope="row"><a href="#([^"]+)"', text) == anchors
     entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", text, flags=re.DOTALL)
     assert [re.search(r'id="([^"]+)"', entry).group(1) for entry in entries] == anchors
-    assert text.count("<dt>Supposing that</dt>") == len(anchors) * supposed
+    assert text.count(">Supposing that</th>") == len(anchors) * supposed
 
 
 def test_errata_come_by_consequence():
     """Those that move a conclusion first, then by the number of results that rest on them."""
     by_id = {entry.id: entry for entry in errata_register()}
-    shown = re.findall(r'<section class="rp-erratum" id="([^"]+)"', errata())
+    shown = ids(errata())
     resting = Counter(e.erratum for e in frozen().values() if e.erratum)
     ranks = [("moves", "open", "stands").index(by_id[name].conclusion) for name in shown]
     assert ranks == sorted(ranks)
@@ -150,7 +158,7 @@ def test_a_differs_links_to_its_erratum():
 
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
-def test_pages_show_corrections_equations_and_pictures(paper):
+def test_pages_show_corrections_equations_and_sets(paper):
     shown = rp.contradictions(paper)
     assert "→" in shown["corrections"]._repr_html_()
     assert shown["equations"]._repr_html_().count("<tr>") == 1 + len(audit_paper(paper).equations)
@@ -159,32 +167,22 @@ def test_pages_show_corrections_equations_and_pictures(paper):
     wrong = {f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"}
     joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
     assert sets.count(JOINT) == len(joint)
-    svg = shown.picture().text
-    assert f'aria-label="Contradicting relations of {paper}' in svg
-    blamed = audit_paper(paper).blamed()
-    worst = max(blamed, key=blamed.get)
-    (cell,) = find(worst)
-    assert f"{cell.label}, {cell.place.partition(',')[0]}" in svg.replace("text", "Text")
-    assert svg.count(f'href="#relation-{paper}-') == len(wrong)
 
 
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():
-    text = errata()
-    section = re.search(r'id="chen2023-table-5-motion".*?</section>', text, flags=re.DOTALL).group()
+    section = entry("chen2023-table-5-motion")
     link = '<a href="#chen2023-table-5-4-motion-y">'
     assert f"{link}<code>table-5#4.motion-y</code></a>: 60.66 printed, 60.36 computed" in section
-    section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, re.DOTALL).group()
+    section = entry("chen2023-table-5-columns")
     assert "2.reference-y</code></a>: −2.006 printed, blocked: agrees with 3 of 5" in section
 
 
 def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():
     """20.27 um and 2.006 arcsec ask for 2084.3 mm, with the rounding of both, and for no other."""
-    text = errata()
-    section = re.search(r'id="chen2023-table-5-columns".*?</section>', text, flags=re.DOTALL)
     told = re.search(
         r"reference-2-x-y</code></a>: asks for a focal length of the telescope from "
         r"([\d.]+) to ([\d.]+) mm",
-        section.group(),
+        entry("chen2023-table-5-columns"),
     )
     ends = [
         (20.27 + side * 0.005) * 1e-3 / math.tan((2.006 - side * 0.0005) * math.pi / 648000)

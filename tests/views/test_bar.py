@@ -9,7 +9,7 @@ import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
 from reproduce.views import computed
-from reproduce.views.writing import figures
+from reproduce.views.objects import figure as figures
 from reproduce.views.writing.export import table_files
 
 KEY = "niu2024/table-2"
@@ -75,8 +75,8 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     computed.kept.cache_clear()
     try:
         figures.write_figure("niu2024/fig-2", tmp_path)
-        monkeypatch.setattr(figures, "draw", lambda key, **_: pytest.fail("drawn again"))
-        shown = figures.vectors("niu2024/fig-2")
+        monkeypatch.setattr(figures, "drawn", lambda paint, **_: pytest.fail("drawn again"))
+        shown = figures.in_build("niu2024/fig-2")
         assert shown.narrow.startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-2.svg"
         assert file.read_text(encoding="utf-8") == figures.XML + shown.wide

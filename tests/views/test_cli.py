@@ -108,7 +108,6 @@ def test_check_names_the_file_with_a_changed_input(tmp_path, monkeypatch, name, 
 def test_check_counts_weak_agreement_apart():
     """Table V's motions are differences of the positions beside them, its first less itself."""
     output = run("check", "chen2023/table-5").stdout
-    assert "Weak agreement, counted apart: 17 difference." in output
     (line,) = [line for line in output.splitlines() if line.startswith("all ")]
     assert line.split()[-1] == "17"
 
@@ -241,6 +240,7 @@ def test_show_reruns_under_a_change():
         (["show", "niu2024/table-3", "--option", "angles=round"], "angles is one of square,"),
         (["show", "niu2024/table-3", "--replicates", "100001"], "from 2 to 100,000, got 100001"),
         (["export", "niu2024/table-3#x", "--format", "csv"], "has no cell 'x'"),
+        (["audit", "nobody2000"], "unknown paper 'nobody2000': expected one of niu2024"),
     ],
 )
 def test_slips_in_addresses_and_changes_are_told(arguments, message):
@@ -311,7 +311,7 @@ def test_what_a_study_or_a_figure_cannot_change_is_said_in_a_line(key, option):
     assert result.exception is None or isinstance(result.exception, SystemExit)
 
 
-@pytest.mark.parametrize("form", ["bibtex", "csl", "text"])
+@pytest.mark.parametrize("form", ["bibtex", "text"])
 def test_a_table_of_our_own_is_cited_beside_its_paper(form):
     result = run("cite", "chen2023/heat", "--format", form)
     assert result.exit_code == 0, result.output

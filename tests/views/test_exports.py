@@ -14,9 +14,8 @@ from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 from reproduce.version import RELEASED, __version__
-from reproduce.views.writing.cite import citation
-from reproduce.views.writing.export import FORMATS, export
-from reproduce.views.writing.figures import draw, drawable, save
+from reproduce.views.objects.figure import draw, drawable, save
+from reproduce.views.writing.export import FORMATS, citation, export
 
 KEY = "chen2023/table-5"
 
@@ -92,9 +91,6 @@ def test_citations_name_item_and_paper(key):
     parsed = parse_string(citation(key, "bibtex"), "bibtex").entries
     assert list(parsed) == [f"reproduce-{key.replace('/', '-')}", paper]
     assert parsed[paper].fields["doi"].startswith("10.")
-    listed = json.loads(citation(key, "csl"))
-    assert [entry["id"] for entry in listed] == list(parsed)
-    assert listed[1]["DOI"] == parsed[paper].fields["doi"]
     text = citation(key, "text")
     assert key in text
     assert len(text.splitlines()) == 2

@@ -18,7 +18,6 @@ from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
 from reproduce.views.writing.display import Blocks
-from reproduce.views.writing.terminal import PLAIN
 
 
 class _Shell(click.Group):
@@ -60,10 +59,10 @@ class _Shell(click.Group):
             raise click.UsageError(told, ctx) from error
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
-        """Run; what the stream cannot encode is written in plain signs."""
+        """Run, and write UTF-8 whatever the locale."""
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(errors=PLAIN)
+                stream.reconfigure(encoding="utf-8", errors="backslashreplace")
         try:
             try:
                 return super().main(*arguments, **settings)

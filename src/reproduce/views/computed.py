@@ -1,7 +1,7 @@
 """What a build of the book computes once and keeps for its pages, and what that depends on.
 
 The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is kept, and every
-page and every reader computes anew. What else lies in that folder is never touched.
+page and every reader computes anew.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ import hashlib
 import os
 import pickle
 import platform
-import re
-import shutil
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -28,8 +26,6 @@ if TYPE_CHECKING:
     from reproduce.audit.report import Audit
 
 FOLDER = "REPRODUCE_BUILD"
-# Lies in every folder that we made; without it none is removed.
-MARKER = "made-by-reproduce-pointing"
 Result = TypeVar("Result")
 
 
@@ -48,15 +44,8 @@ def fingerprint() -> str:
 
 @cache
 def kept() -> Path | None:
-    """Return the folder for results of the present files; ours of other files are removed."""
-    if not (root := os.environ.get(FOLDER)):
-        return None
-    folder = Path(root) / fingerprint()
-    for other in folder.parent.glob("*"):
-        ours = re.fullmatch("[0-9a-f]{64}", other.name) and (other / MARKER).is_file()
-        if ours and other != folder and not other.is_symlink():
-            shutil.rmtree(other, ignore_errors=True)
-    return folder
+    """Return the folder for results of the present files, None outside of a build."""
+    return Path(os.environ[FOLDER]) / fingerprint() if os.environ.get(FOLDER) else None
 
 
 def once(name: str, kind: type[Result], compute: Callable[[], Result]) -> Result:
@@ -75,9 +64,7 @@ def once(name: str, kind: type[Result], compute: Callable[[], Result]) -> Result
     if isinstance(found, kind):
         return found
     result = compute()
-    # A build whose files have changed meanwhile finds its folder gone.
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MARKER).touch()
     part = path.with_suffix(f".{os.getpid()}")
     part.write_bytes(pickle.dumps(result))
     part.replace(path)
@@ -90,10 +77,11 @@ def item_ledger(*keys: str) -> Ledger:
     if kept() is None:
         return ledger.build(keys)
     whole = whole_ledger()
-    records = tuple(record for record in whole.records if record.key in keys)
-    tables = tuple(table for table in whole.tables if table.key in keys)
-    readings = tuple(one for one in whole.readings if one.key in keys)
-    return Ledger(records=records, tables=tables, readings=readings, altered=whole.altered)
+    parts = {
+        name: tuple(one for one in getattr(whole, name) if one.key in keys)
+        for name in ("records", "tables", "readings")
+    }
+    return whole.model_copy(update=parts)
 
 
 @cache

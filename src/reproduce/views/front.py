@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from reproduce.inference import Prior
-    from reproduce.views.objects.check import Check
-    from reproduce.views.objects.contents import Contents
+    from reproduce.views.objects.contents import Check, Contents
     from reproduce.views.objects.contradictions import Contradictions
     from reproduce.views.objects.figure import Figure, Panels
     from reproduce.views.objects.measurements import Monitored, Registered
@@ -110,20 +109,20 @@ def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Che
     >>> bool(check("niu2024/table-2"))
     True
     """
-    from reproduce.views.objects.check import Check
+    from reproduce.views.objects.contents import Check
 
     return Check(keys, progress)
 
 
 def cite(address: str, form: str = "bibtex") -> str:
-    """Return how to cite an item, a cell or a study and its paper: bibtex, csl or text.
+    """Return how to cite an item, a cell or a study and its paper: bibtex or text.
 
     Examples
     --------
     >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
     Yanzhao Niu, Xinguo Wei, and Jian Li
     """
-    from reproduce.views.writing.cite import citation
+    from reproduce.views.writing.export import citation
 
     return citation(address, form)
 

@@ -75,15 +75,19 @@ def check_paper(paper: str) -> str:
 
 
 def title(key: str) -> str:
-    """Return the title of an item, in our words."""
+    """Return the title of an item, or of a table or drawing of our own, in our words."""
     if key in library():
         return library()[key].title
+    if key in studies():
+        return studies()[key].title
     draw = drawings()[key] if key in drawings() else catalogue()[key].draw
     return "" if draw is None else draw.title
 
 
 def place(key: str) -> str:
     """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``."""
+    if key in studies():
+        return "a table of our own"
     if key in drawings():
         return "Our own drawing"
     return library()[key].place if key in library() else f"Figure {key.rpartition('-')[2]}"

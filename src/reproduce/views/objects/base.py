@@ -6,15 +6,13 @@ import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue
 from reproduce.views import keys
-from reproduce.views.writing.cite import citation
 from reproduce.views.writing.display import Display
-from reproduce.views.writing.export import export_frame
+from reproduce.views.writing.export import citation, export_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +40,7 @@ class Shown(Display):
         return export_frame(self.frame(), form)
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite this and its paper: bibtex, csl or text."""
+        """Return how to cite this and its paper: bibtex or text."""
         return citation(self.key, form)
 
 
@@ -54,13 +52,19 @@ class Item(Shown):
         """What the text leaves open: one row for each alternative, the literal one first."""
         import pandas as pd
 
-        from reproduce.views.objects.words import Words
-
         rows = [
             (name, way, words_of)
             for name, ways in rerun.options(self.key).items()
             for way, words_of in ways.items()
         ]
+
+        class Words(pd.DataFrame):
+            """A DataFrame whose sentences a notebook shows whole."""
+
+            def _repr_html_(self) -> str:
+                with pd.option_context("display.max_colwidth", None):
+                    return self.to_html(notebook=True)
+
         frame = pd.DataFrame(rows, columns=["option", "alternative", "what it stands for"])
         return Words(frame.set_index(["option", "alternative"]))
 
@@ -93,15 +97,33 @@ class Changeable(Shown):
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional
         Of its random numbers, in place of the project's own.
+    **settings : float, optional
+        What it leaves to a reader beside printed cells.
     """
 
     kind = ""
 
     def __init__(
-        self, key: str, changes: Mapping[str, str | float] | None = None, seed: int | None = None
+        self,
+        key: str,
+        changes: Mapping[str, str | float] | None = None,
+        seed: int | None = None,
+        **settings: Any,
     ) -> None:
         self.key, self.seed = key, seed
-        self._changes = dict(changes or {})
+        self._changes, self._settings = dict(changes or {}), settings
+        left = getattr(self._declared, "settings", {})
+        if unknown := sorted(set(settings) - set(left)):
+            others = ["cells that it reads"] + ["a seed"] * self.random
+            others += [f"{name} ({what})" for name, what in left.items()]
+            raise rerun.CannotChangeError(
+                f"{key} is {self.kind}: expected {', '.join(others)}; got {', '.join(unknown)}"
+            )
+        for name, value in settings.items():
+            if not isinstance(value, int | float) or not 0 < value < float("inf"):
+                raise ValueError(
+                    f"{name}: expected a number above zero, {left[name]}, got {value!r}"
+                )
         rerun.checked_values(key, self._changes)
         rerun.check_randomness(key, self.random, self._changes, seed)
 
@@ -127,8 +149,9 @@ class Changeable(Shown):
 
     @property
     def changes(self) -> dict[str, str]:
-        """What was changed: addresses, or ``seed``, to the value as given."""
-        return rerun.by_name(self._changes, self.seed)
+        """What was changed: address, ``seed`` or setting to the value as given."""
+        settings = {name: f"{value:g}" for name, value in self._settings.items()}
+        return rerun.by_name(self._changes, self.seed) | settings
 
     @property
     def replaced(self) -> dict[str, float]:
@@ -140,7 +163,7 @@ class Changeable(Shown):
         changes: Mapping[str, str | float] | None = None,
         *,
         seed: int | None = None,
-        **settings: object,
+        **settings: Any,
     ) -> Self:
         """Return the same computed again with other values for cells that it reads, or a seed.
 
@@ -151,6 +174,8 @@ class Changeable(Shown):
             printed stays the print.
         seed : int, optional
             Of the random numbers, where it draws some.
+        **settings : float, optional
+            What a table of our own leaves to a reader, such as ``wanted`` of ``niu2024/stars``.
 
         Returns
         -------
@@ -163,13 +188,8 @@ class Changeable(Shown):
             If it does not read the cell, the value does not fit it, it draws no random numbers, or
             anything else is to be changed.
         """
-        if settings:
-            raise rerun.CannotChangeError(
-                f"{self.key} is {self.kind}: expected cells that it reads"
-                f"{' or a seed' * self.random}, got {', '.join(settings)}"
-            )
-        seed = self.seed if seed is None else seed
-        return type(self)(self.key, {**self._changes, **(changes or {})}, seed)
+        cells, seed = {**self._changes, **(changes or {})}, self.seed if seed is None else seed
+        return type(self)(self.key, cells, seed, **{**self._settings, **settings})
 
 
 def setting(
@@ -184,14 +204,6 @@ def setting(
 def text_of(function: Callable[..., Any]) -> str:
     """Return the text of a function."""
     return inspect.getsource(inspect.unwrap(function)).rstrip()
-
-
-def line_of(function: Callable[..., Any]) -> str:
-    """Return the file of a function, from its package on, and the line where it begins."""
-    bare = inspect.unwrap(function)
-    path = Path(inspect.getfile(bare))
-    depth = bare.__module__.count(".") + 1 + (path.name == "__init__.py")
-    return f"{'/'.join(path.parts[-depth:])}:{inspect.getsourcelines(bare)[1]}"
 
 
 def by_row(rows: Mapping[str, Any], columns: list[str] | None = None) -> pd.DataFrame:

@@ -1,28 +1,38 @@
-"""All items in order of print, with the number of their cells by verdict."""
+"""All items with their score, every number as a mark, and the verdicts against the frozen ones."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.expected import surprises
+from reproduce.judge.ledger import Ledger, Record, build
 from reproduce.judge.studies import studies
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import PAPERS, anchor, library
+from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys
 from reproduce.views.computed import item_ledger
-from reproduce.views.objects.base import by_row
-from reproduce.views.objects.wall import legend, wall
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html, badge
+from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, badge
 from reproduce.views.writing.display import Blocks, Display
 
 if TYPE_CHECKING:
     import pandas as pd
+
+PITCH = 14  # from one mark to the next, in CSS pixels
+ACROSS = 10  # marks in a row of a group of quoted numbers
+# Each verdict has a shape of its own, so that colour is not needed.
+SHAPES = {
+    "exact": "M-4.5-4.5h9v9h-9z",
+    "consistent": "M-4.9 0a4.9 4.9 0 1 0 9.8 0a4.9 4.9 0 1 0-9.8 0z",
+    "differs": "M0-6.5 6.5 0 0 6.5-6.5 0z",
+    "blocked": "M0-5 5.5 4.5h-11z",
+    "input": "M-2.1 0a2.1 2.1 0 1 0 4.2 0a2.1 2.1 0 1 0-4.2 0z",
+}
 
 
 class Contents(Display):
@@ -37,9 +47,11 @@ class Contents(Display):
     """
 
     def __init__(self, paper: str | None = None) -> None:
-        self.paper = paper if paper is None else keys.check_paper(paper)
-        self.keys = [key for key in catalogue() if paper in {None, key.partition("/")[0]}]
-        self.own = [key for key in studies() if paper in {None, key.partition("/")[0]}]
+        self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
+        self.keys, self.own = (
+            [key for key in found if key.partition("/")[0] in self.papers]
+            for found in (catalogue(), studies())
+        )
 
     @cached_property
     def _ledger(self) -> Ledger:
@@ -52,88 +64,174 @@ class Contents(Display):
                 "key": key,
                 "place": keys.place(key),
                 "title": keys.title(key),
-                "functions": [one.name for one in catalogue()[key].computations],
-                "draws": catalogue()[key].draw is not None,
+                "draws": key in catalogue() and catalogue()[key].draw is not None,
             }
-            for key in self.keys
-        ] + [
-            {
-                "key": key,
-                "place": "a table of our own",
-                "title": studies()[key].title,
-                "functions": [f"{made.__module__}.{made.__qualname__}"],
-                "draws": False,
-            }
-            for key in self.own
-            for made in (studies()[key].function,)
+            for key in (*self.keys, *self.own)
         ]
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
-        named = {key: {"place": keys.place(key), "title": keys.title(key)} for key in self.keys}
-        return by_row(
-            {key: row | verdicts.tally(self._ledger.of(key)) for key, row in named.items()}
-        )
+        import pandas as pd
+
+        rows = [
+            {"place": keys.place(key), "title": keys.title(key)}
+            | verdicts.tally(self._ledger.of(key))
+            for key in self.keys
+        ]
+        return pd.DataFrame(rows, index=self.keys)
 
     def listed(self) -> Iterator[Grid]:
         """Yield the items and the tables of our own, without the score."""
         rows = [(key, keys.place(key), keys.title(key)) for key in self.keys]
         yield Grid("", ("key", "in the paper", "what"), rows, words=3, whole=(0,))
         if self.own:
-            own = [(key, studies()[key].title) for key in self.own]
+            own = [(key, keys.title(key)) for key in self.own]
             yield Grid("", ("our own tables", "what"), own, words=2, whole=(0,))
 
     @property
     def index(self) -> Blocks:
         """Every item in order of print, with its cells by verdict; each leads to its place."""
-        rows: list[list[Entry]] = []
-        for key in self.keys:
-            held = key in library()
-            tally = verdicts.tally(self._ledger.of(key)) if held else {}
-            counts = [_named(tally[name], name) if held else "" for name in VERDICTS]
-            target = anchor(key) if held else f"figure-{anchor(key)}"
-            link = Markup('<a href="#{}">{}</a>').format(target, _short(keys.place(key)))
-            what = Markup("{}<br><code>{}</code>").format(keys.title(key), key)
-            rows.append([link, what, *counts])
-        caption = "Tables, figures and quoted numbers, in order of print."
-        grid = Grid(caption, ["", "", *map(badge, VERDICTS)], rows, kind="rp-score rp-index")
-        return Blocks((grid,))
+        return Blocks((_score(self.keys, self._ledger),))
 
     def blocks(self) -> Iterator[Block]:
         """Yield every number as a mark, and the same as lists: items, tables of our own, score."""
         parts, records = [], self._ledger.records
-        for paper in (self.paper,) if self.paper else PAPERS:
+        for paper in self.papers:
             own = [record for record in records if record.key.startswith(f"{paper}/")]
             parts += [Markup('<p class="rp-wall-paper">{}</p>').format(paper), wall(own)]
         yield Html(Markup("\n").join([*parts, legend(records)]))
-        yield Fold("The same in words", (*self.listed(), score_table(self._ledger)))
+        yield Fold("The same in words", (*self.listed(), *self.index.shown))
 
 
-def score_table(ledger: Ledger) -> Grid:
-    """Return the number of cells by verdict, item by item."""
-    items = dict.fromkeys(record.key for record in ledger.records)
-    rows = [[key, *_counts(ledger.of(key))] for key in items]
+class Check(Display):
+    """The verdicts against the frozen ones. True if they and the printed files are the same.
+
+    Parameters
+    ----------
+    wanted : tuple of str
+        The items; all by default.
+    progress : callable, optional
+        Called with the number of items done and of all.
+    """
+
+    def __init__(
+        self, wanted: tuple[str, ...] = (), progress: Callable[[int, int], None] | None = None
+    ) -> None:
+        self.ledger = build([keys.check_key(key) for key in wanted] or None, progress)
+        self.surprises = surprises(self.ledger)
+
+    def __bool__(self) -> bool:
+        """Tell whether verdicts are as frozen, and files as summed."""
+        return not (self.surprises or self.ledger.altered)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the cells whose verdict is not the frozen one."""
+        import pandas as pd
+
+        return pd.DataFrame(map(vars, self.surprises), columns=["cell", "expected", "found"])
+
+    def faults(self) -> list[str]:
+        """Return what is not as frozen, and what to do about it."""
+        lines = [f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises]
+        if lines:
+            lines.append(
+                f"{len(lines)} verdicts differ from data/verdicts.toml; find the cause, or change "
+                "that file with the reason"
+            )
+        return lines + [
+            f"data/printed/{name}: not the file of its checksum in data/printed/SHA256SUMS; "
+            "restore the printed digits, or enter them twice and renew the checksum"
+            for name in self.ledger.altered
+        ]
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the score, and what is not as frozen."""
+        records = self.ledger.records
+        yield _score(list(dict.fromkeys(record.key for record in records)), self.ledger)
+        yield from self.faults() or [f"All {len(records)} verdicts are as frozen."]
+
+
+def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
+    """Return the number of cells by verdict, item by item; each item leads to its place."""
+    rows: list[list[Entry | Box]] = []
+    entry = Markup('<a href="#{}">{}</a><br><small>{}</small><br><code>{}</code>')
+    for key in listed:
+        place, what = keys.place(key).partition(",")[0], keys.title(key)
+        target = anchor(key) if key in library() else f"figure-{anchor(key)}"
+        counts = _counts(ledger.of(key)) if key in library() else []
+        rows.append([entry.format(target, place, what, key), *counts])
     rows.append(["all", *_counts(ledger.records)])
-    heads = ["item", *VERDICTS, "(weak)"]
-    return Grid("Cells by verdict", heads, rows, whole=range(len(heads)))
+    head = ["", *map(badge, VERDICTS), "(weak)"]
+    caption, names = "Cells by verdict, in order of print.", [*listed, "all"]
+    return Grid(caption, head, rows, kind="rp-score rp-index", names=names, whole=range(len(head)))
 
 
-def _counts(records: tuple[Record, ...]) -> list[str]:
-    tally = verdicts.tally(records)
-    weak = tally["exact"] + tally["consistent"] - verdicts.strong(records)
-    return [*map(_counted, tally.values()), _counted(weak)]
+def _counts(records: Sequence[Record]) -> list[Box]:
+    counts = [*verdicts.tally(records).values(), verdicts.weak(records)]
+    return [Box(str(count)) if count else Box("·", kind="rp-zero") for count in counts]
 
 
-def _counted(count: int) -> str:
-    return str(count) if count else "·"
+def wall(records: Iterable[Record]) -> Markup:
+    """Draw every record as a mark that leads to its cell, one small picture for each item."""
+    items: dict[str, dict[str, Record]] = {}
+    for record in records:
+        items.setdefault(record.key, {})[record.cell] = record
+    blocks = Markup("\n").join(_block(library()[key], found) for key, found in items.items())
+    return Markup('<div class="rp-wall">\n{}\n</div>').format(blocks)
 
 
-def _named(count: int, verdict: str) -> Markup:
-    """Return a count with the word that stands beside it where the page is narrow."""
-    if not count:
-        return Markup('<span class="rp-zero">·</span>')
-    return Markup('{}<span class="rp-named"> {}</span>').format(count, verdict)
+def legend(records: Sequence[Record]) -> Markup:
+    """Say what each mark means, and how many there are."""
+    entries = [
+        _entry("", verdict, f"{count} {verdict}", verdicts.MEANINGS[verdict])
+        for verdict, count in verdicts.tally(records).items()
+    ]
+    hollow = f"{verdicts.weak(records)} of these weak"
+    weak = "agrees, but in a way that says little: a copy, a difference, a wide interval"
+    entries.insert(2, _entry(" rp-mark-weak", "exact", hollow, weak))
+    return Markup('<ul class="rp-wall-legend">\n{}\n</ul>').format(Markup("\n").join(entries))
 
 
-def _short(place: str) -> str:
-    return place.partition(",")[0]
+def _entry(kind: str, verdict: str, count: str, meaning: str) -> Markup:
+    return Markup(
+        '<li><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
+        '<path class="rp-mark-{0}{1}" d="{2}"/></svg> <strong>{3}</strong>: {4}</li>'
+    ).format(verdict, kind, SHAPES[verdict], count, meaning)
+
+
+def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
+    """Draw one item: its name, and its cells in the shape of the print."""
+    across = len(table.columns) if len(table.columns) > 1 else ACROSS
+    places = [
+        (records[cell.address], number % across, number // across)
+        for number, cell in enumerate(table.cells)
+        if cell.address in records
+    ]
+    wide = PITCH * (1 + max(x for _, x, _ in places))
+    high = PITCH * (1 + max(y for _, _, y in places))
+    marks = Markup("").join(_mark(record, x, y) for record, x, y in places)
+    name = table.place.partition(",")[0]
+    name = table.key.partition("/")[2].removeprefix("text-") if name == "Text" else name
+    tally = verdicts.tally(tuple(records.values()))
+    told = ", ".join(f"{count} {verdict}" for verdict, count in tally.items() if count)
+    return Markup(
+        '<div class="rp-wall-item"><a href="#{}" title="{}: {}">{}</a>\n'
+        '<svg viewBox="0 0 {} {}" width="{}" height="{}" role="group" aria-label="{}: {}">{}</svg>'
+        "</div>"
+    ).format(anchor(table.key), table.title, told, name, wide, high, wide, high, name, told, marks)
+
+
+def _mark(record: Record, across: int, down: int) -> Markup:
+    cell = verdicts.cell_of(record)
+    value = verdicts.computed(record)
+    told = f"{cell.label}: {cell.shown} printed"
+    told += f", {value} computed" if value and record.role == "result" else ""
+    weak = " rp-mark-weak" if verdicts.weak_agreement(record) else ""
+    x, y = (PITCH * place + PITCH // 2 for place in (across, down))
+    # The name of the item leads a keyboard to its table; 300 stops on the way would not help it.
+    return Markup(
+        '<a href="#{}" tabindex="-1"><title>{}, {}</title>'
+        '<g transform="translate({} {})"><path class="rp-hit" d="M-7-7h14v14h-14z"/>'
+        '<path class="rp-mark-{}{}" d="{}"/></g></a>'
+    ).format(cell.anchor, told, verdicts.qualified(record), x, y, record.verdict, weak,
+             SHAPES[record.verdict])  # fmt: skip

@@ -36,12 +36,10 @@ from reproduce.store.points import is_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.objects.base import by_row, text_of
-from reproduce.views.objects.figure import pictured
+from reproduce.views.objects.figure import Picture, pictured
 from reproduce.views.objects.measurements import Remade, platform_of
 from reproduce.views.writing.blocks import Block, Fold, Grid, Html
-from reproduce.views.writing.cite import beside
 from reproduce.views.writing.display import Blocks
-from reproduce.views.writing.figures import Picture
 from reproduce.views.writing.numbers import digits, minus, moments
 from reproduce.views.writing.posterior_figures import MOST, corner, traces
 
@@ -335,7 +333,7 @@ class Posterior(Remade):
             raise ValueError("an .nc file needs the extra reproduce-pointing[netcdf]")
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite the paper that it rests on: bibtex, csl or text."""
+        """Return how to cite the paper that it rests on: bibtex or text."""
         return beside("Posterior", self.name, self.declared.paper, self.declared.title, form)
 
     def rerun(self, **changes: Any) -> Self:

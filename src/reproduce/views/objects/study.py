@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from reproduce.judge.rerun import CannotChangeError
 from reproduce.judge.studies import studies
 from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views.computed import once
-from reproduce.views.objects.bar import bar
 from reproduce.views.objects.base import Changeable, setting, text_of
-from reproduce.views.objects.sweep import Moved, Sweep, of_study
+from reproduce.views.objects.sweep import Point, Sweep, of_study, swept
 from reproduce.views.writing import numbers
 from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html
-from reproduce.views.writing.export import table_files
+from reproduce.views.writing.export import bar, table_files
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,29 +42,6 @@ class StudyTable(Changeable):
 
     kind = "a table of our own"
 
-    def __init__(
-        self,
-        key: str,
-        changes: Mapping[str, str | float] | None = None,
-        seed: int | None = None,
-        **settings: Any,
-    ) -> None:
-        super().__init__(key, changes, seed)
-        left = self._declared.settings
-        if unknown := set(settings) - set(left):
-            others = ["cells that it reads"] + ["a seed"] * self.random
-            others += [f"{name} ({what})" for name, what in left.items()]
-            raise CannotChangeError(
-                f"{key} is {self.kind}: expected {', '.join(others)}; got "
-                f"{', '.join(sorted(unknown))}"
-            )
-        for name, value in settings.items():
-            if not isinstance(value, int | float) or not 0 < value < float("inf"):
-                raise ValueError(
-                    f"{name}: expected a number above zero, {left[name]}, got {value!r}"
-                )
-        self._settings = {name: float(value) for name, value in settings.items()}
-
     @property
     def _declared(self) -> Study:
         return studies()[self.key]
@@ -88,23 +63,6 @@ class StudyTable(Changeable):
 
             return once(f"study-{self.key}", pd.DataFrame, study)
         return study(door, **self._settings)
-
-    @property
-    def changes(self) -> dict[str, str]:
-        """What was changed: address, seed or setting to the value as given."""
-        return super().changes | {name: f"{value:g}" for name, value in self._settings.items()}
-
-    def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        **settings: Any,
-    ) -> Self:
-        """Return the same computed again with other values for cells that it reads, or settings."""
-        cells = {**self._changes, **(changes or {})}
-        seed = self.seed if seed is None else seed
-        return type(self)(self.key, cells, seed, **{**self._settings, **settings})
 
     def sweep(
         self,
@@ -132,13 +90,15 @@ class StudyTable(Changeable):
         Sweep
             One row per value; on a page a slider.
         """
-        left = self._declared.settings
-        swept = Moved.checked(moved, values, left)
-        frames = [self.frame()]
-        for changes in swept.changes:
-            settings: dict[str, Any] = {one: changes.pop(one) for one in left if one in changes}
-            frames.append(self.rerun(changes, **settings).frame())
-        return of_study(swept, self._declared, frames, columns, rows or {})
+        study, before = self._declared, self.frame()
+
+        def compute(step: Mapping[str, Any]) -> Iterator[Point]:
+            settings = {name: value for name, value in step.items() if name in study.settings}
+            cells = {name: value for name, value in step.items() if name not in settings}
+            after = self.rerun(cells, **settings).frame()
+            return of_study(study, (before, after), columns, rows or {})
+
+        return swept(self.key, moved, values, compute, study.settings, "with what is printed")
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,29 +10,26 @@ from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.expected import erratum, reason
-from reproduce.judge.ledger import Ledger, ReadingRecord, Record, TableRecord, WholeReading
+from reproduce.judge.ledger import Ledger, Record, TableRecord, WholeReading
+from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
+from reproduce.printed.units import symbol
 from reproduce.views import keys
 from reproduce.views.computed import item_ledger
-from reproduce.views.objects.bar import bar
-from reproduce.views.objects.base import Item, Shown, by_row, line_of, text_of
-from reproduce.views.objects.changed import Changed
-from reproduce.views.objects.sweep import Moved, Sweep, of_cells
+from reproduce.views.objects.base import Item, Shown, by_row, setting, text_of
+from reproduce.views.objects.sweep import Sweep, of_cells, swept
 from reproduce.views.writing import verdicts
-from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, Section, badge
-from reproduce.views.writing.export import export, full_frame, table_files
+from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
+from reproduce.views.writing.display import Display
+from reproduce.views.writing.export import bar, export, full_frame, table_files
 from reproduce.views.writing.numbers import minus
 
 if TYPE_CHECKING:
     import pandas as pd
 
-DETAILS = (
-    *("Cell", "Printed", "Computed", "Allowed or predicted", "Probability"),
-    *("Share of tolerance", "Verdict"),
-)
 # Cells that share a note are counted from here on.
 FEW = 4
 
@@ -156,13 +153,14 @@ class Table(Item):
         Sweep
             One row per value; on a page a slider.
         """
-        moved = Moved.checked(address, values, {})
         for name in cells:
             self[name]
-        reruns = [
-            rerunning.rerun(self.key, changes, replicates=replicates) for changes in moved.changes
-        ]
-        return of_cells(moved, reruns, cells)
+        return swept(
+            self.key,
+            address,
+            values,
+            lambda step: of_cells(rerunning.rerun(self.key, step, replicates=replicates), cells),
+        )
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""
@@ -170,9 +168,6 @@ class Table(Item):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and where it comes from."""
-        yield Section(anchor(self.key), tuple(self._described()))
-
-    def _described(self) -> Iterator[Block]:
         place, records = self._printed.place, self._ledger.of(self.key)
         files, inputs = table_files(self.key), self._inputs()
         yield self._whole()
@@ -181,12 +176,11 @@ class Table(Item):
             yield _joint_sentence(joint)
         if readings := _readings(place, records):
             fits = self._ledger.whole_readings(self.key)
+            whole = grid(f"Readings of {place}, at once", _WHOLE, fits, kind="rp-small")
             yield verdicts.fitting(fits)
-            shown = (*readings, _whole_readings(place, fits))
-            yield Fold("Readings of the text, side by side", shown)
-        results = [record for record in records if record.role == "result"]
-        if judged := tuple(_judged(place, results)):
-            yield Fold("How each cell was judged", judged)
+            yield Fold("Readings of the text, side by side", (*readings, whole))
+        if results := [record for record in records if record.role == "result"]:
+            yield Fold("How each cell was judged", tuple(_judged(place, results)))
         below = bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
         yield Html(below, f"{self.key}: reproduce show {self.key}#CELL tells all of a cell")
 
@@ -204,40 +198,33 @@ class Table(Item):
                 rows.append([cell.label, *(Box(text, kind=kind) for text in texts)])
             head = ["Quantity", "Printed", "Computed", "Verdict", *["Where"] * elsewhere]
             anchors = [cell.anchor for cell in printed.cells]
-            return Grid(caption, head, rows, anchors=anchors, names=list(printed.by_name))
+            named = list(printed.by_name)
+            return Grid(caption, head, rows, anchor(self.key), anchors=anchors, names=named)
         if any(record.role == "result" for record in records.values()):
             caption += " In each cell: printed, then computed, then the verdict."
         for row in printed.rows:
             names = [f"{row.id}.{column.id}" for column in printed.columns]
             rows.append([row.label, *(_cell(printed[name], records[name]) for name in names)])
         head = ["", *(column.label for column in printed.columns)]
-        return Grid(caption, head, rows, stacked=("printed", "computed", "verdict"))
+        stacked = ("printed", "computed", "verdict")
+        return Grid(caption, head, rows, anchor(self.key), stacked=stacked)
 
     def _inputs(self) -> Markup:
         """Say what the table is computed from, each printed cell a link; nothing if it is not."""
         if not self.reads:
             return Markup("")
-        link = Markup('<a href="#{}"><code>{}</code></a>').format
-        lines: dict[str, list[Markup]] = {}
-        for lead, ends in keys.alike(self.reads).items():
-            key, _, name = lead.partition("#")
-            links = Markup(", ").join(link(anchor(lead + end), end) for end in ends)
-            many = Markup("<code>{}</code>{{{}}}").format(name, links) if name else links
-            one = link(anchor(lead + ends[0]), name + ends[0])
-            lines.setdefault(key, []).append(one if len(ends) == 1 else many)
-        entry = Markup("<li>{} (<code>{}</code>): {}</li>").format
-        listed = [
-            entry(keys.place(key), key, Markup("; ").join(cells)) for key, cells in lines.items()
-        ]
         made = [one for one in catalogue()[self.key].computations if one.replicates]
-        told = [f"Printed in {self.place}."]
-        told += [
-            f"{one.function.__name__} draws random numbers: seed {_seed(one)}." for one in made
+        told = [f"{one.function.__name__} draws random numbers: seed {_seed(one)}." for one in made]
+        told = [f"Printed in {self.place}.", *told, "Reads, directly or through other items:"]
+        link = Markup('<a href="#{}"><code>{}</code></a>')
+        items = [
+            Markup("<li><code>{}</code>{}</li>").format(
+                lead, Markup(", ").join(link.format(anchor(lead + end), end) for end in ends)
+            )
+            for lead, ends in keys.alike(self.reads).items()
         ]
-        said = Markup("").join(Markup("<p>{}</p>").format(one) for one in told)
-        return said + Markup("<p>Reads, directly or through other items:</p><ul>{}</ul>").format(
-            Markup("").join(listed)
-        )
+        said = Markup("").join(map(Markup("<p>{}</p>").format, told))
+        return said + Markup("<ul>{}</ul>").format(Markup("").join(items))
 
 
 def _cell(cell: PrintedCell, record: Record) -> Box:
@@ -271,14 +258,13 @@ def _noted(cells: Iterable[PrintedCell]) -> Iterator[Markup]:
                           text)  # fmt: skip
 
 
-def _computed(record: Record) -> Markup:
+def _computed(record: Record) -> Entry:
     text = verdicts.computed(record)
-    return Markup('<span class="rp-computed">{}</span>').format(text) if text else Markup("")
+    return Markup('<span class="rp-computed">{}</span>').format(text) if text else ""
 
 
 def _verdict(record: Record) -> Markup:
-    shown = {*verdicts.WEAK, "stand_in"}
-    marks = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in shown)
+    marks = verdicts.flags(record.flags, {*verdicts.WEAK, "stand_in"})
     return badge(record.verdict) + (
         Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
     )
@@ -286,21 +272,14 @@ def _verdict(record: Record) -> Markup:
 
 def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
     """Yield how results were judged: cell by cell, then each reason and flag once."""
-    if not records:
-        return
-    details = list(map(_detail, records))
-    yield Grid(f"Details of {place}", DETAILS, details, kind="rp-small", spare=True)
+    yield grid(f"Details of {place}", _DETAILS, records, kind="rp-small", spare=True)
     reasons: dict[Entry, list[Record]] = {}
     for one in records:
         if one.verdict in {"differs", "blocked"}:
             reasons.setdefault(_reason(one), []).append(one)
-    rows = [[_cells(some), some[0].verdict, why] for why, some in reasons.items()]
-    if rows:
-        yield Grid(f"Reasons, {place}", ("Cells", "Verdict", "Why"), rows, kind="rp-small", words=3)
-    for flag, meaning in verdicts.FLAG_MEANINGS.items():
-        if flagged := [one for one in records if flag in one.flags]:
-            said = Markup("{} ({}): {}")
-            yield said.format(flag.replace("_", " "), meaning, _cells(flagged))
+    if reasons:
+        rows = reasons.values()
+        yield grid(f"Reasons, {place}", _REASONS, rows, kind="rp-small", words=3)
 
 
 def _reason(record: Record) -> Entry:
@@ -314,26 +293,25 @@ def _cells(records: Sequence[Record]) -> Markup:
     return Markup(", ").join(map(_link, records))
 
 
-def _detail(record: Record) -> list[Entry]:
-    return [
-        _link(record),
-        verdicts.cell_of(record).shown,
-        verdicts.computed(record, extra=1),
-        verdicts.interval(record),
-        verdicts.probability(record),
-        "" if record.share is None else f"{record.share:.2f}",
-        record.verdict,
-    ]
-
-
 def _link(record: Record) -> Markup:
     link = Markup('<a href="#{}"><code>{}</code></a>')
     return link.format(anchor(record.cell), verdicts.name_of(record))
 
 
-def _named(reading: ReadingRecord) -> tuple[str, str]:
-    """Name a reading, and say where the text leaves room for it and when it came in."""
-    return reading.name, f"{reading.place}; added {reading.added}"
+_DETAILS: dict[str, Callable[[Record], Entry]] = {
+    "Cell": _link,
+    "Printed": lambda one: verdicts.cell_of(one).shown,
+    "Computed": lambda one: verdicts.computed(one, extra=1),
+    "Allowed or predicted": verdicts.interval,
+    "Probability": verdicts.probability,
+    "Share of tolerance": lambda one: "" if one.share is None else f"{one.share:.2f}",
+    "Verdict": lambda one: one.verdict,
+}
+_REASONS: dict[str, Callable[[Sequence[Record]], Entry]] = {
+    "Cells": _cells,
+    "Verdict": lambda some: some[0].verdict,
+    "Why": lambda some: _reason(some[0]),
+}
 
 
 def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
@@ -341,7 +319,7 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     groups: dict[tuple[tuple[str, str], ...], list[Record]] = {}
     for record in records:
         if record.readings:
-            names = tuple(map(_named, record.readings))
+            names = tuple((one.name, f"{one.place}; added {one.added}") for one in record.readings)
             groups.setdefault(names, []).append(record)
     grids = []
     for number, (names, group) in enumerate(groups.items(), start=1):
@@ -358,13 +336,12 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     return grids
 
 
-def _whole_readings(place: str, fits: Iterable[WholeReading]) -> Grid:
-    head = ("Reading of all open cells at once", "Added", "Cells that agree", "Together")
-    rows = [
-        [one.name, one.added, verdicts.whole(one).partition(";")[0], verdicts.chance_of(one)]
-        for one in fits
-    ]
-    return Grid(f"Readings of {place}, at once", head, rows, kind="rp-small")
+_WHOLE: dict[str, Callable[[WholeReading], Entry]] = {
+    "Reading of all open cells at once": lambda one: one.name,
+    "Added": lambda one: one.added,
+    "Cells that agree": lambda one: verdicts.whole(one).partition(";")[0],
+    "Together": verdicts.chance_of,
+}
 
 
 def _joint_sentence(joint: TableRecord) -> str:
@@ -386,6 +363,105 @@ def _seed(made: Computation) -> str:
 
 def _braced(lead: str, ends: Sequence[str]) -> str:
     return f"{lead}{ends[0]}" if len(ends) == 1 else f"{lead}{{{','.join(ends)}}}"
+
+
+class Changed(Display):
+    """A table or cell computed again under a reader's own change, which has no verdict.
+
+    With nothing but options it is a reading of the text: each cell says what it would be judged as.
+
+    Parameters
+    ----------
+    result : reproduce.judge.rerun.Rerun
+        What was computed: ``changes``, ``options``, and the printed inputs whose place a
+        recomputed value took, ``replaced``.
+    name : str
+        The one cell that is asked for; all of them by default.
+    """
+
+    def __init__(self, result: Rerun, name: str = "") -> None:
+        self.result = result
+        self.changes, self.options, self.replaced = result.changes, result.options, result.replaced
+        self._cells = [one for one in result.cells if name in {"", one.cell.name}]
+
+    def frame(self) -> pd.DataFrame:
+        """Return printed, computed from the print, value under the change and difference.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per computed cell, in the unit of print, with the central 99 % where it is a
+            prediction; a reading of the text has the verdict that it ``would be``.
+        """
+        import pandas as pd
+
+        frame = pd.DataFrame(map(_row, self._cells)).set_index("cell")
+        return frame.drop(columns=[n for n in ("reading", "would be") if not frame[n].any()])
+
+    def _caption(self) -> str:
+        remark = "a reader's own setting, without a verdict"
+        if self.result.is_reading:
+            remark = (
+                "one reading of the text, with what each cell "
+                "would be judged as. The verdict of a cell takes every reading into account"
+            )
+        changed = {**self.changes, **self.options}
+        told = setting(f"{self.result.key} with", changed, self.replaced, remark)
+        if any(one.interval for one in self._cells):
+            told += " From and to: the central 99 % of the prediction."
+        if self.result.joint:
+            told += f" {_joint_sentence(self.result.joint)}"
+        return told
+
+    @property
+    def grid(self) -> Grid:
+        """The cells and what was changed, as a reader sees them; without empty columns."""
+        rows = [one for one in self._cells if one.cell.is_number]
+        shown = {head: write for head, write in self._columns().items() if any(map(write, rows))}
+        return grid(self._caption(), shown, rows, whole=range(1, len(shown)))
+
+    def _columns(self) -> dict[str, Callable[[ChangedCell], str]]:
+        reading = self.result.is_reading
+        return {
+            "cell": lambda one: one.cell.name + f" if {one.reading}" * bool(one.reading),
+            "printed": lambda one: minus(one.cell.text),
+            "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
+            "so read" if reading else "changed": lambda one: _digits(one, one.value),
+            "from": lambda one: _digits(one, _ends(one)[0]),
+            "to": lambda one: _digits(one, _ends(one)[1]),
+            "would be": lambda one: one.would_be,
+            "unit": lambda one: symbol(one.cell.unit),
+        }
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the cells and what was changed."""
+        yield self.grid
+
+
+def _digits(one: ChangedCell, value: float | None) -> str:
+    return "" if value is None else minus(one.cell.number.format(value, extra=1))
+
+
+def _ends(one: ChangedCell) -> tuple[float | None, float | None]:
+    return one.interval or (None, None)
+
+
+def _row(one: ChangedCell) -> dict[str, Any]:
+    value, cell = one.value, one.cell
+    return {
+        "cell": cell.name,
+        "reading": one.reading,
+        "printed": cell.text,
+        "unchanged": one.unchanged,
+        "changed": value,
+        "changed - printed": value - cell.number.value
+        if value is not None and cell.is_number
+        else None,
+        "low": _ends(one)[0],
+        "high": _ends(one)[1],
+        "unit": symbol(cell.unit) if cell.unit else "",
+        "would be": one.would_be,
+    }
 
 
 class Cell(Shown):
@@ -452,15 +528,16 @@ class Cell(Shown):
     def _lines(self) -> list[tuple[str, str]]:
         record, maker = self.record, self._maker
         value = verdicts.computed(record, extra=1)
+        predicted = record.probability is not None
+        meaning = "predicted, central 99 %" if predicted else "allowed by rounded inputs"
         lines = [
             ("printed", self.printed),
-            ("which may mean", verdicts.loosely(record)),
             ("computed", verdicts.quantity(value, verdicts.unit(record)) if value else ""),
-            (verdicts.meaning_of_interval(record), verdicts.interval(record, unit=True)),
+            (meaning, verdicts.interval(record, unit=True)),
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", minus(reason(self.address) or record.why)),
-            ("function", f"{record.function} ({line_of(maker.function)})" if maker else ""),
+            ("function", record.function or ""),
             ("equations", ", ".join(f"({one})" for one in record.equations)),
             ("seed", _seed(maker) if maker else ""),
             ("reads", ", ".join(_braced(*one) for one in keys.alike(self.reads).items())),

@@ -1,14 +1,20 @@
-"""Exports of an item's records, or of any DataFrame, through pandas."""
+"""What a reader takes away: exports through pandas, citations, and the bar that offers both."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup
+from pybtex.database import BibliographyData, Entry, Person, parse_file
+
 from reproduce.judge.expected import reason
 from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.studies import studies
+from reproduce.locate import papers
+from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import anchor, library
-from reproduce.version import software
+from reproduce.version import RELEASED, software
 from reproduce.views import keys
 from reproduce.views.writing import verdicts
 from reproduce.views.writing.numbers import hyphen
@@ -35,11 +41,9 @@ def export(ledger: Ledger, address: str, form: str) -> str:
         return full_frame(records).to_csv(index=False)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
     label = f"tab:{key.replace('/', '-')}"
-    shaped = len(library()[key].columns) > 1 and not name
-    make = _shaped_frame if shaped else _shown_frame
-    shown = make(records, ascii_units=form == "latex")
+    shown = _shaped_frame(records, whole=not name, ascii_units=form == "latex")
     if form == "latex":
-        caption += "; printed (computed, verdict)" if shaped else ""
+        caption += "; printed (computed, verdict)"
         return shown.to_latex(index=False, escape=True, caption=caption, label=label)
     return export_frame(shown, form)
 
@@ -86,37 +90,24 @@ def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _shown_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFrame:
-    """Lay out what a reader sees; a plain LaTeX document has no glyph for the signs of units."""
+def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool) -> pd.DataFrame:
+    """Lay out a table in the shape of the print, quoted numbers and a cell alone line by line.
+
+    Units stand where a row or a column shares one; plain LaTeX has no glyph for their signs.
+    """
     import pandas as pd
 
-    rows = [
-        {
-            "cell": verdicts.name_of(record),
-            "printed": record.printed,
-            "computed": hyphen(verdicts.computed(record)),
-            "unit": record.unit if ascii_units else verdicts.unit(record),
-            "verdict": verdicts.qualified(record),
-            "probability": verdicts.probability(record).replace("\u00a0", " "),
-        }
-        for record in records
-    ]
-    return pd.DataFrame(rows, dtype=str)
-
-
-def _shaped_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataFrame:
-    """Lay out a table in the shape of the print; units stand where a row or a column shares one."""
-    import pandas as pd
-
-    table = library()[records[0].key]
-    by_name = {verdicts.name_of(record): record for record in records}
-    grid = [[by_name[f"{row.id}.{column.id}"] for column in table.columns] for row in table.rows]
+    table, by_name = library()[records[0].key], {verdicts.name_of(one): one for one in records}
+    heads, labels = ["printed (computed, verdict)"], list(by_name)
+    grid = [[record] for record in records]
+    if whole and len(table.columns) > 1:
+        heads, labels = [c.label for c in table.columns], [row.label for row in table.rows]
+        grid = [[by_name[f"{row.id}.{c.id}"] for c in table.columns] for row in table.rows]
 
     def named(label: str, line: Iterable[Record]) -> str:
         units = {one.unit if ascii_units else verdicts.unit(one) for one in line} - {"", "1"}
         return f"{label} ({units.pop()})" if len(units) == 1 else label
 
-    heads, labels = [c.label for c in table.columns], [row.label for row in table.rows]
     if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
         labels = [named(*pair) for pair in zip(labels, grid, strict=True)]
     else:
@@ -126,10 +117,125 @@ def _shaped_frame(records: tuple[Record, ...], *, ascii_units: bool) -> pd.DataF
 
 
 def _shaped(record: Record) -> str:
-    flags = [flag.replace("_", " ") for flag in record.flags if flag in verdicts.WEAK]
-    told = [hyphen(verdicts.computed(record)), record.verdict, *flags]
-    return (
-        f"{record.printed} ({', '.join(filter(None, told))})"
-        if record.role == "result"
-        else (record.printed)
-    )
+    if record.role != "result":
+        return record.printed
+    told = (hyphen(verdicts.computed(record)), record.verdict, verdicts.flags(record.flags))
+    return f"{record.printed} ({', '.join(filter(None, told))})"
+
+
+CITED = ("bibtex", "text")
+DEVELOPERS = "The reproduce-pointing developers"
+
+
+def citation(address: str, form: str) -> str:
+    """Return how to cite an item, a cell or a table of our own, and the paper it comes from."""
+    key, _, name = address.partition("#")
+    paper = key.partition("/")[0]
+    if key in studies():
+        return beside("Study", key, paper, studies()[key].title, form)
+    if key in drawings():
+        return beside("Drawing", key, paper, drawings()[key].title, form)
+    place = keys.place(keys.check_key(key)).partition(",")[0]
+    what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
+    title = f"Reproduction of {what} of {_et_al(paper)}: {keys.title(key)}"
+    note = f"{'Cell' if name else 'Item'} {address}, anchor {anchor(address)}"
+    return _written(f"reproduce-{anchor(address)}", title, note, paper, form)
+
+
+def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
+    """Return how to cite a posterior or a table of our own and the paper that it stands beside."""
+    link = "of" if kind == "Posterior" else "beside"
+    whole = f"{kind} {link} {_et_al(paper)}: {title}"
+    named = f"reproduce-{kind.lower()}-{anchor(name)}"
+    return _written(named, whole, f"{kind} {name}", paper, form)
+
+
+def _paper(key: str) -> Entry:
+    return parse_file(str(papers()[key] / "references.bib")).entries[key]
+
+
+def _et_al(paper: str) -> str:
+    source = _paper(paper)
+    return f"{source.persons['author'][0].last_names[-1]} et al. ({source.fields['year']})"
+
+
+def _written(name: str, title: str, note: str, paper: str, form: str) -> str:
+    if form not in CITED:
+        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(CITED)}")
+    # Braces keep a bibliography style from changing the case of names, and BibTeX from taking the
+    # group's name for a first and a last name.
+    fields = {
+        "title": f"{{{title}}}",
+        "year": RELEASED[:4],
+        "howpublished": software(),
+        "note": note,
+    }
+    ours = Entry("misc", fields=fields, persons={"author": [Person("{" + DEVELOPERS + "}")]})
+    entries = {name: ours, paper: _paper(paper)}
+    if form == "bibtex":
+        return str(BibliographyData(entries).to_string("bibtex")).strip()
+    from pybtex.backends.plaintext import Backend
+    from pybtex.plugin import find_plugin
+
+    style = find_plugin("pybtex.style.formatting", "unsrt")()
+    formatted = style.format_entries(BibliographyData(entries).entries.values())
+    return "\n".join(entry.text.render(Backend()).strip() for entry in formatted)
+
+
+NOTHING = Markup("")
+NAMES = {"tex": "LaTeX", "md": "Markdown"}
+
+
+def bar(
+    key: str,
+    anchor: str,
+    files: Iterable[str],
+    source: str,
+    *,
+    cited: bool = True,
+    inputs: Markup = NOTHING,
+) -> Markup:
+    """Return the bar below a table or a figure of a page.
+
+    Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
+
+    Parameters
+    ----------
+    key : str
+        Its key.
+    anchor : str
+        Its anchor on the page.
+    files : iterable of str
+        Paths of its data and pictures below the root of the book.
+    source : str
+        The text of the functions that make it, empty where there is none.
+    cited : bool
+        Whether it can be cited on its own.
+    inputs : Markup
+        What it is computed from, empty where it is not.
+    """
+    parts = [
+        Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>').format(
+            anchor, key
+        )
+    ]
+    if cited:
+        texts = (citation(key, form) for form in ("bibtex", "text"))
+        parts.append(_fold("Cite", Markup("").join(map(_block, texts))))
+    link = Markup('<a href="#{}" download>{}</a>')
+    named = [(path, path.rpartition(".")[2]) for path in files]
+    links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in named]
+    parts.append(Markup("<span>{}</span>").format(Markup(" · ").join(links)))
+    if source:
+        parts.append(_fold("Function", _block(source)))
+    if inputs:
+        parts.append(_fold("Inputs", inputs))
+    return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
+
+
+def _fold(summary: str, content: Markup) -> Markup:
+    return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
+
+
+def _block(text: str) -> Markup:
+    return Markup('<pre tabindex="0">{}</pre>').format(text)

@@ -1,11 +1,15 @@
-"""How a cell's numbers and its verdict are written: in the terminal, the book and the exports."""
+"""How a cell's numbers and its verdict are written, and what a sentence may say of them by name."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Collection, Iterable, Mapping
+
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord, WholeReading
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.printed.cells import Cell, library
+from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.units import symbol
+from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.writing.numbers import chance, minus
 
 MEANINGS: dict[str, str] = {
@@ -16,16 +20,7 @@ MEANINGS: dict[str, str] = {
     "input": "taken from the paper, nothing to compute",
 }
 
-FLAG_MEANINGS: dict[str, str] = {
-    "through_rounding": "agrees only because the printed inputs are rounded",
-    "repeated": "the print repeats another printed cell",
-    "difference": "one printed number less another",
-    "uninformative": "the predicted interval is wider than the number itself",
-    "bound": "the print states a limit, not a value",
-    "stand_in": "the value shown stands in for something unpublished",
-    "about": "printed as an approximate number",
-    "nominal": "printed as a nominal value",
-}
+WEAK = ("repeated", "difference", "through_rounding", "uninformative")
 
 
 def name_of(record: Record) -> str:
@@ -47,13 +42,6 @@ def computed(record: Record, extra: int = 0) -> str:
     return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
 
 
-def meaning_of_interval(record: Record) -> str:
-    """Say what a record's interval is."""
-    if record.probability is None:
-        return "allowed by rounded inputs"
-    return "predicted, central 99 %"
-
-
 def interval(record: Record, *, unit: bool = False) -> str:
     """Write a record's interval, empty where there is none."""
     if record.interval is None or record.interval[0] == record.interval[1]:
@@ -62,15 +50,6 @@ def interval(record: Record, *, unit: bool = False) -> str:
     low, high = (minus(number.format(end, extra=1)) for end in record.interval)
     text = f"{low} to {high}"
     return quantity(text, symbol(record.unit)) if unit and record.unit else text
-
-
-def loosely(record: Record) -> str:
-    """Write the interval of a print that a word such as *about* widens; empty without one."""
-    cell = cell_of(record)
-    if not cell.is_number or not {"about", "nominal"} & set(record.flags):
-        return ""
-    low, high = (minus(cell.number.format(end, extra=1)) for end in cell.number.interval())
-    return quantity(f"{low} to {high}", symbol(record.unit))
 
 
 def probability(record: Record) -> str:
@@ -95,7 +74,10 @@ def _counted(probability: float, mcse: float, replicates: int, before: str = "")
 def fitting(readings: tuple[WholeReading, ...]) -> str:
     """Say whether one reading of the text fits all cells of a table that depend on one."""
     count = sum(one.fits for one in readings)
-    closest = max(readings, key=lambda one: (one.fits, one.agreeing - one.apart, _together(one)))
+    closest = max(
+        readings,
+        key=lambda one: (one.fits, one.agreeing - one.apart, one.joint_probability or 0.0),
+    )
     what = "fits" if count == 1 else "fit"
     return (
         f"One reading for all cells that depend on a reading: {count or 'none'} of "
@@ -118,17 +100,12 @@ def chance_of(reading: WholeReading) -> str:
     return _counted(reading.joint_probability, reading.mcse, reading.replicates, "p = ")
 
 
-def _together(reading: WholeReading) -> float:
-    return reading.joint_probability or 0.0
-
-
 def read(record: Record, reading: ReadingRecord) -> str:
     """Write what a blocked cell is under one reading of the text."""
-    flags = [flag for flag in reading.flags if flag in {"through_rounding", "uninformative"}]
+    marks = flags(reading.flags, {"through_rounding", "uninformative"})
     hidden = not reading.agrees or "through_rounding" in reading.flags
     value = minus(cell_of(record).number.format(reading.computed, extra=int(hidden)))
-    marks = f" ({', '.join(flag.replace('_', ' ') for flag in flags)})" if flags else ""
-    return f"{quantity(value, unit(record))}, {reading.verdict}{marks}"
+    return f"{quantity(value, unit(record))}, {reading.verdict}{f' ({marks})' * bool(marks)}"
 
 
 def unit(record: Record) -> str:
@@ -142,34 +119,119 @@ def quantity(value: str, mark: str) -> str:
     return f"{value}{gap}{mark}"
 
 
-def tally(records: tuple[Record, ...]) -> dict[str, int]:
+def tally(records: Collection[Record]) -> dict[str, int]:
     """Count records by verdict, every verdict present, in the order in which they are shown."""
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
-WEAK = ("repeated", "difference", "through_rounding", "uninformative")
-
-
-def weak(records: tuple[Record, ...]) -> dict[str, int]:
-    """Count the records that agree by each flag of `WEAK`; one with two flags counts in both."""
-    return {flag: sum(flag in r.flags for r in _agreeing(records)) for flag in WEAK}
-
-
-def strong(records: tuple[Record, ...]) -> int:
-    """Count the records that agree and carry no flag of weak agreement."""
-    return sum(not weak_agreement(r) for r in _agreeing(records))
-
-
 def weak_agreement(record: Record) -> bool:
     """Tell whether a record agrees in a way that says little."""
-    return bool(_agreeing((record,)) and set(WEAK) & set(record.flags))
+    return record.verdict in {"exact", "consistent"} and not {*WEAK}.isdisjoint(record.flags)
+
+
+def weak(records: Iterable[Record]) -> int:
+    """Count the records that agree in a way that says little."""
+    return sum(map(weak_agreement, records))
+
+
+def flags(names: Iterable[str], shown: Collection[str] = WEAK) -> str:
+    """Write flags as words."""
+    return ", ".join(name.replace("_", " ") for name in names if name in shown)
 
 
 def qualified(record: Record) -> str:
     """Write a verdict with what makes it weak."""
-    flags = ", ".join(flag.replace("_", " ") for flag in record.flags if flag in WEAK)
-    return f"{record.verdict} ({flags})" if flags else record.verdict
+    marks = flags(record.flags)
+    return f"{record.verdict} ({marks})" if marks else record.verdict
 
 
-def _agreeing(records: tuple[Record, ...]) -> list[Record]:
-    return [r for r in records if r.verdict in {"exact", "consistent"}]
+def facts_of(name: str) -> dict[str, str]:
+    """Return what a sentence may say of a cell, an item, a paper or everything.
+
+    Examples
+    --------
+    >>> facts_of("niu2024/table-2#scale.red")["computed"]
+    '0.9976'
+    """
+    if "#" in name:
+        return _of_cell(item_ledger(name.partition("#")[0]).cell(name))
+    if "/" in name:
+        return _of_item(name)
+    if name not in {*PAPERS, "all"}:
+        raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
+    return _of_paper(name)
+
+
+def filled(text: str, known: Mapping[str, str]) -> str:
+    """Fill the blanks of an alternative text, so that no number is typed into it.
+
+    Examples
+    --------
+    >>> filled("a scale of {niu2024/table-2#scale.red printed}", {})
+    'a scale of 0.9976'
+    """
+
+    def fill(blank: re.Match[str]) -> str:
+        name, _, what = blank.group(1).partition(" ")
+        return facts_of(name)[what] if what else known[name]
+
+    return re.sub(r"\{([^{}]+)\}", fill, text)
+
+
+def _of_cell(record: Record) -> dict[str, str]:
+    value = computed(record)
+    said = {
+        "printed": cell_of(record).shown,
+        "computed": quantity(value, unit(record)) if value else "nothing",
+        "verdict": record.verdict,
+        "probability": probability(record) or "none",
+    }
+    if record.readings:
+        said["readings"] = str(len(record.readings))
+        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
+    for number, reading in enumerate(record.readings, start=1):
+        said[f"reading-{number}"] = read(record, reading).partition(",")[0]
+    return said
+
+
+def _of_item(key: str) -> dict[str, str]:
+    found = item_ledger(key)
+    said = _agreement(found.of(key))
+    said["results"] = str(sum(record.role == "result" for record in found.of(key)))
+    if fits := found.whole_readings(key):
+        said["fitting"] = str(sum(one.fits for one in fits) or "none")
+        said["whole-readings"] = str(len(fits))
+        said["replicates"] = f"{max(one.replicates for one in fits):,}"
+        said["closest"] = fitting(fits).partition("Closest: ")[2].removesuffix(".")
+    if joint := found.table(key):
+        said |= {"joint": joint_chance(joint), "replicates": f"{joint.replicates:,}"}
+    return said
+
+
+def _of_paper(name: str) -> dict[str, str]:
+    chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
+    by_verdict = tally(chosen)
+    counts = {
+        "cells": len(chosen),
+        "unsettled": by_verdict["differs"] + by_verdict["blocked"],
+        "open": sum(bool(r.readings) for r in chosen if r.verdict == "blocked"),
+        "unpublished": sum(not r.readings for r in chosen if r.verdict == "blocked"),
+        "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
+    }
+    return _agreement(chosen) | {what: str(count) for what, count in counts.items()}
+
+
+def _agreement(records: tuple[Record, ...]) -> dict[str, str]:
+    """Count verdicts; what agrees never stands without the part of it that is weak."""
+    groups: dict[str, list[Record]] = {
+        verdict: [r for r in records if r.verdict == verdict] for verdict in VERDICTS
+    }
+    groups["agree"] = groups["exact"] + groups["consistent"]
+    said: dict[str, str] = {}
+    for name, found in groups.items():
+        doubtful = weak(found)
+        share = "all" if doubtful == len(found) else str(doubtful)
+        said[name] = f"{len(found)} ({share} of them weakly)" if doubtful else str(len(found))
+    doubtful = weak(records)
+    said |= {"strong": str(len(groups["agree"]) - doubtful), "weak": str(doubtful)}
+    return said
