@@ -10,7 +10,7 @@ from reproduce.judge.studies import studies
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import words
 from reproduce.printed.cells import library
-from reproduce.views.objects.figure import drawable
+from reproduce.views.figure import drawable
 
 BOOK = Path(__file__).parent.parent / "book"
 PAGES = sorted(p for p in BOOK.rglob("*.md") if not {"_build", "_extra"} & set(p.parts))

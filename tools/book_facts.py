@@ -27,13 +27,12 @@ from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
-from reproduce.views import computed
+from reproduce.views import computed, numbers, verdicts
 from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
-from reproduce.views.objects.contradictions import errata_register
-from reproduce.views.objects.study import StudyTable
-from reproduce.views.writing import numbers, verdicts
-from reproduce.views.writing.export import export, signed, table_files
-from reproduce.views.writing.verdicts import facts_of
+from reproduce.views.contradictions import errata_register
+from reproduce.views.export import export, signed, table_files
+from reproduce.views.study import StudyTable
+from reproduce.views.verdicts import facts_of
 
 if TYPE_CHECKING:
     from reproduce.papers.posteriors import Aside
@@ -120,7 +119,7 @@ def _of_posterior(name: str) -> dict[str, str]:
     declaration, and ``sbc-...`` of the stored calibration.
     """
     from reproduce.papers.posteriors import posteriors
-    from reproduce.views.objects.posterior import Posterior, book_posterior, spread
+    from reproduce.views.posterior import Posterior, book_posterior, spread
 
     found, texts = book_posterior(name), {}
     for row in found.summaries():

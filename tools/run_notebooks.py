@@ -72,14 +72,14 @@ def compute_ledger(downloads: Path) -> None:
 
 def compute_figure(key: str, downloads: Path) -> None:
     """Draw a figure, and write the pictures that readers download."""
-    from reproduce.views.objects.figure import write_figure
+    from reproduce.views.figure import write_figure
 
     write_figure(key, downloads)
 
 
 def compute_posterior(name: str) -> None:
     """Sample a posterior."""
-    from reproduce.views.objects.posterior import book_posterior
+    from reproduce.views.posterior import book_posterior
 
     book_posterior(name)
 
@@ -117,7 +117,7 @@ def computing(book: Path) -> list[Task]:
         return []
     from reproduce.papers.catalogue import drawings
     from reproduce.papers.posteriors import posteriors
-    from reproduce.views.objects.figure import drawable
+    from reproduce.views.figure import drawable
 
     run = partial(partial, warm_kernels.run)
     tasks = [Task("ledger", run(compute_ledger, downloads))]

@@ -25,8 +25,8 @@ IMPORTED = (
     *("matplotlib.backends.backend_svg", "matplotlib.pyplot", "pandas", "pandas.io.formats.style"),
     *("scipy.optimize", "scipy.stats", "scipy.spatial", "scipy.linalg", "scipy.special"),
     *("emcee", "erfa", "pydantic", "rich.table", "jupyter_cache.cache.main", "nbclient"),
-    *("reproduce.views.objects.posteriors", "reproduce.views.objects.contradictions"),
-    *("reproduce.views.front", "reproduce.views.objects.measurements"),
+    *("reproduce.views.posteriors", "reproduce.views.contradictions"),
+    *("reproduce.views.front", "reproduce.views.measurements"),
 )
 # Where processes cannot be forked each starts cold: slower, and the same otherwise.
 FORKED = "forkserver" in get_all_start_methods()

@@ -47,7 +47,7 @@ def fill(
 ) -> None:
     """Put description and citation into the head of a page that has a text."""
     from reproduce.version import RELEASED
-    from reproduce.views.writing.export import DEVELOPERS
+    from reproduce.views.export import DEVELOPERS
 
     if doctree is None:
         return

@@ -9,7 +9,7 @@ from errors import mcse_mean
 from reproduce.inference import Gates, UnconvergedError, diagnose, diagnostics, thinned
 from reproduce.inference.diagnostics import require
 from reproduce.inference.sampling import mixture
-from reproduce.views.writing.numbers import digits
+from reproduce.views.numbers import digits
 
 
 def autoregressive(correlation, shape, seed=1):

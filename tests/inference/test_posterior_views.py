@@ -15,11 +15,10 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.store import studies
-from reproduce.views import computed
+from reproduce.views import computed, posterior_figures
+from reproduce.views import posteriors as pages
 from reproduce.views.cli import main
-from reproduce.views.objects import posteriors as pages
-from reproduce.views.objects.posterior import book_posterior
-from reproduce.views.writing import posterior_figures
+from reproduce.views.posterior import book_posterior
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
 PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))]

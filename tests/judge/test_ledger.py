@@ -16,7 +16,7 @@ from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Prediction, Reading, reproduces
 from reproduce.printed.cells import library
-from reproduce.views.writing.verdicts import joint_chance
+from reproduce.views.verdicts import joint_chance
 
 ROOT = Path(__file__).resolve().parents[2]
 FIELDS = (

@@ -194,7 +194,7 @@ def test_errors_of_the_camera_by_hand():
 
 def test_emcee_finds_the_same_at_the_edge():
     """At the printed number of stars, for both models: median and upper end."""
-    from reproduce.views.objects.posterior import book_posterior
+    from reproduce.views.posterior import book_posterior
 
     designs = sensor.designs(STARS)
     # The noise that our simulation shows stands in place of the stated one.

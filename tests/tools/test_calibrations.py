@@ -24,7 +24,7 @@ from calibrations import (
 from reproduce.inference.models import GaussianRegistration
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
-from reproduce.views.objects.posterior import book_posterior
+from reproduce.views.posterior import book_posterior
 
 SMALL = 40
 # The main models have more replicates than the others.

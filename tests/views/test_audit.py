@@ -15,7 +15,7 @@ from reproduce.audit.report import audit_paper
 from reproduce.judge.expected import erratum, frozen
 from reproduce.printed.cells import anchor, library
 from reproduce.views.cli import main
-from reproduce.views.objects.contradictions import JOINT, errata_register
+from reproduce.views.contradictions import JOINT, errata_register
 
 
 def errata(part="errata"):

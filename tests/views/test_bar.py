@@ -9,8 +9,8 @@ import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
 from reproduce.views import computed
-from reproduce.views.objects import figure as figures
-from reproduce.views.writing.export import table_files
+from reproduce.views import figure as figures
+from reproduce.views.export import table_files
 
 KEY = "niu2024/table-2"
 

@@ -15,9 +15,9 @@ from reproduce.judge.studies import studies
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
+from reproduce.views import verdicts
 from reproduce.views.cli import main
 from reproduce.views.computed import item_ledger
-from reproduce.views.writing import verdicts
 
 RANGE = "niu2024/text-simulation#range-x-high"
 FIELDS = (

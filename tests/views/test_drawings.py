@@ -6,7 +6,7 @@ import pytest
 
 import reproduce as rp
 from reproduce.papers.catalogue import drawings
-from reproduce.views.objects import figure as figures
+from reproduce.views import figure as figures
 
 BOOK = Path(__file__).parents[2] / "book"
 TEXTS = [p.read_text(encoding="utf-8") for p in BOOK.rglob("*.md") if "_build" not in p.parts]

@@ -14,8 +14,8 @@ from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 from reproduce.version import RELEASED, __version__
-from reproduce.views.objects.figure import draw, drawable, save
-from reproduce.views.writing.export import FORMATS, citation, export
+from reproduce.views.export import FORMATS, citation, export
+from reproduce.views.figure import draw, drawable, save
 
 KEY = "chen2023/table-5"
 

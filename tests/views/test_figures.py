@@ -16,10 +16,10 @@ from matplotlib.path import Path
 import reproduce as rp
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
-from reproduce.views.objects import figure as figures
-from reproduce.views.objects.figure import Vectors, inline, vector_of
-from reproduce.views.writing.numbers import powers
-from reproduce.views.writing.verdicts import filled
+from reproduce.views import figure as figures
+from reproduce.views.figure import Vectors, inline, vector_of
+from reproduce.views.numbers import powers
+from reproduce.views.verdicts import filled
 
 NARROWED = "on a phone"
 # Each as a wide page shows it, and as a narrow one.

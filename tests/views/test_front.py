@@ -24,9 +24,9 @@ from reproduce.physics.registration import registered_image
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
+from reproduce.views import display as terminal
 from reproduce.views.cli import main
-from reproduce.views.objects.measurements import platform_of
-from reproduce.views.writing import display as terminal
+from reproduce.views.measurements import platform_of
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
 SQUARE = np.array([[0.0, 0], [1000, 0], [0, 1000], [1000, 1000]])

@@ -10,11 +10,11 @@ from book_facts import write_tables
 from reproduce.judge.studies import studies
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, library
+from reproduce.views import numbers, verdicts
 from reproduce.views.computed import whole_ledger
-from reproduce.views.objects.figure import drawable
-from reproduce.views.writing import numbers, verdicts
-from reproduce.views.writing.export import signed, table_files
-from reproduce.views.writing.verdicts import facts_of
+from reproduce.views.export import signed, table_files
+from reproduce.views.figure import drawable
+from reproduce.views.verdicts import facts_of
 
 TABLES = list(library())
 

@@ -12,7 +12,7 @@ from reproduce.locate import papers
 from reproduce.papers import declare
 from reproduce.papers.chen2023.platform import PIXEL
 from reproduce.views import front
-from reproduce.views.objects.figure import Figure, drawable
+from reproduce.views.figure import Figure, drawable
 
 SHOWN = [(Figure, key) for key in drawable()] + [(rp.table, key) for key in studies()]
 

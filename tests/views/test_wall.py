@@ -10,7 +10,7 @@ import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
-from reproduce.views.objects import contents as wall
+from reproduce.views import contents as wall
 
 TABLE = "niu2024/table-2"
 FOCAL = "niu2024/table-1#focal-length.red"

@@ -17,7 +17,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.writing.display import Blocks
+from reproduce.views.display import Blocks
 
 
 class _Shell(click.Group):

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from reproduce.inference import Prior
-    from reproduce.views.objects.contents import Check, Contents
-    from reproduce.views.objects.contradictions import Contradictions
-    from reproduce.views.objects.figure import Figure, Panels
-    from reproduce.views.objects.measurements import Monitored, Registered
-    from reproduce.views.objects.posterior import Posterior
-    from reproduce.views.objects.posteriors import Posteriors
-    from reproduce.views.objects.study import StudyTable
-    from reproduce.views.objects.table import Cell, Table
+    from reproduce.views.contents import Check, Contents
+    from reproduce.views.contradictions import Contradictions
+    from reproduce.views.figure import Figure, Panels
+    from reproduce.views.measurements import Monitored, Registered
+    from reproduce.views.posterior import Posterior
+    from reproduce.views.posteriors import Posteriors
+    from reproduce.views.study import StudyTable
+    from reproduce.views.table import Cell, Table
 
 
 def contents(paper: str | None = None) -> Contents:
@@ -36,7 +36,7 @@ def contents(paper: str | None = None) -> Contents:
     >>> contents("niu2024").frame().loc["niu2024/table-1", "input"]
     np.int64(12)
     """
-    from reproduce.views.objects.contents import Contents
+    from reproduce.views.contents import Contents
 
     return Contents(paper)
 
@@ -62,8 +62,8 @@ def table(address: str) -> Table | Cell | StudyTable:
     """
     from reproduce.judge.studies import studies
     from reproduce.views.keys import check_text
-    from reproduce.views.objects.study import StudyTable
-    from reproduce.views.objects.table import Cell, Table
+    from reproduce.views.study import StudyTable
+    from reproduce.views.table import Cell, Table
 
     if check_text(address) in studies():
         return StudyTable(address)
@@ -84,8 +84,8 @@ def figure(key: str) -> Figure | Panels:
         Drawn when it is looked at.
     """
     from reproduce.papers.catalogue import catalogue
+    from reproduce.views.figure import Figure, Panels
     from reproduce.views.keys import check_text
-    from reproduce.views.objects.figure import Figure, Panels
 
     key = check_text(key)
     panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
@@ -109,7 +109,7 @@ def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Che
     >>> bool(check("niu2024/table-2"))
     True
     """
-    from reproduce.views.objects.contents import Check
+    from reproduce.views.contents import Check
 
     return Check(keys, progress)
 
@@ -122,7 +122,7 @@ def cite(address: str, form: str = "bibtex") -> str:
     >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
     Yanzhao Niu, Xinguo Wei, and Jian Li
     """
-    from reproduce.views.writing.export import citation
+    from reproduce.views.export import citation
 
     return citation(address, form)
 
@@ -181,10 +181,10 @@ def posterior(
     if name is None:
         if data is not None:
             raise TypeError("name: expected a model beside data, such as 'registration', got none")
-        from reproduce.views.objects.posteriors import Posteriors
+        from reproduce.views.posteriors import Posteriors
 
         return Posteriors()
-    from reproduce.views.objects.posterior import Posterior
+    from reproduce.views.posterior import Posterior
 
     own = {"data": data, "pivot": pivot, "priors": priors, "data_seed": data_seed}
     plan = {"steps": steps, "walkers": walkers, "seed": seed}
@@ -204,7 +204,7 @@ def contradictions(paper: str | None = None) -> Contradictions:
     Contradictions
         The cross-examination.
     """
-    from reproduce.views.objects.contradictions import Contradictions
+    from reproduce.views.contradictions import Contradictions
 
     return Contradictions(paper)
 
@@ -264,7 +264,7 @@ def register(
     >>> moved.parameters.round(9) + 0.0
     array([ 1.,  0., -3.,  0.])
     """
-    from reproduce.views.objects.measurements import Registered
+    from reproduce.views.measurements import Registered
 
     return Registered(
         source,
@@ -313,6 +313,6 @@ def misalignment(
         If the spots are mirrored, two lights are swapped, or the spots are not those of the
         platform.
     """
-    from reproduce.views.objects.measurements import Monitored
+    from reproduce.views.measurements import Monitored
 
     return Monitored(spots, zero, platform)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reproduce.inference import Parameter, Sampled
 from reproduce.papers.sketch import sized, thin
-from reproduce.views.objects.figure import Picture
+from reproduce.views.figure import Picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,7 +17,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, html
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, html
 
 WIDTH = 80
 TOWER = 14  # columns that a wrapped sentence takes at least

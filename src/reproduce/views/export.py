@@ -15,9 +15,8 @@ from reproduce.locate import papers
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import anchor, library
 from reproduce.version import RELEASED, software
-from reproduce.views import keys
-from reproduce.views.writing import verdicts
-from reproduce.views.writing.numbers import hyphen
+from reproduce.views import keys, verdicts
+from reproduce.views.numbers import hyphen
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -35,13 +35,13 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.store.points import is_table
 from reproduce.version import __version__
 from reproduce.views import computed
-from reproduce.views.objects.base import by_row, text_of
-from reproduce.views.objects.figure import Picture, pictured
-from reproduce.views.objects.measurements import Remade, platform_of
-from reproduce.views.writing.blocks import Block, Fold, Grid, Html
-from reproduce.views.writing.display import Blocks
-from reproduce.views.writing.numbers import digits, minus, moments
-from reproduce.views.writing.posterior_figures import MOST, corner, traces
+from reproduce.views.base import by_row, text_of
+from reproduce.views.blocks import Block, Fold, Grid, Html
+from reproduce.views.display import Blocks
+from reproduce.views.figure import Picture, pictured
+from reproduce.views.measurements import Remade, platform_of
+from reproduce.views.numbers import digits, minus, moments
+from reproduce.views.posterior_figures import MOST, corner, traces
 
 # In standard deviations: a mark further out would leave no room for the posterior.
 _FAR = 8.0

@@ -14,11 +14,10 @@ from reproduce.judge.studies import studies
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
-from reproduce.views import keys
+from reproduce.views import keys, verdicts
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge
 from reproduce.views.computed import item_ledger
-from reproduce.views.writing import verdicts
-from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, badge
-from reproduce.views.writing.display import Blocks, Display
+from reproduce.views.display import Blocks, Display
 
 if TYPE_CHECKING:
     import pandas as pd

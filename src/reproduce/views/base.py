@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Self
 from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue
 from reproduce.views import keys
-from reproduce.views.writing.display import Display
-from reproduce.views.writing.export import citation, export_frame
+from reproduce.views.display import Display
+from reproduce.views.export import citation, export_frame
 
 if TYPE_CHECKING:
     import pandas as pd

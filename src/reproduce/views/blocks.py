@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup, escape
 
-from reproduce.views.writing.numbers import powers_in_html
+from reproduce.views.numbers import powers_in_html
 
 Entry = str | Markup
 

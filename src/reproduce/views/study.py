@@ -10,12 +10,12 @@ from markupsafe import Markup
 from reproduce.judge.studies import studies
 from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
+from reproduce.views import numbers
+from reproduce.views.base import Changeable, setting, text_of
+from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
 from reproduce.views.computed import once
-from reproduce.views.objects.base import Changeable, setting, text_of
-from reproduce.views.objects.sweep import Point, Sweep, of_study, swept
-from reproduce.views.writing import numbers
-from reproduce.views.writing.blocks import Block, Entry, Fold, Grid, Html
-from reproduce.views.writing.export import bar, table_files
+from reproduce.views.export import bar, table_files
+from reproduce.views.sweep import Point, Sweep, of_study, swept
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -20,13 +20,12 @@ from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Drawing, words
 from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
-from reproduce.views import computed
+from reproduce.views import computed, numbers
+from reproduce.views.base import Changeable, Item, Shown, setting, text_of
+from reproduce.views.blocks import Block, Html
 from reproduce.views.computed import once
-from reproduce.views.objects.base import Changeable, Item, Shown, setting, text_of
-from reproduce.views.writing import numbers
-from reproduce.views.writing.blocks import Block, Html
-from reproduce.views.writing.export import bar
-from reproduce.views.writing.verdicts import filled
+from reproduce.views.export import bar
+from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -34,9 +34,9 @@ from reproduce.store.points import (
 )
 from reproduce.store.spots import read_images
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.writing.blocks import Block, Grid
-from reproduce.views.writing.display import Display
-from reproduce.views.writing.numbers import between, moments
+from reproduce.views.blocks import Block, Grid
+from reproduce.views.display import Display
+from reproduce.views.numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +57,7 @@ class Remade(Display):
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
-        from reproduce.views.writing.export import export_frame  # only now: it loads the ledger
+        from reproduce.views.export import export_frame  # only now: it loads the ledger
 
         return export_frame(self.frame().reset_index(), form)
 

@@ -15,9 +15,9 @@ from reproduce.papers.declare import Study
 from reproduce.printed.cells import library
 from reproduce.printed.number import Interval
 from reproduce.printed.units import symbol
-from reproduce.views.writing.blocks import Block, Grid, Html
-from reproduce.views.writing.display import Display
-from reproduce.views.writing.numbers import entry, minus
+from reproduce.views.blocks import Block, Grid, Html
+from reproduce.views.display import Display
+from reproduce.views.numbers import entry, minus
 
 if TYPE_CHECKING:
     import pandas as pd

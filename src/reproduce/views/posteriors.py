@@ -14,12 +14,12 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.units import UNITS, symbol
 from reproduce.store import studies
+from reproduce.views.blocks import Block, Entry, Grid, badge
 from reproduce.views.computed import item_ledger
-from reproduce.views.objects.posterior import Posterior, book_posterior, interval
-from reproduce.views.writing.blocks import Block, Entry, Grid, badge
-from reproduce.views.writing.display import Blocks, Display
-from reproduce.views.writing.numbers import digits, minus, percent
-from reproduce.views.writing.verdicts import quantity
+from reproduce.views.display import Blocks, Display
+from reproduce.views.numbers import digits, minus, percent
+from reproduce.views.posterior import Posterior, book_posterior, interval
+from reproduce.views.verdicts import quantity
 
 # Standard deviations too small by a share in %: columns of the calibrations that tell their power.
 _NARROW = {"10": "narrow_10", "5": "narrow_5"}

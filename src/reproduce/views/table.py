@@ -17,15 +17,14 @@ from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.printed.units import symbol
-from reproduce.views import keys
+from reproduce.views import keys, verdicts
+from reproduce.views.base import Item, Shown, by_row, setting, text_of
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
-from reproduce.views.objects.base import Item, Shown, by_row, setting, text_of
-from reproduce.views.objects.sweep import Sweep, of_cells, swept
-from reproduce.views.writing import verdicts
-from reproduce.views.writing.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
-from reproduce.views.writing.display import Display
-from reproduce.views.writing.export import bar, export, full_frame, table_files
-from reproduce.views.writing.numbers import minus
+from reproduce.views.display import Display
+from reproduce.views.export import bar, export, full_frame, table_files
+from reproduce.views.numbers import minus
+from reproduce.views.sweep import Sweep, of_cells, swept
 
 if TYPE_CHECKING:
     import pandas as pd

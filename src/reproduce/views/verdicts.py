@@ -10,7 +10,7 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.units import symbol
 from reproduce.views.computed import item_ledger, whole_ledger
-from reproduce.views.writing.numbers import chance, minus
+from reproduce.views.numbers import chance, minus
 
 MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
