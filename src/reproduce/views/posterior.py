@@ -38,6 +38,7 @@ from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.display import Blocks
+from reproduce.views.export import beside
 from reproduce.views.figure import Picture, pictured
 from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
