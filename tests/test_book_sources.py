@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reproduce.judge.studies import studies
+from reproduce.judge.rerun import studies
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import words
 from reproduce.printed.cells import library

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.judge.expected import erratum
-from reproduce.judge.studies import studies
+from reproduce.judge.ledger import erratum
+from reproduce.judge.rerun import studies
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library

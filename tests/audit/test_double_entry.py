@@ -22,8 +22,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import reproduces
 from reproduce.printed.cells import PAPERS
 from reproduce.printed.given import given
-from reproduce.printed.number import PrintedNumber
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import PrintedNumber, si_factor
 
 SHEET = {address: cell for paper in PAPERS for address, cell in paper_sheet(paper).items()}
 RELATIONS = [r for paper in PAPERS for r in relations_of(paper, paper_sheet(paper))]

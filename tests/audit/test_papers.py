@@ -15,7 +15,7 @@ from reproduce.audit.examine import by_value, contradicted, reprinted
 from reproduce.audit.intervals import printed_intervals, propagate
 from reproduce.audit.relation import functions, relations_of
 from reproduce.audit.report import audit_paper, paper_sheet, register
-from reproduce.printed.units import UNITS
+from reproduce.printed.number import UNITS
 
 DATA = Path(__file__).parent.parent.parent / "data"
 PAPERS = ("niu2024", "chen2023")

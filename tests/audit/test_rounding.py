@@ -11,7 +11,7 @@ from reproduce.audit.examine import printed_by
 from reproduce.audit.relation import Tolerance
 from reproduce.printed.cells import library
 from reproduce.printed.given import given as given_cells
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import si_factor
 
 
 def allowed(cell, rule="nearest"):

@@ -5,7 +5,7 @@ import pytest
 from made_up import PINT, printed_cell
 
 from reproduce.audit.corrections import of_cell
-from reproduce.printed.units import UNITS
+from reproduce.printed.number import UNITS
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.store import studies
-from reproduce.views import computed, posterior_figures
+from reproduce.views import computed
+from reproduce.views import posterior as views_posterior
 from reproduce.views import posteriors as pages
 from reproduce.views.cli import main
 from reproduce.views.posterior import book_posterior
@@ -107,7 +108,7 @@ def test_traces_have_a_line_for_each_ensemble_and_a_panel_for_each_parameter():
     assert 'id="figure-posterior-registration-traces"' in html
     found = rp.posterior("registration").rerun(steps=600, seed=3)
     assert "figure-posterior-registration-traces-own" in found.traces().text
-    numbers = posterior_figures.traces(found.sampled).numbers
+    numbers = views_posterior.traces(found.sampled).numbers
     assert numbers["ensemble"].nunique() == 4
     assert list(numbers.columns[2:]) == list(found.model.names)
 

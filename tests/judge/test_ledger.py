@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reproduce.judge import expected, ledger
+from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger, Record, reread
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
@@ -41,22 +41,22 @@ def cells(key):
 
 
 def test_every_verdict_is_as_frozen(whole):
-    assert expected.surprises(whole) == []
+    assert ledger.surprises(whole) == []
 
 
 def test_every_frozen_cell_is_printed_and_every_printed_cell_frozen(whole):
-    assert set(expected.frozen()) == {record.cell for record in whole.records}
+    assert set(ledger.frozen()) == {record.cell for record in whole.records}
 
 
 def test_what_differs_has_its_reason(whole):
     for record in whole.records:
         if record.verdict == "differs":
-            assert len(expected.reason(record.cell)) > 60, record.cell
+            assert len(ledger.reason(record.cell)) > 60, record.cell
 
 
 def test_a_changed_verdict_is_told(whole):
     changed = whole.records[0].model_copy(update={"verdict": "exact"})
-    found = expected.surprises(Ledger(records=(changed,), tables=()))
+    found = ledger.surprises(Ledger(records=(changed,), tables=()))
     assert [(s.cell, s.expected, s.found) for s in found] == [(changed.cell, "input", "exact")]
 
 
@@ -176,10 +176,10 @@ def test_functions_named_in_the_ledger_exist(whole):
 )
 def test_faults_in_the_frozen_verdicts_are_told(tmp_path, monkeypatch, entry, message):
     (tmp_path / "verdicts.toml").write_text(f"[[expect]]\n{entry}\n")
-    monkeypatch.setattr(expected, "_entries", expected._entries.__wrapped__)
-    monkeypatch.setattr(expected, "data_folders", lambda: (tmp_path,))
+    monkeypatch.setattr(ledger, "_entries", ledger._entries.__wrapped__)
+    monkeypatch.setattr(ledger, "data_folders", lambda: (tmp_path,))
     with pytest.raises(ValueError, match=message):
-        expected.frozen.__wrapped__()
+        ledger.frozen.__wrapped__()
 
 
 def test_no_prediction_is_degenerate(whole):

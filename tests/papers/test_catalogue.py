@@ -5,7 +5,7 @@ import fnmatch
 import numpy as np
 import pytest
 
-from reproduce.judge.studies import studies
+from reproduce.judge.rerun import studies
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Blocked, Prediction, reproduces
 from reproduce.printed.cells import find, library

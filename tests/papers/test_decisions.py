@@ -6,8 +6,7 @@ from scipy import stats
 
 import reproduce as rp
 from reproduce.inference.models import small_angle_posterior, true_places
-from reproduce.judge.rerun import CannotChangeError
-from reproduce.judge.studies import studies
+from reproduce.judge.rerun import CannotChangeError, studies
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import registration_of, true_centroids

@@ -19,7 +19,7 @@ from reproduce.printed.cells import (
     library,
 )
 from reproduce.printed.given import UndeclaredInputError, given
-from reproduce.printed.units import UNITS, si_factor
+from reproduce.printed.number import UNITS, si_factor
 
 PRINTED = data_folder() / "printed"
 CELLS = {cell.address: cell for table in library().values() for cell in table.cells}

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import reproduce as rp
 from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
-from reproduce.judge.expected import erratum, frozen
+from reproduce.judge.ledger import erratum, frozen
 from reproduce.printed.cells import anchor, library
 from reproduce.views.cli import main
 from reproduce.views.contradictions import JOINT, errata_register

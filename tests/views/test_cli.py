@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 import reproduce as rp
-from reproduce.judge import expected
-from reproduce.judge.studies import studies
+from reproduce.judge import ledger
+from reproduce.judge.rerun import studies
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
@@ -71,9 +71,9 @@ def test_check_of_one_item_as_json():
 
 
 def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
-    other = {"niu2024/table-2#scale.red": expected.Expectation("differs", "for the test")}
-    real = expected.frozen
-    monkeypatch.setattr(expected, "frozen", lambda: real() | other)
+    other = {"niu2024/table-2#scale.red": ledger.Expectation("differs", "for the test")}
+    real = ledger.frozen
+    monkeypatch.setattr(ledger, "frozen", lambda: real() | other)
     result = run("check", "niu2024/table-2", "niu2024/table-1")
     assert result.exit_code == 1
     assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stdout
@@ -311,7 +311,7 @@ def test_what_a_study_or_a_figure_cannot_change_is_said_in_a_line(key, option):
     assert result.exception is None or isinstance(result.exception, SystemExit)
 
 
-@pytest.mark.parametrize("form", ["bibtex", "text"])
+@pytest.mark.parametrize("form", ["bibtex", "csl", "text"])
 def test_a_table_of_our_own_is_cited_beside_its_paper(form):
     result = run("cite", "chen2023/heat", "--format", form)
     assert result.exit_code == 0, result.output

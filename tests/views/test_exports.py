@@ -91,6 +91,9 @@ def test_citations_name_item_and_paper(key):
     parsed = parse_string(citation(key, "bibtex"), "bibtex").entries
     assert list(parsed) == [f"reproduce-{key.replace('/', '-')}", paper]
     assert parsed[paper].fields["doi"].startswith("10.")
+    listed = json.loads(citation(key, "csl"))
+    assert [entry["id"] for entry in listed] == list(parsed)
+    assert listed[1]["DOI"] == parsed[paper].fields["doi"]
     text = citation(key, "text")
     assert key in text
     assert len(text.splitlines()) == 2

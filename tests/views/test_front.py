@@ -238,12 +238,12 @@ def test_contents_and_check_stand_on_the_whole_ledger():
 
 
 def test_a_verdict_that_is_not_frozen_makes_the_check_false(monkeypatch):
-    from reproduce.judge import expected
+    from reproduce.judge import ledger
     from reproduce.views import front
 
-    other = {"niu2024/table-2#scale.red": expected.Expectation("differs", "made up")}
-    real = expected.frozen
-    monkeypatch.setattr(expected, "frozen", lambda: real() | other)
+    other = {"niu2024/table-2#scale.red": ledger.Expectation("differs", "made up")}
+    real = ledger.frozen
+    monkeypatch.setattr(ledger, "frozen", lambda: real() | other)
     found = front.check("niu2024/table-2")
     assert not found
     assert "expected differs, found exact" in repr(found)

@@ -7,7 +7,7 @@ import pytest
 
 import reproduce as rp
 from book_facts import write_tables
-from reproduce.judge.studies import studies
+from reproduce.judge.rerun import studies
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import numbers, verdicts

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import reproduce as rp
-from reproduce.judge.rerun import CannotChangeError
-from reproduce.judge.studies import studies
+from reproduce.judge.rerun import CannotChangeError, studies
 from reproduce.locate import papers
 from reproduce.papers import declare
 from reproduce.papers.chen2023.platform import PIXEL

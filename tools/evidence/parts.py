@@ -19,7 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.inference.model import Progress
+from reproduce.inference import Progress
 
 Part = TypeVar("Part")
 Result = tuple[NDArray[Any], ...]

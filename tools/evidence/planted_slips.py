@@ -26,8 +26,7 @@ from reproduce.audit.corrections import of_digits, readable
 from reproduce.audit.examine import contradicted, reprinted
 from reproduce.audit.relation import Relation, Sheet
 from reproduce.audit.report import audit_paper
-from reproduce.judge.expected import frozen
-from reproduce.judge.ledger import judge_result
+from reproduce.judge.ledger import frozen, judge_result
 from reproduce.judge.verdicts import result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Results

@@ -26,7 +26,7 @@ from reproduce.judge.verdicts import judge_prediction
 from reproduce.papers.niu2024 import readings
 from reproduce.printed.cells import Cell
 from reproduce.printed.given import given
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import si_factor
 from reproduce.version import __version__
 from reproduce.views.computed import fingerprint
 

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 import reproduce
 from keep import write_table
-from reproduce.judge.expected import frozen
-from reproduce.judge.ledger import Ledger, Record, build
+from reproduce.judge.ledger import Ledger, Record, build, frozen
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Results
 from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.given import given
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import si_factor
 
 NAME = "rounding-residuals"
 COMMAND = "python tools/evidence/residuals.py"

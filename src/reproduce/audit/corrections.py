@@ -28,8 +28,7 @@ from reproduce.audit.intervals import (
 )
 from reproduce.audit.relation import Relation, Sheet
 from reproduce.printed.cells import Cell
-from reproduce.printed.number import Interval
-from reproduce.printed.units import ALIKE, si_factor
+from reproduce.printed.number import ALIKE, Interval, si_factor
 
 SlipKind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
 

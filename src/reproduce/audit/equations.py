@@ -22,7 +22,7 @@ from reproduce.physics.optics import (
 )
 from reproduce.physics.registration import constraint, constraint_printed
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import si_factor
 
 # Far above the noise of double precision, far below any digit of print.
 _ZERO = 1e-9

@@ -21,8 +21,7 @@ from reproduce.audit.intervals import (
 )
 from reproduce.audit.relation import Relation, Sheet, Unknown
 from reproduce.printed.cells import Cell
-from reproduce.printed.number import Interval, PrintedNumber
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
 # Floating-point noise between the two sides of a relation, as a share of them.
 _NOISE = 1e-9

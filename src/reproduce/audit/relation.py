@@ -27,8 +27,7 @@ from types import CodeType, SimpleNamespace
 from typing import Any, Literal, get_args
 
 from reproduce.printed.cells import Cell
-from reproduce.printed.number import Interval
-from reproduce.printed.units import UNITS, si_factor
+from reproduce.printed.number import UNITS, Interval, si_factor
 
 # Address to printed number.
 Sheet = Mapping[str, Cell]

@@ -1,8 +1,11 @@
-"""The ledger: one record for every printed cell, and one for every stochastic table."""
+"""The ledger: one record for every printed cell, one for every stochastic table; and
+the frozen verdicts: what it must say, and why where it says `differs`."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 from typing import Any, Literal
@@ -12,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.judge.verdicts import (
     CENTRAL,
+    VERDICTS,
     Judgement,
     Verdict,
     judge_prediction,
@@ -20,6 +24,7 @@ from reproduce.judge.verdicts import (
     reading_name,
     result_intervals,
 )
+from reproduce.locate import data_folders
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import (
     Blocked,
@@ -30,10 +35,9 @@ from reproduce.papers.declare import (
     Results,
     agree,
 )
-from reproduce.printed.cells import Cell, PrintedTable, altered_files, library
+from reproduce.printed.cells import Cell, PrintedTable, altered_files, find, library
 from reproduce.printed.given import given
-from reproduce.printed.number import Interval
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import Interval, si_factor
 
 Flag = Literal[
     "through_rounding",
@@ -430,3 +434,62 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
     intervals, columns = zip(*drawn, strict=True)
     probability, error = joint_probability(list(columns), np.array(intervals))
     return {"joint_probability": probability, "mcse": error, "replicates": columns[0].size}
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """The verdict frozen for a cell, with the reason and the erratum where they are due."""
+
+    verdict: str
+    reason: str
+    erratum: str = ""
+
+
+@cache
+def frozen() -> dict[str, Expectation]:
+    """Return the frozen verdicts by address."""
+    expectations: dict[str, Expectation] = {}
+    for entry in _entries():
+        verdict, reason = entry["verdict"], entry.get("reason", "")
+        if verdict not in VERDICTS:
+            raise ValueError(f"verdicts.toml: unknown verdict {verdict!r}; one of {VERDICTS}")
+        if verdict == "differs" and not reason:
+            raise ValueError(f"verdicts.toml: {entry['cells']}: a differs needs its reason")
+        for address in (cell.address for pattern in entry["cells"] for cell in find(pattern)):
+            if address in expectations:
+                raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
+            expectations[address] = Expectation(verdict, reason, entry.get("erratum", ""))
+    return expectations
+
+
+@cache
+def _entries() -> list[dict[str, Any]]:
+    """Return the entries of the frozen verdicts of all papers."""
+    texts = [(one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()]
+    return [entry for text in texts for entry in tomllib.loads(text)["expect"]]
+
+
+@dataclass(frozen=True)
+class Surprise:
+    """A cell whose verdict is not the frozen one."""
+
+    cell: str
+    expected: str
+    found: str
+
+
+def surprises(ledger: Ledger) -> list[Surprise]:
+    """Compare the ledger's verdicts with the frozen ones."""
+    unknown = Expectation("none", "")
+    wanted = [(r, frozen().get(r.cell, unknown).verdict) for r in ledger.records]
+    return [Surprise(r.cell, verdict, r.verdict) for r, verdict in wanted if verdict != r.verdict]
+
+
+def reason(address: str) -> str:
+    """Return the written reason for the frozen verdict of a cell, empty where there is none."""
+    return frozen()[address].reason if address in frozen() else ""
+
+
+def erratum(address: str) -> str:
+    """Return the id of the erratum behind a `differs`, empty where the register has none."""
+    return frozen()[address].erratum if address in frozen() else ""

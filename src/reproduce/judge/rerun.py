@@ -24,14 +24,13 @@ from typing import TypeVar
 import numpy as np
 
 from reproduce.judge.ledger import Record, TableRecord, reread
-from reproduce.judge.studies import studies
 from reproduce.judge.verdicts import central
+from reproduce.papers import catalogue as registry
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Blocked, Computation, Prediction, Result
+from reproduce.papers.declare import Blocked, Computation, Prediction, Result, Study
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
-from reproduce.printed.number import Interval
-from reproduce.printed.units import ALIKE, UNITS, si_factor, symbol
+from reproduce.printed.number import ALIKE, UNITS, Interval, si_factor, symbol
 
 Replaced = dict[str, float]
 Made = TypeVar("Made")
@@ -464,3 +463,19 @@ def _central(cell: Cell, result: Result) -> Interval | None:
     if not isinstance(result, Prediction):
         return None
     return central(result.draws / si_factor(cell.unit))
+
+
+# The modules of the tables that see printed answers, which no module of a paper may.
+JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")
+
+
+@cache
+def studies() -> registry.Declared[Study]:
+    """Return every table of our own by its key; its module is imported when it is used.
+
+    Examples
+    --------
+    >>> "niu2024/readings" in studies()
+    True
+    """
+    return registry.Declared({**registry.studies().modules, **JUDGED}, registry.own)

@@ -21,8 +21,7 @@ from pydantic import (
 )
 
 from reproduce.locate import data_folders, papers
-from reproduce.printed.number import PrintedNumber
-from reproduce.printed.units import si_factor, symbol
+from reproduce.printed.number import PrintedNumber, si_factor, symbol
 
 PAPERS = tuple(papers())
 # What a number is in the paper (not what we do with it: that is up to each use).

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.printed.cells import Cell, find
-from reproduce.printed.units import si_factor
+from reproduce.printed.number import si_factor
 
 
 class UndeclaredInputError(LookupError):

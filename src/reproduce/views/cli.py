@@ -17,7 +17,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.display import Blocks
+from reproduce.views.display import PLAIN, Blocks
 
 
 class _Shell(click.Group):
@@ -59,10 +59,10 @@ class _Shell(click.Group):
             raise click.UsageError(told, ctx) from error
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
-        """Run, and write UTF-8 whatever the locale."""
+        """Run; what the stream cannot encode is written in plain signs."""
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(encoding="utf-8", errors="backslashreplace")
+                stream.reconfigure(errors=PLAIN)
         try:
             try:
                 return super().main(*arguments, **settings)

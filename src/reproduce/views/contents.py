@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from reproduce.judge.expected import surprises
-from reproduce.judge.ledger import Ledger, Record, build
-from reproduce.judge.studies import studies
+from reproduce.judge.ledger import Ledger, Record, build, surprises
+from reproduce.judge.rerun import studies
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library

@@ -17,11 +17,10 @@ from markupsafe import Markup
 from reproduce.audit.corrections import Correction
 from reproduce.audit.examine import Agreement, Examined
 from reproduce.audit.report import Audit, Erratum, Group, register
-from reproduce.judge.expected import frozen
-from reproduce.judge.ledger import Record
+from reproduce.judge.ledger import Record, frozen
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
-from reproduce.printed.units import si_factor, symbol
+from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
 from reproduce.views.blocks import Block, Entry, Fold, Grid, badge, grid
 from reproduce.views.computed import item_ledger, paper_audit

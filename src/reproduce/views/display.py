@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import re
+import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -25,6 +27,13 @@ TOWER = 14  # columns that a wrapped sentence takes at least
 _COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
 _COLOURS |= {"input": "dim"}
 _SMALL = re.compile("<br><small>(.*?)</small>")
+PLAIN = "reproduce-plain"  # how streams write what they cannot encode
+# What stands in for a sign that a stream cannot encode.
+_SIGNS = {"−": "-", "×": "x", "″": '"', "′": "'", "°": " deg", "±": "+/-", "µ": "u", "μ": "u"}
+_SIGNS |= {"→": "->", "↔": "<->", "≈": "~", "∞": "inf", "√": "sqrt", "∆": "Delta"}
+_SIGNS |= {"≤": "<=", "≥": ">=", "·": ".", "–": "-", "—": "-", "…": "...", "’": "'", "─": "-"}
+_SIGNS |= {"σ": "sigma", "τ": "tau", "χ": "chi", "κ": "kappa", "θ": "theta", "Δ": "Delta"}
+_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"
 
 
 def _as_text(blocks: Iterable[Block]) -> str:
@@ -167,3 +176,20 @@ class Blocks(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return them."""
         return self.shown
+
+
+def _encodable(error: UnicodeError) -> tuple[str, int]:
+    """Write what a stream cannot encode in plain signs."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(map(_plain_sign, error.object[error.start : error.end])), error.end
+
+
+def _plain_sign(sign: str) -> str:
+    if sign in _RAISED:
+        return "0123456789-"[_RAISED.index(sign)]
+    letters = unicodedata.normalize("NFKD", sign)
+    return _SIGNS.get(sign) or letters.encode("ascii", "ignore").decode() or "?"
+
+
+codecs.register_error(PLAIN, _encodable)

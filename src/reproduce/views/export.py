@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
-from reproduce.judge.expected import reason
-from reproduce.judge.ledger import Ledger, Record
-from reproduce.judge.studies import studies
+from reproduce.judge.ledger import Ledger, Record, reason
+from reproduce.judge.rerun import studies
 from reproduce.locate import papers
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import anchor, library
-from reproduce.version import RELEASED, software
+from reproduce.version import RELEASED, __version__, software
 from reproduce.views import keys, verdicts
 from reproduce.views.numbers import hyphen
 
@@ -122,7 +122,10 @@ def _shaped(record: Record) -> str:
     return f"{record.printed} ({', '.join(filter(None, told))})"
 
 
-CITED = ("bibtex", "text")
+CITED = ("bibtex", "csl", "text")
+# The fields of BibTeX that CSL calls otherwise.
+_CSL = {"journal": "container-title", "volume": "volume", "pages": "page", "number": "issue"}
+_CSL |= {"doi": "DOI", "note": "note"}
 DEVELOPERS = "The reproduce-pointing developers"
 
 
@@ -134,7 +137,8 @@ def citation(address: str, form: str) -> str:
         return beside("Study", key, paper, studies()[key].title, form)
     if key in drawings():
         return beside("Drawing", key, paper, drawings()[key].title, form)
-    place = keys.place(keys.check_key(key)).partition(",")[0]
+    keys.check_address(address)
+    place = keys.place(key).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
     title = f"Reproduction of {what} of {_et_al(paper)}: {keys.title(key)}"
     note = f"{'Cell' if name else 'Item'} {address}, anchor {anchor(address)}"
@@ -173,12 +177,38 @@ def _written(name: str, title: str, note: str, paper: str, form: str) -> str:
     entries = {name: ours, paper: _paper(paper)}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
+    if form == "csl":
+        listed = [_csl(name, entry) for name, entry in entries.items()]
+        return json.dumps(listed, indent=2, ensure_ascii=False)
     from pybtex.backends.plaintext import Backend
     from pybtex.plugin import find_plugin
 
     style = find_plugin("pybtex.style.formatting", "unsrt")()
     formatted = style.format_entries(BibliographyData(entries).entries.values())
     return "\n".join(entry.text.render(Backend()).strip() for entry in formatted)
+
+
+def _csl(name: str, entry: Entry) -> dict[str, Any]:
+    fields = {
+        field: value.replace("{", "").replace("}", "") for field, value in entry.fields.items()
+    }
+    article = entry.type == "article"
+    item: dict[str, Any] = {
+        "id": name,
+        "type": "article-journal" if article else "software",
+        "title": fields["title"],
+        "author": [_csl_name(person) for person in entry.persons["author"]],
+        "issued": {"date-parts": [[int(fields["year"])]]},
+    }
+    item |= {csl: fields[field] for field, csl in _CSL.items() if field in fields}
+    return item if article else item | {"version": __version__}
+
+
+def _csl_name(person: Person) -> dict[str, str]:
+    if not person.first_names:
+        return {"literal": " ".join(person.last_names).strip("{}")}
+    given = " ".join(person.first_names + person.middle_names)
+    return {"family": " ".join(person.prelast_names + person.last_names), "given": given}
 
 
 NOTHING = Markup("")

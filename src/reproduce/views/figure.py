@@ -75,7 +75,7 @@ def _declared_drawing(key: str) -> Drawing:
     return found
 
 
-def drawn(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
+def _drawn(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
     """Draw in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -97,10 +97,10 @@ def _picture(key: str, door: Given | None = None) -> Picture:
 
 def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
     """Draw an item, or one of our own drawings."""
-    return drawn(_picture(key, door).paint, narrow=narrow)
+    return _drawn(_picture(key, door).paint, narrow=narrow)
 
 
-def data(figure: MatplotlibFigure) -> pd.DataFrame:
+def _data(figure: MatplotlibFigure) -> pd.DataFrame:
     """Return the lines, points and labels of a figure."""
     import numpy as np
     import pandas as pd
@@ -155,10 +155,10 @@ def vector_of(figure: MatplotlibFigure) -> str:
 
 def _vectors(picture: Picture, root: Path | None = None) -> Vectors:
     """Draw a picture for wide pages and narrow ones; write its files below the root of a book."""
-    figure = drawn(picture.paint)
-    shown = Vectors(vector_of(figure), vector_of(drawn(picture.paint, narrow=True)))
+    figure = _drawn(picture.paint)
+    shown = Vectors(vector_of(figure), vector_of(_drawn(picture.paint, narrow=True)))
     if root is not None:
-        numbers = data(figure) if picture.numbers is None else picture.numbers
+        numbers = _data(figure) if picture.numbers is None else picture.numbers
         _write_files(figure, picture.key, root, numbers, shown.wide)
     return shown
 
@@ -271,7 +271,7 @@ class Figure(Changeable, Item):
     @cached_property
     def data(self) -> pd.DataFrame:
         """The lines and points that are drawn, in the units of the axes."""
-        return data(self.drawn)
+        return _data(self.drawn)
 
     def frame(self) -> pd.DataFrame:
         """Return `data`."""

@@ -60,7 +60,7 @@ def table(address: str) -> Table | Cell | StudyTable:
     >>> table("niu2024/table-2")["scale.red"].verdict
     'exact'
     """
-    from reproduce.judge.studies import studies
+    from reproduce.judge.rerun import studies
     from reproduce.views.keys import check_text
     from reproduce.views.study import StudyTable
     from reproduce.views.table import Cell, Table
@@ -94,7 +94,7 @@ def figure(key: str) -> Figure | Panels:
 
 def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
     """Return what an address of the command line names: `table` or `figure`."""
-    from reproduce.judge.studies import studies
+    from reproduce.judge.rerun import studies
     from reproduce.printed.cells import library
 
     known = address.partition("#")[0]
@@ -115,7 +115,7 @@ def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Che
 
 
 def cite(address: str, form: str = "bibtex") -> str:
-    """Return how to cite an item, a cell or a study and its paper: bibtex or text.
+    """Return how to cite an item, a cell or a study and its paper: bibtex, csl or text.
 
     Examples
     --------

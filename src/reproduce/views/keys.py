@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-from reproduce.judge.studies import studies
+from reproduce.judge.rerun import studies
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.printed.cells import PAPERS, library
 

@@ -29,10 +29,10 @@ from reproduce.store.points import (
     TableFileError,
     computing,
     is_table,
+    read_images,
     read_table,
     table_of,
 )
-from reproduce.store.spots import read_images
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Grid
 from reproduce.views.display import Display

@@ -12,7 +12,7 @@ from reproduce.inference import Gates
 from reproduce.papers.declare import words
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
-from reproduce.printed.units import UNITS, symbol
+from reproduce.printed.number import UNITS, symbol
 from reproduce.store import studies
 from reproduce.views.blocks import Block, Entry, Grid, badge
 from reproduce.views.computed import item_ledger

@@ -13,8 +13,7 @@ from markupsafe import Markup
 from reproduce.judge.rerun import ChangedCell, Rerun, in_si
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import library
-from reproduce.printed.number import Interval
-from reproduce.printed.units import symbol
+from reproduce.printed.number import Interval, symbol
 from reproduce.views.blocks import Block, Grid, Html
 from reproduce.views.display import Display
 from reproduce.views.numbers import entry, minus

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
-from reproduce.judge.expected import erratum, reason
-from reproduce.judge.ledger import Ledger, Record, TableRecord, WholeReading
+from reproduce.judge.ledger import Ledger, Record, TableRecord, WholeReading, erratum, reason
 from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
-from reproduce.printed.units import symbol
+from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
-from reproduce.views.base import Item, Shown, by_row, setting, text_of
+from reproduce.views.base import Item, Shown, by_row, line_of, setting, text_of
 from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
 from reproduce.views.display import Display
@@ -531,12 +530,13 @@ class Cell(Shown):
         meaning = "predicted, central 99 %" if predicted else "allowed by rounded inputs"
         lines = [
             ("printed", self.printed),
+            ("which may mean", verdicts.loosely(record)),
             ("computed", verdicts.quantity(value, verdicts.unit(record)) if value else ""),
             (meaning, verdicts.interval(record, unit=True)),
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", minus(reason(self.address) or record.why)),
-            ("function", record.function or ""),
+            ("function", f"{record.function} ({line_of(maker.function)})" if maker else ""),
             ("equations", ", ".join(f"({one})" for one in record.equations)),
             ("seed", _seed(maker) if maker else ""),
             ("reads", ", ".join(_braced(*one) for one in keys.alike(self.reads).items())),

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord, WholeReading
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.printed.cells import PAPERS, Cell, library
-from reproduce.printed.units import symbol
+from reproduce.printed.number import symbol
 from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import chance, minus
 
@@ -50,6 +50,15 @@ def interval(record: Record, *, unit: bool = False) -> str:
     low, high = (minus(number.format(end, extra=1)) for end in record.interval)
     text = f"{low} to {high}"
     return quantity(text, symbol(record.unit)) if unit and record.unit else text
+
+
+def loosely(record: Record) -> str:
+    """Write the interval of a print that a word such as *about* widens; empty without one."""
+    cell = cell_of(record)
+    if not cell.is_number or not {"about", "nominal"} & set(record.flags):
+        return ""
+    low, high = (minus(cell.number.format(end, extra=1)) for end in cell.number.interval())
+    return quantity(f"{low} to {high}", symbol(record.unit))
 
 
 def probability(record: Record) -> str:

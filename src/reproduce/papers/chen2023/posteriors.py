@@ -32,8 +32,7 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store import spots as spot_files
-from reproduce.store.points import Table, TableFileError
+from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of
 from reproduce.units import ARCSEC_PER_RADIAN
 
 FRAMES = "chen2023/text-accuracy#frames"
@@ -151,7 +150,7 @@ def _measured(
 ) -> tuple[Platform, list[FloatArray], list[str]]:
     """Return the platform, whole images of every group, and what is to be said of them."""
     instrument = as_designed(given(INSTRUMENT)) if design is None else design
-    pair, notes = spot_files.images_of(table, len(instrument.lasers))
+    pair, notes = images_of(table, len(instrument.lasers))
     instrument, pair, lights = seen(instrument, pair)
     found = diagnose(instrument, pair, drifts, lights)
     refuse(found, table.path)
@@ -204,10 +203,10 @@ _SPOT_LINES = (
 )
 _CONSTANT_FILE, _DRIFT_FILE = (
     File(
-        spot_files.COLUMNS,
+        SPOTS,
         _SPOT_LINES,
         partial(_users_model, drifts=drifts),
-        optional=spot_files.FRAMES,
+        optional=IMAGES,
         platform=True,
     )
     for drifts in (False, True)
