@@ -222,11 +222,8 @@ def test_the_scatter_of_table_3_under_one_noise():
     assert (told["outside"].value, told["printed-count"].value) == (outside.sum(), printed.size)
 
 
-def test_a_build_samples_once_and_keeps_the_results_of_its_files_alone(tmp_path, monkeypatch):
+def test_a_build_samples_once(tmp_path, monkeypatch):
     alone = book_posterior("registration")
-    old = tmp_path / ("0" * 64)
-    old.mkdir()
-    (old / computed.MARKER).touch()
     monkeypatch.setenv(computed.FOLDER, str(tmp_path))
     for cached in (computed.kept, book_posterior):
         cached.cache_clear()

@@ -5,11 +5,11 @@ import pytest
 from scipy import stats
 
 import reproduce as rp
-from reproduce.inference.models import small_angle_posterior, true_places
+from reproduce.inference.models import small_angle_posterior
 from reproduce.judge.rerun import CannotChangeError, studies
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.niu2024 import decisions as sensor
-from reproduce.papers.niu2024.posteriors import registration_of, true_centroids
+from reproduce.papers.niu2024.posteriors import true_centroids
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.ground import circular_error
@@ -201,10 +201,9 @@ def test_emcee_finds_the_same_at_the_edge():
     ratio = shown["Centroid noise, one image"] / 0.05
     for name, key in sensor.MODELS.items():
         found = book_posterior(key)
-        likelihood = registration_of(found.model)
+        likelihood = found.model.likelihood
         outermost = np.hypot(*(likelihood.source - likelihood.pivot).T).argmax()
-        star = likelihood.elsewhere(likelihood.source[[outermost]])
-        places = true_places(star, found.draws)[:, 0]
+        places = likelihood.elsewhere(likelihood.source[[outermost]]).places(found.draws)[:, 0]
         sampled = np.quantile(np.hypot(*(places - places.mean(axis=0)).T), sensor.ENDS)
         edge = designs[name].at_edge(np.array([137.0]))[0]
         scatter = [circular_error(edge, share) for share in sensor.ENDS[1:]]

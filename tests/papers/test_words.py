@@ -17,7 +17,7 @@ FILES = [path for path in sorted(FOLDER.glob("*.toml")) if path.stem != "posteri
 
 
 def test_every_text_of_all_posteriors_is_shown():
-    path = FOLDER.parents[1] / "src" / "reproduce" / "views" / "objects" / "posteriors.py"
+    path = FOLDER.parents[1] / "src" / "reproduce" / "views" / "posteriors.py"
     shown = re.findall(r'words\("posteriors/([^"]+)"\)', path.read_text(encoding="utf-8"))
     texts = tomllib.loads((FOLDER / "posteriors.toml").read_text(encoding="utf-8"))
     assert sorted(shown) == sorted(texts)

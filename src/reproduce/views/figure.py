@@ -20,7 +20,7 @@ from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Drawing, words
 from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
-from reproduce.views import computed, numbers
+from reproduce.views import computed, keys, numbers
 from reproduce.views.base import Changeable, Item, Shown, setting, text_of
 from reproduce.views.blocks import Block, Html
 from reproduce.views.computed import once
@@ -68,7 +68,7 @@ def _declared_drawing(key: str) -> Drawing:
     """Return what draws a key: an item, or a drawing of our own."""
     if key in drawings():
         return drawings()[key]
-    found = catalogue()[key].draw if key in catalogue() else None
+    found = catalogue()[keys.check_key(key)].draw
     if found is None:
         known = ", ".join((*drawable(), *drawings()))
         raise ValueError(f"{key} has no figure; these have one: {known}")

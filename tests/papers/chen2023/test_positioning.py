@@ -31,8 +31,8 @@ def simulated(view, errors, name):
         vectors + noise["image"][:, np.newaxis],
         place + noise["satellite"],
         chain @ rotation_from_vector(noise["turn"]),
-    ).position[:, 0]
-    true = imaged_position(*view).position[0]
+    )[:, 0]
+    true = imaged_position(*view)[0]
     return (found - true) @ local_axes(true)[:2].T
 
 

@@ -6,9 +6,9 @@ import pytest
 from reproduce.papers.niu2024 import simulation
 from reproduce.physics.optics import Camera, channel_centroids, ideal_positions, starlight
 from reproduce.physics.registration import (
+    Registration,
     calibrate,
     fit_registration,
-    model_points,
     random_starts,
     registration_bound,
     rmse,
@@ -80,7 +80,7 @@ def test_all_starts_end_at_one_point():
     own, restarted = (calibrate(red, green, red[zero], one) for one in (start, starts))
     ends = np.broadcast_to(own.parameters, restarted.parameters.shape)
     np.testing.assert_allclose(restarted.parameters, ends, atol=1e-9)
-    at = model_points(restarted.history, true, red[zero])
+    at = Registration("similarity", restarted.history, red[zero]).apply(true)
     distance = rmse(at, np.broadcast_to(at[-1], at.shape))
     assert (distance[0] > 10).all()
     assert (distance[-2] < 1e-6).all()

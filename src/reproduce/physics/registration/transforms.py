@@ -418,6 +418,8 @@ def registered_image(
         raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
     # A fit holds its transform, and so does what the front door returns for a user's stars.
     transform = getattr(transform, "transform", transform)
+    if not isinstance(transform, Registration):
+        raise TypeError(f"transform: expected a Registration, got {type(transform).__name__}")
     if transform.batch:
         raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
     first = finite_array("corner", corner, shape=(2,))
