@@ -31,5 +31,9 @@ def test_every_axis_has_its_unit_or_counts(name):
 
 
 def test_unknown_drawings_are_refused():
-    with pytest.raises(ValueError, match="niu2024/drawing-fusion-star"):
-        figures.draw("nothing")
+    with pytest.raises(KeyError, match="did you mean niu2024/drawing-fusion-star"):
+        figures.draw("niu2024/drawing-fusion-sta")
+    with pytest.raises(
+        ValueError, match="niu2024/table-3 has no figure; these have one: niu2024/fig-1"
+    ):
+        figures.draw("niu2024/table-3")
