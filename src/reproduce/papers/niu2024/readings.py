@@ -16,7 +16,7 @@ Where an arrangement has no zero position, the starting values of section 3.2 ne
 it is then measured once more, beside the calibration points. The fit is the closed form, which is
 where the paper's iteration ends (a test holds the two together).
 
-Arrays of draws end with an axis of numbers, `MEASURED` or what is made of them; parameters are in
+Arrays of draws end with an axis of numbers, `_MEASURED` or what is made of them; parameters are in
 radians and px, residuals in px.
 """
 
