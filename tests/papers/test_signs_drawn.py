@@ -62,7 +62,7 @@ def test_the_drawn_turn_is_the_misalignment_that_is_measured(index):
 
 @pytest.mark.parametrize("index", range(3))
 def test_the_curved_arrow_turns_right_handed(index):
-    axes = painted(attitude.draw_misalignment)
+    axes = painted(attitude._draw_misalignment)
     view = sketch.seen_from(-62.0, 26.0, ((2.0, 6.6, 11.2)[index], 2.7), 2.2)
     start = 0.75 * np.eye(3)[0 if index == 2 else 2]
     for share, point in zip(np.linspace(0, 1, 60), curves(axes)[index], strict=True):
@@ -74,7 +74,7 @@ def test_the_curved_arrow_turns_right_handed(index):
 
 
 def test_the_words_under_the_turns_say_where_the_axes_go():
-    said = words(painted(attitude.draw_misalignment))
+    said = words(painted(attitude._draw_misalignment))
     assert r"$\theta_X > 0$: boresight towards −Y" in said
     assert r"$\theta_Y > 0$: boresight towards +X" in said
     assert r"$\theta_Z > 0$: X towards +Y" in said
@@ -96,11 +96,11 @@ def test_a_moved_laser_stands_for_the_turn_that_is_measured(index):
     turn = int(np.abs(found).argmax())
     sense = f"{'+' if found[turn] > 0 else '−'}{'XYZ'[turn]}"
     text = f"towards {'XY'[index]}: as if the camera turned about {sense}"
-    assert text in words(painted(platform.draw_stage, {"laser-diagonal": 22e-3}))
+    assert text in words(painted(platform._draw_stage, {"laser-diagonal": 22e-3}))
 
 
 def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
-    axes, view = painted(positioning.draw_scene, {}), positioning._VIEW
+    axes, view = painted(positioning._draw_scene, {}), positioning._VIEW
     dates = erfa.dtf2d("UTC", 2023, 9, 22, 3, 30, 0.0)
     angle = erfa.era00(*dates)
     sweep = curves(axes)[-1]
@@ -122,14 +122,14 @@ def test_the_line_of_sight_ends_where_the_camera_looks():
     assert erfa.gc2gd(1, target)[2] == pytest.approx(0.0, abs=1e-3)
     both = frames["tracker"][:, 2] @ boresight
     assert np.degrees(np.arccos(both)) == pytest.approx(120.0)
-    axes = painted(positioning.draw_scene, {})
+    axes = painted(positioning._draw_scene, {})
     assert holds_arrow(axes, view.point(target), view.point(place))
 
 
 def test_the_bench_folds_the_laser_into_the_tracker():
     """Three reflections carry the camera's boresight to the one of the tracker, backwards."""
     angles = dict(zip(platform._ANGLES, np.radians([120.0, 37.76, 30.0]), strict=True))
-    axes = painted(platform.draw_bench, angles)
+    axes = painted(platform._draw_bench, angles)
     path = ends(axes)
     ways = (path[:, 1] - path[:, 0]) / np.linalg.norm(path[:, 1] - path[:, 0], axis=1)[:, None]
     out, folded = ways[0], ways[5]

@@ -153,7 +153,7 @@ _CORRECTED = Column("p, all, corrected", "chance", _LEAST_CORRECTED)
     folded=readings.ARRANGEMENT,
     named=_facts,
 )
-def probabilities() -> Iterator[tuple[object, ...]]:
+def _probabilities() -> Iterator[tuple[object, ...]]:
     """How likely the printed numbers of the simulation are under every reading."""
     (tails, joint, _), counts = _stored(), _outside()
     for row, labels in enumerate(readings.choices()):
@@ -184,7 +184,7 @@ def probabilities() -> Iterator[tuple[object, ...]]:
     ),
     caption="Readings that come closest to the print; distances are Mahalanobis distances.",
 )
-def closest() -> Iterator[tuple[object, ...]]:
+def _closest() -> Iterator[tuple[object, ...]]:
     """The literal reading beside those that come closest to the print."""
     (_, joint, distance), counts = _stored(), _outside()
     door, labels = given(readings.READS), list(readings.choices())

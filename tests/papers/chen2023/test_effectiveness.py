@@ -187,7 +187,7 @@ def test_a_common_length_is_found_with_the_shared_zero_in_its_covariance():
 
 
 def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
-    frame = effectiveness.focal_lengths()
+    frame = effectiveness._focal_lengths()
     rows = frame[frame["Angle"].str.contains("state")]
     own, half = rows["with the motion of its own axis (mm)"], rows["error with the other"]
     other = rows["with that of the other (mm)"]
@@ -198,7 +198,7 @@ def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
 
 def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
     """Ends of eight quotients, the band that fits all, one difference under the other heading."""
-    facts = {name: fact.value for name, fact in effectiveness.focal_lengths.facts().items()}
+    facts = {name: fact.value for name, fact in effectiveness._focal_lengths.facts().items()}
     assert facts["printed-least"] == pytest.approx(19.99e-3 / np.tan(2.034 * ARCSEC))
     assert facts["printed-most"] == pytest.approx(20.27e-3 / np.tan(2.006 * ARCSEC))
     assert facts["interchanged-least"] == pytest.approx(19.99e-3 / np.tan(2.006 * ARCSEC))

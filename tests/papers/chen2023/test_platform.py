@@ -150,7 +150,7 @@ def test_a_turn_is_measured_about_its_axis_with_its_sign_and_size(platform, axis
 
 def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open():
     """Similar triangles: 48.25 px behind 60 mm against the diagonal behind the telescope."""
-    rows = platform_twin.misfit().to_numpy()[:, 2:]
+    rows = platform_twin._misfit().to_numpy()[:, 2:]
     across = 48.25 * 13e-6 / 60e-3
     scales = [across / (22e-3 / f) for f in (2.0, 2.056)] + [across / (21.5e-3 / 2.056)]
     assert rows[:, 0] == pytest.approx(scales, abs=2e-3)

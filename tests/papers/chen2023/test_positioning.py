@@ -82,7 +82,7 @@ def test_the_roll_moves_the_ground_by_its_arm():
 
 
 def test_the_limits_of_the_corrections_are_where_their_error_crosses():
-    study = positioning.suffices().set_index(["Correction", "limit"])
+    study = positioning._suffices().set_index(["Correction", "limit"])
     # The fitted trend, the tracker's own error, the first day.
     name = positioning.CORRECTIONS[1]
     row = study.loc[name, "what the tracker itself errs by"]
@@ -122,7 +122,7 @@ def test_without_correction_the_errors_are_the_misalignment():
 
 
 def test_the_strategies_keep_their_order():
-    rows = positioning.strategies().set_index("Correction")
+    rows = positioning._strategies().set_index("Correction")
     single, trend, recent, laser = (rows.loc[name] for name in positioning.CORRECTIONS)
     assert (laser < recent).all()
     assert (recent < trend).all()

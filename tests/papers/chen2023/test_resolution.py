@@ -103,7 +103,7 @@ def test_replicated_studies_scatter_as_their_size_says():
 
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
-    rows = resolution.readings().set_index("Reading")
+    rows = resolution._readings().set_index("Reading")
     best = rows["optimum (arcsec)"]
     assert [best[case.name] for case in resolution._CASES[:4]] == pytest.approx([57, 42, 49, 31])
     assert best["scatter without bias"] == pytest.approx(80), "no optimum inside without bias"
@@ -121,7 +121,7 @@ def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimu
         law = predicted_errors(travel - np.floor(travel + 0.5), light, radius, 5)
         found.append(law.total)
     best = int(np.argmin(found))
-    row = resolution.readings().set_index("Reading").loc[resolution._LITERAL.name]
+    row = resolution._readings().set_index("Reading").loc[resolution._LITERAL.name]
     assert angles[best] / ARCSEC == pytest.approx(row["optimum (arcsec)"])
     assert found[best] == pytest.approx(row["error there (px)"], rel=1e-3)
 

@@ -26,7 +26,7 @@ def test_a_plane_mirror_feigns_twice_its_turn_across_the_plane_of_the_light():
 
 
 def test_the_claim_about_the_retroreflector_holds_for_a_corner_cube_alone():
-    rows = by_name(satellite.retro_reflectors())
+    rows = by_name(satellite._retro_reflectors())
     # Tilt and roll about X, Y, Z; roll from a tilt of the camera; blur.
     assert rows.loc["corner cube"].to_list()[:8] == pytest.approx([0.0] * 8, abs=5e-3)
     mirrors = rows.loc["two mirrors at a right angle"].to_list()[:8]
@@ -45,7 +45,7 @@ def test_the_claim_about_the_retroreflector_holds_for_a_corner_cube_alone():
 
 def test_280_belongs_to_a_tracker_with_the_field_of_table_1():
     """Fourteen metres over 280 are fifty millimetres; Table II's are sixty, and see less."""
-    flight, mixed, bench = by_name(satellite.heat()).to_numpy()
+    flight, mixed, bench = by_name(satellite._heat()).to_numpy()
     factors = [flight[0], mixed[0], bench[0]]
     assert factors == pytest.approx([280, 14 / 0.06, 2 / 0.06])
     assert flight[1] == pytest.approx(50)
@@ -57,7 +57,7 @@ def test_280_belongs_to_a_tracker_with_the_field_of_table_1():
 
 
 def test_thermal_terms_by_hand():
-    rows = by_name(satellite.thermal()).drop(columns="unit of its motion").T
+    rows = by_name(satellite._thermal()).drop(columns="unit of its motion").T
     accuracy = 0.15 * ARCSEC
     _, motion, kelvin = rows["all lasers move together"]
     assert motion == pytest.approx(accuracy * 14 * 1e6, rel=1e-3)

@@ -40,7 +40,7 @@ def test_a_fit_takes_up_the_pivot_whole_and_the_radial_terms_in_part():
 
 
 def test_the_table_holds_every_cost():
-    errors = approximations.errors(DOOR)
+    errors = approximations._errors(DOOR)
     assert len(errors) == len(COSTS) == 20
     for row, (names, cost) in zip(errors.to_numpy(), COSTS.items(), strict=True):
         assert tuple(row[1:3]) == names[1:]

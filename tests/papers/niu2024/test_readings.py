@@ -247,7 +247,7 @@ def test_correction_for_many_readings():
 
 
 def test_every_reading_has_its_row_and_every_cell_its_probability(stored):
-    table = judged.probabilities()
+    table = judged._probabilities()
     assert len(table) == len(READINGS) * len(readings.COUNTED)
     assert table["Angles"].nunique() == 9
     first = table.iloc[0]
@@ -269,7 +269,7 @@ def test_the_bound_of_corrected_probabilities_is_that_of_the_law_times_the_readi
 
 
 def test_the_closest_readings_stand_with_their_distance(stored):
-    table = judged.closest()
+    table = judged._closest()
     assert list(table["Reading"])[:2] == ["the literal one", "fewest cells outside"]
     assert len(table) == 2 + len(judged.GROUPS)
     distances = table[[f"Distance, {group} (σ)" for group in judged.GROUPS]].to_numpy()

@@ -115,7 +115,7 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
 
 
 @draws("chen2023/drawing-misalignment")
-def draw_misalignment(figure: Figure) -> None:
+def _draw_misalignment(figure: Figure) -> None:
     """Positive misalignment angles: the camera's axes before and after a turn about each."""
     axes = canvas(figure, 13.6, 6.2, 6.8, (13.6, 7.4))
     below, gap = (1.2, "\n") if slim(axes) else (0.0, " ")
@@ -139,7 +139,7 @@ def draw_misalignment(figure: Figure) -> None:
     "chen2023/orders",
     given=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", _PRINTED),
 )
-def orders(given: Given) -> list[tuple[str | float, ...]]:
+def _orders(given: Given) -> list[tuple[str | float, ...]]:
     """Accuracy of a single frame in the axes of either instrument, for two principal points."""
     points = {
         "centre of the detector": platform.tracker(given)[0],

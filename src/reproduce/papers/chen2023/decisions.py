@@ -204,12 +204,12 @@ def _frame_facts(door: Given) -> dict[str, Fact]:
 
 
 @studied("chen2023/frames", given=_FRAME_READS, named=_frame_facts)
-def frames(door: Given) -> pd.DataFrame:
+def _frames(door: Given) -> pd.DataFrame:
     """How many frames to average."""
     found = [_averages(door, axis, np.array(_COUNTS))[[1, 0, 2]] for axis in _AXES]
     ground = found[0][:1] * satellite.altitude(door) / ARCSEC_PER_RADIAN
     rows = np.concatenate([*found, ground]).T * ARCSEC_PER_RADIAN
-    return frames.frame(
+    return _frames.frame(
         ((count, *row) for count, row in zip(_COUNTS, rows.tolist(), strict=True)),
         stops=_stops(door)[1], state=door.count(effectiveness.FRAMES),
     )  # fmt: skip
@@ -357,7 +357,7 @@ def _error_facts(door: Given) -> dict[str, Fact]:
 
 
 @studied("chen2023/instrument-errors", given=_ERROR_READS, named=_error_facts)
-def errors(door: Given) -> pd.DataFrame:
+def _errors(door: Given) -> pd.DataFrame:
     """Every error of the pointing, and how well it is known."""
     height = satellite.altitude(door)
     found: dict[tuple[str, str], FloatArray] = {}
@@ -380,4 +380,4 @@ def errors(door: Given) -> pd.DataFrame:
         (*names, *(ends[[1, 0, 2]] * ARCSEC_PER_RADIAN).tolist(), float(ends[1] * height))
         for names, ends in found.items()
     ]
-    return errors.frame(rows, altitude=height / 1e3)
+    return _errors.frame(rows, altitude=height / 1e3)

@@ -307,7 +307,7 @@ def _implied_facts(given: Given) -> dict[str, Fact]:
     Of the readings with interchanged columns, also the largest difference between a monitored and a
     reference angle if the reference columns were the interchanged ones.
     """
-    frame = focal_lengths(given)
+    frame = _focal_lengths(given)
     frame = frame[frame["Angle"].str.startswith("reference")]
     own, other, half = (frame.iloc[:, column].to_numpy(np.float64) for column in (1, 4, 5))
     away = [
@@ -336,7 +336,7 @@ def _implied_facts(given: Given) -> dict[str, Fact]:
     "digit.",
     named=_implied_facts,
 )
-def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
+def _focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
     sigma = platform.angle_sigma(given, 2, given.count(FRAMES))
     rows: list[tuple[str | float, ...]] = []
@@ -366,7 +366,7 @@ def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
 
 def _test_facts(given: Given) -> dict[str, Fact]:
     """What sentences say of the test: the probability under each noise, chi-square of the first."""
-    rows = [tuple(row) for row in differences(given).itertuples(index=False)]
+    rows = [tuple(row) for row in _differences(given).itertuples(index=False)]
     # Smaller probabilities say "never", not how rarely.
     chances = [Fact(row[3], "chance", zero=1e-12) for row in rows]
     facts = dict(zip(("state-chance", "ramp-chance", "printed-chance"), chances, strict=True))
@@ -383,7 +383,7 @@ def _test_facts(given: Given) -> dict[str, Fact]:
     ),
     named=_test_facts,
 )
-def differences(given: Given) -> list[tuple[str, float, int, float]]:
+def _differences(given: Given) -> list[tuple[str, float, int, float]]:
     """Whether the differences of Table V are noise: all of them tested together."""
     from scipy.special import chdtrc
 

@@ -12,7 +12,7 @@ open, and how the twin reads it (a choice that came into the history together wi
   within a group, and are the same in both groups: the paper does not print how they differ;
 * laser directions are the designed ones, as the calibration takes them, with the nominal focal
   length and the printed diagonal as they stand. Within the rounding of the diagonal and a few per
-  cent of the focal length they fit the printed spots (see `misfit`); what is left is the same in
+  cent of the focal length they fit the printed spots (see `_misfit`); what is left is the same in
   all frames and goes into the zero point.
 """
 
@@ -183,7 +183,7 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     "chen2023/misfit",
     given=(*_BENCH, f"{effectiveness.TABLE}#[15].position-y", effectiveness.LAST),
 )
-def misfit(given: Given) -> pd.DataFrame:
+def _misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
     twin, diagonal = bench(given), given[platform.DIAGONAL]
     common, least = effectiveness.common_length(given, "y"), given.half_unit(platform.DIAGONAL)
@@ -200,7 +200,7 @@ def misfit(given: Given) -> pd.DataFrame:
         sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
         pixels, stage = distance * twin.design.pixels, distance * length * 1e3
         rows.append((length * 1e3, across * 1e3, sizes[0] / sizes[1], pixels, stage))
-    return misfit.frame(rows, diagonal=diagonal * 1e3)
+    return _misfit.frame(rows, diagonal=diagonal * 1e3)
 
 
 _DESIGN = "chen2023/text-satellite"
@@ -245,7 +245,7 @@ def _lasers(axes: Axes, places: FloatArray, size: float, name: str = "") -> None
 
 
 @draws("chen2023/fig-6a", marks=[platform.DIAGONAL])
-def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
+def _draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it."""
     (diagonal,) = printed.values()
     axes, centre = canvas(figure, 10.8, 9.4), np.array([3.8, 5.7])
@@ -265,7 +265,7 @@ def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
 
 
 @draws("chen2023/fig-6b", marks=_ANGLES)
-def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
+def _draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
     between, table, tilt = (float(np.degrees(printed[address])) for address in _ANGLES)
     axes = canvas(figure, 16.0, 11.2, 6.8)

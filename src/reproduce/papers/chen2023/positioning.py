@@ -251,7 +251,7 @@ def _quantile(errors: FloatArray) -> float:
     caption="CE90 on the ground from the thermal misalignment that is left, over the year after "
     f"a campaign of {_CAMPAIGN_DAYS:g} days, by amplitude of the first thermal harmonic.",
 )
-def strategies(given: Given) -> list[tuple[str | float, ...]]:
+def _strategies(given: Given) -> list[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = satellite.altitude(given)
     left = [_residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES]
@@ -280,7 +280,7 @@ def _spans(given: Given) -> dict[str, slice]:
         *(Column(f"{name} (arcsec)", ".2g", missing="none") for name in (*_AGES, _WHOLE)),
     ),
 )
-def suffices(given: Given) -> list[tuple[str | float, ...]]:
+def _suffices(given: Given) -> list[tuple[str | float, ...]]:
     """Up to which thermal amplitude each correction suffices, by age of the calibration."""
     height, samples = satellite.altitude(given), _spans(given).values()
     # Every correction is linear in what is true and in the noise: two runs tell all amplitudes.
@@ -346,7 +346,7 @@ def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
 
 @draws("chen2023/fig-1a", given=[satellite.BORESIGHT])
 @diagram(14.0, 9.6, 6.6)
-def draw_scene(axes: Axes, door: Given) -> None:
+def _draw_scene(axes: Axes, door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
     (above, imaged, frames), origin = _scene(door), np.zeros(3)
     around = np.linspace(0.0, 2.0 * np.pi, 240)

@@ -363,7 +363,7 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
     f"first {len(_CASES)}, the first with one thing changed. The limit of gain is that of "
     f"{_CHOSEN:g} standard errors.",
 )
-def readings(given: Given) -> list[tuple[str, float, float, float]]:
+def _readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
     angles, relative = resolutions(given), _relative_error(given)
     cases = {case.name: case for case in _CASES}

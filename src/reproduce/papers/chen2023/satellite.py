@@ -193,7 +193,7 @@ def _believed(
     "chen2023/retro-reflectors",
     given=(*_LIGHT_PATH, platform.PIXEL),
 )
-def retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
+def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     """What turns of the retro-reflector make the system believe, for three kinds of it."""
     points = platform.lasers(given)
     rows: list[tuple[str | float, ...]] = []
@@ -246,7 +246,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     "chen2023/heat",
     given=(CAMERA[0], *platform.TRACKER, platform.TELESCOPE, _RATIO, _PIXELS, _ACCURACY),
 )
-def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
+def _heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
     """What thermal motion of the lasers does, in flight and on the bench."""
     flight, short = given[CAMERA[0]], given[platform.FOCAL_LENGTH]
     rows = []
@@ -266,7 +266,7 @@ def heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
     "chen2023/thermal",
     given=(*_LIGHT_PATH, _EXPANSION, _ACCURACY, CAMERA[0]),
 )
-def thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
+def _thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
     """Thermal terms: what each mimics, and how large it may be."""
     accuracy, points, expansion = _accuracy(given), platform.lasers(given), given[_EXPANSION]
     # In angle only the camera's own focal length counts, so the flight camera is set in.

@@ -128,7 +128,7 @@ def _facts(door: Given) -> dict[str, Fact]:
 
 
 @studied("niu2024/approximations", given=READS, named=_facts)
-def errors(door: Given) -> Iterator[tuple[object, ...]]:
+def _errors(door: Given) -> Iterator[tuple[object, ...]]:
     """How large each error is over the detector, and what a fit leaves of it."""
     for (effect, table, channel), cost in _costs(door).items():
         yield (_TITLES[effect], table, channel, *cost.tolist())

@@ -227,7 +227,7 @@ def _facts() -> dict[str, Fact]:
 
 
 @studied("niu2024/fusion", named=_facts)
-def centroids() -> Iterator[tuple[object, ...]]:
+def _centroids() -> Iterator[tuple[object, ...]]:
     """Centroid error and signal-to-noise ratio by star, place, magnitude and image."""
     arrays = _stored().arrays
     for at in np.ndindex(arrays["error"].shape):
