@@ -27,12 +27,12 @@ def autoregressive(correlation, shape, seed=1):
 def test_split_rhat_is_arvizs(shift):
     draws = np.random.default_rng(1).standard_t(3, size=(4, 500)) + shift * np.arange(4)[:, None]
     theirs = array_stats.rhat(draws)
-    np.testing.assert_allclose(diagnostics.split_rhat(draws), float(theirs), rtol=1e-9)
+    np.testing.assert_allclose(diagnostics._split_rhat(draws), float(theirs), rtol=1e-9)
 
 
 def test_autocorrelation_time_is_emcees():
     chains = autoregressive(0.8, (1, 4000, 8))[0]
-    ours = diagnostics.integrated_time(diagnostics.autocorrelation(chains))
+    ours = diagnostics._integrated_time(diagnostics._autocorrelation(chains))
     np.testing.assert_allclose(
         ours, emcee.autocorr.integrated_time(chains, quiet=True)[0], rtol=0.02
     )

@@ -108,7 +108,7 @@ def test_traces_have_a_line_for_each_ensemble_and_a_panel_for_each_parameter():
     assert 'id="figure-posterior-registration-traces"' in html
     found = rp.posterior("registration").rerun(steps=600, seed=3)
     assert "figure-posterior-registration-traces-own" in found.traces().text
-    numbers = views_posterior.traces(found.sampled).numbers
+    numbers = views_posterior._traces(found.sampled).numbers
     assert numbers["ensemble"].nunique() == 4
     assert list(numbers.columns[2:]) == list(found.model.names)
 
@@ -123,7 +123,7 @@ def test_a_page_shows_every_posterior_with_its_model(name):
 def test_every_quantity_that_is_said_exists_in_the_unit_of_its_print():
     generator = np.random.default_rng(1)
     models = {name: declared.model() for name, declared in posteriors().items()}
-    for one in pages.SAID:
+    for one in pages._SAID:
         model = models[one.posterior]
         units = {parameter.name: parameter.unit for parameter in model.parameters}
         found = model.derived(model.start(generator, 4)) if model.derived else {}
@@ -135,8 +135,8 @@ def test_every_quantity_that_is_said_exists_in_the_unit_of_its_print():
 
 
 def test_what_is_said_is_the_posterior_beside_the_print_and_its_verdict():
-    red = next(one for one in pages.SAID if one.cell == "niu2024/table-3#rotation.red")
-    label, printed, mean, ends, truth, verdict = pages.summarised(red)
+    red = next(one for one in pages._SAID if one.cell == "niu2024/table-3#rotation.red")
+    label, printed, mean, ends, truth, verdict = pages._summarised(red)
     found = rp.posterior("registration-joint")
     row = found.frame().loc[red.name]
     assert float(mean.split(" ± ")[0]) == pytest.approx(row["mean"], rel=1e-3)

@@ -63,7 +63,7 @@ def test_short_chains_are_run_again_as_long_as_they_need(registration):
 
 
 def test_chains_that_need_too_many_steps_are_refused(registration, monkeypatch):
-    monkeypatch.setattr(sampling, "MOST", 61)
+    monkeypatch.setattr(sampling, "_MOST", 61)
     with pytest.raises(UnconvergedError):
         sample(registration, replace(PLAN, steps=60, warmup=10), longer=True)
 

@@ -207,7 +207,7 @@ def test_an_arrangement_gives_what_the_study_of_all_readings_gives(angles):
     names = [one.name for one in simulation.candidates(DOOR)]
     literal = readings.literal(DOOR)
     place = readings.readings(DOOR).index(
-        replace(literal, arrangement=names.index(simulation.ARRANGEMENTS[angles]))
+        replace(literal, arrangement=names.index(simulation._ARRANGEMENTS[angles]))
     )
     found = cells(rerun.rerun("niu2024/table-3", chosen={"angles": angles}))
     for channel, row in (("red", 0), ("blue", 1)):
@@ -220,7 +220,7 @@ def test_an_arrangement_gives_what_the_study_of_all_readings_gives(angles):
 
 
 def test_the_names_of_the_arrangements_are_those_that_have_the_printed_count():
-    assert list(simulation.ARRANGEMENTS.values()) == [
+    assert list(simulation._ARRANGEMENTS.values()) == [
         one.name for one in simulation.candidates(DOOR)
     ]
 

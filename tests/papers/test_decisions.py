@@ -17,7 +17,7 @@ from reproduce.physics.registration import fit_registration
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
 
-FRAMES = given(camera.FRAME_READS)
+FRAMES = given(camera._FRAME_READS)
 STARS = given(sensor.READS)
 
 
@@ -82,13 +82,13 @@ def test_the_printed_angles_scatter_as_much_wherever_the_columns_belong():
 def test_the_average_of_frames(white_and_floor):
     white, floor = white_and_floor
     expected = np.quantile(np.hypot(white / 10, floor), (0.025, 0.5, 0.975))
-    found = camera.averages(FRAMES, "X", np.array([100]))[:, 0]
+    found = camera._averages(FRAMES, "X", np.array([100]))[:, 0]
     np.testing.assert_allclose(found, expected, rtol=0.02)
 
 
 def test_the_age_of_a_calibration_is_that_of_least_squares():
     """A line through the angles frame by frame: its middle, its slope and their errors."""
-    door = given(camera.AGE_READS)
+    door = given(camera._AGE_READS)
     error, moved, spread = camera._drifting(door)
     frames = door.count("chen2023/text-accuracy#frames")
     # Over a group a slope errs by the root of twelve times its middle, and the angle about X holds
@@ -98,12 +98,12 @@ def test_the_age_of_a_calibration_is_that_of_least_squares():
     assert abs(moved - truth) < 3 * spread
     images = fact("chen2023/drift", "images")
     assert images == pytest.approx(frames * error / moved)
-    constant, followed = camera.age(door, np.array([images]))
+    constant, followed = camera._age(door, np.array([images]))
     assert constant[1, 0] == pytest.approx(np.sqrt(2) * error)
     assert followed[0] == pytest.approx(np.hypot(error, spread * images / frames))
     # Whatever noise and drift are: at the end of its group, half of it after the middle.
     half = fact("chen2023/drift", "half")
-    end = camera.age(door, np.array([half]))[1][0] / error
+    end = camera._age(door, np.array([half]))[1][0] / error
     assert half == frames / 2
     assert fact("chen2023/drift", "end-times") == pytest.approx(end)
     assert end == pytest.approx(np.sqrt(1 + 6 / 4), rel=0.01)
@@ -125,7 +125,7 @@ def test_a_drift_of_a_readers_own():
 @pytest.mark.parametrize("stars", [34, 137])
 def test_the_edge_by_hand_and_by_monte_carlo(stars):
     """On an even disc an axis errs by the noise times the root of three over n at the edge."""
-    one = sensor.designs(STARS)["similarity"]
+    one = sensor._designs(STARS)["similarity"]
     green, red, _ = true_centroids(STARS)
     noise = 0.05 * np.hypot(1, 0.9976)
     by_hand = noise * np.sqrt(3 / stars)
@@ -140,15 +140,15 @@ def test_the_edge_by_hand_and_by_monte_carlo(stars):
         transform = fit_registration(red, noisy, pivot).transform
         edge = np.hypot(*(red - pivot).T).argmax()
         length = np.hypot(*(transform.apply(red)[:, edge] - green[edge]).T)
-        found = sensor.edge_errors(STARS, np.array([stars]))["similarity"][:, 0]
-        np.testing.assert_allclose(np.quantile(length, sensor.ENDS), found, rtol=0.06)
+        found = sensor._edge_errors(STARS, np.array([stars]))["similarity"][:, 0]
+        np.testing.assert_allclose(np.quantile(length, sensor._ENDS), found, rtol=0.06)
 
 
 def test_how_many_stars_are_enough():
     """Whatever the noise: it is measured by itself. The wanted error counts by its square."""
     table = rp.table("niu2024/stars")
     by_hand = 3 * (1 + 0.9976**2) * 0.05**2  # over n: the variance of one axis at the edge
-    left = np.hypot(*sensor.left_out(STARS))
+    left = np.hypot(*sensor._left_out(STARS))
     needed = fact("niu2024/stars", "similarity-enough")
     within = stats.rice.cdf(0.05, left / np.sqrt(by_hand / needed), scale=np.sqrt(by_hand / needed))
     assert within == pytest.approx(0.975, abs=0.003)
@@ -158,12 +158,12 @@ def test_how_many_stars_are_enough():
     assert f"{needed:.0f} stars are enough for a similarity" in told[0]
     assert 52 in own.frame()["Stars"].to_numpy()
     free = "distortions free"
-    assert 4 * 65 < sensor.enough(STARS, 0.025)[free] <= 4 * 66
+    assert 4 * 65 < sensor._enough(STARS, 0.025)[free] <= 4 * 66
     # No number of stars helps against what is left out, and the largest tried is no answer.
-    assert np.isinf(sensor.enough(STARS, 0.9 * left)["similarity"])
+    assert np.isinf(sensor._enough(STARS, 0.9 * left)["similarity"])
     by_square = 66 * (0.05 / (0.9 * left)) ** 2
-    assert sensor.enough(STARS, 0.9 * left)[free] == pytest.approx(by_square, rel=0.03)
-    assert np.isinf(sensor.enough(STARS, 1e-4)[free])
+    assert sensor._enough(STARS, 0.9 * left)[free] == pytest.approx(by_square, rel=0.03)
+    assert np.isinf(sensor._enough(STARS, 1e-4)[free])
     assert "not even 100,000 stars" in table.rerun(wanted=0.01).frame().attrs["caption"]
 
 
@@ -172,8 +172,8 @@ def test_free_distortions_pay_from_their_number_of_stars_on():
     equal = fact("niu2024/stars", "free-from")
     for stars, better in ((0.8 * equal, "similarity"), (1.25 * equal, "distortions free")):
         squares = {name: np.trace(one.at_edge(np.array([stars]))[0])
-                   for name, one in sensor.designs(STARS).items()}  # fmt: skip
-        squares["similarity"] += np.sum(sensor.left_out(STARS) ** 2)
+                   for name, one in sensor._designs(STARS).items()}  # fmt: skip
+        squares["similarity"] += np.sum(sensor._left_out(STARS) ** 2)
         assert min(squares, key=squares.get) == better
 
 
@@ -195,16 +195,16 @@ def test_emcee_finds_the_same_at_the_edge():
     """At the printed number of stars, for both models: median and upper end."""
     from reproduce.views.posterior import book_posterior
 
-    designs = sensor.designs(STARS)
+    designs = sensor._designs(STARS)
     # The noise that our simulation shows stands in place of the stated one.
     shown = studies()["niu2024/instrument-errors"]().set_index("Error")["median (px)"]
     ratio = shown["Centroid noise, one image"] / 0.05
-    for name, key in sensor.MODELS.items():
+    for name, key in sensor._MODELS.items():
         found = book_posterior(key)
         likelihood = found.model.likelihood
         outermost = np.hypot(*(likelihood.source - likelihood.pivot).T).argmax()
         places = likelihood.elsewhere(likelihood.source[[outermost]]).places(found.draws)[:, 0]
-        sampled = np.quantile(np.hypot(*(places - places.mean(axis=0)).T), sensor.ENDS)
+        sampled = np.quantile(np.hypot(*(places - places.mean(axis=0)).T), sensor._ENDS)
         edge = designs[name].at_edge(np.array([137.0]))[0]
-        scatter = [circular_error(edge, share) for share in sensor.ENDS[1:]]
+        scatter = [circular_error(edge, share) for share in sensor._ENDS[1:]]
         np.testing.assert_allclose(sampled[1:], ratio * np.array(scatter), rtol=0.05)

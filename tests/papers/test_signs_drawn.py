@@ -54,8 +54,8 @@ def measured(camera, arrives):
 
 @pytest.mark.parametrize("index", range(3))
 def test_the_drawn_turn_is_the_misalignment_that_is_measured(index):
-    angles = attitude.TURN * np.eye(3)[index]
-    axes_now = attitude.turned_camera(angles)
+    angles = attitude._TURN * np.eye(3)[index]
+    axes_now = attitude._turned_camera(angles)
     camera = emitted_directions(LASERS, 1.0)
     assert measured(camera, camera @ axes_now) == pytest.approx(angles, abs=1e-9)
 
@@ -66,10 +66,10 @@ def test_the_curved_arrow_turns_right_handed(index):
     view = sketch.seen_from(-62.0, 26.0, ((2.0, 6.6, 11.2)[index], 2.7), 2.2)
     start = 0.75 * np.eye(3)[0 if index == 2 else 2]
     for share, point in zip(np.linspace(0, 1, 60), curves(axes)[index], strict=True):
-        turned = Rotation.from_rotvec(share * attitude.TURN * np.eye(3)[index]).apply(start)
+        turned = Rotation.from_rotvec(share * attitude._TURN * np.eye(3)[index]).apply(start)
         assert point == pytest.approx(view.point(turned))
     for axis in np.delete(np.eye(3), index, axis=0):
-        now = Rotation.from_rotvec(attitude.TURN * np.eye(3)[index]).apply(axis)
+        now = Rotation.from_rotvec(attitude._TURN * np.eye(3)[index]).apply(axis)
         assert holds_arrow(axes, view.point(np.zeros(3)), view.point(now))
 
 
@@ -100,23 +100,23 @@ def test_a_moved_laser_stands_for_the_turn_that_is_measured(index):
 
 
 def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
-    axes, view = painted(positioning.draw_scene, {}), positioning.VIEW
+    axes, view = painted(positioning.draw_scene, {}), positioning._VIEW
     dates = erfa.dtf2d("UTC", 2023, 9, 22, 3, 30, 0.0)
     angle = erfa.era00(*dates)
     sweep = curves(axes)[-1]
     share = np.linspace(0, 1, 60)[:, np.newaxis]
     # From the X axis of the stars, which lies so far to the west, eastwards to that of the Earth.
     away = np.squeeze(share * angle - angle)
-    expected = 0.6 * positioning.EARTH * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
+    expected = 0.6 * positioning._EARTH * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
     # Precession since J2000 tilts the axis by a third of a degree at the most.
-    size = view.scale * positioning.EARTH
+    size = view.scale * positioning._EARTH
     assert np.abs(sweep - view.point(expected)).max() < np.radians(0.35) * size
     assert angle < np.pi
 
 
 def test_the_line_of_sight_ends_where_the_camera_looks():
-    place, target, frames = positioning.scene(given([positioning.satellite.BORESIGHT]))
-    sight, view = target - place, positioning.VIEW
+    place, target, frames = positioning._scene(given([positioning.satellite.BORESIGHT]))
+    sight, view = target - place, positioning._VIEW
     boresight = frames["camera"] @ [0.0, 0.0, 1.0]
     assert sight / np.linalg.norm(sight) == pytest.approx(boresight, abs=1e-12)
     assert erfa.gc2gd(1, target)[2] == pytest.approx(0.0, abs=1e-3)
@@ -128,7 +128,7 @@ def test_the_line_of_sight_ends_where_the_camera_looks():
 
 def test_the_bench_folds_the_laser_into_the_tracker():
     """Three reflections carry the camera's boresight to the one of the tracker, backwards."""
-    angles = dict(zip(platform.ANGLES, np.radians([120.0, 37.76, 30.0]), strict=True))
+    angles = dict(zip(platform._ANGLES, np.radians([120.0, 37.76, 30.0]), strict=True))
     axes = painted(platform.draw_bench, angles)
     path = ends(axes)
     ways = (path[:, 1] - path[:, 0]) / np.linalg.norm(path[:, 1] - path[:, 0], axis=1)[:, None]
@@ -141,7 +141,7 @@ def test_the_bench_folds_the_laser_into_the_tracker():
 
 def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     """Points fixed to the drawn green axes, as the drawn blue detector sees them."""
-    origin, angle = registration.PRINCIPAL_POINTS, np.radians(registration.PLANE_ANGLE)
+    origin, angle = registration._PRINCIPAL_POINTS, np.radians(registration._PLANE_ANGLE)
     axes = painted(catalogue()["niu2024/fig-2"].draw, {})
     arrows = ends(axes)
     across = arrows[2, 1] - arrows[2, 0]

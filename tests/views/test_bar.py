@@ -55,7 +55,7 @@ def test_a_figure_has_its_pictures_data_caption_and_citation(key, monkeypatch):
     monkeypatch.setattr(type(figure), "caption", "What <is> drawn.")
     html = figure._repr_html_()
     assert "</span>What &lt;is&gt; drawn.</figcaption>" in html
-    assert re.findall(r'href="#(figures/[^"]+)"', html) == figures.figure_files(key)
+    assert re.findall(r'href="#(figures/[^"]+)"', html) == figures._figure_files(key)
     assert "<summary>Cite" in html
     assert key in html[html.index("<summary>Cite") :]
 
@@ -63,7 +63,7 @@ def test_a_figure_has_its_pictures_data_caption_and_citation(key, monkeypatch):
 def test_the_book_carries_what_the_bars_offer(tmp_path):
     """Of a figure; the files of all tables are written in another test."""
     figures.write_figure("niu2024/fig-2", tmp_path)
-    for path in figures.figure_files("niu2024/fig-2"):
+    for path in figures._figure_files("niu2024/fig-2"):
         assert (tmp_path / path).stat().st_size > 0, path
     with (tmp_path / "figures" / "niu2024-fig-2.csv").open(encoding="utf-8") as file:
         assert next(csv.reader(file)) == ["panel", "curve", "x", "y"]
@@ -76,10 +76,10 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     try:
         figures.write_figure("niu2024/fig-2", tmp_path)
         monkeypatch.setattr(figures, "_drawn", lambda paint, **_: pytest.fail("drawn again"))
-        shown = figures.in_build("niu2024/fig-2")
+        shown = figures._in_build("niu2024/fig-2")
         assert shown.narrow.startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-2.svg"
-        assert file.read_text(encoding="utf-8") == figures.XML + shown.wide
+        assert file.read_text(encoding="utf-8") == figures._XML + shown.wide
     finally:
         monkeypatch.delenv(computed.FOLDER)
         computed.kept.cache_clear()

@@ -635,5 +635,5 @@ def test_a_terminal_sees_no_mark_of_a_page(columns, monkeypatch):
     for key in ("chen2023/table-5", "niu2024/text-experiment"):
         stream = io.StringIO()
         console = Console(file=stream, width=columns)
-        terminal.write(rp.table(key).blocks(), console)
+        terminal._write(rp.table(key).blocks(), console)
         assert not re.search(r"</?(a|code|small|br|span)\b", stream.getvalue())

@@ -154,7 +154,7 @@ def test_spots_that_move_within_a_group_are_named(tmp_path, drift, constant, dri
 
 def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, *stars())
-    monkeypatch.setattr(registration, "NOISE", (1e-9, 1.0))
+    monkeypatch.setattr(registration, "_NOISE", (1e-9, 1.0))
     record, rows = sampled("registration", path, "--steps", 400)
     (leaning,) = record["at_prior_end"]
     assert (leaning["parameter"], leaning["unit"]) == ("noise", "px")
@@ -178,7 +178,7 @@ def test_a_free_posterior_leans_on_nothing_and_a_cut_one_does():
 
 
 def test_no_start_says_which_prior_excludes_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(registration, "NOISE", (1e-9, 1e-3))
+    monkeypatch.setattr(registration, "_NOISE", (1e-9, 1e-3))
     result = run("registration", "--data", written(tmp_path, *stars()))
     assert result.exit_code == 2
     assert "the rough estimate of noise is 0.04" in result.stderr

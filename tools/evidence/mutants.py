@@ -47,7 +47,7 @@ class Mutant:
     Parameters
     ----------
     file : str
-        Path below the package, as ``physics/camera.py``.
+        Path below the package, as ``physics/optics/camera.py``.
     function : str
         Where the change lies; empty outside of functions and classes.
     line : int

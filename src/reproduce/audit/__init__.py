@@ -1,1 +1,1 @@
-"""Cross-examine the numbers of a table against each other, by interval arithmetic."""
+"""Cross-examine the printed numbers of a paper against each other, by interval arithmetic."""

@@ -30,11 +30,11 @@ from reproduce.audit.relation import Relation, Sheet
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import ALIKE, Interval, si_factor
 
-SlipKind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
+_SlipKind = Literal["digit", "swap", "drop", "extra", "sign", "unit", "cells", "rows", "columns"]
 
 # How large a slip is, in slips of one digit. Only the order matters: a mistake in one character
 # is smaller than one that moves a cell, and that is smaller than one that moves a whole line.
-COSTS: Mapping[SlipKind, float] = {
+COSTS: Mapping[_SlipKind, float] = {
     "digit": 1.0,
     "swap": 1.0,
     "sign": 1.0,
@@ -45,8 +45,8 @@ COSTS: Mapping[SlipKind, float] = {
     "rows": 2.0,
     "columns": 2.0,
 }
-DEPTH = 3
-BREADTH = 30
+_DEPTH = 3
+_BREADTH = 30
 # In the order of search, a relation still wrong weighs as one digit, a newly broken one half: an
 # interchange may break what the next one mends.
 _BROKEN = 0.5
@@ -56,10 +56,10 @@ _SMALLEST = min(COSTS.values())
 
 
 @dataclass(frozen=True)
-class Slip:
+class _Slip:
     """One supposed mistake in words, and the cells as they should have been, by address."""
 
-    kind: SlipKind
+    kind: _SlipKind
     label: str
     changes: tuple[tuple[str, Cell], ...]
 
@@ -78,7 +78,7 @@ class Slip:
         return {**cells, **dict(self.changes)}
 
 
-def of_digits(text: str) -> Iterator[tuple[SlipKind, str]]:
+def of_digits(text: str) -> Iterator[tuple[_SlipKind, str]]:
     """Yield what the digits may have been before a slip.
 
     Examples
@@ -110,7 +110,7 @@ def of_digits(text: str) -> Iterator[tuple[SlipKind, str]]:
         yield "sign", ("" if sign else "-") + body + tail
 
 
-def of_cell(cell: Cell) -> Iterator[Slip]:
+def of_cell(cell: Cell) -> Iterator[_Slip]:
     """Yield all slips in one cell: in its digits and in its unit."""
     address, printed = cell.address, cell.number.text
     seen = {printed}
@@ -118,11 +118,11 @@ def of_cell(cell: Cell) -> Iterator[Slip]:
         if text not in seen and readable(text):
             seen.add(text)
             label = f"{address}: {printed} → {text}"
-            yield Slip(kind, label, ((address, reprinted(cell, text)),))
+            yield _Slip(kind, label, ((address, reprinted(cell, text)),))
     for unit in next((alike for alike in ALIKE if cell.unit in alike), ()):
         if unit != cell.unit:
             label = f"{address}: {cell.unit} → {unit}"
-            yield Slip("unit", label, ((address, replace(cell, unit=unit)),))
+            yield _Slip("unit", label, ((address, replace(cell, unit=unit)),))
 
 
 def readable(text: str) -> bool:
@@ -132,10 +132,10 @@ def readable(text: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Interchange:
+class _Interchange:
     """Two cells, rows or columns of one table that could change places, pair by pair."""
 
-    kind: SlipKind
+    kind: _SlipKind
     label: str
     pairs: tuple[tuple[str, str], ...]
 
@@ -144,7 +144,7 @@ class Interchange:
         """All cells that would move."""
         return frozenset(itertools.chain.from_iterable(self.pairs))
 
-    def slip(self, cells: Sheet) -> Slip | None:
+    def slip(self, cells: Sheet) -> _Slip | None:
         """Return the interchange, or None if it would change nothing or mix units.
 
         A row or column must change at least two pairs of cells; with one pair it is no more
@@ -160,15 +160,15 @@ class Interchange:
                 changes.append((two.address, replace(two, content=one.number)))
         if len(changes) <= (0 if self.kind == "cells" else 2):
             return None
-        return Slip(self.kind, self.label, tuple(changes))
+        return _Slip(self.kind, self.label, tuple(changes))
 
 
-def interchanges(cells: Sheet, keys: Iterable[str]) -> list[Interchange]:
+def interchanges(cells: Sheet, keys: Iterable[str]) -> list[_Interchange]:
     """Return what could be interchanged in some tables.
 
     Two cells within their row, column or group; two rows or two columns of a table.
     """
-    found: list[Interchange] = []
+    found: list[_Interchange] = []
     for key in keys:
         table = [cell for cell in cells.values() if cell.key == key]
         found += [*_two_cells(table), *_two_lines(table, "columns"), *_two_lines(table, "rows")]
@@ -181,15 +181,15 @@ def _place(cell: Cell) -> tuple[str, str]:
     return row, column
 
 
-def _two_cells(table: list[Cell]) -> Iterator[Interchange]:
+def _two_cells(table: list[Cell]) -> Iterator[_Interchange]:
     for one, two in itertools.combinations(table, 2):
         (row, column), (other_row, other_column) = _place(one), _place(two)
         if not row or row == other_row or column == other_column:
             label = f"{one.address} ↔ {two.address}"
-            yield Interchange("cells", label, ((one.address, two.address),))
+            yield _Interchange("cells", label, ((one.address, two.address),))
 
 
-def _two_lines(table: list[Cell], kind: SlipKind) -> Iterator[Interchange]:
+def _two_lines(table: list[Cell], kind: _SlipKind) -> Iterator[_Interchange]:
     lines: dict[str, dict[str, str]] = {}
     for cell in table:
         row, column = _place(cell)
@@ -199,14 +199,14 @@ def _two_lines(table: list[Cell], kind: SlipKind) -> Iterator[Interchange]:
     for (name, one), (other, two) in itertools.combinations(lines.items(), 2):
         pairs = tuple((one[at], two[at]) for at in one if at in two)
         if len(pairs) > 1:
-            yield Interchange(kind, f"{table[0].key}: {kind} {name} ↔ {other}", pairs)
+            yield _Interchange(kind, f"{table[0].key}: {kind} {name} ↔ {other}", pairs)
 
 
 @dataclass(frozen=True)
-class State:
+class _State:
     """A sheet with some slips undone, in their order, and the relations that then contradict."""
 
-    slips: tuple[Slip, ...]
+    slips: tuple[_Slip, ...]
     cells: Sheet
     wrong: frozenset[str]
 
@@ -222,7 +222,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Correction(State):
+class Correction(_State):
     """Slips that, undone together, lift a group of contradictions.
 
     `lifted` relations no longer contradict, `broken` ones held as printed and no longer do;
@@ -247,8 +247,8 @@ def corrections(
     cells: Sheet,
     relations: Sequence[Relation],
     targets: frozenset[str],
-    depth: int = DEPTH,
-    breadth: int = BREADTH,
+    depth: int = _DEPTH,
+    breadth: int = _BREADTH,
 ) -> list[Correction]:
     """Return corrections that lift a group of contradictions, given by name.
 
@@ -282,12 +282,12 @@ class Search:
         self.near = [r for r in relations if r in voting]
         self.interchanges = interchanges(cells, keys)
         self.already = contradicted(cells, self.near)
-        self.start = State((), cells, self.already)
+        self.start = _State((), cells, self.already)
         self._touched: dict[frozenset[str], list[list[Relation]]] = {}
 
-    def run(self, depth: int, breadth: int) -> list[State]:
+    def run(self, depth: int, breadth: int) -> list[_State]:
         """Return the states without a contradiction of the group."""
-        done: dict[frozenset[Cell], State] = {}
+        done: dict[frozenset[Cell], _State] = {}
         limit = math.inf  # the size of the smallest correction that restores everything
         level = [self.start]
         for taken in range(depth):
@@ -305,7 +305,7 @@ class Search:
             if len(state.slips) == 1 or state.cost < limit or not state.wrong - self.already
         ]
 
-    def covers(self, state: State) -> list[frozenset[str]]:
+    def covers(self, state: _State) -> list[frozenset[str]]:
         """Return sets of cells, each of which must be touched to lift the group.
 
         At least one for each relation of the group that contradicts.
@@ -327,16 +327,16 @@ class Search:
                 found.append(frozenset(itertools.chain.from_iterable(r.addresses for r in family)))
         return list(dict.fromkeys(found))
 
-    def _further(self, level: Sequence[State], taken: int, breadth: int) -> list[State]:
+    def _further(self, level: Sequence[_State], taken: int, breadth: int) -> list[_State]:
         """Return the states one slip on: all of them as long as the search is complete."""
 
-        def promise(state: State) -> float:
+        def promise(state: _State) -> float:
             return state.cost + self._ill(state.wrong)
 
         if taken < _COMPLETE:
             grown = itertools.chain(*(self._grown(state) for state in level))
             return sorted(grown, key=lambda state: (state.cost, len(state.wrong - self.already)))
-        found: dict[frozenset[Cell], State] = {}
+        found: dict[frozenset[Cell], _State] = {}
         for state in sorted(level, key=promise)[:breadth]:
             for child in self._grown(state, self._ill(state.wrong)):
                 found.setdefault(child.changed(self.cells), child)
@@ -346,7 +346,7 @@ class Search:
         left, broken = wrong & self.targets, wrong - self.already
         return len(left) + _BROKEN * len(broken)
 
-    def _grown(self, state: State, below: float = math.inf) -> Iterator[State]:
+    def _grown(self, state: _State, below: float = math.inf) -> Iterator[_State]:
         """Yield the states one slip on that touch the smallest cover, with the group still wrong.
 
         Only those with less wrong than `below`, as `_ill` weighs it.
@@ -358,7 +358,7 @@ class Search:
             if child is not None and child.wrong & self.targets:
                 yield child
 
-    def _finished(self, state: State, limit: float) -> Iterator[State]:
+    def _finished(self, state: _State, limit: float) -> Iterator[_State]:
         """Yield every state one slip on in which nothing of the group contradicts."""
         room = limit - state.cost
         if room < _SMALLEST:
@@ -376,8 +376,8 @@ class Search:
                 yield child
 
     def _interchanged(
-        self, state: State, covers: Sequence[frozenset[str]], room: float = math.inf
-    ) -> Iterator[Slip]:
+        self, state: _State, covers: Sequence[frozenset[str]], room: float = math.inf
+    ) -> Iterator[_Slip]:
         """Yield the interchanges, no larger than some room, that touch all covers."""
         for one in self.interchanges:
             if COSTS[one.kind] <= room and not any(map(one.addresses.isdisjoint, covers)):
@@ -385,7 +385,7 @@ class Search:
                 if slip is not None:
                     yield slip
 
-    def _slips(self, state: State, address: str, lifting: bool = True) -> Iterator[Slip]:
+    def _slips(self, state: _State, address: str, lifting: bool = True) -> Iterator[_Slip]:
         """Yield the slips in one cell, or those that may lift its contradictions."""
         if any(slip.addresses == {address} for slip in state.slips):
             return  # enough slips turn any number into any other
@@ -406,8 +406,8 @@ class Search:
         return [found[address] for found in free if found is not None]
 
     def _after(
-        self, state: State, slip: Slip, worth: Callable[[frozenset[str]], bool]
-    ) -> State | None:
+        self, state: _State, slip: _Slip, worth: Callable[[frozenset[str]], bool]
+    ) -> _State | None:
         """Undo a slip, and judge again what it touches and what shares an unknown with that.
 
         None if what is wrong is not worth going on, which more that is wrong never makes it: the
@@ -421,7 +421,7 @@ class Search:
             wrong |= contradicted(cells, batch)
             if not worth(wrong):
                 return None
-        return State((*state.slips, slip), cells, wrong)
+        return _State((*state.slips, slip), cells, wrong)
 
     def _batches(self, addresses: frozenset[str]) -> list[list[Relation]]:
         """Return what to judge again where some cells change: alone, or with all that share."""
@@ -433,7 +433,7 @@ class Search:
 
 
 @functools.lru_cache(maxsize=5_000)
-def _slips_of(cell: Cell) -> tuple[tuple[Slip, Interval], ...]:
+def _slips_of(cell: Cell) -> tuple[tuple[_Slip, Interval], ...]:
     """Return the slips in a cell, each with the values that then print so."""
     return tuple((slip, widened(slip.changes[0][1].allowed)) for slip in of_cell(cell))
 
@@ -449,7 +449,7 @@ def _value(relation: Relation, cells: Sheet) -> Interval | None:
     return projection(relation, printed_intervals(cells, [relation]))
 
 
-def _correction(state: State, search: Search) -> Correction:
+def _correction(state: _State, search: Search) -> Correction:
     order = [relation.name for relation in search.near]
     broken = state.wrong - search.already
     ours = [relation for relation in search.near if relation.name in search.targets]

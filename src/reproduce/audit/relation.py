@@ -31,7 +31,7 @@ from reproduce.printed.number import UNITS, Interval, si_factor
 
 # Address to printed number.
 Sheet = Mapping[str, Cell]
-RelationKind = Literal[
+_RelationKind = Literal[
     "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
 ]
 # Which of two independent readings of a paper found a relation; "merging" if neither did, and it
@@ -67,7 +67,7 @@ _FLOATS = functions(_PLAIN)
 
 
 @dataclass(frozen=True)
-class Formula:
+class _Formula:
     """A comparison between two expressions.
 
     `result` is the name that stands alone on the left of an equation, empty if none does; `bare`
@@ -81,7 +81,7 @@ class Formula:
     result: str
     bare: bool
 
-    def __reduce__(self) -> tuple[Callable[[str], Formula], tuple[str]]:
+    def __reduce__(self) -> tuple[Callable[[str], _Formula], tuple[str]]:
         """Keep the text alone, from which it can be read again."""
         return read, (self.text,)
 
@@ -100,7 +100,7 @@ class Formula:
 
 
 @functools.cache
-def read(text: str) -> Formula:
+def read(text: str) -> _Formula:
     """Read a formula.
 
     Examples
@@ -113,7 +113,7 @@ def read(text: str) -> Formula:
     codes = [compile(side, "<formula>", "eval") for side in (left, right)]
     named = left.isidentifier()
     result = left if named and sign == "=" else ""
-    return Formula(text, sign, codes[0], codes[1], result, named and right.isidentifier())
+    return _Formula(text, sign, codes[0], codes[1], result, named and right.isidentifier())
 
 
 @dataclass(frozen=True)
@@ -165,12 +165,12 @@ class Relation:
     name: str
     # The name of its declaration, with the placeholders.
     declared: str
-    formula: Formula
+    formula: _Formula
     # The address (or, for a list, the addresses) behind each name of the formula.
     binding: Mapping[str, str | tuple[str, ...]]
     # Where the paper says so: an equation, a definition, geometry.
     source: str
-    kind: RelationKind
+    kind: _RelationKind
     unknown: Unknown | None
     tolerance: Tolerance | None
     # The number that the library computes by a function of its own, a cell or one reading of it.
@@ -284,7 +284,7 @@ def _relation(
         raise ValueError(f"{own['name']!r}: bound or named only once: {strays}")
     if restates and restates.partition(" (")[0] != bound.get(formula.result):
         raise ValueError(f"{own['name']!r}: the formula is not solved for {restates!r}")
-    if own["kind"] not in get_args(RelationKind) or own.get("reading", "") not in get_args(Finder):
+    if own["kind"] not in get_args(_RelationKind) or own.get("reading", "") not in get_args(Finder):
         raise ValueError(f"{own['name']!r}: unknown kind or reading")
     return Relation(
         **own

@@ -150,7 +150,7 @@ def _parts(cells: Sheet, every: Sequence[Relation], group: Sequence[Relation]) -
     ]
 
 
-Conclusion = Literal["stands", "moves", "open"]
+_Conclusion = Literal["stands", "moves", "open"]
 
 
 class Erratum(BaseModel):
@@ -172,7 +172,7 @@ class Erratum(BaseModel):
     printed: str
     problem: str
     library: str
-    conclusion: Conclusion
+    conclusion: _Conclusion
     because: str
     status: Literal["open", "one reading of several", "reported", "confirmed"]
     reading: Finder

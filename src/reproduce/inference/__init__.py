@@ -1,4 +1,4 @@
-"""Posteriors: models with priors, parts, diagnostics, checks.
+"""Posteriors: models with priors, what draws say, diagnostics, checks.
 
 `sampling` stands apart: it loads emcee.
 """

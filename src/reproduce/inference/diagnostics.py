@@ -16,11 +16,11 @@ from scipy.special import betaincinv, ndtri
 from reproduce.physics.validate import FloatArray
 
 # Sokal's window: the sum stops at this many times the autocorrelation time found so far.
-WINDOW = 5.0
-TAILS = (0.05, 0.95)
+_WINDOW = 5.0
+_TAILS = (0.05, 0.95)
 
 
-def autocorrelation(series: FloatArray) -> FloatArray:
+def _autocorrelation(series: FloatArray) -> FloatArray:
     """Normalised autocorrelation along the first axis, averaged over all others, (steps,).
 
     Averaged before it is normalised, so a series that never moves counts.
@@ -33,18 +33,18 @@ def autocorrelation(series: FloatArray) -> FloatArray:
     return function / function[0] if function[0] > 0 else np.ones(steps)
 
 
-def integrated_time(function: FloatArray) -> float:
+def _integrated_time(function: FloatArray) -> float:
     """Integrated time of an autocorrelation function, in steps, by Sokal's window.
 
     Never below one half (draws that alternate about their mean).
 
     Examples
     --------
-    >>> integrated_time(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    >>> _integrated_time(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     1.0
     """
     times = 2.0 * np.cumsum(function) - 1.0
-    outside = np.arange(len(times)) >= WINDOW * times
+    outside = np.arange(len(times)) >= _WINDOW * times
     window = int(np.argmax(outside)) if outside.any() else len(times) - 1
     return max(float(times[window]), 0.5)
 
@@ -62,14 +62,14 @@ def autocorrelation_time(chains: FloatArray) -> float:
     >>> 0.8 < autocorrelation_time(chains) < 1.4
     True
     """
-    walkers = integrated_time(autocorrelation(np.moveaxis(chains, 0, 1)))
+    walkers = _integrated_time(_autocorrelation(np.moveaxis(chains, 0, 1)))
     variance = chains.var()
     if variance == 0:
         return float(chains.shape[1])
     means = chains.mean(axis=2).T
     # About the common mean: ensembles that disagree count as slow.
     inflation = chains.shape[2] * means.var() / variance
-    together = integrated_time(autocorrelation(means)) * inflation
+    together = _integrated_time(_autocorrelation(means)) * inflation
     return max(walkers, float(together))
 
 
@@ -93,11 +93,11 @@ def _rank_normalised(values: FloatArray) -> FloatArray:
 
 def _tail_size(chains: FloatArray) -> float:
     """Smaller effective sample size of the two tail indicators, at 5 % and 95 %."""
-    low, high = np.quantile(chains, TAILS)
+    low, high = np.quantile(chains, _TAILS)
     return min(effective_size((chains <= end).astype(float)) for end in (low, high))
 
 
-def split_rhat(draws: FloatArray) -> float:
+def _split_rhat(draws: FloatArray) -> float:
     """Rank-normalised split R-hat, the larger of its bulk and its folded form.
 
     Of draws (chains, n), one row per independent ensemble, in time order; one where all halves
@@ -106,7 +106,7 @@ def split_rhat(draws: FloatArray) -> float:
     Examples
     --------
     >>> draws = np.random.default_rng(1).normal(size=(4, 1000))
-    >>> split_rhat(draws) < 1.01 < split_rhat(draws + np.arange(4)[:, None])
+    >>> split_rhat(draws) < 1.01 < _split_rhat(draws + np.arange(4)[:, None])
     True
     """
     half = draws.shape[1] // 2
@@ -227,7 +227,7 @@ def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
     time = autocorrelation_time(draws)
     return Diagnosis(
         name,
-        split_rhat(thinned(draws, time)),
+        _split_rhat(thinned(draws, time)),
         time,
         draws.shape[1] / time,
         effective_size(_rank_normalised(draws)),

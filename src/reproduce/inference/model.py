@@ -26,8 +26,8 @@ Kind = TypeVar("Kind")
 Progress = Callable[[int, int], None]
 
 # A start is this many times wider than the posterior is expected to be.
-OVERDISPERSION = 3.0
-TRIES = 1000
+_OVERDISPERSION = 3.0
+_TRIES = 1000
 
 
 class Prior(ABC):
@@ -310,11 +310,11 @@ class Model:
         Where hardly any point has a finite posterior, a `StartError` says so.
         """
         rough, spread = self.likelihood.start()
-        centre = rough + OVERDISPERSION * spread * generator.normal(size=self.dimension)
+        centre = rough + _OVERDISPERSION * spread * generator.normal(size=self.dimension)
         points = np.empty((0, self.dimension))
-        for attempt in range(TRIES):
+        for attempt in range(_TRIES):
             # A displaced centre may lie outside the support: let the scatter grow back to it.
-            wider = OVERDISPERSION * (1 + attempt / 20)
+            wider = _OVERDISPERSION * (1 + attempt / 20)
             tried = centre + wider * spread * generator.normal(size=(walkers, self.dimension))
             points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
             if len(points) >= walkers:

@@ -27,7 +27,7 @@ from reproduce.inference.diagnostics import (
 from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior, Uniform
 from reproduce.physics.validate import FloatArray
 
-ENDS = (0.025, 0.975)
+_ENDS = (0.025, 0.975)
 # Simulated data sets of a predictive check; a misfit is told that is so improbable, shared among
 # all numbers, by chance.
 REPORTED, MISSED = 1000, 0.01
@@ -35,7 +35,7 @@ REPORTED, MISSED = 1000, 0.01
 # draws within so many standard deviations of the end; one that the end does not reach has none.
 BESIDE, LEANING = 0.1, 0.005
 # Further out than so many standard deviations a Gaussian prior contradicts the data.
-CONTRADICTED = 3.0
+_CONTRADICTED = 3.0
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def _diagnosis(row: Summary, steps: int) -> Diagnosis:
 
 def _summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
     """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
-    low, median, high = np.quantile(values, (ENDS[0], 0.5, ENDS[1]))
+    low, median, high = np.quantile(values, (_ENDS[0], 0.5, _ENDS[1]))
     return Summary(
         name,
         unit,
@@ -189,7 +189,7 @@ def _summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> S
         float(median),
         float(high),
         known.mcse,
-        max(diagnostics.mcse_quantile(values, end) for end in ENDS),
+        max(diagnostics.mcse_quantile(values, end) for end in _ENDS),
         known.rhat,
         known.bulk,
         known.tail,
@@ -223,7 +223,7 @@ def posterior_checks(posterior: Sampled, replicates: int = REPORTED) -> list[Pre
     rows = []
     for name, observed in model.likelihood.checks().items():
         values = np.array([one[name] for one in found])
-        low, high = np.quantile(values, ENDS).tolist()
+        low, high = np.quantile(values, _ENDS).tolist()
         rows.append(PredictiveCheck(name, observed, low, high, two_sided(values, observed)))
     return rows
 
@@ -306,7 +306,7 @@ def leanings(posterior: Sampled) -> list[Leaning]:
 def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]]:
     if isinstance(prior, Normal):
         out = float(abs(draws.mean() - prior.mean) / prior.sigma)
-        return [(None, out)] if out > CONTRADICTED else []
+        return [(None, out)] if out > _CONTRADICTED else []
     if not isinstance(prior, Uniform | LogUniform):
         return []
     # In the scale in which the prior is flat.

@@ -4,7 +4,7 @@ Every ensemble has its own stream of random numbers, spawned from one seed: the 
 on the order of the ensembles, or on how many processes carry them.
 
 The moves accept or reject a whole half-ensemble at once: emcee decides walker by walker in Python,
-which for likelihoods that cost next to nothing is most of the time. `Complement` adds a proposal
+which for likelihoods that cost next to nothing is most of the time. `_Complement` adds a proposal
 for the nearly Gaussian posteriors of this book; those that are far from it are moved in coordinates
 of their own (`inference.model`).
 """
@@ -32,7 +32,7 @@ from reproduce.physics.validate import FloatArray, whole_number
 # The near one fits a nearly Gaussian posterior; the far one, with its share, is heavier and wider
 # than any posterior that is met here, so that no walker is left behind in a tail.
 NEAR, FAR = (30.0, 1.05), (4.0, 1.5)
-FAR_SHARE = 0.2
+_FAR_SHARE = 0.2
 
 
 # emcee has no types: what stands on its classes is of an unknown kind to mypy.
@@ -79,15 +79,15 @@ class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
         return density
 
 
-class Stretch(_AtOnce, moves.StretchMove):  # type: ignore[misc]
+class _Stretch(_AtOnce, moves.StretchMove):  # type: ignore[misc]
     """The affine-invariant stretch of Goodman and Weare, decided at once."""
 
 
-class DifferentialEvolution(_AtOnce, moves.DEMove):  # type: ignore[misc]
+class _DifferentialEvolution(_AtOnce, moves.DEMove):  # type: ignore[misc]
     """A step along the difference of two other walkers, decided at once."""
 
 
-class Complement(_AtOnce):
+class _Complement(_AtOnce):
     """An independent draw from two Student-t with mean and covariance of the other half.
 
     The proposal depends on the other half alone, so the step leaves the posterior unchanged for
@@ -107,7 +107,7 @@ class Complement(_AtOnce):
         scaled = (others - mean) / scale
         correlation = scaled.T @ scaled / len(others) + 1e-10 * np.eye(dimension)
         root = np.linalg.cholesky(correlation)
-        far = (random.rand(count) < FAR_SHARE).astype(int)
+        far = (random.rand(count) < _FAR_SHARE).astype(int)
         degrees, width = np.array([NEAR, FAR])[far].T
         reach = width / np.sqrt(random.chisquare(degrees) / degrees)
         steps = reach[:, None] * random.standard_normal(sample.shape)
@@ -125,7 +125,7 @@ def _log_proposal(squared: FloatArray, dimension: int) -> FloatArray:
         - 0.5 * (degrees + dimension) * np.log1p(squared / (degrees * width**2))
         for degrees, width in (NEAR, FAR)
     )  # fmt: skip
-    return np.asarray(np.logaddexp(np.log1p(-FAR_SHARE) + near, np.log(FAR_SHARE) + far))
+    return np.asarray(np.logaddexp(np.log1p(-_FAR_SHARE) + near, np.log(_FAR_SHARE) + far))
 
 
 # Shares of the moves. In the warm-up the stretch and the differential evolution carry a far-off
@@ -144,13 +144,13 @@ def mixture(
     >>> [share for _, share in mixture()]
     [0.05, 0.1, 0.85]
     """
-    kinds = (Stretch, DifferentialEvolution, Complement)
+    kinds = (_Stretch, _DifferentialEvolution, _Complement)
     made = [kind(coordinates or Coordinates()) for kind in kinds]
     return list(zip(made, shares, strict=True))
 
 
 # Steps beyond which a chain that asks for more is refused.
-MOST = 20_000
+_MOST = 20_000
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def sample(
     """Sample the posterior of a model, and refuse chains that miss the gates.
 
     Chains that are too short may be run again, `longer`: with as many steps as they are found to
-    need, up to `MOST`. Without an executor the ensembles run here, one after the other.
+    need, up to `_MOST`. Without an executor the ensembles run here, one after the other.
     """
     jobs = [Job(model, plan, ensemble) for ensemble in range(plan.ensembles)]
     results = []
@@ -224,7 +224,7 @@ def sample(
         if longer:
             found.consequences()
     except UnconvergedError as error:
-        if not longer or error.steps is None or error.steps > MOST:
+        if not longer or error.steps is None or error.steps > _MOST:
             raise
         enough = replace(plan, steps=error.steps, warmup=max(plan.warmup, error.steps // 4))
         return sample(model, enough, longer=True, executor=executor, progress=progress)

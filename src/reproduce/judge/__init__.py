@@ -1,1 +1,1 @@
-"""Computed against printed: verdicts and the ledger."""
+"""Computed against printed: verdicts, the ledger, and both again under a change."""

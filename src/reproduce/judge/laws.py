@@ -18,13 +18,13 @@ from scipy.special import fdtrc, stdtr  # scipy.stats takes longer to import tha
 
 Array = NDArray[np.float64]
 # Logarithms stop here: beyond, the numbers underflow, and mean nothing anyway.
-FLOOR = -300.0
-DEPENDENT = 1e-9
-POINT = 1e-9  # standard deviations: the width of an interval that has none, such as a count's
+_FLOOR = -300.0
+_DEPENDENT = 1e-9
+_POINT = 1e-9  # standard deviations: the width of an interval that has none, such as a count's
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class _Law:
     """A Gaussian law of several numbers after `curved`, estimated from draws."""
 
     mean: Array
@@ -42,7 +42,7 @@ class Law:
         return np.asarray((self.curved(values) - self.mean[:, None]) / self.sd[:, None])
 
 
-def fitted(columns: list[Array], squares: NDArray[np.bool_]) -> Law:
+def fitted(columns: list[Array], squares: NDArray[np.bool_]) -> _Law:
     """Estimate the law of a table from its draws."""
     values = np.stack(columns)
     # To first order, x^p has the skewness of x and 3 (p - 1) sd / mean besides.
@@ -52,7 +52,7 @@ def fitted(columns: list[Array], squares: NDArray[np.bool_]) -> Law:
     power = np.where(squares, 1 - flat, np.ones(len(columns)))
     raised = _raised(values, power[:, None])
     mean, sd = raised.mean(axis=1), raised.std(axis=1, ddof=1)
-    return Law(mean, sd, np.atleast_2d(np.corrcoef(raised)), values.shape[1], power)
+    return _Law(mean, sd, np.atleast_2d(np.corrcoef(raised)), values.shape[1], power)
 
 
 def _raised(values: Array, power: Array) -> Array:
@@ -63,7 +63,7 @@ def _raised(values: Array, power: Array) -> Array:
     return np.asarray(np.where(plain, values - 1, np.expm1(safe * logarithm) / safe))
 
 
-def log_tails(law: Law, intervals: Array) -> Array:
+def log_tails(law: _Law, intervals: Array) -> Array:
     """Return how far out every printed number lies, each by itself.
 
     Shape (cells,). Decimal logarithm of the two-sided mid-p over the interval, as
@@ -81,7 +81,7 @@ def log_tails(law: Law, intervals: Array) -> Array:
         below = np.logaddexp(*np.log(stdtr(law.draws - 1, edges))) - np.log(2)
         above = np.logaddexp(*np.log(stdtr(law.draws - 1, -edges))) - np.log(2)
     smaller = (np.minimum(below, above) + np.log(2)) / np.log(10)
-    return np.asarray(np.clip(smaller, FLOOR, 0.0))
+    return np.asarray(np.clip(smaller, _FLOOR, 0.0))
 
 
 def joint_probability(columns: list[Array], intervals: Array) -> tuple[float, float]:
@@ -100,7 +100,7 @@ def joint_probability(columns: list[Array], intervals: Array) -> tuple[float, fl
 
 
 def joint(
-    law: Law, columns: list[Array], intervals: Array, wanted: NDArray[np.bool_]
+    law: _Law, columns: list[Array], intervals: Array, wanted: NDArray[np.bool_]
 ) -> tuple[float, float, float]:
     """Return how far out several printed numbers lie together.
 
@@ -121,9 +121,9 @@ def joint(
     # Cells that noise moves alike are nearly dependent; lifting the smallest eigenvalues, again,
     # can make a probability too large only.
     values, vectors = np.linalg.eigh(law.correlation[np.ix_(wanted, wanted)])
-    whitening = (vectors / np.sqrt(np.maximum(values, DEPENDENT))).T
+    whitening = (vectors / np.sqrt(np.maximum(values, _DEPENDENT))).T
     edges = law.standardised(intervals)[wanted]
-    low, high = edges[:, 0], np.maximum(edges[:, 1], edges[:, 0] + POINT)
+    low, high = edges[:, 0], np.maximum(edges[:, 1], edges[:, 0] + _POINT)
     nearest = lsq_linear(whitening, np.zeros(len(edges)), (low, high), method="bvls")
     squared = 2 * nearest.cost
     drawn = whitening @ law.standardised(np.stack(columns))[wanted]
@@ -132,4 +132,4 @@ def joint(
     hotelling = squared * (n - p) / (p * (n - 1) * (1 + 1 / n))
     with np.errstate(divide="ignore"):
         log_law = np.log10(fdtrc(p, n - p, hotelling))
-    return counted, float(np.clip(log_law, FLOOR, 0.0)), float(np.sqrt(squared))
+    return counted, float(np.clip(log_law, _FLOOR, 0.0)), float(np.sqrt(squared))

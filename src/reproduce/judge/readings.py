@@ -22,17 +22,17 @@ from reproduce.printed.given import given
 
 Array = NDArray[np.float64]
 RESIDUAL = np.array(["rmse" in address for address in readings.ADDRESSES])
-SCALE = np.array(["#scale" in address for address in readings.ADDRESSES])
+_SCALE = np.array(["#scale" in address for address in readings.ADDRESSES])
 # Groups of cells that get a joint probability, and which cells are in each.
 GROUPS = {
     "Table 3": ~RESIDUAL,
     "residuals": RESIDUAL,
-    "all but the scales": ~SCALE,
+    "all but the scales": ~_SCALE,
     "all": np.ones(len(readings.ADDRESSES), dtype=bool),
 }
 # Smaller probabilities are not told apart: the law is an extrapolation so far out.
-LEAST = 1e-12
-LEAST_CORRECTED = 1e3 * LEAST  # a correction multiplies by nearly a thousand readings
+_LEAST = 1e-12
+_LEAST_CORRECTED = 1e3 * _LEAST  # a correction multiplies by nearly a thousand readings
 
 
 def cells() -> list[Cell]:
@@ -40,23 +40,23 @@ def cells() -> list[Cell]:
     return [find(address)[0] for address in readings.ADDRESSES]
 
 
-def corrected(joint: Array, readings: int) -> Array:
+def _corrected(joint: Array, readings: int) -> Array:
     """Return joint probabilities corrected for having tried so many readings.
 
     Examples
     --------
-    >>> corrected(np.array([0.001, 0.5]), 20)
+    >>> _corrected(np.array([0.001, 0.5]), 20)
     array([0.02, 1.  ])
     """
     return np.minimum(1.0, joint * readings)
 
 
-def resolved(counted: Array, law: Array, replicates: int = readings.REPLICATES) -> Array:
+def _resolved(counted: Array, law: Array, replicates: int = readings.REPLICATES) -> Array:
     """Return probabilities by count where the draws can tell, else by their law.
 
     Examples
     --------
-    >>> resolved(np.array([0.3, 0.0]), np.array([-0.5, -9.0]), 10_000)
+    >>> _resolved(np.array([0.3, 0.0]), np.array([-0.5, -9.0]), 10_000)
     array([3.e-01, 1.e-09])
     """
     return np.asarray(np.where(counted * replicates >= LEAST_DRAWS, counted, 10.0**law))
@@ -65,7 +65,7 @@ def resolved(counted: Array, law: Array, replicates: int = readings.REPLICATES) 
 def _stored() -> tuple[Array, Array, Array]:
     """Return tails (readings, 4, 12), joint probabilities and distances (readings, 4, 4)."""
     arrays = readings.stored().arrays
-    tails, joint = (resolved(arrays[name], arrays[f"law_{name}"]) for name in ("tails", "joint"))
+    tails, joint = (_resolved(arrays[name], arrays[f"law_{name}"]) for name in ("tails", "joint"))
     return tails, joint, arrays["distance"]
 
 
@@ -95,10 +95,10 @@ def _facts() -> dict[str, Fact]:
         return Fact(int(number), ",")
 
     def largest(values: Array) -> Fact:
-        return Fact(float(values.max()), "chance", zero=LEAST)
+        return Fact(float(values.max()), "chance", zero=_LEAST)
 
     def largest_corrected(values: Array) -> Fact:
-        return Fact(float(corrected(values, counts.size).max()), "chance", zero=LEAST_CORRECTED)
+        return Fact(float(_corrected(values, counts.size).max()), "chance", zero=_LEAST_CORRECTED)
 
     def common(values: Iterable[str]) -> Fact:
         return Fact(" or ".join(sorted(set(values))))
@@ -123,14 +123,14 @@ def _facts() -> dict[str, Fact]:
         "best-but-scales": largest(but_scales),
         "best-but-scales-corrected": largest_corrected(but_scales),
         "best-green": largest(but_scales[green]),
-        "best-scale": largest(tails[..., SCALE]),
+        "best-scale": largest(tails[..., _SCALE]),
         "least-counted": count(LEAST_DRAWS),
     }
 
 
 _AXES = Column("RMSE of")
 _OUTSIDE = Column("Cells outside", "d")
-_CORRECTED = Column("p, all, corrected", "chance", LEAST_CORRECTED)
+_CORRECTED = Column("p, all, corrected", "chance", _LEAST_CORRECTED)
 
 
 @studied(
@@ -140,12 +140,12 @@ _CORRECTED = Column("p, all, corrected", "chance", LEAST_CORRECTED)
         _AXES,
         *(
             Column(
-                f"{name}, {channel}", "chance", LEAST, draws=readings.REPLICATES, bold=1 - CENTRAL
+                f"{name}, {channel}", "chance", _LEAST, draws=readings.REPLICATES, bold=1 - CENTRAL
             )
             for channel in simulation.REGISTERED
             for name in ("k", "θ", "Δx", "Δy", "before", "after")
         ),
-        *(Column(f"p, {name}", "chance", LEAST, draws=readings.REPLICATES) for name in GROUPS),
+        *(Column(f"p, {name}", "chance", _LEAST, draws=readings.REPLICATES) for name in GROUPS),
         _CORRECTED,
         _OUTSIDE,
     ),
@@ -158,7 +158,7 @@ def probabilities() -> Iterator[tuple[object, ...]]:
     (tails, joint, _), counts = _stored(), _outside()
     for row, labels in enumerate(readings.choices()):
         for column, axes in enumerate(readings.COUNTED):
-            whole = corrected(joint[row, column, -1:], counts.size)
+            whole = _corrected(joint[row, column, -1:], counts.size)
             yield (
                 *(*labels, axes),
                 *(*tails[row, column], *joint[row, column], *whole, counts[row, column]),
@@ -176,7 +176,7 @@ def probabilities() -> Iterator[tuple[object, ...]]:
             column
             for name in GROUPS
             for column in (
-                Column(f"p, {name}", "chance", LEAST, draws=readings.REPLICATES),
+                Column(f"p, {name}", "chance", _LEAST, draws=readings.REPLICATES),
                 Column(f"Distance, {name} (σ)", ".0f"),
             )
         ),
@@ -197,6 +197,6 @@ def closest() -> Iterator[tuple[object, ...]]:
         picked[f"best for: {group}"] = divmod(int(law[..., place].argmax()), law.shape[1])
     for name, (row, column) in picked.items():
         pairs = np.stack([joint[row, column], distance[row, column]], axis=-1).ravel()
-        whole = corrected(joint[row, column, -1:], counts.size)
+        whole = _corrected(joint[row, column, -1:], counts.size)
         axes = readings.COUNTED[column]
         yield name, *labels[row], axes, counts[row, column], *pairs, *whole

@@ -32,7 +32,7 @@ from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
 from reproduce.printed.number import ALIKE, UNITS, Interval, si_factor, symbol
 
-Replaced = dict[str, float]
+_Replaced = dict[str, float]
 Made = TypeVar("Made")
 _VALUE = re.compile(
     r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"
@@ -43,7 +43,7 @@ _NOTHING: Mapping[str, str] = MappingProxyType({})
 # More than so many times a printed count, or so many replicates, would only fill the memory.
 LARGEST, MOST_REPLICATES = 20, 100_000
 # Cells that a message names of those that could be meant.
-SUGGESTED = 5
+_SUGGESTED = 5
 
 
 class CannotChangeError(ValueError):
@@ -280,7 +280,7 @@ def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) 
     if not (strays := [address for address in changes if address not in allowed]):
         return
     near = list(dict.fromkeys(chain.from_iterable(_near(stray, allowed) for stray in strays)))
-    named = near[:SUGGESTED] or allowed[:SUGGESTED]
+    named = near[:_SUGGESTED] or allowed[:_SUGGESTED]
     listed = ", ".join(named) or "nothing"
     told = f"did you mean {listed}?" if near else f"it reads {listed}"
     if len(named) < len(allowed):
@@ -291,7 +291,7 @@ def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) 
 def _near(stray: str, allowed: Sequence[str]) -> list[str]:
     """Return the cells whose name is much like that of a stray."""
     names = [address.partition("#")[2] for address in allowed]
-    alike = difflib.get_close_matches(stray.rpartition("#")[2], names, n=SUGGESTED, cutoff=0.7)
+    alike = difflib.get_close_matches(stray.rpartition("#")[2], names, n=_SUGGESTED, cutoff=0.7)
     return [address for address, name in zip(allowed, names, strict=True) if name in alike]
 
 
@@ -301,7 +301,7 @@ def under(
     changes: Mapping[str, str | float],
     seed: int | None,
     compute: Callable[[Given], Made],
-) -> tuple[Made, Replaced]:
+) -> tuple[Made, _Replaced]:
     """Return what a function computes through its door under a change, and what was replaced."""
     run = _Run(checked_values(key, changes), seed)
     with _told_why(key, by_name(changes, seed)):
@@ -407,7 +407,7 @@ class _Run:
     ) -> None:
         self.values, self.seed, self.replicates = dict(values), seed, replicates
         self.chosen = chosen
-        self.replaced: Replaced = {}
+        self.replaced: _Replaced = {}
         self._results: dict[str, Mapping[str, Result]] = {}
 
     def results(self, computation: Computation) -> Mapping[str, Result]:
@@ -466,7 +466,9 @@ def _central(cell: Cell, result: Result) -> Interval | None:
 
 
 # The modules of the tables that see printed answers, which no module of a paper may.
-JUDGED = dict.fromkeys(("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings")
+_JUDGED = dict.fromkeys(
+    ("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings"
+)
 
 
 @cache
@@ -478,4 +480,4 @@ def studies() -> registry.Declared[Study]:
     >>> "niu2024/readings" in studies()
     True
     """
-    return registry.Declared({**registry.studies().modules, **JUDGED}, registry.own)
+    return registry.Declared({**registry.studies().modules, **_JUDGED}, registry.own)

@@ -79,7 +79,7 @@ class Way:
 
 
 @checked.dataclass(frozen=True, config=_EXACT)
-class Pictured:
+class _Pictured:
     """What a figure shows, for a reader who does not see it, and its caption."""
 
     alternative: str
@@ -106,7 +106,7 @@ class Words:
     options: dict[str, dict[str, str]] = field(default_factory=dict)
     readings: dict[str, tuple[Way, ...]] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
-    figure: Pictured = Pictured("", "")
+    figure: _Pictured = _Pictured("", "")
 
 
 _FILE = TypeAdapter(dict[str, Words])
@@ -212,7 +212,7 @@ def blocked(text: Words, name: str, results: Iterable[float | Prediction]) -> Bl
 
 Result = float | Prediction | Blocked
 Results = Mapping[str, Result]
-Options = Mapping[str, Mapping[str, str]]
+_Options = Mapping[str, Mapping[str, str]]
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ class Computation:
     given: tuple[str, ...]
     equations: tuple[str, ...]
     replicates: int
-    options: Options = field(default_factory=dict, hash=False)
+    options: _Options = field(default_factory=dict, hash=False)
     chosen: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @property
@@ -365,7 +365,7 @@ def reproduces(
     cells: Sequence[str] = ("*",),
     equations: Sequence[str] = (),
     replicates: int = 0,
-    options: Options | None = None,
+    options: _Options | None = None,
 ) -> Callable[[Callable[..., Results]], Computation]:
     """Declare that a function makes printed cells of `key`.
 

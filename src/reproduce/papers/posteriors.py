@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
-STEPS = 270
+_STEPS = 270
 # Columns of which a fit makes use, but no posterior.
-UNUSED = ("sigma", "sigma_x", "sigma_y", "weight")
+_UNUSED = ("sigma", "sigma_x", "sigma_y", "weight")
 
 
 @cache
@@ -73,7 +73,7 @@ class File:
 
 
 @dataclass(frozen=True, eq=False)
-class Supplied:
+class _Supplied:
     """A user's file as a model, and what to say of it.
 
     - `model`: with priors on the scale of the data.
@@ -130,7 +130,7 @@ class Declaration:
     file: File | str
     truth: Callable[[Given], dict[str, float]] | None = None
     asides: Callable[[Given, Model], dict[str, Aside]] | None = None
-    steps: int = STEPS
+    steps: int = _STEPS
     walkers: int = 0
 
     @property
@@ -176,7 +176,7 @@ class Declaration:
 
     def from_file(
         self, path: str | Path | pd.DataFrame, pivot: Pivot = None, design: Platform | None = None
-    ) -> Supplied:
+    ) -> _Supplied:
         """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
 
         The priors of what is measured come from the scale of the data. What the data do not
@@ -190,16 +190,16 @@ class Declaration:
         if design is not None and not file.platform:
             raise TableFileError(f"{self.key} takes no platform: only misalignments have one")
         with computing("the DataFrame" if hasattr(path, "iloc") else path):
-            table = read_table(path, file.columns, (*UNUSED, *file.optional))
+            table = read_table(path, file.columns, (*_UNUSED, *file.optional))
             try:
                 model, remarks = file.read(table, pivot, design)
             except TableFileError:
                 raise
             except ValueError as error:
                 raise TableFileError(f"{table.path}: {error}") from error
-        unused = (f"this model takes no column {one}" for one in table.optional if one in UNUSED)
+        unused = (f"this model takes no column {one}" for one in table.optional if one in _UNUSED)
         said = (*remarks, *table.notes, *unused)
-        return Supplied(model, table.lines, table.path, table.sha256, said)
+        return _Supplied(model, table.lines, table.path, table.sha256, said)
 
 
 def data_stream(given: Given, *key: int) -> SeedSequence:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 Point = tuple[float, float]
-Draw = Callable[..., None]
+_Draw = Callable[..., None]
 INK = "#000000"
 # Points: on a wide page, and the least that a narrow one may have.
 SIZE, LEAST = 9.0, 8.0
@@ -43,7 +43,7 @@ class Look:
     marker: str = "o"
 
 
-INKED = Look("", INK, "-")
+_INKED = Look("", INK, "-")
 
 
 def thin(figure: Figure) -> bool:
@@ -83,10 +83,10 @@ def canvas(
 
 def diagram(
     width: float, height: float, inches: float = 6.4, narrow: Point | None = None
-) -> Callable[[Callable[..., None]], Draw]:
+) -> Callable[[Callable[..., None]], _Draw]:
     """Turn a painter on a canvas into a drawing of an item without printed values."""
 
-    def declare(paint: Callable[..., None]) -> Draw:
+    def declare(paint: Callable[..., None]) -> _Draw:
         @functools.wraps(paint)
         def draw(figure: Figure, printed: Mapping[str, float], *door: Given) -> None:
             paint(canvas(figure, width, height, inches, narrow), *door)
@@ -127,7 +127,7 @@ def arrow(
     axes: Axes,
     start: ArrayLike,
     end: ArrayLike,
-    look: Look = INKED,
+    look: Look = _INKED,
     *,
     style: str = "-|>",
     width: float = 1.3,
@@ -141,7 +141,7 @@ def arrow(
     axes.add_patch(patch)
 
 
-def path(axes: Axes, points: Sequence[ArrayLike], look: Look = INKED) -> None:
+def path(axes: Axes, points: Sequence[ArrayLike], look: Look = _INKED) -> None:
     """Draw an arrow over several straight pieces, each with a head."""
     for start, end in pairwise(points):
         arrow(axes, start, end, look)
@@ -171,7 +171,7 @@ def box(
 
 
 def _joined(
-    axes: Axes, one: tuple[Point, Point], other: tuple[Point, Point], look: Look = INKED
+    axes: Axes, one: tuple[Point, Point], other: tuple[Point, Point], look: Look = _INKED
 ) -> None:
     """Draw an arrow from one box to another, each a centre and a size, from edge to edge."""
     (start, width), (end, across) = np.array(one), np.array(other)
@@ -194,7 +194,7 @@ def blocks(
         style, width = ("-", 1.3) if text else (":", 0.8)
         box(axes, *places[name], text, looks.get(name), style=style, width=width)
     for start, end in map(str.split, steps):
-        _joined(axes, places[start], places[end], looks.get(start) or looks.get(end) or INKED)
+        _joined(axes, places[start], places[end], looks.get(start) or looks.get(end) or _INKED)
 
 
 def arc(
@@ -245,7 +245,7 @@ def again(axes: Axes, which: Literal["x", "y"], label: str, factor: float) -> No
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class _View:
     """A parallel projection onto the paper.
 
     Attributes
@@ -270,7 +270,7 @@ class View:
 
 def seen_from(
     azimuth: float, elevation: float, centre: Point = (0.0, 0.0), scale: float = 1.0
-) -> View:
+) -> _View:
     """Return the view of somebody who stands far out in a direction, Z upwards.
 
     Examples
@@ -286,17 +286,17 @@ def seen_from(
         [np.cos(above) * np.cos(around), np.cos(above) * np.sin(around), np.sin(above)]
     )
     right = np.array([-np.sin(around), np.cos(around), 0.0])
-    return View(np.stack([right, np.cross(viewer, right)]), centre, scale)
+    return _View(np.stack([right, np.cross(viewer, right)]), centre, scale)
 
 
 def triad(
     axes: Axes,
-    view: View,
+    view: _View,
     origin: ArrayLike,
     directions: FloatArray,
     names: Sequence[str],
     *,
-    look: Look = INKED,
+    look: Look = _INKED,
     width: float = 1.3,
 ) -> None:
     """Draw axes of a frame with their names."""
@@ -313,7 +313,7 @@ def triad(
 
 
 def sense(
-    axes: Axes, view: View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
+    axes: Axes, view: _View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
 ) -> None:
     """Draw the sense of a right-handed turn: the way of a vector while it turns about an axis."""
     steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)

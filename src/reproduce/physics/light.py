@@ -42,7 +42,7 @@ _Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
 CORNER = np.array([[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]])
 ROOF = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
-STILL = (0.0, 0.0, 0.0)
+_STILL = (0.0, 0.0, 0.0)
 # Planes nearer than this are those just left.
 _NOWHERE = 1e-12
 # Where the retro-reflector stands, and where the axis of the returned light meets the dichroic
@@ -176,7 +176,7 @@ class Mirrors:
 
     point: FloatArray
     normals: FloatArray
-    turn: ArrayLike = STILL
+    turn: ArrayLike = _STILL
 
     def send(self, places: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return places and directions, (..., 3), of rays as they leave the last mirror.
@@ -217,7 +217,7 @@ class Cone:
     """
 
     point: FloatArray
-    turn: ArrayLike = STILL
+    turn: ArrayLike = _STILL
 
     def send(self, places: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return places and directions of rays as they leave the cone; as `Mirrors.send`."""
@@ -289,7 +289,7 @@ class LightPath:
     tracker_focal_length: float
     boresight_angle: float
     retroreflector: Mirrors | Cone
-    camera_turn: ArrayLike = STILL
+    camera_turn: ArrayLike = _STILL
 
     @property
     def fold(self) -> Mirrors:

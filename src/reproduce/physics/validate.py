@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
-Shape = tuple[int | str | None, ...]
+_Shape = tuple[int | str | None, ...]
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -46,7 +46,7 @@ class MirroredPointsError(DegenerateGeometryError):
     """The target points are a mirror image of the source points."""
 
 
-def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as a float array after checking its trailing shape and its finiteness.
 
     Parameters
@@ -83,7 +83,7 @@ def finite_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArra
     return array
 
 
-def number_array(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return what `finite_array` does, but let NaN and infinity pass."""
     if type(value) is not np.ndarray:
         _refuse_metadata(name, value)
@@ -139,14 +139,14 @@ def _refuse_metadata(name: str, value: object) -> None:
         )
 
 
-def positive(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+def positive(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return what `finite_array` does, and refuse zero and negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
     _refuse_low(name, array, array <= 0, "values above zero", "its sign and its unit")
     return array
 
 
-def non_negative(name: str, value: ArrayLike, *, shape: Shape = ()) -> FloatArray:
+def non_negative(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return what `finite_array` does, and refuse negative values with a ValueError."""
     array = finite_array(name, value, shape=shape)
     _refuse_low(name, array, array < 0, "zero or more", "its sign")
@@ -160,7 +160,7 @@ def _refuse_low(name: str, array: FloatArray, low: Any, wanted: str, doubt: str)
         )
 
 
-def rotations(name: str, matrices: ArrayLike, *, shape: Shape = (3, 3)) -> FloatArray:
+def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> FloatArray:
     """Return matrices (..., 3, 3) as floats after checking that they are rotations.
 
     One that is not orthogonal to 1e-6, or a reflection, raises a ValueError. `shape` may ask for
@@ -245,7 +245,7 @@ _CHECKS: dict[str, Callable[[str, ArrayLike], FloatArray]] = {
 
 
 def _refuse_other_size(
-    name: str, shape: Shape, array: FloatArray, sizes: dict[str, tuple[str, int]]
+    name: str, shape: _Shape, array: FloatArray, sizes: dict[str, tuple[str, int]]
 ) -> None:
     for dimension, size in zip(shape, array.shape[array.ndim - len(shape) :], strict=True):
         if isinstance(dimension, str):

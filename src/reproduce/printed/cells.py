@@ -26,7 +26,7 @@ from reproduce.printed.number import PrintedNumber, si_factor, symbol
 PAPERS = tuple(papers())
 # What a number is in the paper (not what we do with it: that is up to each use).
 Role = Literal["setting", "specification", "measurement", "simulation", "derived", "citation"]
-Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]
+_Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]
 # A no-break space keeps sign and digits on one line.
 _SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}
 
@@ -48,7 +48,7 @@ class _Traits(BaseModel):
     unit: Annotated[str, AfterValidator(_known)] | None = None
     unit_assumed: str | None = None
     role: Role | None = None
-    qualifier: Qualifier | None = None
+    qualifier: _Qualifier | None = None
     sigma: Literal[1, 3] | None = None
     section: str | None = None
     page: str | None = None
@@ -78,18 +78,18 @@ class _Entry(_Traits):
         return self
 
 
-class Line(_Traits):
+class _Line(_Traits):
     """What rows, columns and quoted numbers have in common: an id and a label."""
 
     id: Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
     label: str
 
 
-class _Quoted(Line, _Entry):
+class _Quoted(_Line, _Entry):
     """One number quoted in the text."""
 
 
-class _Row(Line):
+class _Row(_Line):
     """A row of a table, with its cells in the order of the columns."""
 
     cells: list[_Entry]
@@ -100,7 +100,7 @@ class _File(_Traits):
 
     title: str
     place: str
-    column: list[Line] = []
+    column: list[_Line] = []
     row: list[_Row] = []
     cell: list[_Quoted] = []
 
@@ -225,7 +225,7 @@ class PrintedTable:
         ``paper/table-n`` or ``paper/text-topic``.
     title, place : str
         What it holds, in our words; where it stands.
-    rows, columns : tuple of Line
+    rows, columns : tuple of _Line
         Ids and labels in the order of print; a group of quoted numbers has no columns.
     cells : tuple of Cell
         All cells in the order of print.
@@ -234,8 +234,8 @@ class PrintedTable:
     key: str
     title: str
     place: str
-    rows: tuple[Line, ...]
-    columns: tuple[Line, ...]
+    rows: tuple[_Line, ...]
+    columns: tuple[_Line, ...]
     cells: tuple[Cell, ...]
 
     @cached_property

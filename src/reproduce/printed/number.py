@@ -7,7 +7,7 @@ What a print may mean is said here alone, for the ledger and the audit alike:
   down: one unit to either side. Or zeros at its end fill up a format ("about 0.060" is 0.06,
   "about 90 s" is nine tens): half a unit of the last digit that is not zero. The wider one holds;
 * ``nominal`` is a design value. An instrument keeps its own to a few per cent, so it stands for
-  `NOMINAL` of itself to either side, however many digits it has;
+  `_NOMINAL` of itself to either side, however many digits it has;
 * a limit (``less``, ``greater``, ``at-least``, ``within``) is the limit itself where it is used,
   and agrees with all that lies on its side;
 * a count is exact."""
@@ -28,9 +28,9 @@ _FLOAT_SLACK = 1e-9
 _MOST_DIGITS = 25
 
 Interval = tuple[float, float]
-BOUNDS = ("less", "greater", "at-least", "within")
+_BOUNDS = ("less", "greater", "at-least", "within")
 # How far an instrument may lie from its design value, as a share of that.
-NOMINAL = 0.05
+_NOMINAL = 0.05
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class PrintedNumber:
         if self.is_bound or self.exact:
             return 0.0
         if self.qualifier == "nominal":
-            return NOMINAL * abs(self.value)
+            return _NOMINAL * abs(self.value)
         if self.qualifier == "about":
             filled = Decimal(self.text).normalize().as_tuple().exponent
             least = filled if isinstance(filled, int) and self.value else self.exponent
@@ -112,7 +112,7 @@ class PrintedNumber:
     @property
     def is_bound(self) -> bool:
         """Whether the print states a limit and not a value."""
-        return self.qualifier in BOUNDS
+        return self.qualifier in _BOUNDS
 
     def interval(self) -> tuple[float, float]:
         """Return the closed interval of values that agree with the print.

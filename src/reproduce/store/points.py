@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Beyond this, squares of squares overflow; no length in px or angle in arcsec comes near.
-LARGEST = 1e30
+_LARGEST = 1e30
 # What may stand between values, the likelier first, with its name in the plural.
-SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 # Stars of one channel: their places there and in the reference channel, in px.
 STARS = ("x", "y", "x_reference", "y_reference")
-MASK = "mask"
-MASKED = {"": 0.0, "false": 0.0, "true": 1.0}
-PIXELS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is what Pint calls px
+_MASK = "mask"
+_MASKED = {"": 0.0, "false": 0.0, "true": 1.0}
+_PIXELS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is what Pint calls px
 # So many rows are named in one remark, and so many columns in one error.
 NAMED, LISTED = 5, 12
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -157,10 +157,10 @@ def read_table(
     else:
         table = _File(str(source), Path(source).read_bytes(), columns).table(optional)
     gone = np.zeros(len(table.values), bool)
-    if MASK in table.columns:
-        flags = table.column(MASK)
+    if _MASK in table.columns:
+        flags = table.column(_MASK)
         if len(odd := np.flatnonzero((flags != 0) & (flags != 1))):
-            raise table.wrong(int(odd[0]), MASK, "expected 0, or 1 to drop the row")
+            raise table.wrong(int(odd[0]), _MASK, "expected 0, or 1 to drop the row")
         gone = flags == 1
     return _kept(table, len(columns), gone)
 
@@ -193,7 +193,7 @@ def _measured(*named: tuple[str, Any]) -> list[tuple[FloatArray, NDArray[np.bool
     """Return arrays in px, each with its mask; one in another unit is refused."""
     units = {name: str(getattr(one, "units", getattr(one, "unit", "px"))) if hasattr(one, "to")
              else "px" for name, one in named}  # fmt: skip
-    if any(unit not in PIXELS for unit in units.values()):
+    if any(unit not in _PIXELS for unit in units.values()):
         came = ", ".join(f"{name} in {unit or 'no unit'}" for name, unit in units.items())
         raise ValueError(f"expected measurements in px, got {came}; convert them to px first")
     found = []
@@ -216,11 +216,11 @@ def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
         raise TableFileError(
             f"{table.path}: expected {kind}s that are not masked, got all {lost} masked"
         )
-    bad = ~(np.abs(table.values) < LARGEST) & ~gone[:, None]
+    bad = ~(np.abs(table.values) < _LARGEST) & ~gone[:, None]
     if bad.any():
         row, place = (int(i) for i in np.argwhere(bad)[0])
         finite = math.isfinite(table.values[row, place])
-        wanted = f"a number below {LARGEST:g}" if finite else "a finite number"
+        wanted = f"a number below {_LARGEST:g}" if finite else "a finite number"
         error = table.wrong(row, table.columns[place], f"expected {wanted}")
         raise TableFileError(f"{error}; correct, remove or mask the {kind}")
     notes: tuple[str, ...] = ()
@@ -236,7 +236,7 @@ def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
         optional={
             name: values[:, place]
             for place, name in enumerate(table.columns)
-            if place >= count and name != MASK
+            if place >= count and name != _MASK
         },
         notes=notes,
     )
@@ -266,7 +266,7 @@ def _wanted(where: str, names: Sequence[str], columns: Sequence[str], optional: 
             f"{where}: missing column {', '.join(missing)}{hint}; expected {', '.join(columns)}, "
             f"got {came}{', ...' * (len(names) > LISTED)}"
         )
-    return (*columns, *(one for one in (*optional, MASK) if one in names))
+    return (*columns, *(one for one in (*optional, _MASK) if one in names))
 
 
 def _framed(frame: pd.DataFrame, columns: Sequence[str], optional: Sequence[str]) -> Table:
@@ -309,7 +309,7 @@ class _File:
                 self.head, numbers = number, plain
         text = self._line(self.head).lstrip("#")[:100_000]
         ranks = {
-            one: (self._known(text, one), one != " " and text.count(one)) for one in SEPARATORS
+            one: (self._known(text, one), one != " " and text.count(one)) for one in _SEPARATORS
         }
         self.separator = max(ranks, key=ranks.__getitem__)
         self.lines = np.array(numbers, dtype=np.int64)
@@ -348,7 +348,7 @@ class _File:
     def _told(self, number: int) -> bool:
         """Tell whether a line names all columns."""
         line = self._line(number).lstrip("#")[:100_000]
-        return any(self._known(line, one) == len({*self.columns}) for one in SEPARATORS)
+        return any(self._known(line, one) == len({*self.columns}) for one in _SEPARATORS)
 
     def _entries(self, number: int) -> list[str]:
         line = self._line(number)
@@ -360,7 +360,7 @@ class _File:
         except csv.Error as error:
             raise TableFileError(
                 f"{self.name}, line {number}: expected values separated by "
-                f"{SEPARATORS[self.separator]}, got what is none ({error}); check the line for a "
+                f"{_SEPARATORS[self.separator]}, got what is none ({error}); check the line for a "
                 "missing separator or quote"
             ) from error
 
@@ -442,7 +442,7 @@ class _File:
             if len(entries) != len(self.names):
                 raise TableFileError(
                     f"{self.name}, line {number}: expected {len(self.names)} values, got "
-                    f"{len(entries)}; separate them with {SEPARATORS[self.separator]} as line "
+                    f"{len(entries)}; separate them with {_SEPARATORS[self.separator]} as line "
                     f"{self.head} does, and write decimals with a point"
                 )
             rows[number] = [_number(n, entries[at], decimal) for n, at in places.items()]
@@ -450,8 +450,8 @@ class _File:
 
 
 def _number(column: str, entry: str, decimal: str) -> float:
-    if column == MASK and entry.lower() in MASKED:
-        return MASKED[entry.lower()]
+    if column == _MASK and entry.lower() in _MASKED:
+        return _MASKED[entry.lower()]
     if decimal == ",":
         entry = "" if "." in entry else entry.replace(",", ".")
     try:
@@ -496,8 +496,8 @@ def _lost(name: str, images: FloatArray, count: int) -> FloatArray:
             f"{name}: expected images of {count} lights, shape (frames, {count}, 2), got "
             f"{images.shape}; another instrument goes to platform"
         )
-    if (np.abs(images) >= LARGEST).any():
-        raise ValueError(f"{name}: expected numbers below {LARGEST:g}, or NaN for a lost spot")
+    if (np.abs(images) >= _LARGEST).any():
+        raise ValueError(f"{name}: expected numbers below {_LARGEST:g}, or NaN for a lost spot")
     lost = np.isnan(images).any(axis=-1, keepdims=True)
     return np.where(lost, np.nan, images)
 

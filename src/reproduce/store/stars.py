@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from reproduce.locate import data_folder
 
-HEADER_BYTES = 28
+_HEADER_BYTES = 28
 # One star: number, right ascension, declination, spectral type, 100 V, proper motions.
-RECORD = np.dtype(
+_RECORD = np.dtype(
     [
         ("number", "<f4"),
         ("right_ascension", "<f8"),
@@ -56,7 +56,7 @@ def bright_stars() -> Stars:
     -1.46
     """
     content = (data_folder() / "stars" / "bsc5.dat").read_bytes()
-    table = np.frombuffer(content, RECORD, offset=HEADER_BYTES)
+    table = np.frombuffer(content, _RECORD, offset=_HEADER_BYTES)
     # Fourteen numbers of the catalogue are novae and clusters, entered without a place.
     table = table[(table["right_ascension"] != 0) | (table["declination"] != 0)]
     alpha, delta = table["right_ascension"], table["declination"]

@@ -32,11 +32,11 @@ from reproduce.views.verdicts import quantity
 if TYPE_CHECKING:
     import pandas as pd
 
-Row = dict[str, Any]
-Columns = Mapping[str, Callable[[Row], Entry]]
+_Row = dict[str, Any]
+_Columns = Mapping[str, Callable[[_Row], Entry]]
 
 JOINT = "hold one by one, but not together"
-SHOWN = 6  # corrections of a contradiction
+_SHOWN = 6  # corrections of a contradiction
 # With more equal corrections than this, a list of them says nothing.
 _MANY = 12
 _BADGES = {
@@ -53,10 +53,10 @@ _CONCLUSIONS = ("moves", "open", "stands")
 
 
 @dataclass(frozen=True, repr=False)
-class Part(Blocks):
+class _Part(Blocks):
     """A part of the cross-examination: its rows, and what shows them."""
 
-    rows: list[Row]
+    rows: list[_Row]
 
     def frame(self) -> pd.DataFrame:
         """Return one row for each relation, set, correction, equation or entry."""
@@ -84,7 +84,7 @@ class Contradictions(Display):
     def __init__(self, paper: str | None = None) -> None:
         self.papers = PAPERS if paper is None else (check_paper(paper),)
 
-    def __getitem__(self, name: str) -> Part:
+    def __getitem__(self, name: str) -> _Part:
         """Return a part by its name."""
         if name not in _PARTS:
             raise KeyError(f"no part {name!r}: expected one of {', '.join(_PARTS)}")
@@ -96,7 +96,7 @@ class Contradictions(Display):
 
         return pd.concat([self[name].frame() for name in ("errata", "suppositions")])
 
-    def as_json(self) -> dict[str, list[Row]]:
+    def as_json(self) -> dict[str, list[_Row]]:
         """Return everything that was found, for other programs: the rows of each part."""
         return {name: self[name].rows for name in _PARTS}
 
@@ -113,19 +113,19 @@ def errata_register() -> tuple[Erratum, ...]:
     return tuple(one for text in texts for one in register(text))
 
 
-def _grid(caption: str, columns: Columns, rows: Sequence[Row], **looks: Any) -> Grid:
+def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
     return grid(caption, columns, rows, kind="rp-small rp-audit", words=len(columns), **looks)
 
 
-def _score(audits: Sequence[Audit]) -> Part:
+def _score(audits: Sequence[Audit]) -> _Part:
     """Count how much of each paper was cross-examined, and what came of it."""
     rows = list(map(_counts, audits))
     shown = [[_code(name), *map(str, counts)] for name, *counts in map(dict.values, rows)]
     heads = ["Paper", *list(rows[0])[1:]]
-    return Part((Grid("The cross-examination", heads, shown, kind="rp-score"),), rows)
+    return _Part((Grid("The cross-examination", heads, shown, kind="rp-score"),), rows)
 
 
-def _counts(audit: Audit) -> Row:
+def _counts(audit: Audit) -> _Row:
     own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
     supposing = sum(bool(shown.supposition) for shown in audit.equations)
     agree, rounding, contradict = own
@@ -146,12 +146,12 @@ def _counts(audit: Audit) -> Row:
     }
 
 
-def _relations(audits: Sequence[Audit]) -> Part:
+def _relations(audits: Sequence[Audit]) -> _Part:
     """List all relations: first those that do not simply agree, then the others, folded."""
     rows = [_relation(finding, audit) for audit in audits for finding in audit.findings]
     shown: list[Block] = []
     for paper, own in groupby(rows, key=itemgetter("paper")):
-        by_kind: dict[str, list[Row]] = {kind: [] for kind in _KINDS}
+        by_kind: dict[str, list[_Row]] = {kind: [] for kind in _KINDS}
         for row in own:
             by_kind[_kind(row)].append(row)
         for kind, some in by_kind.items():
@@ -159,10 +159,10 @@ def _relations(audits: Sequence[Audit]) -> Part:
             table = _grid(f"Relations of {paper} that {kind}", _RELATION, some, anchors=anchors)
             folded = Fold(f"The {len(some)} relations that {kind}", (table,), page=True)
             shown.append(table if kind == _KINDS[0] else folded)
-    return Part(tuple(shown), rows)
+    return _Part(tuple(shown), rows)
 
 
-def _relation(finding: Examined, audit: Audit) -> Row:
+def _relation(finding: Examined, audit: Audit) -> _Row:
     """Return what is known of a relation."""
     relation, tolerance = finding.relation, finding.relation.tolerance
     plain = ("declared", "source", "kind", "claim", "reading", "supposition", "restates")
@@ -187,7 +187,7 @@ _KINDS = (
 )
 
 
-def _kind(row: Row) -> str:
+def _kind(row: _Row) -> str:
     if row["supposition"]:
         return _KINDS[3]
     if row["outcome"] != "agrees":
@@ -195,25 +195,25 @@ def _kind(row: Row) -> str:
     return _KINDS[2] if row["restates"] else _KINDS[1]
 
 
-def _named(row: Row) -> Markup:
+def _named(row: _Row) -> Markup:
     small = Markup("<br><small>{declared}</small>").format_map(row)
     return _code(row["name"]) + (small if row["declared"] != row["name"] else "")
 
 
-def _outcome(row: Row) -> Markup:
+def _outcome(row: _Row) -> Markup:
     rescue = _RESCUES.get(row["rescued_by"])
     flag = Markup(' <span class="rp-flag">not if {}</span>').format(rescue) if rescue else ""
     return badge(_BADGES[row["outcome"]], row["outcome"]) + flag
 
 
-def _source(row: Row) -> Markup:
+def _source(row: _Row) -> Markup:
     told = {"restates": row["restates"] and _cell_link(row["restates"])}
     told |= {"tolerance": row["tolerance"], "supposing that": row["supposition"]}
     parts = [Markup("{} {}").format(word, text) for word, text in told.items() if text]
     return Markup("; ").join([row["source"], *parts])
 
 
-_RELATION: Columns = {
+_RELATION: _Columns = {
     "Relation": _named,
     "What should hold": lambda row: _code(row["formula"]),
     "With the printed values": itemgetter("sides"),
@@ -222,12 +222,12 @@ _RELATION: Columns = {
 }
 
 
-def _sets(audits: Sequence[Audit]) -> Part:
+def _sets(audits: Sequence[Audit]) -> _Part:
     """List the smallest sets of cells that cannot all be right."""
     shown, rows = [], []
     for audit in audits:
         wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
-        own: list[Row] = [
+        own: list[_Row] = [
             {
                 "paper": audit.name,
                 "cells": list(conflict.cells),
@@ -240,40 +240,40 @@ def _sets(audits: Sequence[Audit]) -> Part:
         what = f"All {len(own)} smallest sets of {audit.name} that cannot all be right"
         shown.append(Fold(what, (table,), page=True))
         rows += own
-    return Part(tuple(shown), rows)
+    return _Part(tuple(shown), rows)
 
 
-def _because(row: Row) -> Markup:
+def _because(row: _Row) -> Markup:
     flag = Markup('<br><span class="rp-flag">{}</span>').format(JOINT)
     return _codes(row["relations"]) + (flag if row["only together"] else "")
 
 
-_SET: Columns = {
+_SET: _Columns = {
     "Size": lambda row: str(len(row["cells"])),
     "Numbers": lambda row: _codes(map(_within_paper, row["cells"])),
     "By the relations": _because,
 }
 
 
-def _corrections(audits: Sequence[Audit]) -> Part:
+def _corrections(audits: Sequence[Audit]) -> _Part:
     """List the contradictions with the slips of the pen that would lift them."""
     shown, rows = [], []
     for audit in audits:
-        tried: list[Row] = []
+        tried: list[_Row] = []
         for group in audit.groups:
             own = [_correction(group, found, audit.name) for found in group.corrections]
             rows += own
             remark = "" if own else "no slips within the search"
             if remark := _too_many(group) or remark:
                 own = [{"contradiction": group.relations, "remark": remark}]
-            tried += own[:1] + [row | {"contradiction": ()} for row in own[1:SHOWN]]
+            tried += own[:1] + [row | {"contradiction": ()} for row in own[1:_SHOWN]]
         if tried:
             caption = f"Corrections of {audit.name}, by size of the slip"
             shown.append(_grid(caption, _CORRECTION, tried, whole=(1,)))
-    return Part(tuple(shown), rows)
+    return _Part(tuple(shown), rows)
 
 
-def _correction(group: Group, found: Correction, paper: str) -> Row:
+def _correction(group: Group, found: Correction, paper: str) -> _Row:
     """Return one correction in words; addresses are without the paper."""
     moved = "; ".join(found.moved)
     return {
@@ -300,12 +300,12 @@ def _too_many(group: Group) -> str:
     )
 
 
-def _tried(write: Callable[[Row], Entry]) -> Callable[[Row], Entry]:
+def _tried(write: Callable[[_Row], Entry]) -> Callable[[_Row], Entry]:
     """Write a column that stays empty where a remark stands in place of a correction."""
     return lambda row: "" if "remark" in row else write(row)
 
 
-_CORRECTION: Columns = {
+_CORRECTION: _Columns = {
     "Contradiction": lambda row: _codes(row["contradiction"]),
     "Supposed slips": lambda row: row.get("remark") or _codes(row["slips"]),
     "Size": _tried(lambda row: f"{row['size']:g}"),
@@ -315,20 +315,20 @@ _CORRECTION: Columns = {
 }
 
 
-def _equations(audits: Sequence[Audit]) -> Part:
+def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
     fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning", "holds")
     found = [one for audit in audits for one in audit.equations]
     rows = [{name: getattr(one, name) for name in (*fields, "supposition")} for one in found]
-    return Part((_grid("Equations run as extracted", _EQUATION, rows),), rows)
+    return _Part((_grid("Equations run as extracted", _EQUATION, rows),), rows)
 
 
-def _asked(row: Row) -> str:
+def _asked(row: _Row) -> str:
     supposing = f" (supposing that {row['supposition']})" if row["supposition"] else ""
     return f"{row['asked']}{supposing}"
 
 
-_EQUATION: Columns = {
+_EQUATION: _Columns = {
     "Equation": itemgetter("place"),
     "What must hold": _asked,
     "What is shown": itemgetter("meaning"),
@@ -338,24 +338,24 @@ _EQUATION: Columns = {
 }
 
 
-def _errata(audits: Sequence[Audit], *, supposed: bool) -> Part:
+def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     """List entries of the register by consequence: a table, then each entry, folded."""
     by_paper = {audit.name: audit for audit in audits}
     chosen = [e for e in errata_register() if e.paper in by_paper]
     chosen = sorted((e for e in chosen if bool(e.supposition) == supposed), key=_consequence)
     fields = ("paper", "place", "printed", "problem", "conclusion", "status", "extraction")
-    rows: list[Row] = [
+    rows: list[_Row] = [
         {"name": e.id, **{name: getattr(e, name) for name in fields}, "results": _resting(e)}
         for e in chosen
     ]
     kind = "that suppose something" if supposed else "by consequence"
     table = _grid(f"The {len(rows)} errata {kind}.", _ERRATUM, rows)
-    return Part((table, *(_erratum(e, by_paper[e.paper]) for e in chosen)), rows)
+    return _Part((table, *(_erratum(e, by_paper[e.paper]) for e in chosen)), rows)
 
 
 _LINK = Markup('<a href="#{name}">{paper}: {place}</a>')
 _FAULT = "; our text may be at fault"
-_ERRATUM: Columns = {
+_ERRATUM: _Columns = {
     "Where": _LINK.format_map,
     "Printed": itemgetter("printed"),
     "Results that rest on it": lambda row: str(len(row["results"]) or "none"),
@@ -491,7 +491,7 @@ def _codes(texts: Iterable[str]) -> Markup:
     return Markup("<br>").join(map(_code, texts))
 
 
-_PARTS: dict[str, Callable[[Sequence[Audit]], Part]] = {
+_PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {
     "score": _score,
     "relations": _relations,
     "sets": _sets,

@@ -21,8 +21,8 @@ from rich.text import Text
 
 from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, html
 
-WIDTH = 80
-TOWER = 14  # columns that a wrapped sentence takes at least
+_WIDTH = 80
+_TOWER = 14  # columns that a wrapped sentence takes at least
 # How a terminal shows the badge of a verdict.
 _COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
 _COLOURS |= {"input": "dim"}
@@ -39,11 +39,11 @@ _RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"
 def _as_text(blocks: Iterable[Block]) -> str:
     """Return blocks as text, without colour."""
     shown = io.StringIO()
-    write(blocks, Console(file=shown, width=WIDTH, no_color=True, force_jupyter=False))
+    _write(blocks, Console(file=shown, width=_WIDTH, no_color=True, force_jupyter=False))
     return "\n".join(line.rstrip() for line in shown.getvalue().splitlines())
 
 
-def write(blocks: Iterable[Block], console: Console | None = None) -> None:
+def _write(blocks: Iterable[Block], console: Console | None = None) -> None:
     """Write blocks on a terminal, by default this one."""
     console = console or Console()
     for part in _terminal(blocks, console.width):
@@ -129,7 +129,7 @@ def _least(whole: bool, texts: Sequence[str]) -> int:
     """Return how narrow a column may be: no word is broken, and no sentence is a tower."""
     longest = max(map(cell_len, texts))
     words = [cell_len(word) for text in texts for word in text.split(" ")]
-    return longest if whole else max(*words, min(longest, TOWER))
+    return longest if whole else max(*words, min(longest, _TOWER))
 
 
 def _plain(entry: Entry) -> str:
@@ -160,7 +160,7 @@ class Display(ABC):
 
     def print(self) -> None:
         """Write the blocks on the terminal."""
-        write(self.blocks())
+        _write(self.blocks())
 
     def __repr__(self) -> str:
         """Return the blocks as text, without colour."""

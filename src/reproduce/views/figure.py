@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-STYLE = Path(__file__).parent / "figures.mplstyle"
-ENDINGS = (".svg", ".pdf", ".png")
-XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
+_STYLE = Path(__file__).parent / "figures.mplstyle"
+_ENDINGS = (".svg", ".pdf", ".png")
+_XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
 # On a narrow page text has little room, and must not be under eight points.
-SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
-FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
-LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
-NAMED = re.compile(r' id="([^"]+)"')
+_SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
+_FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
+_LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
+_NAMED = re.compile(r' id="([^"]+)"')
 _Paint = Callable[["MatplotlibFigure"], None]
 
 
@@ -80,7 +80,7 @@ def _drawn(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    with style.context([STYLE, SMALL] if narrow else STYLE):
+    with style.context([_STYLE, _SMALL] if narrow else _STYLE):
         figure = MatplotlibFigure(figsize=(NARROW, 3.2) if narrow else None, layout="constrained")
         paint(figure)
     return figure
@@ -121,8 +121,8 @@ def _data(figure: MatplotlibFigure) -> pd.DataFrame:
 
 def _ending_of(out: Path) -> str:
     """Return the ending of a file to write, or raise ValueError if no figure has it."""
-    if out.suffix.lower() not in ENDINGS:
-        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(ENDINGS)}")
+    if out.suffix.lower() not in _ENDINGS:
+        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(_ENDINGS)}")
     return out.suffix.lower()
 
 
@@ -136,13 +136,13 @@ def _write(figure: MatplotlibFigure, out: Path | io.StringIO, ending: str) -> No
 
     # Dates and random ids would make every build differ from the last one.
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
-    with style.context(STYLE):
+    with style.context(_STYLE):
         figure.savefig(out, format=ending[1:], metadata=undated)
 
 
-def figure_files(key: str) -> list[str]:
+def _figure_files(key: str) -> list[str]:
     """Return where the book carries the pictures and the data of a figure, below its root."""
-    return [f"figures/{anchor(key)}{ending}" for ending in (*ENDINGS, ".csv")]
+    return [f"figures/{anchor(key)}{ending}" for ending in (*_ENDINGS, ".csv")]
 
 
 def vector_of(figure: MatplotlibFigure) -> str:
@@ -150,7 +150,7 @@ def vector_of(figure: MatplotlibFigure) -> str:
     buffer = io.StringIO()
     _write(figure, buffer, ".svg")
     svg = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
-    return FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
+    return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
 def _vectors(picture: Picture, root: Path | None = None) -> Vectors:
@@ -163,7 +163,7 @@ def _vectors(picture: Picture, root: Path | None = None) -> Vectors:
     return shown
 
 
-def in_build(key: str) -> Vectors:
+def _in_build(key: str) -> Vectors:
     """Draw an item or one of our own drawings for a page; once in a build."""
     return once(f"figure-{anchor(key)}", Vectors, lambda: _vectors(_picture(key)))
 
@@ -178,11 +178,11 @@ def _write_files(
     figure: MatplotlibFigure, key: str, root: Path, numbers: pd.DataFrame, svg: str
 ) -> None:
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    for path in figure_files(key):
+    for path in _figure_files(key):
         if path.endswith(".csv"):
             numbers.to_csv(root / path, index=False)
         elif path.endswith(".svg"):
-            (root / path).write_text(f"{XML}{svg}", encoding="utf-8")
+            (root / path).write_text(f"{_XML}{svg}", encoding="utf-8")
         else:
             save(figure, root / path)
             figure.set_layout_engine("none")  # what is laid out keeps its places
@@ -210,10 +210,10 @@ def _followed(svg: str, name: str, alternative: str) -> str:
     mark = f"v{zlib.crc32(name.encode()):x}-"
     short = {
         old: f"{mark}{n}"
-        for n, old in enumerate(dict.fromkeys(old for _, old in LINK.findall(svg)))
+        for n, old in enumerate(dict.fromkeys(old for _, old in _LINK.findall(svg)))
     }
-    svg = NAMED.sub(lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg)
-    svg = LINK.sub(lambda link: link[1] + short[link[2]], svg)
+    svg = _NAMED.sub(lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg)
+    svg = _LINK.sub(lambda link: link[1] + short[link[2]], svg)
     label = escape(alternative, quote=True)
     return svg.replace("<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" ', 1)
 
@@ -236,7 +236,7 @@ def pictured(picture: Picture, alternative: str, caption: str, source: str) -> H
     shown, name = _vectors(picture, root), f"figure-{picture.key}"
     if not source:
         return Html(inline(shown, f"{name}-own", alternative, _captioned(caption)))
-    offered = bar(picture.key, name, figure_files(picture.key), source, cited=False)
+    offered = bar(picture.key, name, _figure_files(picture.key), source, cited=False)
     return Html(inline(shown, name, alternative, _captioned(caption) + offered))
 
 
@@ -323,10 +323,10 @@ class Figure(Changeable, Item):
             name = f"{name}-changed"
         else:
             source = text_of(self._declared.function)
-            below += bar(self.key, name, figure_files(self.key), source)
+            below += bar(self.key, name, _figure_files(self.key), source)
         # A page of the book has a narrow drawing beside the wide one; a reader's notebook has one.
         shown = (
-            in_build(self.key)
+            _in_build(self.key)
             if computed.kept() and not self.changes
             else Vectors(vector_of(self.drawn))
         )

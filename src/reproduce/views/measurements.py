@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FloatArray = NDArray[np.float64]
-LEVEL = 0.95
-ENDS = ("low (95 %)", "high (95 %)")
+_LEVEL = 0.95
+_ENDS = ("low (95 %)", "high (95 %)")
 
 
 class Remade(Display):
@@ -161,7 +161,7 @@ class Registered(_Measured):
         """Covariance of the parameters."""
         return self.fit.covariance
 
-    def interval(self, level: float = LEVEL) -> FloatArray:
+    def interval(self, level: float = _LEVEL) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (p, 2)."""
         found = self.fit.interval(level)
         found[np.isnan(self._errors)] = np.nan
@@ -182,7 +182,7 @@ class Registered(_Measured):
             "unit": [UNITS.get(name, "1") for name in self.fit.names],
             "value": self.parameters,
             "standard deviation": self._errors,
-            **dict(zip(ENDS, self.interval().T, strict=True)),
+            **dict(zip(_ENDS, self.interval().T, strict=True)),
         }
         return pd.DataFrame(columns, index=pd.Index(self.fit.names, name="parameter"))
 
@@ -295,7 +295,7 @@ class Monitored(_Measured):
         index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
         return pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
 
-    def interval(self, level: float = LEVEL) -> pd.DataFrame:
+    def interval(self, level: float = _LEVEL) -> pd.DataFrame:
         """Return the interval of the mean that holds the truth so often, in arcsec.
 
         By Student's law: the scatter of the images is estimated.
@@ -316,7 +316,7 @@ class Monitored(_Measured):
         found = self.found
         columns = {"mean": found.mean, "scatter": found.scatter, "error of the mean": found.error}
         shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
-        interval = self.interval().add_prefix(f"{LEVEL:.0%} ")
+        interval = self.interval().add_prefix(f"{_LEVEL:.0%} ")
         return pd.DataFrame(shown, interval.index).join(interval)
 
 

@@ -272,10 +272,10 @@ class Posterior(Remade):
         Where the data are simulated the truth is marked, else a least-squares or nominal estimate.
         """
         known = self.model.names
-        chosen = names or known[:MOST]
-        if len(set(chosen) & set(known)) < len(chosen) or len(chosen) > MOST:
+        chosen = names or known[:_MOST]
+        if len(set(chosen) & set(known)) < len(chosen) or len(chosen) > _MOST:
             raise ValueError(
-                f"expected up to {MOST} different parameters of {', '.join(known)}; got "
+                f"expected up to {_MOST} different parameters of {', '.join(known)}; got "
                 f"{', '.join(chosen)}; all draws are in `draws`"
             )
         rows = {row.name: row for row in self.sampled.rows()}
@@ -298,7 +298,7 @@ class Posterior(Remade):
         """Return the chains: the median of the walkers, a line for each ensemble."""
         alternative = f"One panel for each parameter of {self.name}: lines against the step."
         caption = f"Traces of {self.name}: the median of the walkers, a line for each ensemble."
-        return self._pictured(traces, alternative, caption)
+        return self._pictured(_traces, alternative, caption)
 
     def _pictured(
         self, draw: Callable[..., Picture], alternative: str, caption: str, *more: Any
@@ -449,7 +449,7 @@ _Marks = list[float | None]
 # More draws than this do not change the contours, nor more points a trace.
 _POINTS, _TRACE_POINTS = 10_000, 45
 # Parameters of a corner plot: with more its labels could not be read.
-MOST = 5
+_MOST = 5
 # What of the draws an axis leaves out on either side.
 _TAILS = (0.002, 0.998)
 # In panels of a corner plot: so far below, a label clears ticks of seven digits, as of a scale.
@@ -464,7 +464,7 @@ def _label(parameter: Parameter) -> str:
     return f"${parameter.label}$" + ("" if parameter.unit == "1" else f" ({parameter.unit})")
 
 
-def traces(posterior: Sampled) -> Picture:
+def _traces(posterior: Sampled) -> Picture:
     """Draw the median of the walkers of every ensemble against its steps."""
     model = posterior.model
     stride = max(1, posterior.chain.shape[1] // _TRACE_POINTS)

@@ -27,8 +27,8 @@ _NARROW = {"10": "narrow_10", "5": "narrow_5"}
 _OUTSIDE = 0.05
 
 
-class Said(NamedTuple):
-    """A quantity of `SAID`: a label, a posterior, its name there, the cell that prints it."""
+class _Said(NamedTuple):
+    """A quantity of `_SAID`: a label, a posterior, its name there, the cell that prints it."""
 
     label: str
     posterior: str
@@ -36,9 +36,9 @@ class Said(NamedTuple):
     cell: str = ""
 
 
-SAID = (
+_SAID = (
     *(
-        Said(f"{label}, {channel}", "registration-joint", f"{channel}-{name}",
+        _Said(f"{label}, {channel}", "registration-joint", f"{channel}-{name}",
              f"niu2024/table-3#{row}.{channel}")
         for channel in ("red", "blue")
         for label, name, row in (
@@ -48,12 +48,12 @@ SAID = (
             ("Translation y", "shift-y", "translation-y"),
         )
     ),
-    Said("Centroid noise", "registration-joint", "noise", "niu2024/text-simulation#noise"),
-    *(Said(f"Misalignment about {axis.upper()}", "misalignment", f"angle-{axis}")
+    _Said("Centroid noise", "registration-joint", "noise", "niu2024/text-simulation#noise"),
+    *(_Said(f"Misalignment about {axis.upper()}", "misalignment", f"angle-{axis}")
       for axis in "xyz"),
-    *(Said(f"Drift about {axis.upper()}", "misalignment-drift", f"drift-{axis}")
+    *(_Said(f"Drift about {axis.upper()}", "misalignment-drift", f"drift-{axis}")
       for axis in "xyz"),
-    Said("Position on the ground, corrected", "misalignment", "position error"),
+    _Said("Position on the ground, corrected", "misalignment", "position error"),
 )  # fmt: skip
 
 
@@ -64,7 +64,9 @@ class Posteriors(Display):
         """Yield one table of all."""
         head = ("Quantity", "Printed", "Posterior, mean ± sd", "95 % interval",
                 "Truth of our simulation", "Verdict of the print")  # fmt: skip
-        yield Grid(words("posteriors/all").caption, head, list(map(summarised, SAID)), "posteriors")
+        yield Grid(
+            words("posteriors/all").caption, head, list(map(_summarised, _SAID)), "posteriors"
+        )
 
     @property
     def models(self) -> Blocks:
@@ -104,7 +106,7 @@ class Posteriors(Display):
         return Blocks((Grid(caption, head, rows),))
 
 
-def summarised(one: Said) -> tuple[Entry, ...]:
+def _summarised(one: _Said) -> tuple[Entry, ...]:
     """Return the row of a quantity: label, print, mean ± sd, interval, truth, verdict."""
     row = next(row for row in book_posterior(one.posterior).summaries() if row.name == one.name)
     mark = symbol(row.unit) if row.unit in UNITS else row.unit

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-LONG = 150  # rows that a page shows whole
+_LONG = 150  # rows that a page shows whole
 
 
 class StudyTable(Changeable):
@@ -136,7 +136,7 @@ class StudyTable(Changeable):
         """Yield the table part by part; of a long one the first part."""
         grids = list(self.grids.items())
         # A reader sees the first part of a long table, and takes the whole away.
-        shown = grids if len(self.frame()) <= LONG else grids[:1]
+        shown = grids if len(self.frame()) <= _LONG else grids[:1]
         for place, (name, grid) in enumerate(shown):
             yield Fold(name, (grid,), opened=not place) if name else grid
         if rest := sum(len(grid.rows) for _, grid in grids[len(shown) :]):

@@ -21,10 +21,10 @@ from reproduce.views.numbers import entry, minus
 if TYPE_CHECKING:
     import pandas as pd
 
-Change = Mapping[str, str | float]
+_Change = Mapping[str, str | float]
 WIDE, HIGH, MARGIN = 220, 96, 8  # of one picture, in CSS pixels
 # A number of our own that moves by a smaller share than this does not fill the height of a picture.
-NOTICED = 0.05
+_NOTICED = 0.05
 
 
 class Point(NamedTuple):
@@ -72,7 +72,7 @@ class Sweep(Display):
     key: str
     names: tuple[str, ...]
     label: str
-    steps: Sequence[Change]
+    steps: Sequence[_Change]
     quantities: list[tuple[Point, ...]]
     dashed: str
 
@@ -162,7 +162,7 @@ def swept(
     key: str,
     moved: str | Sequence[str],
     values: Sequence[str | float | Sequence[str | float]],
-    compute: Callable[[Change], Iterable[Point]],
+    compute: Callable[[_Change], Iterable[Point]],
     settings: Mapping[str, str] | None = None,
     dashed: str = "printed",
 ) -> Sweep:
@@ -249,7 +249,7 @@ def of_study(
     for old, new in zip(before, after, strict=True):
         for name in shown:
             value, mark = float(new[name]), float(old[name])
-            span = (mark - NOTICED * abs(mark), mark + NOTICED * abs(mark))
+            span = (mark - _NOTICED * abs(mark), mark + _NOTICED * abs(mark))
             text = entry(new[name], known[name])
             yield Point(_called(study, name, old, before), "", "", value, None, text, mark, span)
 

@@ -15,7 +15,7 @@ ARCSEC = np.pi / 180 / 3600
 
 def test_the_zero_state_is_shared_by_all_monitored_angles():
     door = given(effectiveness.monitored_angle.given)
-    one, two = effectiveness.monitoring_errors(door, np.random.SeedSequence(5), 4000)[:, :2, 0].T
+    one, two = effectiveness._monitoring_errors(door, np.random.SeedSequence(5), 4000)[:, :2, 0].T
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
     noise = np.sqrt((scatter(given([SCATTER]), 2)[:, 1] ** 2).mean())
     expected = np.sqrt(2) * noise / 2 / 20 * np.arctan2(13e-6, 60e-3)
@@ -115,9 +115,9 @@ def test_the_differences_are_tested_together_with_the_shared_zero_state():
     printed = np.array([-0.040, 0.073, 0.024, -0.072])
     covariance = sigma**2 * (np.eye(4) + 1)
     by_hand = printed @ np.linalg.solve(covariance, printed)
-    assert effectiveness.shared_zero_chi_square(printed, sigma) == pytest.approx(by_hand)
+    assert effectiveness._shared_zero_chi_square(printed, sigma) == pytest.approx(by_hand)
     states = rng.normal(0, sigma, (4000, 5))
-    drawn = [effectiveness.shared_zero_chi_square(s[1:] - s[0], sigma) for s in states]
+    drawn = [effectiveness._shared_zero_chi_square(s[1:] - s[0], sigma) for s in states]
     assert np.mean(drawn) == pytest.approx(4.0, abs=4 * np.sqrt(8 / 4000))
 
 
@@ -178,7 +178,7 @@ def test_a_common_length_is_found_with_the_shared_zero_in_its_covariance():
     for _ in range(2000):
         states = rng.normal(0, sigma, 5)
         fits.append(
-            effectiveness.fitted_length(motions, -motions / length + states[1:] - states[0], sigma)
+            effectiveness._fitted_length(motions, -motions / length + states[1:] - states[0], sigma)
         )
     lengths, errors, chi_squares = np.array(fits).T
     assert lengths.mean() == pytest.approx(length, abs=4 * lengths.std() / np.sqrt(2000))
@@ -205,5 +205,5 @@ def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
     assert facts["interchanged-most"] == pytest.approx(40.29e-3 / np.tan(4.042 * ARCSEC), abs=0.05)
     assert facts["interchanged-least"] < facts["shared-low"] < facts["shared-high"]
     assert facts["largest-difference"] == pytest.approx(2.125 - 2.006)
-    bound = library()[f"{effectiveness.PLAN}#difference-bound".partition("#")[0]]
+    bound = library()[f"{effectiveness._PLAN}#difference-bound".partition("#")[0]]
     assert facts["largest-difference"] > bound["difference-bound"].number.interval()[1]

@@ -78,7 +78,7 @@ def platform():
 @pytest.fixture(scope="module")
 def replicates(platform):
     """Sixty runs of both groups of 800 frames, every frame rendered."""
-    return [platform_twin.two_groups(platform, 800, default_rng([7, run])) for run in range(60)]
+    return [platform_twin._two_groups(platform, 800, default_rng([7, run])) for run in range(60)]
 
 
 def test_the_mean_spots_are_the_printed_ones(replicates):
@@ -113,7 +113,7 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
             for series in replicates
         ]
     )
-    linear = accuracy.simulated_accuracies(given(accuracy.READS), SeedSequence(5), 600, counts)
+    linear = accuracy._simulated_accuracies(given(accuracy.READS), SeedSequence(5), 600, counts)
     # The twin spreads a laser's scatter evenly over x and y; the mean of both axes is common.
     ours, theirs = ((a**2).mean(axis=-1) for a in (rendered, linear))
     error = np.sqrt(ours.var(axis=0) / 60 + theirs.var(axis=0) / 600)
@@ -164,7 +164,7 @@ def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open():
 
 
 def test_the_ride_follows_the_reference_one_average_later():
-    _, reference, monitored = figures.ride(given(figures.STAGE_READS))
+    _, reference, monitored = figures._ride(given(figures._STAGE_READS))
     each = 400
     for state in range(5):
         settled = slice(state * each + 100, (state + 1) * each)
@@ -179,9 +179,9 @@ def test_the_ride_follows_the_reference_one_average_later():
 
 def test_the_twin_monitors_states_as_the_ledger_predicts():
     """Means over a state, from rendered frames, less the reference: within the predicted noise."""
-    monitored = figures.ride(given(figures.STAGE_READS))[2]
+    monitored = figures._ride(given(figures._STAGE_READS))[2]
     door = given(effectiveness.monitored_angle.given)
-    errors = effectiveness.monitoring_errors(door, np.random.SeedSequence(5), 4000)
+    errors = effectiveness._monitoring_errors(door, np.random.SeedSequence(5), 4000)
     for state in (2, 3, 4, 5):
         for index, axis in enumerate("yx"):  # the motion along Y turns about X
             motion = door[f"{effectiveness.TABLE}#{state}.motion-{axis}"]
@@ -208,7 +208,7 @@ def test_taste_believes_the_calibrated_directions_and_not_the_designed_ones(plat
 @pytest.mark.parametrize("offset", [(5.0, -8.0, 0.0), (20.0, 15.0, 30.0)])
 def test_an_offset_moves_the_series_of_figure_9_and_leaves_its_scatter(offset):
     """The paper says that its angles are not near zero, and prints no number for it."""
-    door = given(figures.SERIES_READS)
+    door = given(figures._SERIES_READS)
     platform, frames = platform_twin.bench(door), door.count(accuracy.FRAMES)
     generator = np.random.default_rng(3)
     light = platform.light
@@ -218,7 +218,7 @@ def test_an_offset_moves_the_series_of_figure_9_and_leaves_its_scatter(offset):
     zero = mean_rotation(platform.transform(first))
     found = misalignment(platform.design.directions, platform.directions(second), zero)
     series = misalignment_angles(found)[:, :2] / ARCSEC
-    without = figures.groups(door).misalignment[:, :2] / ARCSEC
+    without = figures._groups(door).misalignment[:, :2] / ARCSEC
     # Both means and both scatters come from as many frames: four standard errors of each.
     spread = without.std(axis=0)
     assert np.abs(series.mean(axis=0) - offset[:2]).max() < 4 * spread.max() * np.sqrt(2 / frames)

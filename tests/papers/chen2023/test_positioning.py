@@ -16,13 +16,13 @@ from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600
 DRAWS = 20_000
-DOOR = given((*positioning.READS, *positioning.YEAR_READS))
-BUDGET = {term.name: (term,) for term in positioning.terms(DOOR)} | positioning.together(DOOR)
+DOOR = given((*positioning.READS, *positioning._YEAR_READS))
+BUDGET = {term.name: (term,) for term in positioning._terms(DOOR)} | positioning._together(DOOR)
 
 
 def simulated(view, errors, name):
     """Return east and north of the true place, (draws, 2), through the whole imaging model."""
-    noise = dict.fromkeys(positioning.UNITS, np.zeros((DRAWS, 3)))
+    noise = dict.fromkeys(positioning._UNITS, np.zeros((DRAWS, 3)))
     for term in errors:
         rng = np.random.default_rng(seed_of(f"budget {name} {term.name}", None))
         noise[term.kind] = noise[term.kind] + term.sigma * rng.normal(size=(DRAWS, 3))
@@ -39,9 +39,9 @@ def simulated(view, errors, name):
 @pytest.mark.parametrize(("name", "tilt", "off"), positioning.LOOKS)
 @pytest.mark.parametrize("line", BUDGET)
 def test_the_budget_by_formula_and_by_draws_agree(line, name, tilt, off):
-    view = positioning.look(DOOR, tilt, off)
+    view = positioning._look(DOOR, tilt, off)
     jacobian = ground_jacobian(*view)
-    exact = sum(positioning.analytic(jacobian, term) for term in BUDGET[line])
+    exact = sum(positioning._analytic(jacobian, term) for term in BUDGET[line])
     drawn = simulated(view, BUDGET[line], name)
     spread = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()) + exact**2)
     error = 4.5 * spread / np.sqrt(DRAWS) + 1e-6
@@ -55,9 +55,9 @@ def test_the_budget_by_formula_and_by_draws_agree(line, name, tilt, off):
 
 
 def test_the_budget_holds_every_term_of_the_model_once():
-    names = [term.name for term in positioning.terms(DOOR)]
+    names = [term.name for term in positioning._terms(DOOR)]
     assert len(set(names)) == len(names) == 9
-    for errors in positioning.together(DOOR).values():
+    for errors in positioning._together(DOOR).values():
         assert len(errors) == 6
         assert {term.kind for term in errors} == {"turn", "satellite", "image"}
         turned = sum(term.sigma[:3] > 0 for term in errors if "misalignment" in term.name)
@@ -65,19 +65,19 @@ def test_the_budget_holds_every_term_of_the_model_once():
 
 
 def test_at_nadir_an_angle_is_worth_the_altitude():
-    view = positioning.look(DOOR, 0.0, 0.0)
+    view = positioning._look(DOOR, 0.0, 0.0)
     jacobian = ground_jacobian(*view)
-    attitude = positioning.terms(DOOR)[0]
-    found = float(circular_error(positioning.analytic(jacobian, attitude)))
+    attitude = positioning._terms(DOOR)[0]
+    found = float(circular_error(positioning._analytic(jacobian, attitude)))
     # Geodetic up and the radius part by a fifth of a degree: a few parts in a million.
     assert found == pytest.approx(2.14597 * 500e3 * ARCSEC / 3, rel=2e-3)
 
 
 def test_the_roll_moves_the_ground_by_its_arm():
-    view = positioning.look(DOOR, 0.0, 5e3)
+    view = positioning._look(DOOR, 0.0, 5e3)
     jacobian = ground_jacobian(*view)
     roll = BUDGET["misalignment about Z (roll), one frame"][0]
-    found = np.sqrt(np.trace(positioning.analytic(jacobian, roll)))
+    found = np.sqrt(np.trace(positioning._analytic(jacobian, roll)))
     assert found == pytest.approx(5e3 * roll.sigma[2], rel=1e-3)
 
 
@@ -86,38 +86,38 @@ def test_the_limits_of_the_corrections_are_where_their_error_crosses():
     # The fitted trend, the tracker's own error, the first day.
     name = positioning.CORRECTIONS[1]
     row = study.loc[name, "what the tracker itself errs by"]
-    height, span = satellite.altitude(DOOR), positioning.spans(DOOR)["first day"]
-    left = positioning.residuals(DOOR, row["first day (arcsec)"] * ARCSEC)[name][span]
+    height, span = satellite.altitude(DOOR), positioning._spans(DOOR)["first day"]
+    left = positioning._residuals(DOOR, row["first day (arcsec)"] * ARCSEC)[name][span]
     found = np.quantile(np.linalg.norm(left, axis=1), 0.9) * height
     assert found == pytest.approx(row["limit (m)"], rel=1e-6)
 
 
 def test_a_correction_whose_noise_alone_is_too_large_bears_no_amplitude():
     noise = np.full((10, 2), 3.0)
-    assert np.isnan(positioning.largest_amplitude(np.ones((10, 2)), noise, 4.0))
-    found = positioning.largest_amplitude(np.ones((10, 2)), 0.0 * noise, np.sqrt(2.0) * 5.0)
+    assert np.isnan(positioning._largest_amplitude(np.ones((10, 2)), noise, 4.0))
+    found = positioning._largest_amplitude(np.ones((10, 2)), 0.0 * noise, np.sqrt(2.0) * 5.0)
     assert found == pytest.approx(5.0)
 
 
 def test_monitoring_leaves_its_own_noise_when_nothing_bends():
-    errors = positioning.residuals(DOOR, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
+    errors = positioning._residuals(DOOR, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
     expected = platform.angle_sigma(DOOR, 2, 100)[:2]
     np.testing.assert_allclose(errors.std(axis=0), expected, rtol=0.01)
 
 
 def test_monitoring_lags_by_half_an_average():
     """At large amplitude what is left is the rate of change times five seconds."""
-    times, unit, _ = positioning.year(satellite.altitude(DOOR), None)
+    times, unit, _ = positioning._year(satellite.altitude(DOOR), None)
     amplitude = 500 * ARCSEC
-    errors = positioning.residuals(DOOR, amplitude)[positioning.CORRECTIONS[-1]]
+    errors = positioning._residuals(DOOR, amplitude)[positioning.CORRECTIONS[-1]]
     true = amplitude * unit[-len(errors) :]
     rate = np.gradient(true, times[-len(errors) :] * 86400.0, axis=0)
     assert np.median(np.abs(errors)) == pytest.approx(np.median(np.abs(5.0 * rate)), rel=0.15)
 
 
 def test_without_correction_the_errors_are_the_misalignment():
-    errors = positioning.residuals(DOOR, ARCSEC)[positioning.UNCORRECTED]
-    true = ARCSEC * positioning.year(satellite.altitude(DOOR), None)[1]
+    errors = positioning._residuals(DOOR, ARCSEC)[positioning.UNCORRECTED]
+    true = ARCSEC * positioning._year(satellite.altitude(DOOR), None)[1]
     np.testing.assert_array_equal(errors, true[-len(errors) :])
 
 

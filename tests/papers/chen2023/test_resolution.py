@@ -33,8 +33,8 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
     law = predicted_errors(
         PHASES,
-        resolution.light_for_table(DOOR),
-        resolution.radii(DOOR, content["angles"]),
+        resolution._light_for_table(DOOR),
+        resolution._radii(DOOR, content["angles"]),
         5,
     )
     square = (law.bias**2 + law.variance).mean(axis=-1)
@@ -67,7 +67,7 @@ def test_columns_drawn_at_once_follow_the_law_of_whole_windows():
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_the_light_gives_back_the_variance_of_table_3(share):
     """By simulation at the printed spots: whole windows, no closed form."""
-    light = resolution.light_for_table(DOOR, replace(resolution.LITERAL, read_share=share))
+    light = resolution._light_for_table(DOOR, replace(resolution._LITERAL, read_share=share))
     spots = DOOR.array("chen2023/text-platform#spot-*").reshape(-1, 2)
     corners = np.round(spots).astype(int) - 2
     mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
@@ -80,9 +80,9 @@ def test_the_light_gives_back_the_variance_of_table_3(share):
 
 
 def test_saturation_is_the_coarsest_resolution_that_none_finer_beats():
-    assert resolution.saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.01) == 2
-    assert resolution.saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.01) == 2
-    assert resolution.saturation(np.array([3.0, 2.0, 1.0]), 0.01) == 2
+    assert resolution._saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.01) == 2
+    assert resolution._saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.01) == 2
+    assert resolution._saturation(np.array([3.0, 2.0, 1.0]), 0.01) == 2
 
 
 def test_the_optimum_stands_between_window_and_pixel(content):
@@ -94,34 +94,34 @@ def test_the_optimum_stands_between_window_and_pixel(content):
 
 
 def test_replicated_studies_scatter_as_their_size_says():
-    found = resolution.replicated_scatter(DOOR, np.random.SeedSequence(3), 400)[0]
+    found = resolution._replicated_scatter(DOOR, np.random.SeedSequence(3), 400)[0]
     relative = found.std(axis=0) / found.mean(axis=0)
     middle = resolution.resolutions(DOOR) / ARCSEC
     unbiased = (middle > 40) & (middle < 50)
-    assert relative[unbiased].mean() == pytest.approx(resolution.relative_error(DOOR), rel=0.1)
+    assert relative[unbiased].mean() == pytest.approx(resolution._relative_error(DOOR), rel=0.1)
 
 
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
     rows = resolution.readings().set_index("Reading")
     best = rows["optimum (arcsec)"]
-    assert [best[case.name] for case in resolution.CASES[:4]] == pytest.approx([57, 42, 49, 31])
+    assert [best[case.name] for case in resolution._CASES[:4]] == pytest.approx([57, 42, 49, 31])
     assert best["scatter without bias"] == pytest.approx(80), "no optimum inside without bias"
-    optimum, error, _ = rows.loc[resolution.CASES[6].name]
+    optimum, error, _ = rows.loc[resolution._CASES[6].name]
     assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), "as printed"
 
 
 def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimum():
     """The other way to read "from -6.5 to 6.5 µm": it moves no result."""
-    phases, light = PHASES, resolution.light_for_table(DOOR)
+    phases, light = PHASES, resolution._light_for_table(DOOR)
     angles = resolution.resolutions(DOOR)
     found = []
-    for radius in resolution.radii(DOOR, angles):
+    for radius in resolution._radii(DOOR, angles):
         travel = phases * 13 * radius / 7.5
         law = predicted_errors(travel - np.floor(travel + 0.5), light, radius, 5)
         found.append(law.total)
     best = int(np.argmin(found))
-    row = resolution.readings().set_index("Reading").loc[resolution.LITERAL.name]
+    row = resolution.readings().set_index("Reading").loc[resolution._LITERAL.name]
     assert angles[best] / ARCSEC == pytest.approx(row["optimum (arcsec)"])
     assert found[best] == pytest.approx(row["error there (px)"], rel=1e-3)
 
@@ -131,13 +131,13 @@ def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimu
 )
 def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, sigma):
     level = {0: np.exp(-0.5), 1: np.exp(-1), 2: 0.5, 3: np.exp(-2)}[case]
-    found = float(resolution.radii(DOOR, np.array([13e-6 / 60e-3]), resolution.CASES[case])[0])
+    found = float(resolution._radii(DOOR, np.array([13e-6 / 60e-3]), resolution._CASES[case])[0])
     assert found * 13 == pytest.approx(sigma, rel=1e-4)
     assert np.exp(-0.5 * (7.5 / (13 * found)) ** 2) == pytest.approx(level, rel=1e-9)
 
 
 def test_the_case_with_more_light_has_it_and_the_same_read_noise():
-    plain, more = (resolution.light_for_table(DOOR, case) for case in resolution.CASES[5:7])
+    plain, more = (resolution._light_for_table(DOOR, case) for case in resolution._CASES[5:7])
     assert more.signal == pytest.approx(1.1 * plain.signal)
     assert more.read_noise == plain.read_noise > 0
 
@@ -145,7 +145,7 @@ def test_the_case_with_more_light_has_it_and_the_same_read_noise():
 def test_the_three_results_are_judged_under_every_case():
     records = {r.cell.partition("#")[2]: r for r in build([resolution.STUDY]).records}
     for name in ("optimum", "optimum-accuracy"):
-        assert [r.name for r in records[name].readings] == [c.name for c in resolution.CASES]
+        assert [r.name for r in records[name].readings] == [c.name for c in resolution._CASES]
     verdicts = [reading.verdict for reading in records["optimum"].readings]
     assert verdicts[:2] == ["differs", "consistent"]
     assert [records[n].readings[6].verdict for n in ("optimum", "optimum-accuracy")] == [
@@ -172,8 +172,8 @@ def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
 
 
 def test_even_a_readout_that_makes_all_noise_stops_short():
-    light = resolution.light_for_table(DOOR, replace(resolution.LITERAL, read_share=0.999))
+    light = resolution._light_for_table(DOOR, replace(resolution._LITERAL, read_share=0.999))
     angles = resolution.resolutions(DOOR)
-    law = predicted_errors(PHASES, light, resolution.radii(DOOR, angles), 5)
+    law = predicted_errors(PHASES, light, resolution._radii(DOOR, angles), 5)
     best = angles[law.total.argmin()] / ARCSEC
     assert 44 < best < 48

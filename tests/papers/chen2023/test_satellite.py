@@ -19,7 +19,7 @@ def test_the_altitude_is_that_of_table_1():
 
 
 def test_a_plane_mirror_feigns_twice_its_turn_across_the_plane_of_the_light():
-    response = satellite.dichroic_response(np.radians(120.0))
+    response = satellite._dichroic_response(np.radians(120.0))
     sizes = np.linalg.norm(response, axis=0)
     # In that plane the light meets the mirror under 30 degrees: twice the cosine.
     np.testing.assert_allclose(sizes, [np.sqrt(3.0), 2.0, 0.0], atol=1e-12)

@@ -7,7 +7,7 @@ from reproduce.papers.niu2024 import approximations
 from reproduce.printed.given import given
 
 DOOR = given(approximations.READS)
-COSTS = approximations.costs(DOOR, 80)
+COSTS = approximations._costs(DOOR, 80)
 PEAK, RMS, LEFT = 0, 1, 2
 
 

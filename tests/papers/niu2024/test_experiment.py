@@ -64,14 +64,14 @@ def test_the_prediction_is_that_of_pencil_and_paper(before, channel, scale, rota
 
 
 def test_the_errors_add_up_to_the_printed_residuals():
-    errors = np.square(experiment.centroid_errors(DOOR)[:, 0])
+    errors = np.square(experiment._centroid_errors(DOOR)[:, 0])
     for position, channel in enumerate(("red", "blue"), start=1):
         total = np.sqrt(errors[0] + errors[position])
         np.testing.assert_allclose(total, RESIDUAL[channel], rtol=1e-12)
 
 
 def test_green_has_half_of_the_mean_squared_residual():
-    errors = experiment.centroid_errors(DOOR)[0, 0]
+    errors = experiment._centroid_errors(DOOR)[0, 0]
     expected = [(0.2135**2 + 0.2146**2) / 4, (0.2089**2 + 0.2097**2) / 4]
     np.testing.assert_allclose(errors**2, expected, rtol=1e-12)
 
@@ -79,7 +79,7 @@ def test_green_has_half_of_the_mean_squared_residual():
 def test_red_is_laid_over_green_by_the_printed_similarity():
     """Scale about the red principal point, which lies at the shift, and subtract the shift."""
     angles = np.radians([[3.0, 1.0], [-2.0, 0.5]])
-    green, red, _ = experiment.registered_points(DOOR, angles)
+    green, red, _ = experiment._registered_points(DOOR, angles)
     shift, turn = -0.9178 + 0.9364j, np.exp(1j * np.radians(0.0219))
     laid = 0.9996 * turn * (red @ [1, 1j] - shift) + shift - shift
     np.testing.assert_allclose(laid, green @ [1, 1j], atol=1e-9)
@@ -96,7 +96,7 @@ def test_only_positions_in_corners_bring_red_to_the_printed_values(scale, share)
     """What the reason of the verdict says, for the printed scale and the end of its rounding."""
     changed = DOOR.changed({"niu2024/table-4#scale.red": scale})
     positions = field(41)
-    true = experiment.registered_points(changed, positions)
+    true = experiment._registered_points(changed, positions)
     needed = np.square(PRINTED["red"]).sum() - np.square(RESIDUAL["red"]).sum()
     far = np.square(true[1] - true[0]).sum(axis=-1) >= needed
     assert far.mean() <= share
@@ -184,7 +184,7 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
 def test_the_printed_residuals_leave_the_scale_close_to_the_focal_lengths():
     """What the page says of the fit: with centroid errors so large, blue would still be close."""
     door = given([*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"])
-    error = float(experiment.centroid_errors(DOOR).max())
+    error = float(experiment._centroid_errors(DOOR).max())
     _, fits = experiment.twin_fits(door, np.random.SeedSequence(4), 400, error)
     for channel, times in (("red", 2), ("blue", 10)):
         scatter = fits[channel].parameters[:, 0]

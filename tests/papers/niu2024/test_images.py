@@ -20,12 +20,12 @@ ETA = images.SENSOR.quantum_efficiency
 
 @pytest.fixture(scope="module")
 def stored():
-    return images.stored().arrays
+    return images._stored().arrays
 
 
 def spots(place):
     angles = place * np.array(experiment.half_field(DOOR))
-    return channel_centroids(images.cameras(DOOR), experiment.rotations(DOOR), angles[None])[:, 0]
+    return channel_centroids(images._cameras(DOOR), experiment.rotations(DOOR), angles[None])[:, 0]
 
 
 def photons(magnitude, star="solar"):
@@ -61,9 +61,9 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
         for j, magnitude in enumerate(images.MAGNITUDES):
             offsets = np.random.default_rng(1).uniform(0, 1, (64, 2))
             at = 20 + offsets
-            corners = window_corners(at, images.WINDOW)
+            corners = window_corners(at, images._WINDOW)
             light = np.full(64, ETA * photons(magnitude, star)[0])
-            bound = cramer_rao_variance(at, light, images.RADIUS, corners, images.WINDOW, DARK)
+            bound = cramer_rao_variance(at, light, images.RADIUS, corners, images._WINDOW, DARK)
             expected = np.sqrt(bound.sum(axis=-1).mean())
             # 480 trials of two axes: 2.3 % by chance; rounding and few photons add some.
             found = stored["error"][i, :, j, 0]
@@ -127,7 +127,7 @@ def test_the_table_has_a_row_for_every_star():
     assert len(centroids) == cells * len(images.MADE)
     assert list(centroids["Star"].unique()) == list(images.STARS)
     row = centroids.query("Star == 'Vega' and Place == 'corner'").iloc[-1]
-    stored = images.stored().arrays
+    stored = images._stored().arrays
     assert row["Bias (px)"] == stored["bias"][-1, -1, -1, -1]
     assert row["Signal over noise"] == stored["signal_to_noise"][-1, -1, -1, -1]
 

@@ -11,4 +11,4 @@ def test_centre_wavelengths_under_both_readings():
     door = given([*optics.centre_wavelengths.given])
     by_hand = {"blue": (450, 450), "green": (540, 550), "red": (630, 650)}
     for band, expected in by_hand.items():
-        np.testing.assert_allclose(np.array(optics.middles(door, band)) * 1e9, expected)
+        np.testing.assert_allclose(np.array(optics._middles(door, band)) * 1e9, expected)

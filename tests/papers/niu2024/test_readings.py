@@ -39,7 +39,7 @@ def printed_values():
 
 def place(**choices):
     """Return the place of the literal reading with some choices changed."""
-    return READINGS.index(readings.Choices(**{**vars(READINGS[LITERAL]), **choices}))
+    return READINGS.index(readings._Choices(**{**vars(READINGS[LITERAL]), **choices}))
 
 
 def test_there_is_a_reading_for_every_combination_of_choices():
@@ -68,7 +68,7 @@ def test_the_ledgers_readings_are_those_of_the_study(drawn):
     choices["shifts of Table 2, (26), tests among the angles"] = (among, "both axes")
     choices["shifts of Table 2, one axis, tests among the angles"] = (among, "one axis on average")
     for channel_place, channel in enumerate(simulation.REGISTERED):
-        for cell_place, cell in enumerate(readings.CELLS):
+        for cell_place, cell in enumerate(readings._CELLS):
             name = f"{cell}-{channel}" if cell.startswith("rmse") else f"{cell}.{channel}"
             result = results[name]
             literal = [Reading("principal points of Table 1", "", result)]
@@ -81,7 +81,7 @@ def test_the_ledgers_readings_are_those_of_the_study(drawn):
 
 def test_a_verdict_of_the_simulation_holds_under_every_reading_or_the_cell_is_blocked(stored):
     """All readings stored, with every way of counting axes: 864 for each cell."""
-    agree = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000) >= 0.01
+    agree = judged._resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000) >= 0.01
     records = build(["niu2024/table-3", "niu2024/text-simulation"])
     for number, address in enumerate(readings.ADDRESSES):
         found = set(agree[..., number].ravel().tolist())
@@ -207,7 +207,7 @@ def test_where_counting_ends_the_law_takes_over(stored):
     """No probability below what the draws can tell is left at their floor."""
     for counted, law in (("tails", "law_tails"), ("joint", "law_joint")):
         arrays = stored.arrays[counted], stored.arrays[law]
-        found = judged.resolved(*arrays, 10_000)
+        found = judged._resolved(*arrays, 10_000)
         beyond = arrays[0] * 10_000 < LEAST_DRAWS
         np.testing.assert_array_equal(found[beyond], 10.0 ** arrays[1][beyond])
         np.testing.assert_array_equal(found[~beyond], arrays[0][~beyond])
@@ -216,8 +216,8 @@ def test_where_counting_ends_the_law_takes_over(stored):
 
 def test_no_reading_makes_the_printed_scales_likely(stored):
     """By hand: the scale's error is noise over the root of the spots' squared distances."""
-    tails = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000)
-    assert tails[..., judged.SCALE].max() < 1e-12
+    tails = judged._resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000)
+    assert tails[..., judged._SCALE].max() < 1e-12
     reach = np.square(simulation.literal(DOOR).angles * 25e-3 / 3.45e-6).sum()
     sd = 0.05 * np.sqrt(2) / np.sqrt(reach)
     assert 15 * sd < 0.9976 - 0.9973 - 0.00005
@@ -225,9 +225,9 @@ def test_no_reading_makes_the_printed_scales_likely(stored):
 
 def test_what_the_book_says_of_the_closest_readings(stored):
     """They leave the two scales outside, and no other cell by itself."""
-    outside = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000) < 0.01
+    outside = judged._resolved(stored.arrays["tails"], stored.arrays["law_tails"], 10_000) < 0.01
     closest = outside.sum(axis=-1) == outside.sum(axis=-1).min()
-    np.testing.assert_array_equal(outside[closest], np.broadcast_to(judged.SCALE, (4, 12)))
+    np.testing.assert_array_equal(outside[closest], np.broadcast_to(judged._SCALE, (4, 12)))
     groups = list(judged.GROUPS)
     residuals = stored.arrays["law_joint"][..., groups.index("residuals")]
     assert residuals[closest].max() < -12, "but the residuals are not there together"
@@ -235,7 +235,7 @@ def test_what_the_book_says_of_the_closest_readings(stored):
 
 def test_red_residuals_exceed_blue_ones_before_registration_and_do_not_in_print(stored, drawn):
     """On the same stars, in all readings with the translations of Table 2 and the RMSE of y."""
-    for kind in readings.TESTS:
+    for kind in readings._TESTS:
         before = drawn[place(shifts="Table 2", tests=kind)][..., 5]
         assert (before[:, 0] > before[:, 1]).mean() > 0.99
     printed = [find(f"niu2024/text-simulation#rmse-before-{c}")[0] for c in ("red", "blue")]
@@ -243,7 +243,7 @@ def test_red_residuals_exceed_blue_ones_before_registration_and_do_not_in_print(
 
 
 def test_correction_for_many_readings():
-    np.testing.assert_allclose(judged.corrected(np.array([0.001, 0.9]), 288), [0.288, 1.0])
+    np.testing.assert_allclose(judged._corrected(np.array([0.001, 0.9]), 288), [0.288, 1.0])
 
 
 def test_every_reading_has_its_row_and_every_cell_its_probability(stored):
@@ -256,7 +256,7 @@ def test_every_reading_has_its_row_and_every_cell_its_probability(stored):
         readings.COUNTED[0],
     )
     labels = [f"{n}, {c}" for c in ("red", "blue") for n in ("k", "θ", "Δx", "Δy")]
-    tails = judged.resolved(stored.arrays["tails"], stored.arrays["law_tails"])
+    tails = judged._resolved(stored.arrays["tails"], stored.arrays["law_tails"])
     places = [0, 1, 2, 3, 6, 7, 8, 9]
     np.testing.assert_array_equal(table[labels], tails.reshape(-1, 12)[:, places])
     assert (table["Cells outside"] == (tails < 0.01).sum(axis=-1).ravel()).all()
@@ -265,7 +265,7 @@ def test_every_reading_has_its_row_and_every_cell_its_probability(stored):
 
 def test_the_bound_of_corrected_probabilities_is_that_of_the_law_times_the_readings():
     tried = len(READINGS) * len(readings.COUNTED)
-    assert np.ceil(np.log10(tried)) == np.log10(judged.LEAST_CORRECTED / judged.LEAST)
+    assert np.ceil(np.log10(tried)) == np.log10(judged._LEAST_CORRECTED / judged._LEAST)
 
 
 def test_the_closest_readings_stand_with_their_distance(stored):

@@ -48,7 +48,7 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
         return channel_centroids(cameras, rotations, table)
 
     monkeypatch.setattr(simulation, "channel_centroids", seen)
-    simulation.calibrations(DOOR, SEED, 1)
+    simulation._calibrations(DOOR, SEED, 1)
     figure = Figure()
     draw = catalogue()["niu2024/fig-4"].draw
     draw(figure)
@@ -61,7 +61,7 @@ def test_the_translations_of_table_2_carry_the_whole_calibration_along():
     """Both readings calibrate alike; the translations differ by the principal points' shift."""
     door = given(simulation.calibrated_translations.given)
     first, second = (
-        simulation.calibrations(door, SEED, 3, translations=way) for way in ("table-1", "table-2")
+        simulation._calibrations(door, SEED, 3, translations=way) for way in ("table-1", "table-2")
     )
     for position, channel in enumerate(simulation.REGISTERED, start=1):
         before, after = (
@@ -97,7 +97,7 @@ def test_the_iteration_ends_at_the_closed_form():
     zero = np.flatnonzero(np.isclose(table, 0).all(axis=1)).item()
     still = np.isclose(table[:, 1], 0)
     noisy = noisy_centroids(noiseless(), 0.05, SEED, 20)
-    found = simulation.calibrations(DOOR, SEED, 20)
+    found = simulation._calibrations(DOOR, SEED, 20)
     for position, channel in enumerate(("red", "blue"), start=1):
         source, green = noisy[:, position], noisy[:, 0]
         start = starting_values(source[:, still], green[:, still], source[:, zero], green[:, zero])

@@ -123,7 +123,7 @@ AXES = "xyz"
 # Width of the prior of the zero attitude, in radians.
 MOUNT = 5e-3
 # Steps of the central differences, as shares of each parameter's own scale.
-STEP = 1e-3
+_STEP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,9 +214,9 @@ class SpotLikelihood:
         less predicted, (m,), weighted alike: each has the standard deviation of the noise.
         """
         steps = np.zeros((2 * len(scale), len(centre)))
-        steps[::2, :-1], steps[1::2, :-1] = np.diag(STEP * scale), -np.diag(STEP * scale)
+        steps[::2, :-1], steps[1::2, :-1] = np.diag(_STEP * scale), -np.diag(_STEP * scale)
         found = self._weighted(np.concatenate([centre[None], centre + steps]))
-        response = (found[1::2] - found[2::2]) / (2 * STEP * scale)[:, None]
+        response = (found[1::2] - found[2::2]) / (2 * _STEP * scale)[:, None]
         measured = self._weigh(self.statistics.means[None], self.statistics.slopes[None])[0]
         return response.T, measured - found[0]
 
@@ -258,7 +258,7 @@ def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
     )
 
 
-MISALIGNED = Normal(
+_MISALIGNED = Normal(
     0.0, 100 / ARCSEC_PER_RADIAN, "on orbit the misalignment may reach dozens of arc seconds"
 )
 
@@ -276,9 +276,9 @@ def misalignment_model(
     Parameters mount-x..z, angle-x..z (rad; in the middle of the group), drift-x..z (over the whole
     group, if it drifts: the statistics then have slopes), laser-scale, noise (px).
     """
-    angles = _angles("angle", r"\theta", MISALIGNED)
+    angles = _angles("angle", r"\theta", _MISALIGNED)
     if drifts:
-        angles += _angles("drift", r"\dot\theta", MISALIGNED)
+        angles += _angles("drift", r"\dot\theta", _MISALIGNED)
     mount = Normal(0.0, MOUNT, "the zero attitude is laid over the spots to begin with, so only "
                    "the misfit of the design is left: a quarter of a degree is "
                    "generous")  # fmt: skip

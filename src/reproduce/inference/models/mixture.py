@@ -28,21 +28,21 @@ from reproduce.physics.registration import as_complex, fit_registration
 from reproduce.physics.validate import FloatArray
 
 # Steps of Newton's method for the inverse distortion; each doubles the digits.
-NEWTON_STEPS = 4
+_NEWTON_STEPS = 4
 # Draws that tell of the stars, and how many are worked on at once: bounds the memory.
 DRAWS, CHUNK = 4000, 500
 # Pairs of stars that are tried for a start: a quarter of them are right when half the stars are.
-PAIRS = 300
+_PAIRS = 300
 # Sides of the square in which false stars lie: no star of the data lies on an end.
-WIDER = 1.01
+_WIDER = 1.01
 # Stars that have to agree, and how many standard deviations off a star no longer does.
 AGREEING, FAR = 1 / 3, 5.0
-ROUNDS = 30
+_ROUNDS = 30
 # Residuals below this share of the coordinates are rounding.
-ROUNDING = 1e-12
+_ROUNDING = 1e-12
 
 
-class DistortedRegistration(GaussianRegistration):
+class _DistortedRegistration(GaussianRegistration):
     """Radial distortion free in both channels; two more parameters.
 
     The distortion is its displacement at the edge of the field, in px, so that the parameter does
@@ -55,7 +55,7 @@ class DistortedRegistration(GaussianRegistration):
         source, target = (parameters[:, i : i + 1] / edge for i in (5, 6))
         radius = np.broadcast_to(radius, (len(parameters), len(radius)))
         ideal = radius.copy()
-        for _ in range(NEWTON_STEPS):
+        for _ in range(_NEWTON_STEPS):
             bend = source * ideal**2
             ideal = ideal - (ideal + bend * ideal - radius) / (1 + 3 * bend)
         with np.errstate(invalid="ignore"):
@@ -95,11 +95,11 @@ def distortion_model(base: Model) -> Model:
         base,
         name="registration-distortion",
         parameters=base.parameters + extra,
-        likelihood=DistortedRegistration(plain.source, plain.target, plain.pivot),
+        likelihood=_DistortedRegistration(plain.source, plain.target, plain.pivot),
     )
 
 
-class NoiseAndShare(Coordinates):
+class _NoiseAndShare(Coordinates):
     """The logarithm of the noise and the normal score of the share, the rest as declared.
 
     Where no star is false the share would lean on zero; its score has no end.
@@ -175,18 +175,18 @@ class MixtureRegistration(GaussianRegistration):
         squares then takes in all stars that fit.
         """
         count = len(self.source)
-        first, second = Generator(PCG64(0)).integers(0, (count, count - 1), (PAIRS, 2)).T
+        first, second = Generator(PCG64(0)).integers(0, (count, count - 1), (_PAIRS, 2)).T
         second = (first + 1 + second) % count
         target = as_complex(self.target)
         with np.errstate(divide="ignore", invalid="ignore"):  # two stars in one place
             factor = (target[second] - target[first]) / (self.offsets[second] - self.offsets[first])
             moved = factor[:, None] * (self.offsets - self.offsets[first, None])
             off = np.nan_to_num(np.abs(target - target[first, None] - moved), nan=np.inf)
-        rounding = ROUNDING * float(np.abs([self.source, self.target]).max())
+        rounding = _ROUNDING * float(np.abs([self.source, self.target]).max())
         third = max(4, int(np.ceil(AGREEING * count))) - 1
         best = off[np.partition(off, third)[:, third].argmin()]
         fits = np.asarray(best <= np.partition(best, third)[third], dtype=np.bool_)
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             fit = fit_registration(self.source[fits], self.target[fits], self.pivot)
             noise = max(float(np.sqrt(fit.chi_square / fit.degrees_of_freedom)), rounding)
             off = np.hypot(*(self.target - fit.transform.apply(self.source)).T)
@@ -220,7 +220,7 @@ def mixture_model(base: Model) -> Model:
     """
     plain = base.likelihood_of(GaussianRegistration)
     low, high = plain.target.min(axis=0), plain.target.max(axis=0)
-    side = WIDER * float((high - low).max())
+    side = _WIDER * float((high - low).max())
     x, y = (0.5 * (low + high - side)).tolist()
     share = Uniform(0.0, 0.5, "from none to half of them: were more of them false, no majority "
                     "would tell which are right")  # fmt: skip
@@ -231,7 +231,7 @@ def mixture_model(base: Model) -> Model:
         likelihood=MixtureRegistration(
             plain.source, plain.target, plain.pivot, corner=(x, y), side=side
         ),
-        coordinates=NoiseAndShare(),
+        coordinates=_NoiseAndShare(),
     )
 
 

@@ -46,10 +46,10 @@ from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
 
 ComplexArray = NDArray[np.complex128]
-CHANNELS = ("red", "blue")
+_CHANNELS = ("red", "blue")
 TRANSFORM = ("scale", "rotation", "shift-x", "shift-y")
 # Of the residual of least squares: ends of the noise, as good as none.
-NOISE = (1e-9, 1e3)
+_NOISE = (1e-9, 1e3)
 # The shift may lie so many fields or standard errors, the scale so many times, from the fit.
 FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
 # New stars: parameter vectors that are worked on at once, which bounds the memory, and the seed.
@@ -310,8 +310,9 @@ def free_priors(
                             "least squares"),
         "shift-x": Uniform(x - reach, x + reach, place),
         "shift-y": Uniform(y - reach, y + reach, place),
-        "noise": LogUniform(NOISE[0] * residual, NOISE[1] * residual, "no scale preferred: from a "
-                            "billionth of the residuals of least squares to a thousand times them"),
+        "noise": LogUniform(_NOISE[0] * residual, _NOISE[1] * residual, "no scale preferred: from "
+                            "a billionth of the residuals of least squares to a thousand times "
+                            "them"),
     }  # fmt: skip
 
 
@@ -508,7 +509,9 @@ class JointRegistration:
         """Those of each channel, and the correlation of the two channels' residuals."""
         blue, green = (self.sources[1], self.target) if data is None else data
         found = {}
-        for name, source, pivot in zip(CHANNELS, (self.sources[0], blue), self.pivots, strict=True):
+        for name, source, pivot in zip(
+            _CHANNELS, (self.sources[0], blue), self.pivots, strict=True
+        ):
             checks = fit_checks(source, green, pivot)
             found.update({f"{name}: {key}": value for key, value in checks.items()})
         left = [
@@ -531,7 +534,7 @@ def joint_model(
     """Registration of red and blue over green, with one noise in all channels: nine parameters."""
     likelihood = JointRegistration(sources, target, pivots)
     parameters = []
-    for channel, source in zip(CHANNELS, sources, strict=True):
+    for channel, source in zip(_CHANNELS, sources, strict=True):
         for one in _registration_parameters(source, target)[:4]:
             label = f"{one.label}_\\mathrm{{{channel[0]}}}"
             parameters.append(replace(one, name=f"{channel}-{one.name}", label=label))

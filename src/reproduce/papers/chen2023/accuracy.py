@@ -39,7 +39,7 @@ _REPLICATES = 2000
 READS = (*platform.INSTRUMENT, platform.SCATTER, FRAMES, f"{TABLE}#*.frames")
 # Replicates simulated at once: enough to be fast, few enough to stay small in memory.
 _BATCH = 250
-COLUMNS = tuple(product(_MATRICES, "xy"))
+_COLUMNS = tuple(product(_MATRICES, "xy"))
 
 
 @reproduces(
@@ -52,7 +52,7 @@ COLUMNS = tuple(product(_MATRICES, "xy"))
 def frame_averaging(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Accuracy of the two matrices, for averages over more and more frames."""
     counts = _counts(given)
-    accuracies = simulated_accuracies(given, seed, replicates, counts)
+    accuracies = _simulated_accuracies(given, seed, replicates, counts)
     # Group, count and axis come first: each cell is then one series of replicates.
     cells = product(_MATRICES, counts, "xy")
     series = np.moveaxis(accuracies, 0, -1).reshape(-1, replicates)
@@ -62,7 +62,7 @@ def frame_averaging(given: Given, seed: SeedSequence, replicates: int) -> Result
     }
 
 
-def simulated_accuracies(
+def _simulated_accuracies(
     given: Given, seed: SeedSequence, replicates: int, counts: list[int]
 ) -> FloatArray:
     """Simulate both groups of images and return the scatter of their averages.
@@ -103,7 +103,7 @@ def quoted_accuracy(given: Given) -> Results:
     """First and last row of Table IV, quoted again in the text."""
     smoothed = {matrix: given.array(f"{TABLE}#100.{matrix}-?") for matrix in _MATRICES}
     return {
-        f"{matrix}-single-{axis}": given[f"{TABLE}#1.{matrix}-{axis}"] for matrix, axis in COLUMNS
+        f"{matrix}-single-{axis}": given[f"{TABLE}#1.{matrix}-{axis}"] for matrix, axis in _COLUMNS
     } | {f"{matrix}-smoothed-bound": float(both.max()) for matrix, both in smoothed.items()}
 
 
@@ -130,7 +130,7 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     narrow = sized(figure, 6.4, 4.0, 5.6)
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True)
     looks = {"x": ("o", "-"), "y": ("s", "--")}
-    for (matrix, axis), axes in zip(COLUMNS, np.repeat(panels, 2), strict=True):
+    for (matrix, axis), axes in zip(_COLUMNS, np.repeat(panels, 2), strict=True):
         names = [f"{count}.{matrix}-{axis}" for count in counts]
         cells = (predicted[name] for name in names)
         tables = [cell.draws for cell in cells if isinstance(cell, Prediction)]

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 _PRINTED = "chen2023/table-4#1.transform-?"
 _NAMES = ("X", "Y", "Z")
 _BEFORE = Look("zero point", INK, "--")
-TURN = float(np.radians(28.0))
+_TURN = float(np.radians(28.0))
 _ROUTE = {
     "calibration": ("installation,\nby the stars", "spots at the\nzero point", "laser\ntransform"),
     "monitoring": ("spots in\nevery frame", "mean over\nmany frames", "misalignment,\nby QUEST"),
@@ -87,14 +87,14 @@ def _draw_transform(axes: Axes) -> None:
     label(axes, (7.0, 5.2), "retro-reflector,\ndichroic mirror")
 
 
-def turned_camera(angles: ArrayLike) -> FloatArray:
+def _turned_camera(angles: ArrayLike) -> FloatArray:
     """Return X, Y and Z of a turned camera as rows, in the camera frame of the zero point.
 
     Examples
     --------
     A quarter turn about Y brings the boresight to where X was.
 
-    >>> turned_camera([0, np.pi / 2, 0])[2].round(12) + 0.0
+    >>> _turned_camera([0, np.pi / 2, 0])[2].round(12) + 0.0
     array([1., 0., 0.])
     """
     # A row of the matrix is an axis of its target frame, said in its source frame.
@@ -122,13 +122,13 @@ def draw_misalignment(figure: Figure) -> None:
     axes.set_ylim(-below, 6.2)
     for index, x in enumerate((2.0, 6.6, 11.2)):
         view, centre = seen_from(-62.0, 26.0, (x, 2.7), 2.2), np.zeros(3)
-        angles = TURN * np.eye(3)[index]
-        after = turned_camera(angles)
+        angles = _TURN * np.eye(3)[index]
+        after = _turned_camera(angles)
         triad(axes, view, centre, 1.15 * np.eye(3), _NAMES, look=_BEFORE)
         triad(axes, view, centre, np.delete(after, index, axis=0), ["", ""], width=2.4)
         watched, what = (0, "X") if index == 2 else (2, "boresight")
         before = np.eye(3)[watched]
-        sense(axes, view, centre, angles, 0.75 * before, TURN)
+        sense(axes, view, centre, angles, 0.75 * before, _TURN)
         axis = towards(before, after[watched])
         text = rf"$\theta_{_NAMES[index]} > 0$: {what}{gap}towards {axis}"
         label(axes, (x + 0.2, 0.95 - below / 4), text)

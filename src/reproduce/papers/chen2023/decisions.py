@@ -30,21 +30,21 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-ENDS = (0.025, 0.5, 0.975)
-REACH = np.asarray(ndtri(ENDS))  # the same in standard deviations
-AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
-MARKS = tuple(f"{accuracy.TABLE}#*.{column}" for column in AXES.values())
-_AVERAGES = (f"{accuracy.TABLE}#*.frames", *MARKS, accuracy.FRAMES)
+_ENDS = (0.025, 0.5, 0.975)
+_REACH = np.asarray(ndtri(_ENDS))  # the same in standard deviations
+_AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
+_MARKS = tuple(f"{accuracy.TABLE}#*.{column}" for column in _AXES.values())
+_AVERAGES = (f"{accuracy.TABLE}#*.frames", *_MARKS, accuracy.FRAMES)
 _STATES = tuple(f"{effectiveness.TABLE}#*.{what}-{a}"
                 for what in ("reference", "monitoring") for a in "xy")  # fmt: skip
-FRAME_READS = (*_AVERAGES, *_STATES, effectiveness.FRAMES, *satellite.CAMERA)
-ERROR_READS = tuple(dict.fromkeys((*FRAME_READS, *READS)))
-AGE_READS = (*READS, accuracy.DURATION)
-COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
+_FRAME_READS = (*_AVERAGES, *_STATES, effectiveness.FRAMES, *satellite.CAMERA)
+_ERROR_READS = tuple(dict.fromkeys((*_FRAME_READS, *READS)))
+_AGE_READS = (*READS, accuracy.DURATION)
+_COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
 # Images after the middle of a calibration.
-AGES = (0, 10, 20, 50, 100, 200, 400, 800)
-OFF_CENTRE = positioning.LOOKS[1][2]  # in metres on the ground
-HOUR = DAY / 24
+_AGES = (0, 10, 20, 50, 100, 200, 400, 800)
+_OFF_CENTRE = positioning.LOOKS[1][2]  # in metres on the ground
+_HOUR = DAY / 24
 BLUE, ORANGE = "#0072B2", "#D55E00"
 # Scale of the floor's half-normal prior, in halves of the last digit of Table IV: at some tens of
 # them averaging would stop to pay. How much wider a prior is tried.
@@ -118,12 +118,12 @@ class Column(NamedTuple):
         """Low end, median and high end of what both make, from its values at the nodes."""
         order = np.argsort(values)
         shares = self.shares[order]
-        return np.asarray(np.interp(ENDS, np.cumsum(shares) - shares / 2, values[order]))
+        return np.asarray(np.interp(_ENDS, np.cumsum(shares) - shares / 2, values[order]))
 
 
 def _column(door: Given, axis: str, wider: float = 1.0) -> Column:
     """Return what Table IV says of the misalignment about an axis, or under a wider prior."""
-    return _summed(door.narrowed(_AVERAGES), AXES[axis], wider)
+    return _summed(door.narrowed(_AVERAGES), _AXES[axis], wider)
 
 
 @cache
@@ -140,7 +140,7 @@ def _summed(door: Given, name: str, wider: float) -> Column:
     return Column(white, floor, shares / shares.sum())
 
 
-def averages(door: Given, axis: str, counts: FloatArray) -> FloatArray:
+def _averages(door: Given, axis: str, counts: FloatArray) -> FloatArray:
     """Error of an average: low end, median and high end for every number of frames, (3, n)."""
     one = _column(door, axis)
     errors = (averaged_error(n, one.white, one.floor) for n in counts)
@@ -163,7 +163,7 @@ def _differences(door: Given) -> tuple[float, int]:
 def _states(door: Given) -> FloatArray:
     """Noise of one state of Table V in the differences: low end, median and high end, (3,)."""
     scatter, freedom = _differences(door)
-    chi = 2 * gammaincinv(freedom / 2, ENDS[::-1])  # quantiles of chi-squared
+    chi = 2 * gammaincinv(freedom / 2, _ENDS[::-1])  # quantiles of chi-squared
     return np.asarray(scatter * np.sqrt(freedom / chi))
 
 
@@ -185,12 +185,12 @@ def _frame_facts(door: Given) -> dict[str, Fact]:
         for name, (ends, form, unit) in triples.items()
         for what, value in zip(("-low", "", "-high"), ends.tolist(), strict=True)
     }
-    for axis in AXES:
+    for axis in _AXES:
         for what, wider in (("", 1.0), ("-wide", WIDE)):
             one = _column(door, axis, wider)
             knee = one.quantiles(np.square(one.white / one.floor))[0]
             found[f"knee-{axis.lower()}{what}"] = Fact(float(knee), ".0f")
-    single, many = averages(door, "X", np.array([1, 100]))[1].tolist()
+    single, many = _averages(door, "X", np.array([1, 100]))[1].tolist()
     about_x = _column(door, "X")
     white = float(about_x.shares @ about_x.white / np.sqrt(count))
     return found | {
@@ -203,26 +203,26 @@ def _frame_facts(door: Given) -> dict[str, Fact]:
     }
 
 
-@studied("chen2023/frames", given=FRAME_READS, named=_frame_facts)
+@studied("chen2023/frames", given=_FRAME_READS, named=_frame_facts)
 def frames(door: Given) -> pd.DataFrame:
     """How many frames to average."""
-    found = [averages(door, axis, np.array(COUNTS))[[1, 0, 2]] for axis in AXES]
+    found = [_averages(door, axis, np.array(_COUNTS))[[1, 0, 2]] for axis in _AXES]
     ground = found[0][:1] * satellite.altitude(door) / ARCSEC_PER_RADIAN
     rows = np.concatenate([*found, ground]).T * ARCSEC_PER_RADIAN
     return frames.frame(
-        ((count, *row) for count, row in zip(COUNTS, rows.tolist(), strict=True)),
+        ((count, *row) for count, row in zip(_COUNTS, rows.tolist(), strict=True)),
         stops=_stops(door)[1], state=door.count(effectiveness.FRAMES),
     )  # fmt: skip
 
 
-@draws("chen2023/drawing-frames", given=FRAME_READS, marks=MARKS)
+@draws("chen2023/drawing-frames", given=_FRAME_READS, marks=_MARKS)
 def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the misalignment against frames averaged, and the scatter of Table V."""
     counts, noise = np.geomspace(1, 1000, 40), _states(door)
     narrow = sized(figure, 6.4, 3.9, 6.0)
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharex=True, sharey=True)
-    for axes, (axis, column) in zip(panels, AXES.items(), strict=True):
-        low, median, high = averages(door, axis, counts) * ARCSEC_PER_RADIAN
+    for axes, (axis, column) in zip(panels, _AXES.items(), strict=True):
+        low, median, high = _averages(door, axis, counts) * ARCSEC_PER_RADIAN
         axes.fill_between(counts, low, high, facecolor=(BLUE, 0.25), edgecolor=BLUE,
                           linewidth=0.6, label="95 % of the posterior")  # fmt: skip
         axes.plot(counts, median, color=BLUE, label="median")
@@ -260,7 +260,7 @@ def _drifting(door: Given) -> tuple[float, float, float]:
     return float(errors[angle]), float(found.mean[moved]), float(errors[moved])
 
 
-def age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, FloatArray]:
+def _age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Error about X so many images after the middle of a calibration, in radians.
 
     Low end, median and high end if the angle is taken as constant, (3, n); and if the drift is
@@ -268,7 +268,7 @@ def age(door: Given, ages: FloatArray, rate: float = 0.0) -> tuple[FloatArray, F
     """
     count = door.count(accuracy.FRAMES)
     error, moved, spread = _drifting(door)
-    drifts = moved / count + spread / count * REACH[:, None]
+    drifts = moved / count + spread / count * _REACH[:, None]
     drifts = np.full((3, 1), rate) if rate else drifts
     return np.hypot(error, drifts * ages), np.hypot(error, spread / count * ages)
 
@@ -277,7 +277,7 @@ def _age_facts(door: Given) -> dict[str, Fact]:
     """Return when the bias of a drift is as large as the error of one calibration."""
     error, moved, spread = _drifting(door)
     count, time = door.count(accuracy.FRAMES), door[accuracy.DURATION]
-    ends = count * error / (moved + REACH[::-1] * spread)
+    ends = count * error / (moved + _REACH[::-1] * spread)
     low, middle, high = ends.tolist()
     followed = count * error / spread
     height = satellite.altitude(door)
@@ -290,7 +290,7 @@ def _age_facts(door: Given) -> dict[str, Fact]:
         "seconds": Fact(middle * time / count, ".1f", "s"),
         "followed": Fact(followed, ".0f"),
         "followed-seconds": Fact(followed * time / count, ".0f", "s"),
-        "rate": Fact(moved / time * HOUR * ARCSEC_PER_RADIAN, ".0f", "arcsec/h"),
+        "rate": Fact(moved / time * _HOUR * ARCSEC_PER_RADIAN, ".0f", "arcsec/h"),
         "group": Fact(count, "d"),
         "half": Fact(count // 2, "d"),
         # At the end of its group, which is half of it after its middle.
@@ -298,27 +298,27 @@ def _age_facts(door: Given) -> dict[str, Fact]:
     }
 
 
-@studied("chen2023/drift", given=AGE_READS, named=_age_facts)
+@studied("chen2023/drift", given=_AGE_READS, named=_age_facts)
 def _last(door: Given, drift: float = 0.0) -> pd.DataFrame:
     """When to calibrate again."""
     error, moved, _ = _drifting(door)
     pace = door[accuracy.DURATION] / door.count(accuracy.FRAMES)
-    rate = drift / ARCSEC_PER_RADIAN / HOUR * pace
-    constant, followed = age(door, np.array(AGES), rate)
+    rate = drift / ARCSEC_PER_RADIAN / _HOUR * pace
+    constant, followed = _age(door, np.array(_AGES), rate)
     shown = rate or moved / door.count(accuracy.FRAMES)
     rows = zip(
-        AGES, np.array(AGES) * pace, *(constant[[1, 0, 2]] * ARCSEC_PER_RADIAN),
+        _AGES, np.array(_AGES) * pace, *(constant[[1, 0, 2]] * ARCSEC_PER_RADIAN),
         constant[1] * satellite.altitude(door), followed * ARCSEC_PER_RADIAN, strict=True,
     )  # fmt: skip
-    told = shown / pace * HOUR * ARCSEC_PER_RADIAN
+    told = shown / pace * _HOUR * ARCSEC_PER_RADIAN
     return _last.frame(rows, rate=told, images=error / abs(shown))
 
 
-@draws("chen2023/drawing-drift", given=AGE_READS)
+@draws("chen2023/drawing-drift", given=_AGE_READS)
 def _draw_drift(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error about X against the age of a calibration, while the camera drifts."""
     ages = np.geomspace(1, 800, 60)
-    constant, followed = age(door, ages)
+    constant, followed = _age(door, ages)
     low, median, high = constant * ARCSEC_PER_RADIAN
     narrow = sized(figure, 6.0, 3.6, 4.0)
     axes = figure.subplots()
@@ -345,7 +345,7 @@ def _calibrated(door: Given) -> tuple[FloatArray, FloatArray]:
     exact = small_angle_posterior(model)
     spread = np.sqrt(np.diagonal(exact.covariance))
     # The errors are in proportion to the noise, which the posterior knows too.
-    relative = 1 + REACH * spread[-1] / exact.mean[-1]
+    relative = 1 + _REACH * spread[-1] / exact.mean[-1]
     x, z = (spread[model.names.index(f"angle-{axis}")] * relative for axis in "xz")
     return x, z
 
@@ -356,25 +356,25 @@ def _error_facts(door: Given) -> dict[str, Fact]:
     return {"calibrated-ground": Fact(float(_calibrated(door)[0][1] * height), ".2g", "m")}
 
 
-@studied("chen2023/instrument-errors", given=ERROR_READS, named=_error_facts)
+@studied("chen2023/instrument-errors", given=_ERROR_READS, named=_error_facts)
 def errors(door: Given) -> pd.DataFrame:
     """Every error of the pointing, and how well it is known."""
     height = satellite.altitude(door)
     found: dict[tuple[str, str], FloatArray] = {}
     for n, what in enumerate(("White noise of one frame", "Floor that averaging leaves")):
-        for axis in AXES:
+        for axis in _AXES:
             one = _column(door, axis)
             found[f"{what}, {axis}", "Table IV"] = one.quantiles(one[n])
     count = door.count(effectiveness.FRAMES)
-    found[f"Mean of {count} frames, X (extrapolated)", "Table IV"] = averages(
+    found[f"Mean of {count} frames, X (extrapolated)", "Table IV"] = _averages(
         door, "X", np.array([count])
     )[:, 0]
     found["Scatter of one state of Table V", "Table V"] = _states(door)
     angle, roll = _calibrated(door)
     group = f"{door.count(accuracy.FRAMES)} images"
     found[f"Misalignment X, {group}", "simulated"] = angle
-    found[f"Roll, {group}, {OFF_CENTRE / 1e3:g} km off centre", "simulated"] = (
-        roll * OFF_CENTRE / height
+    found[f"Roll, {group}, {_OFF_CENTRE / 1e3:g} km off centre", "simulated"] = (
+        roll * _OFF_CENTRE / height
     )
     rows = [
         (*names, *(ends[[1, 0, 2]] * ARCSEC_PER_RADIAN).tolist(), float(ends[1] * height))

@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 
 
 TABLE = "chen2023/table-5"
-PLAN = "chen2023/text-effectiveness"
-_QUOTED = f"{PLAN}#focal-length"
-FRAMES = f"{PLAN}#frames-per-state"
+_PLAN = "chen2023/text-effectiveness"
+_QUOTED = f"{_PLAN}#focal-length"
+FRAMES = f"{_PLAN}#frames-per-state"
 STATES = (1, 2, 3, 4, 5)
 _MOVED = STATES[1:]
 # A motion along one axis turns the camera about the other one.
@@ -63,7 +63,7 @@ _FIRST, _LATER, _NOW = "2026-11-21", "2026-11-22", "2026-11-24"
 # The angle from which one focal length for the whole table is taken.
 LAST = f"{TABLE}#5.reference-y"
 _MISSING = "the focal length of the telescope, of which a nominal one is printed"
-COLUMNS = f"{_MISSING}, and on which columns of Table V belong together"
+_COLUMNS = f"{_MISSING}, and on which columns of Table V belong together"
 # Each reading chooses columns and focal length: its name, and where the text leaves room for it.
 _BY_LAST = "(10), with the last angle about Y"
 _BY_HEADINGS = f"headings of Table V; {_BY_LAST}"
@@ -130,7 +130,7 @@ def reference_angle(given: Given) -> Results:
             angles = _expected_angles(given, state, turn)
             # An angle under the other heading is one of the other motion.
             angles["references", "common"] = angles["motions", "common"]
-            results[f"{state}.reference-{turn}"] = _blocked(COLUMNS, angles)
+            results[f"{state}.reference-{turn}"] = _blocked(_COLUMNS, angles)
     return results
 
 
@@ -173,7 +173,7 @@ def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
 )
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
-    errors, count = monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
+    errors, count = _monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
     few, fewer = f"; means of {count} images", np.sqrt(given.count(FRAMES) / count)
     means = {"state": ("", "", 1.0), "ramp": (few, "; V-C on the ramps", fewer)}
     results: dict[str, Result] = {}
@@ -188,11 +188,11 @@ def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Result
                 draws = Prediction(angles[columns, telescope] + share * noise)
                 choices = {"columns": columns, "telescope": telescope, "images": images}
                 readings.append(Reading(name + label, place + why, draws, choices, added))
-        results[f"{state}.monitoring-{turn}"] = Blocked(COLUMNS, readings=tuple(readings))
+        results[f"{state}.monitoring-{turn}"] = Blocked(_COLUMNS, readings=tuple(readings))
     return results
 
 
-def monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
+def _monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
     """Return the errors of monitored angles that centroid noise makes.
 
     Shape (replicates, states, 2). About X and Y, in radians, for all states but the zero state,
@@ -220,30 +220,30 @@ def difference(given: Given) -> Results:
 
 
 @reproduces(
-    PLAN,
+    _PLAN,
     cells=["states", "time-per-state"],
-    given=[f"{PLAN}#travel-*", f"{PLAN}#step", FRAMES, accuracy.DURATION, accuracy.FRAMES],
+    given=[f"{_PLAN}#travel-*", f"{_PLAN}#step", FRAMES, accuracy.DURATION, accuracy.FRAMES],
 )
 def plan(given: Given) -> Results:
     """Number of states, and the time that each one takes at the pace of the first groups."""
-    travel = given[f"{PLAN}#travel-end"] - given[f"{PLAN}#travel-start"]
+    travel = given[f"{_PLAN}#travel-end"] - given[f"{_PLAN}#travel-start"]
     per_frame = given[accuracy.DURATION] / given.count(accuracy.FRAMES)
     return {
-        "states": travel / given[f"{PLAN}#step"] + 1,
+        "states": travel / given[f"{_PLAN}#step"] + 1,
         "time-per-state": given.count(FRAMES) * per_frame,
     }
 
 
 @reproduces(
-    PLAN, cells=["simulated-angle"], given=[f"{PLAN}#maximum-travel", _QUOTED], equations=["10"]
+    _PLAN, cells=["simulated-angle"], given=[f"{_PLAN}#maximum-travel", _QUOTED], equations=["10"]
 )
 def largest_angle(given: Given) -> Results:
     """Largest misalignment that the stage can simulate, without its sign."""
-    angle = stage_angle(given[f"{PLAN}#maximum-travel"], given[_QUOTED])
+    angle = stage_angle(given[f"{_PLAN}#maximum-travel"], given[_QUOTED])
     return {"simulated-angle": abs(float(angle))}
 
 
-@reproduces(PLAN, cells=["difference-bound"], given=[f"{TABLE}#*.difference-?"])
+@reproduces(_PLAN, cells=["difference-bound"], given=[f"{TABLE}#*.difference-?"])
 def bound(given: Given) -> Results:
     """Largest printed difference between reference and monitored angle."""
     return {"difference-bound": float(np.abs(given.array(f"{TABLE}#*.difference-?")).max())}
@@ -286,7 +286,7 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
     return np.asarray(-motions / np.tan(angles) * 1e3)
 
 
-def fitted_length(
+def _fitted_length(
     motions: FloatArray, angles: FloatArray, sigma: float
 ) -> tuple[float, float, float]:
     """Fit one focal length to angles that each carry the noise of the same zero state.
@@ -352,13 +352,13 @@ def focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
             label = f"reference about {turn.upper()}, state {state}"
             rows.append((label, one[0], one[1], np.nan, one[2], one[1], np.nan))
         monitored, noise = _column(given, f"monitoring-{turn}"), sigma["xy".index(turn)]
-        fits = (fitted_length(motion, monitored, noise) for motion in motions)
+        fits = (_fitted_length(motion, monitored, noise) for motion in motions)
         numbers = [n for length, error, away in fits for n in (length * 1e3, error * 1e3, away)]
         rows.append((f"all monitored about {turn.upper()}", *numbers))
     return rows
 
 
-def shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
+def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
     """Return chi-square of differences that each carry the noise of the same zero state."""
     total = np.square(differences).sum() - differences.sum() ** 2 / (differences.size + 1)
     return float(total / sigma**2)
@@ -398,6 +398,6 @@ def differences(given: Given) -> list[tuple[str, float, int, float]]:
         for turn in _TURNS:
             accurate = given[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
             sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
-            found += shared_zero_chi_square(_column(given, f"difference-{turn}"), sigma)
+            found += _shared_zero_chi_square(_column(given, f"difference-{turn}"), sigma)
         rows.append((name, found, freedom, float(chdtrc(freedom, found))))
     return rows

@@ -168,7 +168,7 @@ class _Series(NamedTuple):
     misalignment: FloatArray
 
 
-def two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
+def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     """Take two groups of frames and solve them, as the accuracy test does."""
     found = np.stack(
         [centroids(twin, twin.spots, light, frames, generator) for light in twin.light]
@@ -204,15 +204,15 @@ def misfit(given: Given) -> pd.DataFrame:
 
 
 _DESIGN = "chen2023/text-satellite"
-ANGLES = tuple(f"{_DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
+_ANGLES = tuple(f"{_DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
 # Towards Orion, for no better reason than that everybody knows it: right ascension, declination,
 # turn about the boresight, in degrees; and the faintest magnitude.
 _POINTING, _FAINTEST = (84.6, -0.4, 20.0), 6.0
-SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
-STAGE_READS = (*SERIES_READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAMES)
+_SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
+_STAGE_READS = (*_SERIES_READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAMES)
 _MARGIN = 12
-_in_series = partial(draws, given=SERIES_READS, random=True)
-_in_ride = partial(draws, given=STAGE_READS, random=True)
+_in_series = partial(draws, given=_SERIES_READS, random=True)
+_in_ride = partial(draws, given=_STAGE_READS, random=True)
 
 
 @draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
@@ -264,10 +264,10 @@ def draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
         label(axes, (0.3, y), text, ha="left")
 
 
-@draws("chen2023/fig-6b", marks=ANGLES)
+@draws("chen2023/fig-6b", marks=_ANGLES)
 def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
-    between, table, tilt = (float(np.degrees(printed[address])) for address in ANGLES)
+    between, table, tilt = (float(np.degrees(printed[address])) for address in _ANGLES)
     axes = canvas(figure, 16.0, 11.2, 6.8)
     out, hit = turned([1.0, 0.0], between), np.array([8.6, 5.6])
     box(axes, (0.8, 7.6), (0.7, 2.2))
@@ -297,14 +297,14 @@ def draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
 
 
 @cache
-def groups(door: Given) -> _Series:
+def _groups(door: Given) -> _Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
     twin, frames = bench(door), door.count(accuracy.FRAMES)
-    return two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8", door.root)))
+    return _two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8", door.root)))
 
 
 @cache
-def ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Run the test of Figure 10: the printed positions, one state after the other.
 
     Shape (frames,). Times, in seconds. Shape (frames, 2), twice. Angles about X and Y, in radians:
@@ -354,7 +354,7 @@ def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> No
 @_in_series("chen2023/fig-8", marks=[f"{accuracy.TEXT}#transform-single-?"])
 def _draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the laser transform over the first group, single frames and smoothed."""
-    _series(figure, door, groups(door).transform, printed, "error (arcsec)")
+    _series(figure, door, _groups(door).transform, printed, "error (arcsec)")
 
 
 @_in_series("chen2023/fig-9", marks=[f"{accuracy.TEXT}#misalignment-single-?"])
@@ -365,7 +365,7 @@ def _draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given
     constant misalignment moves the whole series and leaves its scatter as it is; the twin has
     none, and the axis says that it counts from there.
     """
-    _series(figure, door, groups(door).misalignment, printed, "angle, less offset (arcsec)")
+    _series(figure, door, _groups(door).misalignment, printed, "angle, less offset (arcsec)")
 
 
 def _series(
@@ -422,7 +422,7 @@ def _draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> 
 
 def _ridden(figure: Figure, door: Given, axis: str, marked: Mapping[str, float]) -> None:
     """Draw the whole test with the printed angles, or one move without any."""
-    times, *angles = ride(door)
+    times, *angles = _ride(door)
     each, axes = len(times) // len(effectiveness.STATES), figure.add_subplot()
     shown = slice(None) if marked else slice(each // 2, 2 * each)
     reference, monitored = (a[shown, "XY".index(axis)] * ARCSEC_PER_RADIAN for a in angles)

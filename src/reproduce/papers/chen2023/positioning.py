@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
 _MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
 READS = (*_MONITORING, *satellite.CAMERA, _POINTING)
-YEAR_READS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
+_YEAR_READS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
 _ORBIT = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
 # Where the satellite stands and how it looks: name, tilt off the nadir, image point off the centre.
@@ -76,7 +76,7 @@ LOOKS = (
     ("30° aside, centre", 30.0, 0.0),
 )
 # What an error goes through, and the unit in which it is written.
-UNITS = {"satellite": (1.0, "m"), "turn": (RADIANS_PER_ARCSEC, "arcsec"), "image": (1e-6, "µm")}
+_UNITS = {"satellite": (1.0, "m"), "turn": (RADIANS_PER_ARCSEC, "arcsec"), "image": (1e-6, "µm")}
 _CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
 _PER_ORBIT = 64
 # Long enough for the trend to stand out from what wanders; a week makes it far worse.
@@ -136,7 +136,7 @@ class _Term:
     sigma: FloatArray
 
 
-def terms(given: Given) -> tuple[_Term, ...]:
+def _terms(given: Given) -> tuple[_Term, ...]:
     """Return the errors of the imaging model for SVGF-1.
 
     The misalignment axis by axis, for one frame and for the average of many.
@@ -157,15 +157,15 @@ def terms(given: Given) -> tuple[_Term, ...]:
     )
 
 
-def together(given: Given) -> dict[str, tuple[_Term, ...]]:
+def _together(given: Given) -> dict[str, tuple[_Term, ...]]:
     """Return the whole budget twice: monitoring with one frame, and with the average of many."""
     return {
-        f"all together, {mean}": tuple(t for t in terms(given) if not t.name.endswith(other))
+        f"all together, {mean}": tuple(t for t in _terms(given) if not t.name.endswith(other))
         for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE))
     }
 
 
-def look(given: Given, tilt: float, off: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _look(given: Given, tilt: float, off: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Set the satellite up over a place of middle latitude.
 
     Image vector, place and rotation chain, as the imaging model takes them.
@@ -178,7 +178,7 @@ def look(given: Given, tilt: float, off: float) -> tuple[FloatArray, FloatArray,
     return np.array([[off / height * focal, 0.0, -focal]]), place, chain
 
 
-def analytic(jacobian: GroundJacobian, term: _Term) -> FloatArray:
+def _analytic(jacobian: GroundJacobian, term: _Term) -> FloatArray:
     """Return the covariance of east and north that a term causes, in square metres."""
     slopes = getattr(jacobian, f"by_{term.kind}")
     return np.asarray(ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0])
@@ -187,18 +187,18 @@ def analytic(jacobian: GroundJacobian, term: _Term) -> FloatArray:
 @studied("chen2023/budget", given=READS)
 def _budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term."""
-    jacobians = [ground_jacobian(*look(given, tilt, off)) for _, tilt, off in LOOKS]
+    jacobians = [ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS]
     rows = []
-    for name, errors in ({term.name: (term,) for term in terms(given)} | together(given)).items():
-        scale, unit = UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
-        exact = (sum(analytic(one, error) for error in errors) for one in jacobians)
+    for name, errors in ({term.name: (term,) for term in _terms(given)} | _together(given)).items():
+        scale, unit = _UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
+        exact = (sum(_analytic(one, error) for error in errors) for one in jacobians)
         radii = (float(circular_error(np.asarray(covariance))) for covariance in exact)
         rows.append((name, errors[0].sigma.max() / scale, unit, *radii))
     return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
 
 @lru_cache(maxsize=1)  # a year is large
-def year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Simulate the campaign and the year after it at an altitude, for a thermal amplitude of one.
 
     Shape (samples,). In days, zero at the end of the campaign. Shape (samples, 2). Misalignment
@@ -212,12 +212,12 @@ def year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Float
     return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 
-def residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
+def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     """Return what each correction leaves of the misalignment, from the end of the campaign on.
 
     Name to errors of shape (samples, 2), in radians.
     """
-    times, unit, noise = year(satellite.altitude(given), given.root)
+    times, unit, noise = _year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
     measured = true + _CALIBRATION * noise
     # The lasers give the misalignment half an average late, with its noise.
@@ -243,7 +243,7 @@ def _quantile(errors: FloatArray) -> float:
 @studied(
     "chen2023/strategies",
     random=True,
-    given=YEAR_READS,
+    given=_YEAR_READS,
     columns=(
         Column("Correction"),
         *(Column(f"at {amplitude:g} arcsec (m)", ".2f") for amplitude in _AMPLITUDES),
@@ -254,16 +254,16 @@ def _quantile(errors: FloatArray) -> float:
 def strategies(given: Given) -> list[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = satellite.altitude(given)
-    left = [residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES]
+    left = [_residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES]
     return [
         (name, *(_quantile(errors[name]) * height for errors in left))
         for name in (UNCORRECTED, *CORRECTIONS)
     ]
 
 
-def spans(given: Given) -> dict[str, slice]:
+def _spans(given: Given) -> dict[str, slice]:
     """Return the samples of each age, from the end of the campaign on; last, the whole year."""
-    times = year(satellite.altitude(given), given.root)[0]
+    times = _year(satellite.altitude(given), given.root)[0]
     times = times[np.searchsorted(times, 0.0) :]
     ages = {name: slice(*np.searchsorted(times, days)) for name, days in _AGES.items()}
     return {**ages, _WHOLE: slice(0, None, _STRIDE)}
@@ -282,11 +282,11 @@ def spans(given: Given) -> dict[str, slice]:
 )
 def suffices(given: Given) -> list[tuple[str | float, ...]]:
     """Up to which thermal amplitude each correction suffices, by age of the calibration."""
-    height, samples = satellite.altitude(given), spans(given).values()
+    height, samples = satellite.altitude(given), _spans(given).values()
     # Every correction is linear in what is true and in the noise: two runs tell all amplitudes.
-    noise, whole = residuals(given, 0.0), residuals(given, RADIANS_PER_ARCSEC)
+    noise, whole = _residuals(given, 0.0), _residuals(given, RADIANS_PER_ARCSEC)
     # Errors on the ground that a correction may be asked to keep below, in metres.
-    attitude = analytic(ground_jacobian(*look(given, 0.0, 0.0)), terms(given)[0])
+    attitude = _analytic(ground_jacobian(*_look(given, 0.0, 0.0)), _terms(given)[0])
     limits = {
         "panchromatic pixel": given[satellite.CAMERA[2]],
         "what the tracker itself errs by": float(circular_error(attitude)),
@@ -295,12 +295,12 @@ def suffices(given: Given) -> list[tuple[str | float, ...]]:
     for name in CORRECTIONS:
         pairs = [(whole[name][s] - noise[name][s], noise[name][s]) for s in samples]
         for what, limit in limits.items():
-            amplitudes = (largest_amplitude(*pair, limit / height) for pair in pairs)
+            amplitudes = (_largest_amplitude(*pair, limit / height) for pair in pairs)
             rows.append((name, what, limit, *amplitudes))
     return rows
 
 
-def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
+def _largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
     """Return the amplitude at which nine tenths of the errors just stay within a limit.
 
     In the unit of the slope, from 0 to `_LARGEST`; not a number if noise alone goes beyond.
@@ -318,13 +318,13 @@ def largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> flo
 # The drawn satellite, its target, and the side they are seen from.
 _INERTIAL = Look("J2000", INK, "--")
 _DATE = "2023-09-22T03:30:00"
-EARTH = WGS84.equatorial_radius
-_ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * EARTH])
+_EARTH = WGS84.equatorial_radius
+_ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * _EARTH])
 _TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
-VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / EARTH)
+_VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / _EARTH)
 
 
-def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """Return a satellite that looks at a target, and what the imaging model makes of it.
 
     Position of the satellite; where equation (1) puts the middle of the image; three frames whose
@@ -348,34 +348,34 @@ def scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
 @diagram(14.0, 9.6, 6.6)
 def draw_scene(axes: Axes, door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
-    (above, imaged, frames), origin = scene(door), np.zeros(3)
+    (above, imaged, frames), origin = _scene(door), np.zeros(3)
     around = np.linspace(0.0, 2.0 * np.pi, 240)
-    circle = EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
-    line(axes, np.asarray(VIEW.centre) + VIEW.scale * circle[:, :2], 1.3)
-    line(axes, VIEW.point(circle), 0.7, ":")
+    circle = _EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
+    line(axes, np.asarray(_VIEW.centre) + _VIEW.scale * circle[:, :2], 1.3)
+    line(axes, _VIEW.point(circle), 0.7, ":")
     names = [r"$X_\mathrm{WGS84}$", r"$Y_\mathrm{WGS84}$", "$Z$ of both"]
-    triad(axes, VIEW, origin, np.diag([1.6, 1.6, 1.3]) * EARTH, names, width=1.8)
+    triad(axes, _VIEW, origin, np.diag([1.6, 1.6, 1.3]) * _EARTH, names, width=1.8)
     names, stars = [r"$X_\mathrm{J2000}$", r"$Y_\mathrm{J2000}$"], frames["stars"].T
-    triad(axes, VIEW, origin, 1.6 * EARTH * stars[:2], names, look=_INERTIAL)
+    triad(axes, _VIEW, origin, 1.6 * _EARTH * stars[:2], names, look=_INERTIAL)
     turn = float(-np.arctan2(stars[0, 1], stars[0, 0]))
-    sense(axes, VIEW, origin, [0.0, 0.0, 1.0], 0.6 * EARTH * stars[0], turn)
-    place, target = VIEW.point(above), VIEW.point(imaged)
-    arrow(axes, VIEW.point(origin), place, width=0.8)
+    sense(axes, _VIEW, origin, [0.0, 0.0, 1.0], 0.6 * _EARTH * stars[0], turn)
+    place, target = _VIEW.point(above), _VIEW.point(imaged)
+    arrow(axes, _VIEW.point(origin), place, width=0.8)
     path(axes, [target, place], SCENE)
     axes.plot(*target, SCENE.marker, color=SCENE.colour, markersize=7)
     # Beside the camera's frame on the paper, so that both can be read.
-    tracker = above + EARTH * np.array([0.65, 0.8]) @ VIEW.matrix
+    tracker = above + _EARTH * np.array([0.65, 0.8]) @ _VIEW.matrix
     for foot, name, names in (
         (above, "camera", ["$X_c$", "$Y_c$", ""]),
         (tracker, "tracker", ["$X_s$", "$Y_s$", "$Z_s$"]),
     ):
-        triad(axes, VIEW, foot, 0.4 * EARTH * frames[name].T, names, width=1.8)
+        triad(axes, _VIEW, foot, 0.4 * _EARTH * frames[name].T, names, width=1.8)
     # The line of sight runs along the camera's boresight: its name stands above.
-    tip = VIEW.point(above + 0.4 * EARTH * frames["camera"][:, 2])
+    tip = _VIEW.point(above + 0.4 * _EARTH * frames["camera"][:, 2])
     label(axes, beside(tip, -0.1, 0.4), "$Z_c$")
-    boresight = EARTH * frames["tracker"][:, 2]
-    path(axes, [VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
+    boresight = _EARTH * frames["tracker"][:, 2]
+    path(axes, [_VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
     label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
-    label(axes, beside(VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
+    label(axes, beside(_VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
     label(axes, beside(target, -0.2, 0.45), "target")
     key(axes, (SCENE, STAR, _INERTIAL), (0.0, 1.0))

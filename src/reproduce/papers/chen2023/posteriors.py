@@ -35,11 +35,11 @@ from reproduce.printed.given import Given, given
 from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of
 from reproduce.units import ARCSEC_PER_RADIAN
 
-FRAMES = "chen2023/text-accuracy#frames"
-READS = (*INSTRUMENT, SCATTER, FRAMES, *satellite.CAMERA)
+_FRAMES = "chen2023/text-accuracy#frames"
+READS = (*INSTRUMENT, SCATTER, _FRAMES, *satellite.CAMERA)
 # The misalignment of the simulation: as large as the text expects on orbit, with a roll.
-TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
-DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
+_TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
+_DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
 # A prior this many times as wide as what the data show is hardly felt, yet proper.
 _GENEROUS = 20.0
 # Of the residual of least squares: ends of the noise, as good as none.
@@ -52,7 +52,7 @@ def _simulated_images(
     given: Given, turns: list[tuple[FloatArray, FloatArray]], stream: int
 ) -> SpotStatistics:
     """Simulate images of two groups, of which the second may drift."""
-    generator, frames = Generator(PCG64(data_stream(given, 2, stream))), given.count(FRAMES)
+    generator, frames = Generator(PCG64(data_stream(given, 2, stream))), given.count(_FRAMES)
     design = as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
@@ -92,7 +92,7 @@ class OnTheGround:
 
 def _truth(given: Given, drift: bool = False) -> dict[str, float]:
     """The misalignment of the simulation, and how much it drifts through the group."""
-    turns = {"angle": TRUTH, "drift": DRIFT} if drift else {"angle": TRUTH}
+    turns = {"angle": _TRUTH, "drift": _DRIFT} if drift else {"angle": _TRUTH}
     return {f"{name}-{axis}": float(angle) for name, angles in turns.items()
             for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
 
@@ -101,14 +101,14 @@ def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
     """A misalignment after a calibration group, constant or drifting through its own group."""
     zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
     drifts = drift is not None
-    spots = _simulated_images(given, [(zero, zero), (TRUTH - half, TRUTH + half)], int(drifts))
+    spots = _simulated_images(given, [(zero, zero), (_TRUTH - half, _TRUTH + half)], int(drifts))
     ground = OnTheGround(satellite.altitude(given))
     return misalignment_model(as_designed(given), spots, drifts=drifts, derived=ground)
 
 
 def drift(given: Given) -> Model:
     """A misalignment that drifts through the monitoring group."""
-    return misalignment(given, DRIFT)
+    return misalignment(given, _DRIFT)
 
 
 def _beside(given: Given, model: Model) -> dict[str, Aside]:
@@ -122,7 +122,7 @@ def _beside(given: Given, model: Model) -> dict[str, Aside]:
         f"angle-{axis}-sd-lasers-free": Aside(float(error), unit="arcsec")
         for axis, error in zip(AXES, errors, strict=True)
     }
-    printed, freedom = given.array(SCATTER) / SIGMAS, given.count(FRAMES) - 1
+    printed, freedom = given.array(SCATTER) / SIGMAS, given.count(_FRAMES) - 1
     noise = likelihood.start()[0][-1]
     below = gammainc(freedom / 2, freedom / 2 * (printed / noise) ** 2)  # of chi-squared
     outside = 2 * np.minimum(below, 1 - below) < 0.05 / len(printed)

@@ -14,12 +14,12 @@ What all readings share:
   phases and trials together; the optimum is where it is least, at steps of one arc second;
 * the monitoring accuracy is (11) with that accuracy.
 
-What the text leaves open, and the results depend on, are the `CASES`: what the radius of a Gaussian
-is, and how much of the noise of EMVA 1288 is read noise. How large a gain is significant is open
-too: refining stops to pay below the coarsest resolution that no finer one beats by more than some
-standard errors of the study. The first case and three standard errors were chosen
-first and came into the history together with their verdicts; the others were added when their
-results were known. All of them are judged side by side.
+What the text leaves open, and the results depend on, are the `_CASES`: what the radius of a
+Gaussian is, and how much of the noise of EMVA 1288 is read noise. How large a gain is significant
+is open too: refining stops to pay below the coarsest resolution that no finer one beats by more
+than some standard errors of the study. The first case and three standard errors were chosen first
+and came into the history together with their verdicts; the others were added when their results
+were known. All of them are judged side by side.
 
 A study of the printed size is itself random. Its distribution follows from the closed-form bias
 and variance: the Monte Carlo beside it agrees within its error.
@@ -122,7 +122,7 @@ class _Case:
 _ONE_OVER_E, _HALF_HEIGHT = float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(2.0)))
 _RADIUS = "V-D does not say which radius of the Gaussian is meant"
 _NOISE = "V-D draws noise after EMVA 1288, which has read noise too, and prints no parameters"
-CASES = (
+_CASES = (
     _Case("radius: one standard deviation; photon noise", _RADIUS),
     _Case("radius: light down to 1/e; photon noise", _RADIUS, _ONE_OVER_E),
     _Case("radius: light down to one half; photon noise", _RADIUS, _HALF_HEIGHT),
@@ -137,7 +137,7 @@ CASES = (
         1.1,
     ),
 )
-LITERAL = CASES[0]
+_LITERAL = _CASES[0]
 _RADII = {1.0: "sigma", _ONE_OVER_E: "one-over-e", _HALF_HEIGHT: "half", 2.0: "one-over-e2"}
 
 
@@ -169,16 +169,16 @@ def spot(given: Given) -> Results:
 def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
     angles = resolutions(given)
-    scatter = replicated_scatter(given, seed, replicates)
+    scatter = _replicated_scatter(given, seed, replicates)
     monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
-    relative = relative_error(given)
+    relative = _relative_error(given)
     by_threshold = [
         Reading(
             f"{text.removeprefix('a ')}; as the first below",
             "V-D does not say which gain is significant",
-            Prediction(angles[saturation(monitoring[0], relative, float(errors))]),
-            LITERAL.choices | {"threshold": errors},
-            _added(LITERAL, float(errors)),
+            Prediction(angles[_saturation(monitoring[0], relative, float(errors))]),
+            _LITERAL.choices | {"threshold": errors},
+            _added(_LITERAL, float(errors)),
         )
         for errors, text in words(STUDY).options["threshold"].items()
     ]
@@ -186,14 +186,14 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     for name, found in {
         "optimum": angles[scatter.argmin(axis=-1)],
         "optimum-accuracy": scatter.min(axis=-1),
-        "saturation": angles[saturation(monitoring, relative)],
+        "saturation": angles[_saturation(monitoring, relative)],
     }.items():
         more = {"threshold": f"{_CHOSEN:g}"} if name == "saturation" else {}
         readings = [
             Reading(
                 case.name, case.place, Prediction(replicated), case.choices | more, _added(case)
             )
-            for case, replicated in zip(CASES, found, strict=True)
+            for case, replicated in zip(_CASES, found, strict=True)
         ]
         if more:
             readings[:1] = by_threshold
@@ -203,7 +203,7 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
 
 def _added(case: _Case, errors: float = _CHOSEN) -> str:
     """Return the day on which a case came into the history: the literal one came first."""
-    return "2026-11-21" if case == LITERAL and errors == _CHOSEN else "2026-11-22"
+    return "2026-11-21" if case == _LITERAL and errors == _CHOSEN else "2026-11-22"
 
 
 _MISSING = {
@@ -219,7 +219,7 @@ def resolutions(given: Given) -> FloatArray:
     return np.asarray(np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1))
 
 
-def radii(given: Given, angles: FloatArray, case: _Case = LITERAL) -> FloatArray:
+def _radii(given: Given, angles: FloatArray, case: _Case = _LITERAL) -> FloatArray:
     """Return the standard deviation of the spot in pixels that see the given angles."""
     sigma = given[SPOT_RADIUS] / case.width
     return np.asarray(sigma / (angles * given[platform.FOCAL_LENGTH]))
@@ -232,7 +232,7 @@ def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError
     return [centre_of_gravity_error(spots, 1.0, radius, corners, size, noise) for noise in noises]
 
 
-def light_for_table(given: Given, case: _Case = LITERAL) -> Light:
+def _light_for_table(given: Given, case: _Case = _LITERAL) -> Light:
     """Return the light for the mean variance of Table III, or as much more as a case says."""
     radius = given[SPOT_RADIUS] / case.width / given[platform.PIXEL]
     laws = spot_laws(platform.printed_spots(given), radius, round(given[_WINDOW]))
@@ -244,27 +244,27 @@ def light_for_table(given: Given, case: _Case = LITERAL) -> Light:
     return Light(float(case.brighter * signal), float(read))
 
 
-def _setting(given: Given, case: _Case = LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
+def _setting(given: Given, case: _Case = _LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return the phases, the light, the radii of the spot at all resolutions, and the window."""
-    radius = radii(given, resolutions(given), case)
+    radius = _radii(given, resolutions(given), case)
     # The middles of so many equal parts of one pixel.
     phases = (np.arange(given.count(PHASES)) + 0.5) / given.count(PHASES) - 0.5
-    return phases, light_for_table(given, case), radius, round(given[_WINDOW])
+    return phases, _light_for_table(given, case), radius, round(given[_WINDOW])
 
 
-def relative_error(given: Given) -> float:
+def _relative_error(given: Given) -> float:
     """Return the relative standard error of a standard deviation from all phases and trials."""
     return float(1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials")))
 
 
-def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
+def _replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
     """Return what studies of the printed size would find, from the closed form.
 
     Shape (cases, replicates, resolutions). Standard deviation of the errors of all phases and
     trials, in px.
     """
     trials = given.count(f"{STUDY}#trials")
-    laws = [predicted_errors(*_setting(given, case)) for case in CASES]
+    laws = [predicted_errors(*_setting(given, case)) for case in _CASES]
     bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
     deviation = np.sqrt(variance / trials)
     found, shape = [], bias.shape[1:]
@@ -277,7 +277,7 @@ def replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Flo
     return np.stack(found, axis=1)
 
 
-def saturation(monitoring: FloatArray, relative: float, errors: float = _CHOSEN) -> FloatArray:
+def _saturation(monitoring: FloatArray, relative: float, errors: float = _CHOSEN) -> FloatArray:
     """Return the index of the coarsest resolution that no finer one beats significantly.
 
     Index along the last axis.
@@ -360,23 +360,23 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
     "chen2023/readings",
     given=READS,
     caption="The optimum of Figure 11 under every reading of the text that was tried; below the "
-    f"first {len(CASES)}, the first with one thing changed. The limit of gain is that of "
+    f"first {len(_CASES)}, the first with one thing changed. The limit of gain is that of "
     f"{_CHOSEN:g} standard errors.",
 )
 def readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
-    angles, relative = resolutions(given), relative_error(given)
-    cases = {case.name: case for case in CASES}
+    angles, relative = resolutions(given), _relative_error(given)
+    cases = {case.name: case for case in _CASES}
     for share in (0.25, 0.5, 0.75, 0.95):
-        cases[f"read noise is {share:.0%} of variance"] = replace(LITERAL, read_share=share)
+        cases[f"read noise is {share:.0%} of variance"] = replace(_LITERAL, read_share=share)
     for factor in (0.5, 2.0):
-        cases[f"{factor:g} times the light"] = replace(LITERAL, brighter=factor)
+        cases[f"{factor:g} times the light"] = replace(_LITERAL, brighter=factor)
     laws = {n: predicted_errors(*_setting(given, c)) for n, c in cases.items()}
     found = {name: law.total for name, law in laws.items()}
-    found["scatter without bias"] = laws[LITERAL.name].within
+    found["scatter without bias"] = laws[_LITERAL.name].within
     rows = []
     for name, error in found.items():
         monitoring = attitude_accuracy(error, given.count(f"{STUDY}#lasers"), angles)
-        limit = angles[saturation(monitoring, relative)] * ARCSEC_PER_RADIAN
+        limit = angles[_saturation(monitoring, relative)] * ARCSEC_PER_RADIAN
         rows.append((name, angles[error.argmin()] * ARCSEC_PER_RADIAN, error.min(), float(limit)))
     return rows

@@ -67,14 +67,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SATELLITE = "chen2023/table-1"
-TEXT = "chen2023/text-satellite"
+_TEXT = "chen2023/text-satellite"
 # Of the panchromatic camera: focal length, pixel size, ground resolution.
 CAMERA = tuple(
     f"{SATELLITE}#panchromatic-{name}.value"
     for name in ("focal-length", "pixel-size", "ground-resolution")
 )
-BORESIGHT = f"{TEXT}#boresight-angle"
-_RATIO = f"{TEXT}#focal-ratio"
+BORESIGHT = f"{_TEXT}#boresight-angle"
+_RATIO = f"{_TEXT}#focal-ratio"
 _EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _LASERS = (platform.SPOTS, platform.DIAGONAL, platform.TELESCOPE)
@@ -100,7 +100,7 @@ _INWARDS = turned([0.0, -1.0], 9.0)
 _DETECTORS = "chen2023/text-hardware#detectors"
 _FILTER = "chen2023/text-hardware#filter-wavelength"
 _BANDS = tuple(
-    f"{TEXT}#{light}-{end}" for light in ("transmission", "reflection") for end in ("low", "high")
+    f"{_TEXT}#{light}-{end}" for light in ("transmission", "reflection") for end in ("low", "high")
 )
 
 
@@ -148,14 +148,14 @@ def ground_resolution(given: Given) -> Results:
     return {"multispectral-ground-resolution.value": float(resolution)}
 
 
-@reproduces(TEXT, cells=["focal-ratio"], given=[CAMERA[0], platform.FOCAL_LENGTH])
+@reproduces(_TEXT, cells=["focal-ratio"], given=[CAMERA[0], platform.FOCAL_LENGTH])
 def focal_ratio(given: Given) -> Results:
     """Camera's focal length over the tracker's, with the ground tracker standing in."""
     missing = "the focal length of the flight tracker; the ground tracker's stands in"
     return {"focal-ratio": Blocked(missing, given[CAMERA[0]] / given[platform.FOCAL_LENGTH])}
 
 
-@reproduces(TEXT, cells=["dihedral-angle"], given=[BORESIGHT])
+@reproduces(_TEXT, cells=["dihedral-angle"], given=[BORESIGHT])
 def dichroic_tilt(given: Given) -> Results:
     """Tilt of the dichroic mirror that folds the retro-reflected laser into the tracker."""
     return {"dihedral-angle": float(fold_mirror_tilt(given[BORESIGHT]))}
@@ -220,14 +220,14 @@ def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     accuracy = _accuracy(given)
     axes = ("in the plane of the light", "across it", "its normal")
     rows = []
-    factors = np.linalg.norm(dichroic_response(given[BORESIGHT]), axis=0)
+    factors = np.linalg.norm(_dichroic_response(given[BORESIGHT]), axis=0)
     for axis, factor in zip(axes, factors, strict=True):
         turn = accuracy / factor if factor > _NOISE else np.inf
         rows.append((axis, factor, turn / RADIANS_PER_ARCSEC, turn / given[_EXPANSION]))
     return rows
 
 
-def dichroic_response(boresight_angle: float) -> FloatArray:
+def _dichroic_response(boresight_angle: float) -> FloatArray:
     """Return how the folded light answers to turns of the dichroic mirror about its own axes.
 
     Shape (3, 3). Columns: about the axis in the mirror and in the plane of the light, about the one
@@ -387,7 +387,7 @@ def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Axes, float]:
     return axes, tilt
 
 
-@draws("chen2023/fig-3a", marks=[f"{TEXT}#dihedral-angle"])
+@draws("chen2023/fig-3a", marks=[f"{_TEXT}#dihedral-angle"])
 def _draw_tracker(figure: Figure, printed: Mapping[str, float]) -> None:
     """Structure of the star and laser tracker."""
     axes, _ = _inside(figure, printed)
@@ -400,7 +400,7 @@ def _draw_tracker(figure: Figure, printed: Mapping[str, float]) -> None:
     label(axes, (7.6, 8.8), "baffle, held by the\nsatellite alone", ha="left")
 
 
-@draws("chen2023/fig-3b", marks=[f"{TEXT}#dihedral-angle"])
+@draws("chen2023/fig-3b", marks=[f"{_TEXT}#dihedral-angle"])
 def _draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Paths of starlight and laser light into the tracker."""
     axes, tilt = _inside(figure, printed)

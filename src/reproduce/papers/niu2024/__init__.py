@@ -18,7 +18,7 @@ ITEMS = {
     "niu2024/table-4": "experiment",
 }
 
-# The modules of our own tables beside the paper's; judge.studies has those that see the print.
+# The modules of our own tables beside the paper's; judge.rerun has those that see the print.
 STUDIES = {
     "niu2024/approximations": "approximations",
     "niu2024/scale-errors": "experiment",

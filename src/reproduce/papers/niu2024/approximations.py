@@ -31,8 +31,8 @@ from reproduce.physics.registration import (
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 
-APPROXIMATIONS = "niu2024/text-approximations"
-_SHARE = f"{APPROXIMATIONS}#first-term-share"
+_APPROXIMATIONS = "niu2024/text-approximations"
+_SHARE = f"{_APPROXIMATIONS}#first-term-share"
 _TABLES = {"Table 1": simulation, "Table 4": experiment}
 READS = (
     *experiment.CAMERAS,
@@ -51,7 +51,7 @@ _TITLES = {
 
 
 @reproduces(
-    APPROXIMATIONS,
+    _APPROXIMATIONS,
     cells=["scale-approximation"],
     given=[f"{IMAGING}#focal-length.*"],
     equations=["6"],
@@ -63,14 +63,14 @@ def scale_near_one(given: Given) -> Results:
 
 
 @reproduces(
-    APPROXIMATIONS,
+    _APPROXIMATIONS,
     cells=["parameters"],
-    given=[f"{APPROXIMATIONS}#parameters-per-channel", "niu2024/text-context#detectors"],
+    given=[f"{_APPROXIMATIONS}#parameters-per-channel", "niu2024/text-context#detectors"],
 )
 def parameter_count(given: Given) -> Results:
     """Parameters of the whole model: those of one channel, for every channel but green."""
     registered = given.count("niu2024/text-context#detectors") - 1
-    per_channel = given.count(f"{APPROXIMATIONS}#parameters-per-channel")
+    per_channel = given.count(f"{_APPROXIMATIONS}#parameters-per-channel")
     return {"parameters": float(registered * per_channel)}
 
 
@@ -93,7 +93,7 @@ def _channels(door: Given, table: str, channel: str) -> Channels:
 
 
 @cache
-def costs(door: Given, across: int = 200) -> dict[tuple[str, str, str], FloatArray]:
+def _costs(door: Given, across: int = 200) -> dict[tuple[str, str, str], FloatArray]:
     """Return what every approximation costs, by effect, table and channel.
 
     Largest length of the error over the detector, its root mean square, and the root mean square of
@@ -123,12 +123,12 @@ def _facts(door: Given) -> dict[str, Fact]:
     """Return ``EFFECT-TABLE-CHANNEL-rms``, and the printed noise over both axes as they are."""
     return {
         f"{'-'.join(names)}-rms".lower().replace(" ", "-"): Fact(cost[1], ".2g", "px")
-        for names, cost in costs(door).items()
+        for names, cost in _costs(door).items()
     } | {"noise-rms": Fact(np.sqrt(2.0) * given([NOISE])[NOISE], ".2g", "px")}
 
 
 @studied("niu2024/approximations", given=READS, named=_facts)
 def errors(door: Given) -> Iterator[tuple[object, ...]]:
     """How large each error is over the detector, and what a fit leaves of it."""
-    for (effect, table, channel), cost in costs(door).items():
+    for (effect, table, channel), cost in _costs(door).items():
         yield (_TITLES[effect], table, channel, *cost.tolist())

@@ -43,10 +43,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-ENDS = (0.025, 0.5, 0.975)
+_ENDS = (0.025, 0.5, 0.975)
 READS = simulation.READS
-COUNT = f"{simulation.SETTINGS}#angle-count"
-MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
+_COUNT = f"{simulation.SETTINGS}#angle-count"
+_MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
 _COUNTS = (10, 20, 50, 100, 200, 500, 1000)
 # Steps of the derivatives: scale, rotation, two shifts, two distortions.
 _STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
@@ -84,12 +84,12 @@ def _outermost(likelihood: GaussianRegistration) -> int:
 
 
 @cache
-def designs(door: Given) -> dict[str, _Design]:
+def _designs(door: Given) -> dict[str, _Design]:
     """Return the printed design under both models of the transform."""
     green, red, _ = true_centroids(door)
     plain, true = registration_model(red, green, pivot(door, "red")), truth(door)
     found = {}
-    for name, model in zip(MODELS, (plain, distortion_model(plain)), strict=True):
+    for name, model in zip(_MODELS, (plain, distortion_model(plain)), strict=True):
         likelihood = model.likelihood_of(GaussianRegistration)
         extra = model.parameters[5:]
         centre = np.array([*(true[one] for one in (*TRANSFORM, "noise")), *[0.0] * len(extra)])
@@ -108,23 +108,23 @@ def designs(door: Given) -> dict[str, _Design]:
     return found
 
 
-def edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
+def _edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
     """How far the outermost star is misplaced: low end, median, high end by model, (3, n), px.
 
     A similarity scatters alike in all directions, about a place that is off by what it leaves out.
     """
-    plain, free = (one.at_edge(counts) for one in designs(door).values())
+    plain, free = (one.at_edge(counts) for one in _designs(door).values())
     variance = np.trace(plain, axis1=1, axis2=2) / 2
-    off = np.sum(left_out(door) ** 2) / variance
+    off = np.sum(_left_out(door) ** 2) / variance
     found = [
         # Rice's law, squared, is a noncentral chi-squared.
-        [np.sqrt(variance * chndtrix(share, 2, off)) for share in ENDS],
-        [circular_error(free, share) for share in ENDS],
+        [np.sqrt(variance * chndtrix(share, 2, off)) for share in _ENDS],
+        [circular_error(free, share) for share in _ENDS],
     ]
-    return dict(zip(MODELS, map(np.stack, found), strict=True))
+    return dict(zip(_MODELS, map(np.stack, found), strict=True))
 
 
-def left_out(door: Given) -> FloatArray:
+def _left_out(door: Given) -> FloatArray:
     """How a similarity misplaces the outermost star for the distortion that it leaves out, (2,)."""
     green, red, _ = true_centroids(door)
     middle = pivot(door, "red")
@@ -132,7 +132,7 @@ def left_out(door: Given) -> FloatArray:
     return np.asarray(left[np.hypot(*(red - middle).T).argmax()])
 
 
-def enough(door: Given, wanted: float) -> dict[str, float]:
+def _enough(door: Given, wanted: float) -> dict[str, float]:
     """Stars with which 97.5 % of calibrations misplace the outermost one less, by model.
 
     Infinite where as many as `_MOST` are not enough.
@@ -140,17 +140,17 @@ def enough(door: Given, wanted: float) -> dict[str, float]:
     places, target = np.log(_TRIED), -np.log(wanted)
     return {
         name: float(np.ceil(np.exp(np.interp(target, -np.log(ends[2]), places, right=np.inf))))
-        for name, ends in edge_errors(door, _TRIED).items()
+        for name, ends in _edge_errors(door, _TRIED).items()
     }
 
 
 def _star_facts(door: Given) -> dict[str, Fact]:
     """Return errors at the edge for the printed number of stars, and how many suffice."""
-    count, angle = door.count(COUNT), pixel_angle(door)
+    count, angle = door.count(_COUNT), pixel_angle(door)
     numbers = {"all": count, "quarter": round(count / 4)}
     found = {name: Fact(n, "d") for name, n in numbers.items()}
-    errors = edge_errors(door, np.array(list(numbers.values())))
-    needed = enough(door, door[NOISE])
+    errors = _edge_errors(door, np.array(list(numbers.values())))
+    needed = _enough(door, door[NOISE])
     for name, ends in errors.items():
         kind = name.split()[0]
         found[f"{kind}-enough"] = Fact(needed[name], ".0f")
@@ -160,10 +160,10 @@ def _star_facts(door: Given) -> dict[str, Fact]:
                 f"{kind}-{which}-high": Fact(high, ".3f", "px"),
                 f"{kind}-{which}-angle": Fact(high * angle, ".2g", "arcsec"),
             }
-    left = float(np.hypot(*left_out(door)))
+    left = float(np.hypot(*_left_out(door)))
     found["left-out"] = Fact(left, ".2g", "px")
     # Where the mean squares are equal: that of the similarity has what it leaves out as well.
-    plain, free = (np.trace(one.at_edge(np.array([count]))[0]) for one in designs(door).values())
+    plain, free = (np.trace(one.at_edge(np.array([count]))[0]) for one in _designs(door).values())
     found["free-from"] = Fact(float(count * (free - plain) / left**2), ".0f")
     return found
 
@@ -172,12 +172,12 @@ def _star_facts(door: Given) -> dict[str, Fact]:
 def _stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame:
     """With how many stars to calibrate."""
     wanted = wanted or door[NOISE]
-    counts = sorted({*_COUNTS, door.count(COUNT), *([round(stars)] if stars else [])})
-    found, angle = edge_errors(door, np.array(counts)), pixel_angle(door)
+    counts = sorted({*_COUNTS, door.count(_COUNT), *([round(stars)] if stars else [])})
+    found, angle = _edge_errors(door, np.array(counts)), pixel_angle(door)
     rows = np.concatenate([*(ends[1:] for ends in found.values()),
                            [ends[2] * angle for ends in found.values()]])  # fmt: skip
-    plain, free = map(_as_words, enough(door, wanted).values())
-    left = float(np.hypot(*left_out(door)))
+    plain, free = map(_as_words, _enough(door, wanted).values())
+    left = float(np.hypot(*_left_out(door)))
     return _stars.frame(
         ((n, *row) for n, row in zip(counts, rows.T.tolist(), strict=True)),
         wanted=wanted, plain=plain, free=free, left=left,
@@ -195,11 +195,11 @@ def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     narrow = sized(figure, 6.0, 3.6, 4.2)
     axes = figure.subplots()
     looks = (("#0072B2", "-"), ("#D55E00", "--"))
-    for (name, ends), (colour, line) in zip(edge_errors(door, counts).items(), looks, strict=True):
+    for (name, ends), (colour, line) in zip(_edge_errors(door, counts).items(), looks, strict=True):
         axes.fill_between(counts, ends[0], ends[2], facecolor=(colour, 0.12), edgecolor=colour,
                           linestyle=line, linewidth=0.7)  # fmt: skip
         axes.plot(counts, ends[1], line, color=colour, label=f"{name}, with 95 %")
-    axes.axvline(door.count(COUNT), color="#777777", linestyle=":", label="stars of the paper")
+    axes.axvline(door.count(_COUNT), color="#777777", linestyle=":", label="stars of the paper")
     axes.set(xscale="log", yscale="log", xlabel="stars of the calibration (count)",
              ylabel="error at the edge (px)")  # fmt: skip
     axes.set_xticks((10, 30, 100, 300, 1000), ("10", "30", "100", "300", "1000"))
@@ -215,9 +215,9 @@ def _errors(door: Given) -> pd.DataFrame:
     green, red, _ = centroids(door)
     middle = pivot(door, "red")
     exact = registration_posterior(red, green, middle)
-    chi = 2 * gammaincinv(exact.freedom / 2, ENDS[::-1])  # quantiles of chi-squared
+    chi = 2 * gammaincinv(exact.freedom / 2, _ENDS[::-1])  # quantiles of chi-squared
     noise = np.sqrt(exact.squares / chi)
-    design, free = designs(door).values()
+    design, free = _designs(door).values()
     scale = float(np.hypot(*exact.mean[:2]))
     # Errors of a calibration are in proportion to the noise.
     relative, all_stars = noise / truth(door)["noise"], np.array([design.count])
@@ -226,7 +226,7 @@ def _errors(door: Given) -> pd.DataFrame:
     together, apart = (
         float(np.sqrt(np.trace(one.at_edge(all_stars)[0]) / 2)) for one in (design, free)
     )
-    left = float(np.sqrt(np.mean(left_out(door) ** 2)))
+    left = float(np.sqrt(np.mean(_left_out(door) ** 2)))
     rows = {
         ("Centroid noise, one image", "simulated"): noise / np.hypot(1, scale),
         ("Scale, at the edge", "simulated"): spread[0] * radius * relative,

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-RED = Look("red", "#D55E00", "--", "s")
+_RED = Look("red", "#D55E00", "--", "s")
 GREEN = Look("green", "#009E73", "-.", "o")
 BLUE = Look("blue", "#0072B2", ":", "^")
-LOOKS = {look.name: look for look in (RED, GREEN, BLUE)}
+LOOKS = {look.name: look for look in (_RED, GREEN, BLUE)}
 
 _WORKFLOW: dict[str, Block] = {
     "light": ("starlight", ((1.3, 6.2), (2.4, 1.2)), ((5.0, 12.4), (3.0, 0.8))),

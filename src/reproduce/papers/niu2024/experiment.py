@@ -73,16 +73,16 @@ from reproduce.physics.registration import (
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
-CALIBRATION = "niu2024/table-4"
+_CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
 _WORDS = words(OUTCOME)
 _REPLICATES = 10_000
 # The cameras of all channels, each by its own focal length and distortion.
 CAMERAS = (
-    f"{CALIBRATION}#focal-length.*",
-    f"{CALIBRATION}#radial-distortion.*",
-    f"{CALIBRATION}#rotation.*",
-    f"{CALIBRATION}#translation-*",
+    f"{_CALIBRATION}#focal-length.*",
+    f"{_CALIBRATION}#radial-distortion.*",
+    f"{_CALIBRATION}#rotation.*",
+    f"{_CALIBRATION}#translation-*",
     f"{OPTICS}#pixel-pitch-x",
 )
 # The same, and how far the positions reach.
@@ -90,9 +90,9 @@ INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
 
 
 @reproduces(
-    CALIBRATION,
+    _CALIBRATION,
     cells=["scale.*"],
-    given=[f"{CALIBRATION}#focal-length.*"],
+    given=[f"{_CALIBRATION}#focal-length.*"],
     equations=["6"],
 )
 def scale_factors(given: Given) -> Results:
@@ -101,11 +101,11 @@ def scale_factors(given: Given) -> Results:
         "the star centroids measured on the three detectors, to which scale factors and focal "
         "lengths are fitted apart; our stand-in is the ratio of the focal lengths"
     )
-    ratios = registration.scale_factors(given, CALIBRATION)
+    ratios = registration.scale_factors(given, _CALIBRATION)
     return {f"scale.{channel}": Blocked(centroids, ratio) for channel, ratio in ratios.items()}
 
 
-@reproduces(CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
+@reproduces(_CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
 def fitted_parameters(given: Given) -> Results:
     """Rotation, translation and distortion: fitted to centroids that are not published."""
     centroids = Blocked("the star centroids measured on the three detectors")
@@ -116,18 +116,18 @@ def fitted_parameters(given: Given) -> Results:
 
 def cameras(given: Given) -> list[Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
-    return cameras_of(given, CALIBRATION, {c: _shift(given, c) for c in CHANNELS})
+    return cameras_of(given, _CALIBRATION, {c: _shift(given, c) for c in CHANNELS})
 
 
 def _shift(given: Given, channel: str) -> list[float]:
     if channel == "green":
         return [0.0, 0.0]
-    return [given[f"{CALIBRATION}#translation-{axis}.{channel}"] for axis in "xy"]
+    return [given[f"{_CALIBRATION}#translation-{axis}.{channel}"] for axis in "xy"]
 
 
 def rotations(given: Given) -> list[float]:
     """Return the detectors' calibrated angles against green: green, red, blue, in radians."""
-    return [0.0, *(given[f"{CALIBRATION}#rotation.{channel}"] for channel in REGISTERED)]
+    return [0.0, *(given[f"{_CALIBRATION}#rotation.{channel}"] for channel in REGISTERED)]
 
 
 def half_field(given: Given) -> tuple[float, float]:
@@ -135,7 +135,7 @@ def half_field(given: Given) -> tuple[float, float]:
     return given[f"{OPTICS}#field-of-view-x"] / 2, given[f"{OPTICS}#field-of-view-y"] / 2
 
 
-def centroid_errors(given: Given) -> FloatArray:
+def _centroid_errors(given: Given) -> FloatArray:
     """Return the centroid errors that the printed residuals imply.
 
     Shape (3, 1, 2). Standard deviation by channel (green, red, blue) and axis, in px: green has
@@ -157,7 +157,7 @@ def centroid_errors(given: Given) -> FloatArray:
     return np.asarray(np.sqrt(np.stack([green, *(squares - green)]))[:, None, :])
 
 
-def registered_points(given: Given, angles: FloatArray) -> FloatArray:
+def _registered_points(given: Given, angles: FloatArray) -> FloatArray:
     """Return green points, and those that the similarities of Table 4 lay over them.
 
     Shape (..., 3, n, 2). In px from the green principal point; channels green, red, blue.
@@ -167,7 +167,7 @@ def registered_points(given: Given, angles: FloatArray) -> FloatArray:
     for position, channel in enumerate(REGISTERED, start=1):
         # The source's principal point is the shift, as green's is the origin here.
         shift = _shift(given, channel)
-        scale = given[f"{CALIBRATION}#scale.{channel}"]
+        scale = given[f"{_CALIBRATION}#scale.{channel}"]
         laid = Registration.similarity(scale, rotations(given)[position], shift, shift)
         points.append(laid.inverse().apply(green))
     return np.stack(points, axis=-3)
@@ -183,7 +183,7 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     cells=["rmse-before-*"],
     given=[
         *INSTRUMENT,
-        f"{CALIBRATION}#scale.*",
+        f"{_CALIBRATION}#scale.*",
         f"{OUTCOME}#test-points",
         f"{OUTCOME}#rmse-after-*",
     ],
@@ -196,11 +196,11 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     for_positions, for_errors = split_seed(seed, 2)
     count = given.count(f"{OUTCOME}#test-points")
     angles = spawned_angles(for_positions, replicates, count, half_field(given))
-    errors = centroid_errors(given) * spawned_normals(for_errors, replicates, (3, count, 2))
+    errors = _centroid_errors(given) * spawned_normals(for_errors, replicates, (3, count, 2))
     apart = {
         name: rmse_per_axis(measured[:, 1:], measured[:, :1])
         for name, measured in (
-            ("factors", registered_points(given, angles) + errors),
+            ("factors", _registered_points(given, angles) + errors),
             ("focal-lengths", _by_focal_lengths(given, angles) + errors),
         )
     }
@@ -244,13 +244,13 @@ def rmse_after(given: Given) -> Results:
     given=[
         f"{OUTCOME}#rmse-after-*",
         f"{OPTICS}#pixel-pitch-*",
-        f"{CALIBRATION}#focal-length.green",
+        f"{_CALIBRATION}#focal-length.green",
     ],
 )
 def pointing_errors(given: Given) -> Results:
     """Residuals in pixels as angles: they lie in the green image, so its focal length applies."""
     pitches = given.array(f"{OPTICS}#pixel-pitch-?")
-    focal_length = given[f"{CALIBRATION}#focal-length.green"]
+    focal_length = given[f"{_CALIBRATION}#focal-length.green"]
     results = {}
     for channel, (axis, pitch) in product(REGISTERED, zip("xy", pitches, strict=True)):
         residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
@@ -300,7 +300,7 @@ def _scale_facts(given: Given) -> dict[str, Fact]:
     given=(
         *CAMERAS,
         *simulation.ANGLES,
-        f"{CALIBRATION}#scale.*",
+        f"{_CALIBRATION}#scale.*",
         f"{OUTCOME}#rmse-after-*",
     ),
     named=_scale_facts,
@@ -310,13 +310,13 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
     """How far scale factors and focal lengths fitted apart may differ."""
     seed = seed_of("niu2024/scale-errors", given.root)
     residual = float(np.sqrt(np.square(given.array(f"{OUTCOME}#rmse-after-*")).mean()))
-    printed = registration.scale_factors(given, CALIBRATION)
+    printed = registration.scale_factors(given, _CALIBRATION)
     rows = []
     for name, share in _SHARES.items():
         alone, laid = twin_fits(given, seed, _FITS, share * residual)
         for channel in REGISTERED:
             lengths = (alone[one].focal_length for one in ("green", channel))
             sd = float(np.std(laid[channel].parameters[:, 0] - np.divide(*lengths)))
-            apart = given[f"{CALIBRATION}#scale.{channel}"] - printed[channel]
+            apart = given[f"{_CALIBRATION}#scale.{channel}"] - printed[channel]
             rows.append((channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd))
     return rows

@@ -55,7 +55,7 @@ READS = (
 )
 # Diameter in metres: half the focal length, f/2; what the optics let through; of a spot, in px.
 APERTURE, TRANSMISSION, RADIUS = 12.5e-3, 0.8, 0.8
-WINDOW = 9
+_WINDOW = 9
 # The detector of every channel: a 12-bit sensor of small pixels.
 SENSOR = Detector(
     quantum_efficiency=0.6,
@@ -87,7 +87,7 @@ _MIDDLE = slice(_MARGIN, -_MARGIN)
 _SUMMED = 3
 
 
-def cameras(door: Given) -> list[Camera]:
+def _cameras(door: Given) -> list[Camera]:
     """Return the cameras of Table 4 with green's principal point in the detector's middle."""
     middle = detector_centre(door.array(f"{OPTICS}#pixels-?"))
     used = experiment.cameras(door)
@@ -96,13 +96,13 @@ def cameras(door: Given) -> list[Camera]:
 
 def similarities(door: Given) -> list[Registration]:
     """Return the transforms of red and blue onto green that a perfect calibration would find."""
-    used, turns = cameras(door), experiment.rotations(door)
+    used, turns = _cameras(door), experiment.rotations(door)
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 
 
 def _imaged(door: Given, angles: FloatArray) -> FloatArray:
     """Return where the channels image the star at some table angles, shape (3, 2)."""
-    return channel_centroids(cameras(door), experiment.rotations(door), angles[None])[:, 0]
+    return channel_centroids(_cameras(door), experiment.rotations(door), angles[None])[:, 0]
 
 
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
@@ -136,7 +136,7 @@ def cell(
     Registered by `transforms` of red and blue in place of the true ones.
     """
     generator = np.random.default_rng(seed)
-    green = cameras(door)[0]
+    green = _cameras(door)[0]
     pitch = float(green.pixel_pitch / green.focal_length)
     errors, signals = [], []
     for _ in range(PHASES):
@@ -161,7 +161,7 @@ def _exposures(
 
     In electrons, shape (3, trials, size, size); and the first pixel of the windows.
     """
-    size = WINDOW + 2 * _MARGIN
+    size = _WINDOW + 2 * _MARGIN
     corner = window_corners(spots[0], size).astype(np.float64)
     clean = spot_windows(spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size)
     many = np.broadcast_to(clean[:, None], (3, trials, size, size))
@@ -198,14 +198,14 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     return np.array([fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs])
 
 
-def stored() -> studies.Study:
+def _stored() -> studies.Study:
     """Return the stored comparison: `RESULTS` by star, place, magnitude and image."""
     return studies.read("niu2024-fusion")
 
 
 def _facts() -> dict[str, Fact]:
     """Return what registration is worth: errors in the corner at V = 4, signals of all"""
-    arrays, replicates = stored().arrays, int(stored().note["replicates"])
+    arrays, replicates = _stored().arrays, int(_stored().note["replicates"])
     at_corner = arrays["error"][:, -1, MAGNITUDES.index(4.0)]
     green, plain, registered = at_corner[list(STARS).index("solar")]
     alone, raw, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
@@ -229,7 +229,7 @@ def _facts() -> dict[str, Fact]:
 @studied("niu2024/fusion", named=_facts)
 def centroids() -> Iterator[tuple[object, ...]]:
     """Centroid error and signal-to-noise ratio by star, place, magnitude and image."""
-    arrays = stored().arrays
+    arrays = _stored().arrays
     for at in np.ndindex(arrays["error"].shape):
         star, place, magnitude, image = at
         labels = list(STARS)[star], list(PLACES)[place], MAGNITUDES[magnitude], MADE[image]
@@ -283,7 +283,7 @@ def _draw_star(figure: Figure) -> None:
 def _draw_errors(figure: Figure) -> None:
     """Centroid error of the solar star over magnitude, with and without registration."""
     sized(figure, 4.9, 4.4)
-    axes, errors = figure.add_subplot(), stored().arrays["error"][list(STARS).index("solar")]
+    axes, errors = figure.add_subplot(), _stored().arrays["error"][list(STARS).index("solar")]
     for kind, (name, look) in enumerate(zip(MADE, _KINDS, strict=True)):
         for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
             (line,) = axes.semilogy(MAGNITUDES, errors[place, :, kind], look.line, c=look.colour)

@@ -16,7 +16,7 @@ Where an arrangement has no zero position, the starting values of section 3.2 ne
 it is then measured once more, beside the calibration points. The fit is the closed form, which is
 where the paper's iteration ends (a test holds the two together).
 
-Arrays of draws end with an axis of numbers, `MEASURED` or what is made of them; parameters are in
+Arrays of draws end with an axis of numbers, `_MEASURED` or what is made of them; parameters are in
 radians and px, residuals in px.
 """
 
@@ -46,20 +46,20 @@ CHUNK = 500  # replicates simulated at once
 KEPT = 20
 # What the principal points of red and blue are, by the option of `simulation`; draws averaged.
 _SHIFTS = {"Table 1": "table-1", "Table 2": "table-2"}
-REPEATS = (1, 10)
-TESTS = ("over the range", "among the angles")
+_REPEATS = (1, 10)
+_TESTS = ("over the range", "among the angles")
 # Where there is noise, and how much of it in green and in the channel that is registered.
 _NOISY = {"every channel": (1.0, 1.0), "red and blue": (0.0, 1.0), "green": (1.0, 0.0)}
 # What one replicate of one channel yields, in this order, and what is printed of it.
 _MEASURED = (*simulation.ROWS, "rmse-before-x", "rmse-before-y", "rmse-after-x", "rmse-after-y")
-CELLS = (*simulation.ROWS, "rmse-before", "rmse-after")
+_CELLS = (*simulation.ROWS, "rmse-before", "rmse-after")
 # The printed cells of both channels, in the order of the numbers of a replicate.
 ADDRESSES = tuple(
     f"{simulation.SETTINGS}#{cell}-{channel}"
     if cell.startswith("rmse")
     else f"niu2024/table-3#{cell}.{channel}"
     for channel in simulation.REGISTERED
-    for cell in CELLS
+    for cell in _CELLS
 )
 # Ways to count the axes, (26) as it stands first, by the option of `simulation`.
 _AXES = {"both axes": "both", "one axis on average": "one", "x alone": "x", "y alone": "y"}
@@ -72,23 +72,23 @@ READS = (
 
 
 @dataclass(frozen=True)
-class Choices:
+class _Choices:
     """One choice for everything the text leaves open but how the RMSE counts the axes."""
 
     arrangement: int  # its place in `simulation.candidates`
     shifts: str  # one of `_SHIFTS`
     repeats: int  # draws averaged
     noisy: str  # one of `_NOISY`
-    tests: str  # one of `TESTS`
+    tests: str  # one of `_TESTS`
 
 
-def readings(door: Given) -> list[Choices]:
+def readings(door: Given) -> list[_Choices]:
     """Return every reading, in the order in which `simulate` has them."""
     arrangements = range(len(simulation.candidates(door)))
-    return [Choices(*c) for c in product(arrangements, _SHIFTS, REPEATS, _NOISY, TESTS)]
+    return [_Choices(*c) for c in product(arrangements, _SHIFTS, _REPEATS, _NOISY, _TESTS)]
 
 
-def literal(door: Given) -> Choices:
+def literal(door: Given) -> _Choices:
     """Return the literal reading, the one that the ledger uses where all give one verdict."""
     return readings(door)[0]
 
@@ -142,15 +142,15 @@ def simulate_channel(door: Given, drawn: _Numbers, channel: str) -> Iterator[Flo
         spots = partial(channel_centroids, [cameras[0], cameras[place]], [turns[0], turns[place]])
         true, zero = spots(found.angles), spots(np.zeros((1, 2)))
         at_random = np.moveaxis(spots(drawn.positions), -3, 1)
-        tests = {TESTS[0]: at_random, TESTS[1]: np.moveaxis(true[:, drawn.chosen], 0, 1)}
+        tests = {_TESTS[0]: at_random, _TESTS[1]: np.moveaxis(true[:, drawn.chosen], 0, 1)}
         at_zero = simulation.zero_places(found.angles)
-        for repeats, noisy in product(REPEATS, _NOISY):
+        for repeats, noisy in product(_REPEATS, _NOISY):
             level = (sigma / np.sqrt(repeats) * np.array(_NOISY[noisy]))[:, None, None]
             green, source = np.moveaxis(true + level * drawn.calibration[:, pair], 1, 0)
             again = (zero + level * drawn.zero[:, pair])[:, 1, 0]
             pivot = source[:, at_zero[0]] if len(at_zero) else again
             similarity = fit_registration(source, green, pivot).transform
-            for kind in TESTS:
+            for kind in _TESTS:
                 green, source = np.moveaxis(tests[kind] + level * drawn.test[:, pair], 1, 0)
                 before = rmse_per_axis(source, green)
                 after = rmse_per_axis(similarity.apply(source), green)
@@ -158,7 +158,7 @@ def simulate_channel(door: Given, drawn: _Numbers, channel: str) -> Iterator[Flo
 
 
 def counted(measured: FloatArray, axes: str) -> FloatArray:
-    """Return the numbers of `CELLS` from those of `_MEASURED`.
+    """Return the numbers of `_CELLS` from those of `_MEASURED`.
 
     Examples
     --------

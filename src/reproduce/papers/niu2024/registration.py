@@ -57,19 +57,19 @@ def true_translation(given: Given) -> Results:
 
 
 # Angle in degrees and principal points of Figure 2, in units of the canvas.
-PLANE_ANGLE = 14.0
-PRINCIPAL_POINTS = {"green": (5.4, 5.0), "blue": (7.8, 6.4)}
+_PLANE_ANGLE = 14.0
+_PRINCIPAL_POINTS = {"green": (5.4, 5.0), "blue": (7.8, 6.4)}
 
 
 @draws("niu2024/fig-2")
 def _draw_planes(figure: Figure) -> None:
     """Rotation and translation of the blue image plane against the green one."""
     axes = canvas(figure, 14.0, 11.6, 5.6)
-    green, blue = PRINCIPAL_POINTS["green"], PRINCIPAL_POINTS["blue"]
+    green, blue = _PRINCIPAL_POINTS["green"], _PRINCIPAL_POINTS["blue"]
     (left, low), (right, high) = green, blue
     _plane(axes, green, 0.0, GREEN)
-    _plane(axes, blue, PLANE_ANGLE, BLUE)
-    arc(axes, blue, 4.8, (0.0, PLANE_ANGLE), head=True)
+    _plane(axes, blue, _PLANE_ANGLE, BLUE)
+    arc(axes, blue, 4.8, (0.0, _PLANE_ANGLE), head=True)
     label(axes, (right + 5.2, high + 0.65), "θ")
     # The step from one principal point to the other, along each axis.
     line(axes, [green, (left, low - 1.6)], 0.6)

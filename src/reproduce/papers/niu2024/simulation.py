@@ -70,7 +70,7 @@ if TYPE_CHECKING:
 
 IMAGING = "niu2024/table-1"
 TRUTH = "niu2024/table-2"
-RESULTS = "niu2024/table-3"
+_RESULTS = "niu2024/table-3"
 OPTICS = "niu2024/text-optics"
 SETTINGS = "niu2024/text-simulation"
 NOISE = f"{SETTINGS}#noise"
@@ -94,7 +94,7 @@ _CALIBRATION = {name: _OPTIONS[name] for name in ("angles", "noise", "repeats")}
 _TRANSLATIONS = {"translations": _OPTIONS["translations"]}
 _LITERAL = {name: next(iter(ways)) for name, ways in _OPTIONS.items()}
 # Every arrangement that has the printed count, by the name under which a reader asks for it.
-ARRANGEMENTS = _OPTIONS["angles"]
+_ARRANGEMENTS = _OPTIONS["angles"]
 ANGLES = (
     f"{SETTINGS}#angle-count",
     f"{SETTINGS}#range-x-*",
@@ -121,18 +121,18 @@ def candidates(door: Given) -> tuple[Arrangement, ...]:
 def _arrangement(door: Given, name: str) -> Arrangement:
     """Return one arrangement."""
     found = {candidate.name: candidate for candidate in candidates(door)}
-    if ARRANGEMENTS[name] not in found:
+    if _ARRANGEMENTS[name] not in found:
         raise ValueError(
             f"angles={name}: this arrangement does not have "
             f"{door.count(f'{SETTINGS}#angle-count')} angles over the range; these do: "
-            f"{', '.join(n for n, full in ARRANGEMENTS.items() if full in found) or 'none'}"
+            f"{', '.join(n for n, full in _ARRANGEMENTS.items() if full in found) or 'none'}"
         )
-    return found[ARRANGEMENTS[name]]
+    return found[_ARRANGEMENTS[name]]
 
 
 def literal(door: Given) -> Arrangement:
     """Return the arrangement that the ledger uses."""
-    return _arrangement(door, next(iter(ARRANGEMENTS)))
+    return _arrangement(door, next(iter(_ARRANGEMENTS)))
 
 
 def cameras(given: Given, translations: str = "table-1") -> list[Camera]:
@@ -189,7 +189,7 @@ def _measured(
     return noisy_centroids(true, sigma, seed, replicates, repeats=repeats, first=first)
 
 
-def calibrations(
+def _calibrations(
     given: Given, seed: SeedSequence, replicates: int, first: int = 0, **chosen: str
 ) -> dict[str, Registration]:
     """Simulate and calibrate both channels in every replicate.
@@ -230,14 +230,14 @@ def _parameters(
     """Calibrate both channels in every replicate: channel to (scale, rotation, shifts)."""
 
     def part(first: int, count: int) -> dict[str, FloatArray]:
-        found = calibrations(given, seed, count, first, **chosen)
+        found = _calibrations(given, seed, count, first, **chosen)
         return {channel: transform.parameters for channel, transform in found.items()}
 
     return _in_batches(part, replicates)
 
 
 @reproduces(
-    RESULTS,
+    _RESULTS,
     cells=["scale.*", "rotation.*"],
     given=READS,
     equations=["17", "18", "19", "20", "21", "22", "23", "24", "25"],
@@ -256,7 +256,7 @@ def calibrated_parameters(
 
 
 @reproduces(
-    RESULTS,
+    _RESULTS,
     cells=["translation-*"],
     given=[*READS, f"{TRUTH}#translation-*"],
     equations=["14", "17", "18", "19", "20", "21", "22", "23", "24", "25"],
@@ -268,7 +268,7 @@ def calibrated_translations(
 ) -> Results:
     """Translations calibrated from centroids simulated with the shifts of Table 1 or of Table 2."""
     found = _parameters(given, seed, replicates, **chosen | {"translations": "table-1"})
-    text = words(RESULTS)
+    text = words(_RESULTS)
     [(name, ways)] = text.readings.items()
     tables = (cameras(given, way.choices["translations"]) for way in ways)
     points = np.array([[camera.principal_point for camera in table] for table in tables])
@@ -303,7 +303,7 @@ def _residuals(
 ) -> dict[str, FloatArray]:
     """Return the RMSE per axis at test points, before or after registration, for one setting.
 
-    Channel to its RMSE, shape (replicates, 2). `calibrations` is only asked for those after.
+    Channel to its RMSE, shape (replicates, 2). `_calibrations` is only asked for those after.
     """
     for_noise = split_seed(seed, 3)[0]
 
@@ -312,7 +312,7 @@ def _residuals(
         points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
         green = points.pop(CHANNELS[0])
         if when == "after":
-            found = calibrations(given, for_noise, count, first, **setting)
+            found = _calibrations(given, for_noise, count, first, **setting)
             points = {channel: found[channel].apply(points[channel]) for channel in REGISTERED}
         return {channel: rmse_per_axis(laid, green) for channel, laid in points.items()}
 

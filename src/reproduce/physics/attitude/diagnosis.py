@@ -20,23 +20,23 @@ from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import DegenerateGeometryError, FloatArray
 
 # Clean spots are found fault with one time in so many, over all that is asked.
-ALARM = 1e-3
+_ALARM = 1e-3
 # Asked: far spots, motion in two groups, the pattern against its design and against the zero point.
-QUESTIONS = 5
+_QUESTIONS = 5
 # Nobody needs to hear of less, in px; and the noise where single images do not tell it.
 LEAST, UNKNOWN = 1e-3, 1.0
 # A cause is named if it leaves so many times less than the design does, though not all.
-EXPLAINED = 20.0
+_EXPLAINED = 20.0
 # Fewer images do not tell motion from noise.
-FEW = 5
+_FEW = 5
 # Steps of derivatives, in radians and as a share of the pattern; and how often the fit is repeated.
 STEP, ROUNDS = 1e-5, 3
 # So many spots are named.
-NAMED = 5
+_NAMED = 5
 # In a metre.
-MILLIMETRES = 1e3
+_MILLIMETRES = 1e3
 # Kinds of findings that leave no number of any use.
-REFUSED = ("mirrored", "swapped")
+_REFUSED = ("mirrored", "swapped")
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def refuse(findings: Iterable[Finding], source: str) -> None:
     >>> refuse([Finding("spot", "1 spot lies far off")], "spots.csv")
     """
     for one in findings:
-        if one.kind in REFUSED:
+        if one.kind in _REFUSED:
             raise ValueError(f"{source}: {one.text}")
 
 
@@ -188,7 +188,7 @@ def _far(
 ) -> tuple[list[Finding], list[FloatArray]]:
     """Name spots far from all others of their light, and return the images without them."""
     kept = [one.copy() for one in images]
-    alarm = ALARM / QUESTIONS / sum(int(np.isfinite(one).all(axis=-1).sum()) for one in images)
+    alarm = _ALARM / _QUESTIONS / sum(int(np.isfinite(one).all(axis=-1).sum()) for one in images)
     far: list[tuple[int, int, int]] = []
     for light in range(images[0].shape[1]):
         while found := _farthest([one[:, light] for one in kept], alarm):
@@ -204,7 +204,7 @@ def _far(
     text = (
         f"{len(far)} spot{'s lie' if len(far) > 1 else ' lies'} up to {off:.2g} px from where the "
         f"other images have the light, which scatter by {_noise(kept)[0]:.2g} px "
-        f"({', '.join(places[:NAMED])}{', ...' * (len(places) > NAMED)}): mask or remove what is "
+        f"({', '.join(places[:_NAMED])}{', ...' * (len(places) > _NAMED)}): mask or remove what is "
         "false"
     )
     return [Finding("spot", text, tuple(sorted({image for _, image, _ in far})))], kept
@@ -235,7 +235,9 @@ def _repeated(images: tuple[FloatArray, FloatArray]) -> Iterator[Finding]:
         known = (first.setdefault(one.tobytes(), row) != row for row, one in enumerate(spots))
         rows = [row for row, old in enumerate(known) if old and np.isfinite(spots[row]).any()]
         if rows:
-            shown = ", ".join(str(row + 1) for row in rows[:NAMED]) + ", ..." * (len(rows) > NAMED)
+            shown = ", ".join(str(row + 1) for row in rows[:_NAMED]) + ", ..." * (
+                len(rows) > _NAMED
+            )
             text = (
                 f"{len(rows)} of {len(spots)} images of group {group} repeat an earlier one "
                 f"({shown}): each counts as an image of its own"
@@ -247,7 +249,7 @@ def _moving(groups: Sequence[FloatArray]) -> Iterator[Finding]:
     """Name groups within which the spots move evenly in time."""
     for group, images in enumerate(groups):
         told = np.isfinite(images).all(axis=(-2, -1))
-        if told.sum() < FEW:
+        if told.sum() < _FEW:
             continue
         times, left = np.linspace(-1, 1, len(images))[told], images[told]
         times, left = times - times.mean(), left - left.mean(axis=0)
@@ -256,7 +258,7 @@ def _moving(groups: Sequence[FloatArray]) -> Iterator[Finding]:
         freedom = (len(left) - 2) * slopes.size
         variance = np.square(left - times[:, None, None] * slopes).sum() / freedom
         ratio = lever * np.square(slopes).mean() / variance if variance else 0.0
-        if fdtrc(slopes.size, freedom, ratio) < ALARM / QUESTIONS:
+        if fdtrc(slopes.size, freedom, ratio) < _ALARM / _QUESTIONS:
             way = 2 * np.hypot(*slopes.T).max()  # the slope is that over half of the group
             follow = "; misalignment-drift follows it" if group else ""
             yield Finding(
@@ -287,16 +289,16 @@ class _Pattern:
         everyone = np.ones(len(self.spots), bool)
         design = _Cause("pattern", "", self.platform.lasers, everyone, False)
         chance, plain, left, _ = self.fit(design)
-        if chance > ALARM / QUESTIONS:
+        if chance > _ALARM / _QUESTIONS:
             return []
         tried = []
         for cause in self.causes():
             with suppress(DegenerateGeometryError):  # a mirrored square leaves a turn free
                 tried.append((cause, *self.fit(cause)))
-        good = [one for one in tried if one[1] > ALARM / QUESTIONS]
+        good = [one for one in tried if one[1] > _ALARM / _QUESTIONS]
         if not good and tried:
             best = min(tried, key=lambda one: one[2])
-            good = [best] if best[2] * EXPLAINED < plain else []
+            good = [best] if best[2] * _EXPLAINED < plain else []
         if not good:
             off = np.hypot(*left.T)
             most = self.numbers[int(off.argmax())]
@@ -326,7 +328,7 @@ class _Pattern:
     def words(self, cause: _Cause, left: FloatArray, scale: float) -> str:
         """Say a cause, with its cure."""
         if cause.kind == "scale":
-            metric = 0.8 < scale / (self.platform.pixel_pitch * MILLIMETRES) < 1.25
+            metric = 0.8 < scale / (self.platform.pixel_pitch * _MILLIMETRES) < 1.25
             unit = "a focal length, the pixel pitch or the unit of the spots is wrong"
             unit = "the spots look like millimetres, expected px" if metric else unit
             return f"the pattern is {scale:.4g} of its expected size: {unit}"

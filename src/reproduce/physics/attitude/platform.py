@@ -177,7 +177,7 @@ def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:
 
 
 # In metres: no pixel is that large, but one in micrometres or millimetres seems so.
-LARGEST_PITCH = 1e-3
+_LARGEST_PITCH = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,10 +223,10 @@ class Platform:
             raise ValueError(f"lasers: expected two lights or more, (n, 2), got {lasers.shape}")
         for name in ("camera_focal_length", "tracker_focal_length", "pixel_pitch"):
             object.__setattr__(self, name, float(positive(name, getattr(self, name))))
-        if self.pixel_pitch > LARGEST_PITCH:
+        if self.pixel_pitch > _LARGEST_PITCH:
             raise ValueError(
-                f"pixel_pitch: expected metres, below {LARGEST_PITCH:g}, got {self.pixel_pitch:g}; "
-                "give 5.5e-6 for 5.5 micrometres"
+                f"pixel_pitch: expected metres, below {_LARGEST_PITCH:g}, "
+                f"got {self.pixel_pitch:g}; give 5.5e-6 for 5.5 micrometres"
             )
         centre = finite_array("principal_point", self.principal_point, shape=(2,))
         spots = centre + lasers / self.camera_focal_length * self.pixels

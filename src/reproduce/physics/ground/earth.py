@@ -36,7 +36,7 @@ _LARGEST_UT1_UTC, _LARGEST_POLE = 1.0, 1e-4
 # Gravitational constant of the Earth, m^3/s^2 (WGS84).
 _EARTH_GM = 3.986004418e14
 DAY = 86400.0
-YEAR_DAYS = 365.25
+_YEAR_DAYS = 365.25
 # How heat bends the camera against the tracker, relative to the first harmonic of the orbit: its
 # harmonics; the share by which a year raises and lowers them; the standard deviation of what
 # repeats with no orbit, and the days over which it forgets itself; the standard deviation of the
@@ -281,7 +281,7 @@ def thermal_series(
     steps = whole_number("per_orbit", per_orbit) * whole_number("orbits", orbits)
     phase = np.arange(steps) / per_orbit
     times = phase * period / DAY
-    year = 2.0 * np.pi * times / YEAR_DAYS
+    year = 2.0 * np.pi * times / _YEAR_DAYS
     angles = np.zeros((steps, 2))
     for axis in range(2):
         start = generator.uniform(0.0, 2.0 * np.pi, len(_HARMONICS) + 1)
@@ -290,7 +290,7 @@ def thermal_series(
             # The Sun moves through the year, and the hot part of the orbit with it.
             turn = 2.0 * np.pi * order * phase + start[order - 1] + 0.5 * np.sin(year)
             angles[:, axis] += share * swing * np.cos(turn)
-        angles[:, axis] += generator.normal(0.0, _TREND) * times / YEAR_DAYS
+        angles[:, axis] += generator.normal(0.0, _TREND) * times / _YEAR_DAYS
         angles[:, axis] += _WANDER * _wander(steps, times[1] - times[0], generator)
         angles[:, axis] += _jumps(times, generator)
     return times, angles
@@ -307,7 +307,7 @@ def _wander(steps: int, step: float, generator: Generator) -> FloatArray:
 
 
 def _jumps(times: FloatArray, generator: Generator) -> FloatArray:
-    count = int(generator.poisson(_JUMPS * times[-1] / YEAR_DAYS))
+    count = int(generator.poisson(_JUMPS * times[-1] / _YEAR_DAYS))
     moments = generator.uniform(0.0, times[-1], count)
     sizes = generator.normal(0.0, _JUMP, count)
     return (times[:, np.newaxis] >= moments) @ sizes

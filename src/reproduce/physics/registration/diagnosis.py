@@ -59,7 +59,7 @@ _DECIMALS, _STILL, _TIED = 9, 0.5, 0.1
 # Fewer stars than this share no digits by more than chance.
 _ALIKE = 10
 
-Named = Callable[[Sequence[int]], str]
+_Named = Callable[[Sequence[int]], str]
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def diagnose(
     source: FloatArray,
     target: FloatArray,
     pivot: ArrayLike,
-    named: Named = lambda rows: f"rows {', '.join(map(str, rows))}",
+    named: _Named = lambda rows: f"rows {', '.join(map(str, rows))}",
     fit: RegistrationFit | None = None,
     **settings: Any,
 ) -> list[Finding]:
@@ -185,7 +185,7 @@ def _misfits(
     source: FloatArray,
     target: FloatArray,
     pivot: ArrayLike,
-    named: Named,
+    named: _Named,
     settings: dict[str, Any],
     fit: RegistrationFit,
 ) -> list[Finding]:
@@ -318,7 +318,7 @@ def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list
     return [Finding("unit", text) for text in found]
 
 
-def _repeated(source: FloatArray, target: FloatArray, named: Named) -> list[Finding]:
+def _repeated(source: FloatArray, target: FloatArray, named: _Named) -> list[Finding]:
     """Name rows that repeat an earlier one, or that share a star of one image with it."""
     repeats = _again(np.hstack([source, target]))
     told = [("repeated", repeats, "repeat an earlier one")]
@@ -374,7 +374,7 @@ def _errors(fit: RegistrationFit) -> list[Finding]:
     return [Finding("errors", f"{text}; the deviations follow these")]
 
 
-def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: Named) -> list[Finding]:
+def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: _Named) -> list[Finding]:
     """Name the stars that a robust fit left out."""
     if not settings["robust"]:
         return []
