@@ -32,6 +32,7 @@ from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
 from reproduce.views.contradictions import errata_register
 from reproduce.views.export import export, signed, table_files
 from reproduce.views.study import StudyTable
+from reproduce.views.table import Cell
 from reproduce.views.verdicts import facts_of
 
 if TYPE_CHECKING:
@@ -213,11 +214,20 @@ def write_facts(path: Path, *papers: str) -> bool:
     return True
 
 
+def write_cards(path: Path) -> None:
+    """Write what pages show beside links to printed cells, by anchor."""
+    cells = [cell for table in library().values() for cell in table.cells]
+    cards = {cell.anchor: Cell(cell.address).card() for cell in cells}
+    path.write_text(json.dumps(cards, ensure_ascii=False), encoding="utf-8")
+
+
 def write_tables(folder: Path) -> None:
     """Write the ledger and every table in all forms."""
     whole = computed.whole_ledger()
     schema = (data_folder() / "ledger.schema.json").read_text(encoding="utf-8")
     texts = {"ledger.json": signed(whole).model_dump_json(indent=2), "ledger.schema.json": schema}
+    referee = Path(__file__).with_name("verify_ledger.py")
+    texts[referee.name] = referee.read_text(encoding="utf-8")
     for key in library():
         texts |= {path: export(whole, key, form) for path, form in table_files(key).items()}
     for key in studies():

@@ -65,9 +65,10 @@ def in_order(tasks: Iterable[Task], workers: int) -> Iterator[tuple[Task, Future
 
 def compute_ledger(downloads: Path) -> None:
     """Judge every cell, and write the tables that readers download."""
-    from book_facts import write_tables
+    from book_facts import write_cards, write_tables
 
     write_tables(downloads)
+    write_cards(downloads.parent / "_build" / "cards.json")
 
 
 def compute_figure(key: str, downloads: Path) -> None:

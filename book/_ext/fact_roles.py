@@ -7,6 +7,7 @@ number that a study names, ``{fact}`niu2024/table-3 differs``` a count. The role
 """
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
@@ -47,7 +48,12 @@ class Fact(SphinxRole):
         if name not in known:
             message = self.inliner.reporter.error(f"no fact is called {name!r}", line=self.lineno)
             return [], [message]
-        return [nodes.inline(self.rawtext, known[name], classes=["rp-fact"])], []
+        if self.name == "fact":
+            return [nodes.inline(self.rawtext, known[name], classes=["rp-fact"])], []
+        # A side of a printed cell leads there, on whatever page that is (`anchors`).
+        cell = re.sub("[/#.]", "-", self.text)
+        link = nodes.reference(self.rawtext, known[name], internal=True, refuri=f"#{cell}")
+        return [nodes.inline("", "", link, classes=["rp-fact"])], []
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -15,7 +15,7 @@ misalignment seen by a star tracker). This module is the front door::
     rp.register(source, target)          # a user's own stars
     rp.misalignment("spots.csv", platform=rp.Platform(...))  # a user's own lasers
     rp.check()                           # all verdicts against the frozen ones
-    rp.cite("chen2023/table-5")
+    rp.cite("chen2023/table-5")          # or one cell of it; rp.verify(citation)
 
 The names load when they are used, so that ``import reproduce`` stays cheap.
 """
@@ -35,6 +35,7 @@ __all__ = [
     "posterior",
     "register",
     "table",
+    "verify",
 ]
 
 

@@ -6,6 +6,10 @@ from pathlib import Path
 
 __version__ = "0.1.0"
 RELEASED = "2026-11-21"
+# Where the book is published, without a slash at its end, and the DOI of its archive; empty while
+# there is none. Every citation takes them from here.
+ADDRESS = ""
+DOI = ""
 
 
 def software() -> str:

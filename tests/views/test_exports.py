@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import subprocess
 
 import numpy as np
@@ -14,7 +15,7 @@ from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 from reproduce.version import RELEASED, __version__
-from reproduce.views.export import FORMATS, citation, export
+from reproduce.views.export import FORMATS, citation, export, mark, statement, verify
 from reproduce.views.figure import draw, drawable, save
 
 KEY = "chen2023/table-5"
@@ -75,8 +76,8 @@ def test_a_cell_alone_and_a_group_have_a_row_per_cell(table):
 def test_unknown_formats_are_refused(table):
     with pytest.raises(ValueError, match="unknown format 'xls': expected one of csv"):
         export(table, KEY, "xls")
-    with pytest.raises(ValueError, match="unknown format 'ris'"):
-        citation(KEY, "ris")
+    with pytest.raises(ValueError, match="unknown format 'apa'"):
+        citation(KEY, "apa")
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -163,3 +164,57 @@ def test_citation_and_export_name_the_same_software(table):
     assert name.startswith(f"reproduce-pointing {__version__}, {RELEASED}")
     assert name in citation(KEY, "bibtex")
     assert json.loads(export(table, KEY, "json"))["software"] == name
+
+
+CELLS = (
+    "niu2024/table-3#scale.red",
+    "chen2023/table-5#2.monitoring-x",
+    "niu2024/table-1#focal-length.red",
+)
+
+
+@pytest.mark.parametrize("address", CELLS)
+def test_a_cell_is_cited_with_print_result_verdict_and_mark(address):
+    record = ledger.build([address.partition("#")[0]]).cell(address)
+    ours, paper = citation(address, "text").splitlines()
+    assert ours.startswith(f"{address}: printed {record.printed}")
+    assert f", {record.verdict}. reproduce-pointing " in ours
+    assert "doi:10." in paper
+    entries = parse_string(citation(address, "bibtex"), "bibtex").entries
+    assert re.search(r"rp:[0-9a-f]{12}$", ours)[0] == next(iter(entries.values())).fields["note"]
+    ris = [line.split("  - ") for line in citation(address, "ris").splitlines() if line]
+    assert [value for tag, value in ris if tag == "TY"] == ["COMP", "JOUR"]
+    assert [value for tag, value in ris if tag == "DO"] == [paper.partition("doi:")[2].rstrip(".")]
+
+
+@pytest.mark.parametrize("address", CELLS)
+def test_a_citation_checks_itself(address):
+    text = citation(address, "text")
+    assert verify(text) == "unchanged"
+    assert verify(text.replace("printed ", "printed 1")).startswith("not ours")
+    assert verify("some words") == "not ours: its words and its mark do not belong together"
+    record = ledger.build([address.partition("#")[0]]).cell(address)
+    said = statement(record).removesuffix(record.verdict) + "exact"
+    older = f"{said}. reproduce-pointing 0.0.1, 2026-01-01. {mark(said)}"
+    told = verify(older)
+    assert told.startswith("moved since 0.0.1, because ")
+    assert told.endswith(f"now {statement(record)}")
+    gone = said.replace("#", "#no-")
+    told = verify(f"{gone}. reproduce-pointing 0.1, x. {mark(gone)}")
+    assert "no printed number any more" in told
+
+
+def test_address_and_doi_of_a_published_book_stand_in_every_citation(monkeypatch):
+    from reproduce.views import export as module
+
+    assert "url" not in citation(KEY, "bibtex")
+    monkeypatch.setattr(module, "ADDRESS", "https://example.org/book")
+    monkeypatch.setattr(module, "DOI", "10.1234/x")
+    for address in (KEY, CELLS[0]):
+        entries = parse_string(citation(address, "bibtex"), "bibtex").entries
+        fields = next(iter(entries.values())).fields
+        url = fields["url"].replace("\\#", "#")
+        assert fields["doi"] == "10.1234/x"
+        assert url.startswith("https://example.org/book/goto.html#")
+        assert url in citation(address, "text")
+        assert f"UR  - {url}" in citation(address, "ris")

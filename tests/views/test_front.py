@@ -562,7 +562,7 @@ def test_the_command_registers_a_file(tmp_path):
 def test_cells_are_cited_by_their_own_address():
     text = rp.cite("niu2024/table-3#scale.red")
     assert "reproduce-niu2024-table-3-scale-red" in text
-    assert r"Cell niu2024/table-3\#scale.red" in text
+    assert r"niu2024/table-3\#scale.red: printed 0.9973, recomputed 0.997564" in text
     assert "Item niu2024/table-3" in rp.cite("niu2024/table-3")
 
 

@@ -3,6 +3,7 @@ the frozen verdicts: what it must say, and why where it says `differs`."""
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -83,6 +84,10 @@ class Record(_Frozen):
     cell: str = Field(description="address of the cell: key#row.column or key#name")
     printed: str = Field(description="the digits or words as printed")
     unit: str = Field(description="unit of print; empty for words")
+    place: str = Field(description="where in the paper it stands")
+    stands_for: tuple[float | None, float | None] | None = Field(
+        description="the interval of values that print so, null where it is open; null for words"
+    )
     role: Literal["result", "given"] = Field(description="result if a computation makes the cell")
     computed: float | None = Field(
         description="the value, the median of the prediction, or our stand-in"
@@ -103,6 +108,8 @@ class Record(_Frozen):
     mcse: float | None = Field(description="Monte Carlo standard error of the probability")
     why: str = Field(description="the verdict in words")
     function: str | None = Field(description="the function that computes the cell")
+    line: str | None = Field(description="file and line of that function")
+    reads: tuple[str, ...] = Field(description="the printed cells that it was given")
     equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
     seed: tuple[int, ...] | None = Field(description="root and key of the random stream")
     readings: tuple[ReadingRecord, ...] = Field(
@@ -255,6 +262,8 @@ def judge_result(
     source: dict[str, object] = {
         "role": "result",
         "function": computation.name,
+        "line": computation.line,
+        "reads": tuple(given(computation.given).cells),
         "equations": computation.equations,
         "seed": computation.entropy or None,
     }
@@ -309,7 +318,7 @@ def _reading(cell: Cell, one: Reading, intervals: Mapping[str, Interval]) -> Rea
 
 def _input(cell: Cell) -> Record:
     why = f"taken from the paper ({cell.role})" if cell.is_number else "words or a dash"
-    return _make(cell, why, {"role": "given", "equations": ()}, verdict="input")
+    return _make(cell, why, {"role": "given", "equations": (), "reads": ()}, verdict="input")
 
 
 def _make(
@@ -324,10 +333,18 @@ def _make(
     if qualifier in {"about", "nominal"}:
         flags += (qualifier,)
     flags += weak
-    own = {"key": cell.key, "cell": cell.address, "printed": cell.text, "unit": cell.unit}
+    own = {"key": cell.key, "cell": cell.address, "printed": cell.text, "unit": cell.unit,
+           "place": cell.place, "stands_for": _ends(cell)}  # fmt: skip
     blank = dict.fromkeys(n for n, field in Record.model_fields.items() if field.is_required())
     blank |= {"readings": (), "flags": flags, "why": why}
     return Record.model_validate(blank | own | dict(source) | found)
+
+
+def _ends(cell: Cell) -> tuple[float | None, ...] | None:
+    """Return the interval of values that print so; None for an open end, and for words."""
+    if not cell.is_number:
+        return None
+    return tuple(end if math.isfinite(end) else None for end in cell.number.interval())
 
 
 def _why(cell: Cell, found: Judgement) -> str:

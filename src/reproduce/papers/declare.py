@@ -256,6 +256,13 @@ class Computation:
         return f"{self.function.__module__}.{self.function.__qualname__}"
 
     @property
+    def line(self) -> str:
+        """The function's file, from its package on, and the line where it begins."""
+        function = inspect.unwrap(self.function)
+        file = function.__module__.replace(".", "/")
+        return f"{file}.py:{function.__code__.co_firstlineno}"
+
+    @property
     def entropy(self) -> tuple[int, ...]:
         """The seed: the project's root and this computation's own number; () if deterministic."""
         if not self.replicates:

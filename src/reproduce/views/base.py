@@ -6,7 +6,6 @@ import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
@@ -41,7 +40,7 @@ class Shown(Display):
         return export_frame(self.frame(), form)
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite this and its paper: bibtex, csl or text."""
+        """Return how to cite this and its paper: bibtex, ris, csl or text."""
         return citation(self.key, form)
 
 
@@ -205,14 +204,6 @@ def setting(
 def text_of(function: Callable[..., Any]) -> str:
     """Return the text of a function."""
     return inspect.getsource(inspect.unwrap(function)).rstrip()
-
-
-def line_of(function: Callable[..., Any]) -> str:
-    """Return the file of a function, from its package on, and the line where it begins."""
-    bare = inspect.unwrap(function)
-    path = Path(inspect.getfile(bare))
-    depth = bare.__module__.count(".") + 1 + (path.name == "__init__.py")
-    return f"{'/'.join(path.parts[-depth:])}:{inspect.getsourcelines(bare)[1]}"
 
 
 def by_row(rows: Mapping[str, Any], columns: list[str] | None = None) -> pd.DataFrame:

@@ -209,10 +209,20 @@ def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> N
 
 @main.command()
 @_ADDRESS
-@click.option("--format", "form", type=click.Choice(["bibtex", "csl", "text"]), default="bibtex")
+@click.option(
+    "--format", "form", type=click.Choice(["bibtex", "ris", "csl", "text"]), default="bibtex"
+)
 def cite(address: str, form: str) -> None:
     """Print how to cite a reproduced item or cell and its paper."""
     click.echo(front.cite(address, form))
+
+
+@main.command()
+@click.argument("citation")
+def verify(citation: str) -> None:
+    """Say whether the citation of a cell, as text, is ours and still holds: exit code 0 if so."""
+    click.echo(told := front.verify(citation))
+    sys.exit(0 if told == "unchanged" else 1)
 
 
 @main.command()

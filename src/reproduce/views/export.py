@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
+from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -14,8 +16,9 @@ from reproduce.judge.rerun import studies
 from reproduce.locate import papers
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import anchor, library
-from reproduce.version import RELEASED, __version__, software
+from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
+from reproduce.views.computed import item_ledger
 from reproduce.views.numbers import hyphen
 
 if TYPE_CHECKING:
@@ -122,10 +125,13 @@ def _shaped(record: Record) -> str:
     return f"{record.printed} ({', '.join(filter(None, told))})"
 
 
-CITED = ("bibtex", "csl", "text")
-# The fields of BibTeX that CSL calls otherwise.
+CITED = ("bibtex", "ris", "csl", "text")
+# The fields of BibTeX that CSL and RIS call otherwise.
 _CSL = {"journal": "container-title", "volume": "volume", "pages": "page", "number": "issue"}
-_CSL |= {"doi": "DOI", "note": "note"}
+_CSL |= {"doi": "DOI", "note": "note", "url": "URL"}
+_RIS = {"title": "TI", "year": "PY", "journal": "JO", "volume": "VL", "number": "IS"}
+_RIS |= {"pages": "SP", "doi": "DO", "url": "UR", "note": "N1", "howpublished": "N2"}
+_MARKED = re.compile(r"(\S+#\S+: printed .*?)\. reproduce-pointing ([^,\s]+),.*?(rp:\w+)")
 DEVELOPERS = "The reproduce-pointing developers"
 
 
@@ -137,12 +143,14 @@ def citation(address: str, form: str) -> str:
         return beside("Study", key, paper, studies()[key].title, form)
     if key in drawings():
         return beside("Drawing", key, paper, drawings()[key].title, form)
-    keys.check_address(address)
+    named = f"reproduce-{anchor(keys.check_address(address))}"
+    if name:
+        said = statement(item_ledger(key).cell(address))
+        return _written(named, said, mark(said), paper, form, address)
     place = keys.place(key).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
     title = f"Reproduction of {what} of {_et_al(paper)}: {keys.title(key)}"
-    note = f"{'Cell' if name else 'Item'} {address}, anchor {anchor(address)}"
-    return _written(f"reproduce-{anchor(address)}", title, note, paper, form)
+    return _written(named, title, f"Item {key}, anchor {anchor(key)}", paper, form, key)
 
 
 def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
@@ -150,7 +158,41 @@ def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
     link = "of" if kind == "Posterior" else "beside"
     whole = f"{kind} {link} {_et_al(paper)}: {title}"
     named = f"reproduce-{kind.lower()}-{anchor(name)}"
-    return _written(named, whole, f"{kind} {name}", paper, form)
+    return _written(named, whole, f"{kind} {name}", paper, form, name)
+
+
+def statement(record: Record) -> str:
+    """Say of a cell what is printed, what we find and the verdict, rounded to six digits."""
+    unit = "" if record.unit in {"", "1"} else f" {record.unit}"
+    said = [f"{record.cell}: printed {record.printed}{unit}"]
+    if record.computed is not None and record.role == "result":
+        what = "our stand-in" if "stand_in" in record.flags else "recomputed"
+        ends = ", ".join(f"{end:.6g}" for end in record.interval or ())
+        said.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
+    if record.verdict == "blocked" and record.readings:
+        agreeing = sum(one.agrees for one in record.readings)
+        said.append(f"agrees with {agreeing} of {len(record.readings)} readings")
+    return ", ".join((*said, record.verdict))
+
+
+def mark(said: str) -> str:
+    """Return the digest of what is said of a cell, by which a citation checks itself."""
+    return f"rp:{sha256(said.encode()).hexdigest()[:12]}"
+
+
+def verify(text: str) -> str:
+    """Say whether what a citation says of a cell is ours, and whether it still holds."""
+    found = _MARKED.search(" ".join(text.split()))
+    if not found or mark(found[1]) != found[3]:
+        return "not ours: its words and its mark do not belong together"
+    said, version = found[1], found[2]
+    key, _, name = said.partition(": ")[0].partition("#")
+    if key not in library() or name not in library()[key].by_name:
+        return f"moved since {version}: {key}#{name} is no printed number any more"
+    record = item_ledger(key).cell(f"{key}#{name}")
+    if (now := statement(record)) == said:
+        return "unchanged"
+    return f"moved since {version}, because {reason(record.cell) or record.why}; now {now}"
 
 
 def _paper(key: str) -> Entry:
@@ -162,7 +204,7 @@ def _et_al(paper: str) -> str:
     return f"{source.persons['author'][0].last_names[-1]} et al. ({source.fields['year']})"
 
 
-def _written(name: str, title: str, note: str, paper: str, form: str) -> str:
+def _written(name: str, title: str, note: str, paper: str, form: str, address: str) -> str:
     if form not in CITED:
         raise ValueError(f"unknown format {form!r}: expected one of {', '.join(CITED)}")
     # Braces keep a bibliography style from changing the case of names, and BibTeX from taking the
@@ -172,27 +214,41 @@ def _written(name: str, title: str, note: str, paper: str, form: str) -> str:
         "year": RELEASED[:4],
         "howpublished": software(),
         "note": note,
+        "doi": DOI,
+        "url": _permalink(address),
     }
-    ours = Entry("misc", fields=fields, persons={"author": [Person("{" + DEVELOPERS + "}")]})
+    ours = Entry("misc", fields={k: v for k, v in fields.items() if v},
+                 persons={"author": [Person("{" + DEVELOPERS + "}")]})  # fmt: skip
     entries = {name: ours, paper: _paper(paper)}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
     if form == "csl":
         listed = [_csl(name, entry) for name, entry in entries.items()]
         return json.dumps(listed, indent=2, ensure_ascii=False)
+    if form == "ris":
+        return "\n".join(map(_ris, entries.values()))
     from pybtex.backends.plaintext import Backend
     from pybtex.plugin import find_plugin
 
     style = find_plugin("pybtex.style.formatting", "unsrt")()
     formatted = style.format_entries(BibliographyData(entries).entries.values())
-    return "\n".join(entry.text.render(Backend()).strip() for entry in formatted)
+    texts = [entry.text.render(Backend()).strip() for entry in formatted]
+    if note.startswith("rp:"):  # a cell's own statement comes first: `verify` reads it
+        texts[0] = " ".join(filter(None, (f"{title}. {software()}.", _permalink(address), note)))
+    return "\n".join(texts)
+
+
+def _permalink(address: str) -> str:
+    """Return the address of a place in the published book; empty where the book has none."""
+    return f"{ADDRESS}/goto.html#{anchor(address)}" if ADDRESS else ""
+
+
+def _plain(entry: Entry) -> dict[str, str]:
+    return {field: value.replace("{", "").replace("}", "") for field, value in entry.fields.items()}
 
 
 def _csl(name: str, entry: Entry) -> dict[str, Any]:
-    fields = {
-        field: value.replace("{", "").replace("}", "") for field, value in entry.fields.items()
-    }
-    article = entry.type == "article"
+    fields, article = _plain(entry), entry.type == "article"
     item: dict[str, Any] = {
         "id": name,
         "type": "article-journal" if article else "software",
@@ -209,6 +265,14 @@ def _csl_name(person: Person) -> dict[str, str]:
         return {"literal": " ".join(person.last_names).strip("{}")}
     given = " ".join(person.first_names + person.middle_names)
     return {"family": " ".join(person.prelast_names + person.last_names), "given": given}
+
+
+def _ris(entry: Entry) -> str:
+    fields = _plain(entry)
+    names = [", ".join(_csl_name(person).values()) for person in entry.persons["author"]]
+    lines = [("TY", "JOUR" if entry.type == "article" else "COMP"), *(("AU", n) for n in names)]
+    lines += [(tag, fields[field]) for field, tag in _RIS.items() if field in fields]
+    return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
 
 
 NOTHING = Markup("")

@@ -96,7 +96,9 @@ def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
     """Return what an address of the command line names: `table` or `figure`."""
     from reproduce.judge.rerun import studies
     from reproduce.printed.cells import library
+    from reproduce.views.keys import resolved
 
+    address = resolved(address)
     known = address.partition("#")[0]
     return table(address) if known in library() or known in studies() else figure(address)
 
@@ -115,7 +117,7 @@ def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Che
 
 
 def cite(address: str, form: str = "bibtex") -> str:
-    """Return how to cite an item, a cell or a study and its paper: bibtex, csl or text.
+    """Return how to cite an item, a cell or a study and its paper: bibtex, ris, csl or text.
 
     Examples
     --------
@@ -125,6 +127,29 @@ def cite(address: str, form: str = "bibtex") -> str:
     from reproduce.views.export import citation
 
     return citation(address, form)
+
+
+def verify(citation: str) -> str:
+    """Say whether the citation of a cell is ours, and whether it still holds.
+
+    Parameters
+    ----------
+    citation : str
+        As `cite` gives it in the form ``text``: with the mark at its end, ``rp:...``.
+
+    Returns
+    -------
+    str
+        ``unchanged``; ``moved since VERSION, because ...``; or ``not ours: ...``.
+
+    Examples
+    --------
+    >>> verify(cite("niu2024/table-2#scale.red", "text"))
+    'unchanged'
+    """
+    from reproduce.views.export import verify
+
+    return verify(citation)
 
 
 @overload

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from reproduce.judge.rerun import studies
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.cells import PAPERS, anchor, library
 
 
 def check_text(address: str) -> str:
@@ -41,6 +41,19 @@ def check_key(key: str) -> str:
     near = difflib.get_close_matches(key, [*known, *studies(), *drawings()], n=3, cutoff=0.5)
     hint = f"; did you mean {', '.join(near)}?" if near else ""
     raise UnknownKeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
+
+
+def resolved(text: str) -> str:
+    """Return the address that a pasted text names: a page's with its anchor, or a citation's.
+
+    Examples
+    --------
+    >>> resolved("file:///book/niu2024/simulation.html#niu2024-table-3-scale-red")
+    'niu2024/table-3#scale.red'
+    """
+    address = text.strip().partition(": printed ")[0]
+    names = [*library(), *(cell.address for table in library().values() for cell in table.cells)]
+    return {anchor(name): name for name in names}.get(address.rpartition("#")[2], address)
 
 
 def check_address(address: str) -> str:

@@ -340,7 +340,7 @@ class Posterior(Remade):
             raise ValueError("an .nc file needs the extra reproduce-pointing[netcdf]")
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite the paper that it rests on: bibtex, csl or text."""
+        """Return how to cite the paper that it rests on: bibtex, ris, csl or text."""
         return beside("Posterior", self.name, self.declared.paper, self.declared.title, form)
 
     def rerun(self, **changes: Any) -> Self:

@@ -14,14 +14,14 @@ from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
-from reproduce.printed.cells import anchor, library
+from reproduce.printed.cells import anchor, find, library
 from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
-from reproduce.views.base import Item, Shown, by_row, line_of, setting, text_of
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
+from reproduce.views.base import Item, Shown, by_row, setting, text_of
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, html
 from reproduce.views.computed import item_ledger
 from reproduce.views.display import Display
-from reproduce.views.export import bar, export, full_frame, table_files
+from reproduce.views.export import bar, citation, export, full_frame, table_files
 from reproduce.views.numbers import minus
 from reproduce.views.sweep import Sweep, of_cells, swept
 
@@ -263,9 +263,8 @@ def _computed(record: Record) -> Entry:
 
 def _verdict(record: Record) -> Markup:
     marks = verdicts.flags(record.flags, {*verdicts.WEAK, "stand_in"})
-    return badge(record.verdict) + (
-        Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
-    )
+    link = Markup('<a href="#{}">{}</a>').format(anchor(record.cell), badge(record.verdict))
+    return link + (Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else "")
 
 
 def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
@@ -523,27 +522,48 @@ class Cell(Shown):
         """Return its record as csv, json, latex or markdown."""
         return export(item_ledger(self.table.key), self.address, form)
 
-    def _lines(self) -> list[tuple[str, str]]:
-        record, maker = self.record, self._maker
+    def _lines(self) -> list[tuple[str, Entry]]:
+        record, maker, paper = self.record, self._maker, self.key.partition("/")[0]
         value = verdicts.computed(record, extra=1)
         predicted = record.probability is not None
         meaning = "predicted, central 99 %" if predicted else "allowed by rounded inputs"
-        lines = [
+        link, unit = Markup('<a href="#{}">{}</a>').format, verdicts.unit(record)
+        numbers = (link(f"equation-{paper}-{one}", f"({one})") for one in record.equations)
+        reads = (link(anchor(lead + ends[0]), _braced(lead, ends))
+                 for lead, ends in keys.alike(self.reads).items())  # fmt: skip
+        known, apart = erratum(self.address), verdicts.difference(record)
+        lines: list[tuple[str, Entry]] = [
             ("printed", self.printed),
             ("which may mean", verdicts.loosely(record)),
-            ("computed", verdicts.quantity(value, verdicts.unit(record)) if value else ""),
+            ("computed", verdicts.quantity(value, unit) if value else ""),
             (meaning, verdicts.interval(record, unit=True)),
+            ("difference", verdicts.quantity(apart, unit) if apart else ""),
+            ("share of the tolerance", "" if record.share is None else f"{record.share:.2f}"),
             ("probability", verdicts.probability(record)),
             ("verdict", ", ".join((record.verdict, *record.flags))),
             ("why", minus(reason(self.address) or record.why)),
-            ("function", f"{record.function} ({line_of(maker.function)})" if maker else ""),
-            ("equations", ", ".join(f"({one})" for one in record.equations)),
+            ("function", f"{record.function} ({maker.line})" if maker else ""),
+            ("equations", Markup(", ").join(numbers)),
             ("seed", _seed(maker) if maker else ""),
-            ("reads", ", ".join(_braced(*one) for one in keys.alike(self.reads).items())),
+            ("reads", Markup(", ").join(reads)),
+            ("erratum", link(known, known) if known else ""),
             *((f"if {one.name}", verdicts.read(record, one)) for one in record.readings),
         ]
         return [(name, text) for name, text in lines if text]
 
     def blocks(self) -> Iterator[Block]:
         """Yield all that is known of the cell, a line each."""
-        yield Grid(self._cell.label, ("", self.address), self._lines(), words=2)
+        yield Grid(self._cell.label, ("Cell", self.address), self._lines(), words=2)
+
+    def card(self) -> str:
+        """Return what a page shows beside a link to the cell: all of it, and what to take away."""
+        again = f'rp.table("{self.address}")'
+        if changed := next((one for one in self.reads if find(one)[0].is_number), ""):
+            again += f'.rerun({{"{changed}": "{find(changed)[0].text}"}})'
+        forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
+        copied = {name: citation(self.address, form) for name, form in forms.items()}
+        button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
+        taken = [button("link", f"#{self._cell.anchor}", "link")]
+        taken += [button("copy", text, name) for name, text in (copied | {"code": again}).items()]
+        taken.append(Markup('<a href="#tables/{}.json">JSON</a>').format(anchor(self.table.key)))
+        return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(html(self.blocks()))

@@ -52,6 +52,14 @@ def interval(record: Record, *, unit: bool = False) -> str:
     return quantity(text, symbol(record.unit)) if unit and record.unit else text
 
 
+def difference(record: Record) -> str:
+    """Write how far our result lies from the print, of a cell that has a verdict of its own."""
+    if record.computed is None or record.role != "result" or record.verdict == "blocked":
+        return ""
+    number = cell_of(record).number
+    return minus(f"{number.format(record.computed - number.value, extra=1)}")
+
+
 def loosely(record: Record) -> str:
     """Write the interval of a print that a word such as *about* widens; empty without one."""
     cell = cell_of(record)

@@ -1,0 +1,99 @@
+// A card on every link to a printed number, an equation or a reference: the link carries the sign
+// (book/_ext/cards.py), this shows the card on hover, focus and tap. Without it the link leads there.
+(() => {
+  const root = document.documentElement.dataset.content_root || "./";
+  const DELAY = 350; // ms: a pointer that only passes by opens nothing
+  let cards, shown, timer, dismissed;
+
+  // A script is all that a page from a disk may load beside itself.
+  const load = () => cards ??= new Promise((resolve, reject) => {
+    const script = document.createElement("script");
+    script.src = `${root}cards.js`;
+    script.onload = () => resolve(window.rpCards);
+    script.onerror = reject;
+    document.head.append(script);
+  });
+
+  const box = document.createElement("div");
+  box.className = "rp-card";
+  box.popover = "auto";
+  box.setAttribute("role", "dialog");
+
+  const close = () => { clearTimeout(timer); if (shown) box.hidePopover(); };
+
+  const place = (link) => {
+    if (matchMedia("(max-width: 600px)").matches) { box.style.cssText = ""; return; } // a sheet at the foot
+    const at = link.getBoundingClientRect(), size = box.getBoundingClientRect();
+    const wide = document.documentElement.clientWidth - 8, high = innerHeight - 8;
+    const below = at.bottom + 6 + size.height < high, above = at.top - 6 - size.height > 8;
+    // Where there is room neither below nor above it stands beside the link, which stays in sight.
+    const top = below ? at.bottom + 6 : above ? at.top - 6 - size.height : high - size.height;
+    const beside = at.right + 6 + size.width < wide ? at.right + 6 : at.left - 6 - size.width;
+    box.style.top = `${Math.max(8, top)}px`;
+    box.style.left = `${Math.max(8, Math.min(below || above ? at.left : beside, wide - size.width))}px`;
+  };
+
+  const keyOf = (link) => {
+    const [page, name] = link.getAttribute("href").split("#");
+    return page.endsWith("bibliography.html") ? `bibliography-${name}` : name;
+  };
+
+  const open = async (link) => {
+    const html = (await load())[keyOf(link)];
+    if (!html || shown === link) return;
+    close();
+    box.innerHTML = html;
+    box.setAttribute("aria-label", `About ${link.textContent.trim() || keyOf(link)}`);
+    for (const one of box.querySelectorAll("a[href]")) one.href = root + one.getAttribute("href");
+    for (const one of box.querySelectorAll("[data-link]")) one.dataset.copy = new URL(root + one.dataset.link, location.href).href;
+    // Beside its link, so that the Tab key leads from one into the other.
+    (link.closest("svg") ?? link).after(box);
+    box.showPopover();
+    shown = link;
+    place(link);
+    await window.MathJax?.typesetPromise?.([box]);
+    place(link);
+  };
+
+  const linkOf = (target) => target.closest?.("a.rp-has-card");
+  const later = (action) => { clearTimeout(timer); timer = setTimeout(action, DELAY); };
+
+  document.addEventListener("pointerover", (event) => {
+    if (event.pointerType === "touch") return;
+    const link = linkOf(event.target);
+    if (link !== dismissed) dismissed = undefined; // a card put away stays away while the pointer rests
+    if (link) { if (!dismissed) later(() => open(link)); }
+    else if (event.target.closest(".rp-card")) clearTimeout(timer);
+    else if (shown && !box.contains(document.activeElement) && document.activeElement !== shown) later(close);
+    else if (!shown) clearTimeout(timer);
+  });
+  document.addEventListener("focusin", (event) => {
+    const link = linkOf(event.target);
+    if (link && event.target.matches(":focus-visible")) later(() => open(link));
+    else if (!box.contains(event.target)) close();
+  });
+  document.addEventListener("click", async (event) => {
+    const link = linkOf(event.target), button = event.target.closest(".rp-card [data-copy]");
+    if (link && event.pointerType === "touch" && shown !== link) {
+      event.preventDefault();
+      open(link);
+    } else if (button) {
+      await copy(button.dataset.copy);
+      button.classList.add("rp-done");
+      setTimeout(() => button.classList.remove("rp-done"), 1500);
+    }
+  });
+  document.addEventListener("keydown", (event) => { if (event.key === "Escape") close(); });
+  box.addEventListener("toggle", (event) => { if (event.newState === "closed") { dismissed = shown; shown = undefined; } });
+  addEventListener("scroll", () => { if (shown && !box.matches(":hover") && !box.contains(document.activeElement)) close(); }, { passive: true });
+
+  const copy = async (text) => {
+    try { await navigator.clipboard.writeText(text); } catch {
+      const area = Object.assign(document.createElement("textarea"), { value: text });
+      box.append(area);
+      area.select();
+      document.execCommand("copy");
+      area.remove();
+    }
+  };
+})();
