@@ -11,12 +11,11 @@ import pytest
 from numpy.random import SeedSequence, default_rng
 from numpy.typing import NDArray
 from photutils.centroids import centroid_com
-from scipy import ndimage
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers.chen2023 import platform_twin, resolution
-from reproduce.papers.niu2024 import experiment, images, readings
+from reproduce.papers.niu2024 import readings
 from reproduce.physics.attitude import attitude
 from reproduce.physics.ground import (
     earth_fixed,
@@ -179,25 +178,3 @@ def bench_simulation_study(promise: Promise) -> None:
 
     fits = count * readings.CHUNK
     promise(f"simulation study, {count} readings", ours, loop, 1 / 3, rounds=3, work=fits / few)
-
-
-def bench_whole_frame(promise: Promise) -> None:
-    """Rendered in three channels, registered, fused, extracted; SciPy resamples two and filters."""
-    door, generator, stars = given(images.READS), default_rng(1), 200
-    half = np.array(experiment.half_field(door))
-    angles = generator.uniform(-0.98 * half, 0.98 * half, (stars, 2))
-    magnitude = generator.uniform(2, 6, stars)
-
-    def ours() -> Array:
-        sky = images.frames(door, angles, magnitude, np.full(stars, 5800.0), seed=3)
-        return np.sum(images.register(sky.images, images.similarities(door)), axis=0)
-
-    frame = ours()
-    assert len(images.extract(frame, 3)) > 0.95 * stars
-
-    def theirs() -> None:
-        for _ in range(2):
-            moved = ndimage.affine_transform(frame, np.eye(2), offset=0.3)
-            ndimage.maximum_filter(moved, 5)
-
-    promise("whole frame of 200 stars", lambda: images.extract(ours(), 3), theirs, 3, rounds=3)
