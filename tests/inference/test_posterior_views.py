@@ -165,8 +165,8 @@ def test_a_posterior_shows_the_truth_of_simulated_data_and_what_was_changed(tmp_
     assert "id=" not in html
     leaning = rp.posterior("registration", stars_file(tmp_path), steps=600,
                            priors={"noise": (0.01, 0.1)})  # fmt: skip
-    assert "Beware: noise leans on the end" in repr(leaning)
-    assert "Beware: noise leans on the end" in leaning._repr_html_()
+    assert "Warning: noise leans on the end" in repr(leaning)
+    assert "Warning: noise leans on the end" in leaning._repr_html_()
     assert "truth" not in own.corner().text
 
 

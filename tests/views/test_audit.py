@@ -180,7 +180,7 @@ def test_an_erratum_shows_the_verdicts_that_rest_on_it():
 def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():
     """20.27 um and 2.006 arcsec ask for 2084.3 mm, with the rounding of both, and for no other."""
     told = re.search(
-        r"reference-2-x-y</code></a>: asks for a focal length of the telescope from "
+        r"reference-2-x-y</code></a>: requires the focal length of the telescope to lie from "
         r"([\d.]+) to ([\d.]+) mm",
         entry("chen2023-table-5-columns"),
     )

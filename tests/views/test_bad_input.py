@@ -34,7 +34,7 @@ def test_arbitrary_keys_are_refused_with_a_message(command, key):
         ["show"],
         ["export", "niu2024/table-1"],
         ["export", "niu2024/table-1", "--format", "xls"],
-        ["cite", "niu2024/table-1", "--format", "ris"],
+        ["cite", "niu2024/table-1", "--format", "apa"],
         ["figure", "niu2024/fig-4"],
         ["nothing"],
         ["check", "--nothing"],

@@ -539,7 +539,7 @@ def test_doubts_about_ones_own_stars_are_told(tmp_path):
     np.savetxt(tmp_path / "stars.csv", stars, delimiter=",", comments="", header=STAR_COLUMNS)
     plain = rp.register(str(tmp_path / "stars.csv"))
     assert "1 of 60 stars do not fit the others (line 5;" in plain.remarks[0]
-    assert plain.rerun(robust=True).remarks == ["1 of 60 stars count for nothing (line 5)"]
+    assert plain.rerun(robust=True).remarks == ["1 of 60 stars have zero weight (line 5)"]
     assert plain.rerun(model="affine").findings[0].rows == plain.findings[0].rows == (3,)
 
 

@@ -208,7 +208,7 @@ def test_shipped_files_are_written(tmp_path):
     write_tables(tmp_path)
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     tables = {path for key in (*library(), *studies()) for path in table_files(key)}
-    assert written == {"ledger.json", "ledger.schema.json", *tables}
+    assert written == {"ledger.json", "ledger.schema.json", "verify_ledger.py", *tables}
     read = whole_ledger().model_validate_json((tmp_path / "ledger.json").read_text())
     assert read == signed(whole_ledger())
     assert all(one.reason for one in read.records if one.verdict == "differs")

@@ -148,8 +148,8 @@ def test_spots_that_move_within_a_group_are_named(tmp_path, drift, constant, dri
         for one in remarks:
             assert float(re.search(r"by ([\d.]+) px", one)[1]) == pytest.approx(length, rel=0.3)
     shown = repr(rp.misalignment(path))
-    assert shown.count("Beware: the spots move") == len(constant)
-    assert rp.misalignment(path)._repr_html_().count("Beware: the spots move") == len(constant)
+    assert shown.count("Warning: the spots move") == len(constant)
+    assert rp.misalignment(path)._repr_html_().count("Warning: the spots move") == len(constant)
 
 
 def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
@@ -160,7 +160,7 @@ def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
     assert (leaning["parameter"], leaning["unit"]) == ("noise", "px")
     assert rows["noise"]["high"] <= leaning["end"] < 1.01 * rows["noise"]["high"]
     shown = run("registration", "--data", path, "--steps", 400)
-    assert "Beware: noise leans on the end" in shown.stdout
+    assert "Warning: noise leans on the end" in shown.stdout
     assert "data of data.csv, 81 rows" in " ".join(shown.stdout.split())
 
 
@@ -438,8 +438,8 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
     assert check["observed"] > check["high"]
     assert check["tail"] < 0.002
     plain = rp.posterior("registration", path, steps=400)
-    assert f"Beware: {record['misfit']}." in plain._repr_html_()
-    assert f"Beware: {record['misfit']}." in " ".join(repr(plain).split())
+    assert f"Warning: {record['misfit']}." in plain._repr_html_()
+    assert f"Warning: {record['misfit']}." in " ".join(repr(plain).split())
     with pytest.raises(ValueError, match="take registration-mixture"):
         plain.stars()
 
@@ -506,7 +506,7 @@ def test_honest_stars_fit_and_none_is_named(tmp_path):
     assert own.false_stars == "None of 40 stars is probably matched wrongly"
     assert own.record()["misfit"] == ""
     assert own.record()["at_prior_end"] == []
-    assert "Beware" not in repr(own)
+    assert "Warning" not in repr(own)
 
 
 def test_what_the_data_are_is_said():

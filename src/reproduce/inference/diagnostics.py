@@ -106,7 +106,7 @@ def _split_rhat(draws: FloatArray) -> float:
     Examples
     --------
     >>> draws = np.random.default_rng(1).normal(size=(4, 1000))
-    >>> split_rhat(draws) < 1.01 < _split_rhat(draws + np.arange(4)[:, None])
+    >>> _split_rhat(draws) < 1.01 < _split_rhat(draws + np.arange(4)[:, None])
     True
     """
     half = draws.shape[1] // 2

@@ -1,4 +1,4 @@
-"""Draws of a posterior with all that is needed to report them, and what to beware of.
+"""Draws of a posterior with all that is needed to report them, and warnings.
 
 A predictive check asks whether the model would give data like these: parameters are drawn from the
 posterior, and data are simulated with them. A posterior may lean on an end of a prior, or lie in

@@ -430,7 +430,7 @@ def _sides(finding: Examined, audit: Audit) -> str:
     """Write both sides of a relation with the printed values inserted.
 
     A relation that shares a number which is not printed is not worked out with some value of it:
-    what it asks of that number, by itself, is written instead.
+    what it requires of that number, by itself, is written instead.
     """
     relation, cells = finding.relation, audit.cells
     if unknown := relation.unknown:
@@ -438,7 +438,7 @@ def _sides(finding: Examined, audit: Audit) -> str:
         if asked is None:
             return f"no {unknown.label} fits"
         low, high = (f"{end / si_factor(unknown.unit):.6g}" for end in asked)
-        return f"asks for a {unknown.label} from {low} to {high} {symbol(unknown.unit)}"
+        return f"requires the {unknown.label} to lie from {low} to {high} {symbol(unknown.unit)}"
     # In the unit of the result, or of a cell of the same unit throughout; else as it stands.
     units = {cells[a].unit for a in ([relation.result] if relation.result else relation.addresses)}
     unit = units.pop() if len(units) == 1 else "1"

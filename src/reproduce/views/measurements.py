@@ -96,7 +96,7 @@ class _Measured(Remade):
     def blocks(self) -> Iterator[Block]:
         """Yield the numbers, the title and the remarks."""
         yield self.grid
-        yield from (f"Beware: {line}." for line in self.remarks)
+        yield from (f"Warning: {line}." for line in self.remarks)
 
     def record(self) -> dict[str, Any]:
         """Return everything for other programs: `frame` by rows; what is not known is None."""

@@ -374,7 +374,7 @@ class Posterior(Remade):
         } | stars
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the summary, what follows from it, how precise it is, and what to beware of."""
+        """Yield the summary, what follows from it, how precise it is, and warnings."""
         true, found = self.truth, self.sampled.summaries()
         head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
         marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
@@ -389,7 +389,7 @@ class Posterior(Remade):
             yield f"{false}."
         if not self._in_book:
             doubts = (*map(str, leanings(self.sampled)), misfit(self.checks), *self.remarks)
-            yield from (f"Beware: {text}." for text in doubts if text)
+            yield from (f"Warning: {text}." for text in doubts if text)
 
     @property
     def _precision(self) -> Grid:

@@ -180,7 +180,7 @@ class Table(Item):
         if results := [record for record in records if record.role == "result"]:
             yield Fold("How each cell was judged", tuple(_judged(place, results)))
         below = bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
-        yield Html(below, f"{self.key}: reproduce show {self.key}#CELL tells all of a cell")
+        yield Html(below, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell")
 
     def _whole(self) -> Grid:
         printed, records = self._printed, self._records

@@ -85,7 +85,7 @@ def test_the_limits_of_the_corrections_are_where_their_error_crosses():
     study = positioning._suffices().set_index(["Correction", "limit"])
     # The fitted trend, the tracker's own error, the first day.
     name = positioning.CORRECTIONS[1]
-    row = study.loc[name, "what the tracker itself errs by"]
+    row = study.loc[name, "error of the tracker itself"]
     height, span = satellite.altitude(DOOR), positioning._spans(DOOR)["first day"]
     left = positioning._residuals(DOOR, row["first day (arcsec)"] * ARCSEC)[name][span]
     found = np.quantile(np.linalg.norm(left, axis=1), 0.9) * height

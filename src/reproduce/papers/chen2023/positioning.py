@@ -289,7 +289,7 @@ def _suffices(given: Given) -> list[tuple[str | float, ...]]:
     attitude = _analytic(ground_jacobian(*_look(given, 0.0, 0.0)), _terms(given)[0])
     limits = {
         "panchromatic pixel": given[satellite.CAMERA[2]],
-        "what the tracker itself errs by": float(circular_error(attitude)),
+        "error of the tracker itself": float(circular_error(attitude)),
     }
     rows: list[tuple[str | float, ...]] = []
     for name in CORRECTIONS:

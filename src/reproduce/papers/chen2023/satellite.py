@@ -174,7 +174,7 @@ def _bench_path(given: Given, kind: str) -> LightPath:
 def _believed(
     rest: LightPath, kind: str, points: FloatArray, shifts: FloatArray | float = 0.0, **changes: Any
 ) -> FloatArray:
-    """Return the turn of the camera that the system believes when lasers or light path change.
+    """Return the turn of the camera that the system reports when lasers or light path change.
 
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
@@ -194,7 +194,7 @@ def _believed(
     given=(*_LIGHT_PATH, platform.PIXEL),
 )
 def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
-    """What turns of the retro-reflector make the system believe, for three kinds of it."""
+    """Turns of the camera that a turn of the retro-reflector mimics, for three kinds of it."""
     points = platform.lasers(given)
     rows: list[tuple[str | float, ...]] = []
     for kind, image in _IMAGE.items():

@@ -106,7 +106,7 @@ def diagnose(
     ]
     found += [*far, *_repeated(images), *_moving(kept[: 1 if drifts else 2])]
     if not np.isfinite(freedom):
-        text = "no light is seen twice in a group, so nothing tells how large the errors are"
+        text = "no light is seen twice in a group, so the size of the errors is unknown"
         found.append(Finding("spare", text))
     return found
 

@@ -353,9 +353,9 @@ def _line(source: FloatArray) -> list[Finding]:
 def _size(fit: RegistrationFit, exact: bool) -> list[Finding]:
     """Say what the scatter cannot tell."""
     if fit.degrees_of_freedom <= 0:
-        return [Finding("spare", "no star is to spare, so nothing tells how large the errors are")]
+        return [Finding("spare", "no star is to spare, so the size of the errors is unknown")]
     if exact:
-        return [Finding("exact", "the stars fit without any error, so no scatter tells its size")]
+        return [Finding("exact", "the stars fit without any error, so their errors are unknown")]
     return []
 
 
@@ -381,7 +381,7 @@ def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: _Named) -> l
     rows = tuple(np.flatnonzero(_left_out(fit, settings)).tolist())
     found: list[Finding] = []
     if rows:
-        text = f"{len(rows)} of {len(fit.weights)} stars count for nothing ({named(rows)})"
+        text = f"{len(rows)} of {len(fit.weights)} stars have zero weight ({named(rows)})"
         found.append(Finding("dropped", text, rows))
     if len(fit.weights) < _FEW:
         text = f"of {len(fit.weights)} stars a robust fit can tell one to be wrong, not two"
