@@ -59,6 +59,19 @@ def test_importing_the_package_imports_nothing_else():
     assert told == "[]"
 
 
+def test_a_fit_of_stars_loads_no_paper_no_attitude_and_no_scipy():
+    heavy = "scipy.special pandas matplotlib emcee pydantic reproduce.inference reproduce.papers"
+    told = fresh(
+        "import sys, reproduce\n"
+        "source = [[0, 0], [100, 0], [0, 100], [100, 100]]\n"
+        "target = [[0.3, -0.2], [100.4, -0.1], [0.2, 99.9], [100.3, 99.8]]\n"
+        "reproduce.register(source, target)\n"
+        f"heavy = {[*heavy.split(), 'reproduce.physics.attitude']}\n"
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    assert told == "[]"
+
+
 def test_an_unknown_name_is_told():
     with pytest.raises(AttributeError, match="has no attribute 'tabel'"):
         _ = rp.tabel

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
-
-from reproduce.physics.attitude import Platform as Platform
+from typing import TYPE_CHECKING, Any, overload
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
     from reproduce.inference import Prior
+    from reproduce.physics.attitude import Platform as Platform
     from reproduce.views.contents import Check, Contents
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
@@ -26,6 +25,15 @@ if TYPE_CHECKING:
     from reproduce.views.posteriors import Posteriors
     from reproduce.views.study import StudyTable
     from reproduce.views.table import Cell, Table
+
+
+def __getattr__(name: str) -> Any:
+    """Load what describes lights of one's own: a fit of stars needs no attitude."""
+    if name == "Platform":
+        from reproduce.physics.attitude import Platform
+
+        return Platform
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def contents(paper: str | None = None) -> Contents:

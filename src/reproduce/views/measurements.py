@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.attitude import Platform, diagnosis, monitored
 from reproduce.physics.registration import (
     UNITS,
     Finding,
@@ -40,6 +39,8 @@ from reproduce.views.numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from reproduce.physics.attitude import Platform
 
 FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
@@ -255,7 +256,6 @@ class Monitored(_Measured):
     ``remarks``. It is made from the arguments of `reproduce.misalignment`.
     """
 
-    _function = staticmethod(monitored)
     _rows = "angles"
 
     def __init__(
@@ -264,10 +264,12 @@ class Monitored(_Measured):
         zero: ArrayLike | None = None,
         platform: Platform | str | Path | None = None,
     ) -> None:
-        # Only now: a user's own stars need no paper.
+        # Only now: a user's own stars need no attitude and no paper.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+        from reproduce.physics.attitude import diagnosis, monitored
         from reproduce.printed.given import given
 
+        self._function = monitored
         self._given = {"spots": spots, "zero": zero, "platform": platform}
         self.reads = INSTRUMENT if platform is None else ()
         self.platform = (
@@ -326,6 +328,8 @@ def platform_of(source: Platform | str | Path) -> Platform:
     Beside the tracker's numbers stand ``lasers`` and ``camera_focal_length``, or ``directions``, or
     ``spots`` alone.
     """
+    from reproduce.physics.attitude import Platform
+
     if isinstance(source, Platform):
         return source
     try:

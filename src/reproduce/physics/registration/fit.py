@@ -334,8 +334,10 @@ def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     flip = np.array([-1.0, 1.0])
     across = replace(problem, source=problem.source * flip, pivot=problem.pivot * flip)
     median = _median_length(problem, closed)
-    limit = np.sqrt(mirror_limit(2 * problem.source.shape[-2] - 4))
-    if (median > limit * _median_length(across, _repeated_median(across))).any():
+    mirrored = _median_length(across, _repeated_median(across))
+    if (median <= mirrored).all():  # the limit is above one: most fits need no law for it
+        return
+    if (median > np.sqrt(mirror_limit(2 * problem.source.shape[-2] - 4)) * mirrored).any():
         raise MirroredPointsError(_MIRRORED)
 
 
