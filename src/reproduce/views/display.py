@@ -91,9 +91,13 @@ def _row_by_row(head: Sequence[Entry], rows: Sequence[Sequence[Text]]) -> Iterat
     names = [_plain(type(name)(_SMALL.sub("", name))) for name in head]
     small = [(n, _SMALL.findall(text)) for n, text in zip(names, head, strict=True)]
     yield from (f"{name}: {_plain(Markup(found[0]))}" for name, found in small if found)
+    yield from [names[1]] * (len(names) == 2)
     for row in rows:
         yield row[0]
         named = [(n, text) for n, text in zip(names[1:], row[1:], strict=False) if text.plain]
+        if len(names) == 2:  # the head of a single column need not be said at every row
+            yield from (Padding(text, (0, 0, 0, 2)) for _, text in named)
+            continue
         yield Padding(_columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2))
 
 
