@@ -216,12 +216,15 @@ def _closed_similarity(problem: Problem) -> Solution:
     row = (weights * offsets).conj()[..., None, :]
     spread = (row @ offsets[..., None])[..., 0, 0].real
     _refuse_vanished("source", spread, total, centroid)
-    factor = (row @ targets[..., None])[..., 0, 0] / spread
+    # What each point is moved is small where two images are alike: its sums keep their digits.
+    moved, drift = _centred(problem.target - problem.source, weights)
+    change = (row @ moved[..., None])[..., 0, 0] / spread
+    factor = 1.0 + change
     _refuse_mirrored(offsets, targets, weights)
     _refuse_vanished("target", _squared(factor) * spread, total, target_centroid)
-    shift = factor * (centroid - origin) + (origin - target_centroid)
+    shift = change * (centroid - origin) - drift
     scale = np.abs(factor)
-    left = targets - factor[..., None] * offsets
+    left = moved - change[..., None] * offsets
     return Solution(
         np.stack([scale, np.angle(factor), shift.real, shift.imag], axis=-1),
         as_points(left),
