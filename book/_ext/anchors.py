@@ -2,10 +2,13 @@
 
 What a cell of a notebook shows, such as the wall of all printed numbers, links to ``#anchor``. On a
 page that has no such anchor the link is turned into one to the page that has it. ``#tables/x.csv``
-is a file below the root of the site.
+is a file below the root of the site. `goto.html#anchor` leads to the page of an anchor, and where a
+page has become a part of another its old address leads there.
 """
 
+import json
 import re
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -14,6 +17,23 @@ from sphinx.environment import BuildEnvironment
 
 HELD = re.compile(r'\bid="([^"]+)"')
 LINK = re.compile(r'\bhref="#([^"]+)"')
+GOTO = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>To a printed number</title>
+<p>It stands on a page of <a href="index.html">the book</a>.</p>
+<script>
+  const page = PLACES[location.hash.slice(1)];
+  if (page) location.replace(`${page}.html${location.hash}`);
+</script></html>
+"""
+# Pages that are sections now.
+MOVED = dict.fromkeys(
+    (f"posteriors/diagnostics-{paper}" for paper in ("niu2024", "chen2023")),
+    "posteriors/diagnostics",
+)
+LED = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>Moved</title>
+<meta http-equiv="refresh" content="0; url={0}"><p>Now at <a href="{0}">{0}</a>.</p></html>
+"""
 
 
 def collect(app: Sphinx, doctree: nodes.document) -> None:
@@ -64,10 +84,25 @@ def lead(
         )
 
 
+def write(app: Sphinx, error: Exception | None) -> None:
+    """Write the pages that lead on."""
+    if error is not None or app.builder.format != "html":
+        return
+    root = Path(app.outdir)
+    places = json.dumps(known(app.env), ensure_ascii=False)
+    (root / "goto.html").write_text(GOTO.replace("PLACES", places), encoding="utf-8")
+    for old, new in MOVED.items():
+        if new in app.env.found_docs:
+            folder, _, name = old.rpartition("/")
+            target = f"{new.removeprefix(f'{folder}/')}.html#{name}"
+            (root / f"{old}.html").write_text(LED.format(target), encoding="utf-8")
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers."""
     app.connect("doctree-read", collect)
     app.connect("env-purge-doc", drop)
     app.connect("env-merge-info", merge)
     app.connect("html-page-context", lead)
+    app.connect("build-finished", write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

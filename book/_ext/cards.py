@@ -21,15 +21,6 @@ FILE = Path("_build") / "cards.json"
 LINK = re.compile(r'<a\b([^>]*?)\bhref="([^"#]*)#([^"]+)"([^>]*)>')
 CLASS = re.compile(r'\bclass="')
 SIGN = "rp-has-card"
-# One address for every table and cell, whatever page holds it: goto.html#niu2024-table-3.
-GOTO = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><title>To a printed number</title>
-<p>It stands on a page of <a href="index.html">the book</a>.</p>
-<script>
-  const page = PLACES[location.hash.slice(1)];
-  if (page) location.replace(`${page}.html${location.hash}`);
-</script></html>
-"""
 WITHIN = re.compile(r'\b(href|data-link)="#([^"]+)"')
 # What a page shows under an anchor of its own.
 EQUATION = re.compile(
@@ -91,8 +82,6 @@ def write(app: Sphinx, error: Exception | None) -> None:
             found |= {f"{BIBLIOGRAPHY}-{name}": f"<p>{html}</p>" for name, html in listed}
     script = f"window.rpCards = {json.dumps(found, ensure_ascii=False)};\n"
     (Path(app.outdir) / "cards.js").write_text(script, encoding="utf-8")
-    places = json.dumps(anchors.known(app.env), ensure_ascii=False)
-    (Path(app.outdir) / "goto.html").write_text(GOTO.replace("PLACES", places), encoding="utf-8")
 
 
 def led(app: Sphinx, html: str) -> str:

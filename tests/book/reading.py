@@ -75,9 +75,11 @@ class Visit:
 
 
 def built_pages() -> list[str]:
-    """Return the addresses of all built pages below the site's root."""
+    """Return the addresses of all built pages below the site's root, without those that lead on."""
     found = (path.relative_to(HTML) for path in HTML.rglob("*.html"))
-    return sorted(path.as_posix() for path in found if path.parts[0] != "_static")
+    pages = (path for path in found if path.parts[0] != "_static")
+    text = "data-content_root"  # what every page of Sphinx has
+    return sorted(one.as_posix() for one in pages if text in (HTML / one).read_text("utf-8"))
 
 
 def note_console(visit: Visit, message: Any) -> None:

@@ -142,6 +142,22 @@ def test_without_the_script_a_link_leads_to_its_cell(browser: Browser) -> None:
     context.close()
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("goto.html#niu2024-table-3-scale-red", PLACE),
+        ("goto.html#chen2023-table-5", "chen2023/effectiveness.html#chen2023-table-5"),
+        (
+            "posteriors/diagnostics-niu2024.html",
+            "posteriors/diagnostics.html#diagnostics-niu2024",
+        ),
+    ],
+)
+def test_addresses_lead_on(wide: Page, old: str, new: str) -> None:
+    wide.goto(f"file://{HTML}/{old}")
+    wide.wait_for_url(f"file://{HTML}/{new}")
+
+
 def test_a_referee_derives_every_verdict_from_the_files_beside_the_pages() -> None:
     import subprocess
     import sys
