@@ -38,6 +38,12 @@
     return page.endsWith("bibliography.html") ? `bibliography-${name}` : name;
   };
 
+  // The Tab key stops once in a card and goes on to the next number; an arrow makes all of it reachable.
+  const reach = (yes) => {
+    const [, ...more] = box.querySelectorAll("a, button, [tabindex]");
+    for (const one of more) yes ? one.removeAttribute("tabindex") : one.tabIndex = -1;
+  };
+
   const open = async (link) => {
     const html = (await load())[keyOf(link)];
     if (!html || shown === link) return;
@@ -46,7 +52,7 @@
     box.setAttribute("aria-label", `About ${link.textContent.trim() || keyOf(link)}`);
     for (const one of box.querySelectorAll("a[href]")) one.href = root + one.getAttribute("href");
     for (const one of box.querySelectorAll("[data-link]")) one.dataset.copy = new URL(root + one.dataset.link, location.href).href;
-    // Beside its link, so that the Tab key leads from one into the other.
+    reach(false);
     (link.closest("svg") ?? link).after(box);
     box.showPopover();
     shown = link;
@@ -83,7 +89,13 @@
       setTimeout(() => button.classList.remove("rp-done"), 1500);
     }
   });
-  document.addEventListener("keydown", (event) => { if (event.key === "Escape") close(); });
+  document.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") close();
+    if (event.key !== "ArrowDown" || !shown || document.activeElement !== shown) return;
+    event.preventDefault(); // the arrow leads from the link into its card
+    reach(true);
+    box.querySelector("button, a").focus();
+  });
   box.addEventListener("toggle", (event) => { if (event.newState === "closed") { dismissed = shown; shown = undefined; } });
   addEventListener("scroll", () => { if (shown && !box.matches(":hover") && !box.contains(document.activeElement)) close(); }, { passive: true });
 

@@ -97,10 +97,17 @@ def test_the_keyboard_leads_into_a_card_and_out_of_it(wide: Page) -> None:
     wide.keyboard.press("Shift+Tab")
     wide.keyboard.press("Tab")
     card.wait_for(state="visible")
-    wide.keyboard.press("Tab")
+    wide.keyboard.press("ArrowDown")
     assert card.locator(":focus").count() == 1
     wide.keyboard.press("Escape")
     card.wait_for(state="hidden")
+    wide.keyboard.press("Tab")
+    wide.keyboard.press("Shift+Tab")
+    card.wait_for(state="visible")
+    wide.keyboard.press("Tab")
+    assert card.locator(":focus").count() == 1
+    wide.keyboard.press("Tab")
+    assert card.locator(":focus").count() == 0, "the Tab key goes on to the next number"
 
 
 def test_an_equation_and_a_mark_of_the_first_page_have_cards(wide: Page) -> None:
