@@ -50,6 +50,12 @@ def known(env: BuildEnvironment) -> dict[str, str]:
     return env.domaindata.setdefault("output_anchors", {})
 
 
+def pages(env: BuildEnvironment) -> dict[str, str]:
+    """Return the page of each anchor, equations among them."""
+    equations = env.get_domain("math").data["objects"]  # label to page and number
+    return {f"equation-{label}": page for label, (page, _) in equations.items()} | known(env)
+
+
 def drop(app: Sphinx, env: BuildEnvironment, page: str) -> None:
     """Forget the anchors of a page that is read again or gone."""
     for name in [name for name, holder in known(env).items() if holder == page]:
@@ -66,13 +72,13 @@ def lead(
 ) -> None:
     """Turn links to anchors of other pages into links to these pages."""
     body = context.get("body", "")
-    here = set(HELD.findall(body))
+    here, held = set(HELD.findall(body)), pages(app.env)
 
     def turned(link: re.Match[str]) -> str:
         name = link.group(1)
         if "/" in name:
             return f'href="{"../" * page.count("/")}{name}"'
-        holder = known(app.env).get(name)
+        holder = held.get(name)
         if name in here or holder in {None, page}:
             return link.group(0)
         return f'href="{app.builder.get_relative_uri(page, holder)}#{name}"'

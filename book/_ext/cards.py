@@ -91,16 +91,10 @@ def led(app: Sphinx, html: str) -> str:
         kind, name = link.groups()
         if "/" in name:
             return f'{kind}="{name}"'
-        return f'{kind}="{pages[name]}.html#{name}"' if name in pages else link.group(0)
+        return f'{kind}="{held[name]}.html#{name}"' if name in held else link.group(0)
 
-    pages = anchors.known(app.env) | equations(app)
+    held = anchors.pages(app.env)
     return WITHIN.sub(turned, html)
-
-
-def equations(app: Sphinx) -> dict[str, str]:
-    """Return the page of each equation, by its anchor."""
-    found = app.env.get_domain("math").data["objects"]  # label to page and number
-    return {f"equation-{label}": page for label, (page, _) in found.items()}
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

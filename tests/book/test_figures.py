@@ -85,7 +85,7 @@ def test_the_figures_are_numbered_once_each_in_the_order_of_reading() -> None:
     assert every == list(range(1, len(every) + 1))
     assert all(one == list(range(one[0], one[0] + len(one))) for one in numbers.values())
     assert numbers["niu2024/index.html"] < numbers["niu2024/simulation.html"]
-    assert numbers["niu2024/readings.html"] < numbers["chen2023/index.html"]
+    assert numbers["niu2024/images.html"] < numbers["chen2023/effectiveness.html"]
 
 
 @pytest.mark.parametrize("address", WITH_FIGURES)

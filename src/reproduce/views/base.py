@@ -59,7 +59,11 @@ class Item(Shown):
         ]
 
         class Words(pd.DataFrame):
-            """A DataFrame whose sentences a notebook shows whole."""
+            """A DataFrame whose sentences a notebook shows whole, and so do parts of it."""
+
+            @property
+            def _constructor(self) -> type[Words]:
+                return Words
 
             def _repr_html_(self) -> str:
                 with pd.option_context("display.max_colwidth", None):

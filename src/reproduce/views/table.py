@@ -553,7 +553,8 @@ class Cell(Shown):
 
     def blocks(self) -> Iterator[Block]:
         """Yield all that is known of the cell, a line each."""
-        yield Grid(self._cell.label, ("Cell", self.address), self._lines(), words=2)
+        lines = self._lines()
+        yield Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)
 
     def card(self) -> str:
         """Return what a page shows beside a link to the cell: all of it, and what to take away."""
