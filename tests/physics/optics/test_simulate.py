@@ -79,7 +79,7 @@ def test_seeds_are_not_used_up() -> None:
 @pytest.mark.parametrize("entropy", [0, 20240102, 2**32, 2**128 - 5, [1, 2**40, 3, 4, 5, 6]])
 @pytest.mark.parametrize("key", [(), (3,), (2**31, 0), (2**33, 1, 2)])
 def test_streams_have_the_states_of_numpys_own_children(entropy: int, key: tuple[int, ...]) -> None:
-    numbers = [0, 1, 2**32]
+    numbers = [0, 1, 2**32 - 1]
     for number in numbers:
         (ours,) = spawned_streams(SeedSequence(entropy, spawn_key=key), 1, number)
         numpys = PCG64(SeedSequence(entropy, spawn_key=(*key, number)))
@@ -138,3 +138,8 @@ def test_angles_fill_the_rectangle_uniformly() -> None:
     angles = spawned_angles(SeedSequence(13), 400, 10, (0.2, 0.1)).reshape(-1, 2)
     for column, half in zip(angles.T, (0.2, 0.1), strict=True):
         assert stats.kstest(column, "uniform", args=(-half, 2 * half)).pvalue > 0.001
+
+
+def test_streams_beyond_one_word_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"below 2\*\*32, got 4294967296; start lower"):
+        spawned_streams(SeedSequence(1), 2, 2**32 - 1)

@@ -21,10 +21,12 @@ positive y.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
-from numpy.typing import ArrayLike
+from numpy.random.bit_generator import ISeedSequence
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.optics.camera import Camera, image_points
 from reproduce.physics.validate import (
@@ -36,6 +38,8 @@ from reproduce.physics.validate import (
     non_negative,
     whole_number,
 )
+
+_WORD = 2**32
 
 
 def channel_centroids(
@@ -215,10 +219,61 @@ def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Ite
             "pass SeedSequence(your_number)"
         )
     first = whole_number("first", first, least=0)
-    numbers = range(first, first + whole_number("replicates", replicates))
-    # The children that spawn() would make; that would count them in the seed sequence itself.
-    keys = ((*seeds.spawn_key, number) for number in numbers)
-    return (Generator(PCG64(SeedSequence(seeds.entropy, spawn_key=key))) for key in keys)
+    numbers = np.arange(first, first + whole_number("replicates", replicates), dtype=np.int64)
+    states = _child_states(seeds, numbers)
+    # NumPy documents any ISeedSequence; its annotations name one of them.
+    return (Generator(PCG64(_Seeded(state))) for state in states)  # type: ignore[arg-type]
+
+
+class _Seeded(ISeedSequence):
+    """What `SeedSequence.generate_state` would return for PCG64, known already."""
+
+    def __init__(self, words: NDArray[np.uint64]) -> None:
+        self.words = words
+
+    def generate_state(self, n_words: int, dtype: object = np.uint32) -> NDArray[np.uint64]:
+        """Return the four words that PCG64 asks for."""
+        return self.words
+
+
+def _child_states(seeds: SeedSequence, numbers: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """Return the states of the children of a seed sequence with the given numbers, shape (n, 4).
+
+    As NumPy makes them (O'Neill's hash, which NumPy promises not to change), for all children at
+    once: they differ in the last word of their spawn key only, and one by one this takes longer
+    than the draws themselves.
+    """
+    if numbers[-1] >= _WORD:
+        raise ValueError(f"first: expected replicates below 2**32, got {numbers[-1]}; start lower")
+    # What a child mixes before its own number: its parent's pool. spawn() would count up there.
+    pool = SeedSequence(seeds.entropy, spawn_key=seeds.spawn_key).pool
+    before = max(len(pool), _words(seeds.entropy)) + _words(seeds.spawn_key)
+    constant = 0x43B0D7E5 * pow(0x931E8875, before * len(pool), _WORD) % _WORD
+    mixed = []
+    for word in pool.tolist():
+        value = numbers.astype(np.uint32) ^ np.uint32(constant)
+        constant = constant * 0x931E8875 % _WORD
+        value = np.uint32(0xCA01F9DD * word % _WORD) - np.uint32(0x4973F715) * _scrambled(
+            value * np.uint32(constant)
+        )
+        mixed.append(_scrambled(value))
+    constant, states = 0x8B51F9DD, np.empty((len(numbers), 8), dtype="<u4")
+    for place in range(8):
+        value = mixed[place % len(pool)] ^ np.uint32(constant)
+        constant = constant * 0x58F38DED % _WORD
+        states[:, place] = _scrambled(value * np.uint32(constant))
+    return states.view("<u8").astype(np.uint64)
+
+
+def _scrambled(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    return value ^ (value >> np.uint32(16))
+
+
+def _words(entropy: Any) -> int:
+    """Return how many words of 32 bits a whole number, or several, fill in a seed sequence."""
+    if isinstance(entropy, int | np.integer):
+        return max(1, -(-int(entropy).bit_length() // 32))
+    return sum(map(_words, entropy))
 
 
 @checked
