@@ -106,6 +106,9 @@ def read(page: Page, url: str, visit: Visit) -> None:
         visit.overflowing[size["width"]] = page.evaluate(OVERFLOWING)
     page.set_viewport_size(SHEET)
     page.emulate_media(media="print")
+    page.evaluate(
+        "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    )
     visit.cut_in_print = page.evaluate(CUT_IN_PRINT)
     page.emulate_media(media="screen")
     page.set_viewport_size(PHONE)
