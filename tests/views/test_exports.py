@@ -197,8 +197,8 @@ def test_a_citation_checks_itself(address):
     said = statement(record).removesuffix(record.verdict) + "exact"
     older = f"{said}. reproduce-pointing 0.0.1, 2026-01-01. {mark(said)}"
     told = verify(older)
-    assert told.startswith("moved since 0.0.1, because ")
-    assert told.endswith(f"now {statement(record)}")
+    assert told.startswith(f"moved since 0.0.1: now {statement(record)}, for ")
+    assert told.endswith(ledger.reason(address) or record.why)
     gone = said.replace("#", "#no-")
     told = verify(f"{gone}. reproduce-pointing 0.1, x. {mark(gone)}")
     assert "no printed number any more" in told

@@ -192,7 +192,7 @@ def verify(text: str) -> str:
     record = item_ledger(key).cell(f"{key}#{name}")
     if (now := statement(record)) == said:
         return "unchanged"
-    return f"moved since {version}, because {reason(record.cell) or record.why}; now {now}"
+    return f"moved since {version}: now {now}, for {reason(record.cell) or record.why}"
 
 
 def _paper(key: str) -> Entry:

@@ -148,7 +148,8 @@ def verify(citation: str) -> str:
     Returns
     -------
     str
-        ``unchanged``; ``moved since VERSION, because ...``; or ``not ours: ...``.
+        ``unchanged``; ``moved since VERSION: now ...``, with why the verdict is what it is now; or
+        ``not ours: ...``.
 
     Examples
     --------
