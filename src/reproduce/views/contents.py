@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PITCH = 14  # from one mark to the next, in CSS pixels
-ACROSS = 10  # marks in a row of a group of quoted numbers
+DEEP = 6  # marks above each other; a longer table goes on beside itself
 # Each verdict has a shape of its own, so that colour is not needed.
 SHAPES = {
     "exact": "M-4.5-4.5h9v9h-9z",
@@ -93,11 +94,13 @@ class Contents(Display):
 
     def blocks(self) -> Iterator[Block]:
         """Yield every number as a mark, and the same as lists: items, tables of our own, score."""
-        parts, records = [], self._ledger.records
-        for paper in self.papers:
-            own = [record for record in records if record.key.startswith(f"{paper}/")]
-            parts += [Markup('<p class="rp-wall-paper">{}</p>').format(paper), wall(own)]
-        yield Html(Markup("\n").join([*parts, legend(records)]))
+        records, part = self._ledger.records, '<div><p class="rp-wall-paper">{}</p>{}</div>'
+        walls = [
+            Markup(part).format(paper, wall(r for r in records if r.key.startswith(f"{paper}/")))
+            for paper in self.papers
+        ]
+        papers = Markup('<div class="rp-walls">\n{}\n</div>\n{}')
+        yield Html(papers.format(Markup("\n").join(walls), legend(records)))
         yield Fold("The same in words", (*self.listed(), *self.index.shown))
 
 
@@ -192,22 +195,22 @@ def legend(records: Sequence[Record]) -> Markup:
 
 def _entry(kind: str, verdict: str, count: str, meaning: str) -> Markup:
     return Markup(
-        '<li><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
+        '<li tabindex="0"><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
         '<path class="rp-mark-{0}{1}" d="{2}"/></svg> <strong>{3}</strong>: {4}</li>'
     ).format(verdict, kind, SHAPES[verdict], count, meaning)
 
 
 def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
-    """Draw one item: its name, and its cells in the shape of the print."""
-    across = len(table.columns) if len(table.columns) > 1 else ACROSS
-    places = [
-        (records[cell.address], number % across, number // across)
-        for number, cell in enumerate(table.cells)
-        if cell.address in records
-    ]
-    wide = PITCH * (1 + max(x for _, x, _ in places))
-    high = PITCH * (1 + max(y for _, _, y in places))
-    marks = Markup("").join(_mark(record, x, y) for record, x, y in places)
+    """Draw one item: its name, and its cells in the shape of the print, as high as all others."""
+    across, rows = max(1, len(table.columns)), len(table.rows)
+    deep = ceil(rows / ceil(rows / DEEP))
+    wide, high = PITCH * across * ceil(rows / deep), PITCH * DEEP
+    marks = Markup("").join(
+        _mark(
+            records[cell.address], at // across // deep * across + at % across, at // across % deep
+        )
+        for at, cell in enumerate(table.cells)
+    )
     name = table.place.partition(",")[0]
     name = table.key.partition("/")[2].removeprefix("text-") if name == "Text" else name
     tally = verdicts.tally(tuple(records.values()))

@@ -20,6 +20,7 @@ from reproduce.views import keys, verdicts
 from reproduce.views.base import Item, Shown, by_row, setting, text_of
 from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, html
 from reproduce.views.computed import item_ledger
+from reproduce.views.contradictions import replied
 from reproduce.views.display import Display
 from reproduce.views.export import bar, citation, export, full_frame, table_files
 from reproduce.views.numbers import minus
@@ -282,8 +283,12 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
 def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
-        return Markup('{0} <a href="#{1}">Erratum {1}</a>').format(why, known)
+        why = Markup('{0} <a href="#{1}">Erratum {1}</a>').format(why, known)
+        return why + (_REPLY.format(replied(known)) if record.verdict == "differs" else "")
     return why
+
+
+_REPLY = Markup("<br>The authors' reply: {}")
 
 
 def _cells(records: Sequence[Record]) -> Markup:
@@ -547,6 +552,7 @@ class Cell(Shown):
             ("seed", _seed(maker) if maker else ""),
             ("reads", Markup(", ").join(reads)),
             ("erratum", link(known, known) if known else ""),
+            ("the authors' reply", replied(known) if known else ""),
             *((f"if {one.name}", verdicts.read(record, one)) for one in record.readings),
         ]
         return [(name, text) for name, text in lines if text]
