@@ -42,11 +42,7 @@ def questions(paper: str) -> list[Question]:
 
 
 def complete(id: str, errata: tuple[str, ...] = (), **entry: str) -> Question:
-    """Return a question with the cells that name it, and the errata of these cells before its own.
-
-    >>> complete("niu2024-scale-run", paper="niu2024", ask="Why?", text="").errata
-    ('niu2024-table-3-scale',)
-    """
+    """Return a question with the cells that name it, and errata: of these cells, then its own."""
     named = {address: one for address, one in frozen().items() if one.question == id}
     known = dict.fromkeys([*(one.erratum for one in named.values()), *errata])
     return Question(id, cells=tuple(named), errata=tuple(filter(None, known)), **entry)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
+from itertools import groupby
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
@@ -94,13 +95,10 @@ class Contents(Display):
 
     def blocks(self) -> Iterator[Block]:
         """Yield every number as a mark, and the same as lists: items, tables of our own, score."""
-        records, part = self._ledger.records, '<div><p class="rp-wall-paper">{}</p>{}</div>'
-        walls = [
-            Markup(part).format(paper, wall(r for r in records if r.key.startswith(f"{paper}/")))
-            for paper in self.papers
-        ]
-        papers = Markup('<div class="rp-walls">\n{}\n</div>\n{}')
-        yield Html(papers.format(Markup("\n").join(walls), legend(records)))
+        records, part = self._ledger.records, Markup('<div><p class="rp-wall-paper">{}</p>{}</div>')
+        papers = groupby(records, key=lambda record: record.key.partition("/")[0])
+        walls = Markup("\n").join(part.format(paper, wall(own)) for paper, own in papers)
+        yield Html(Markup('<div class="rp-walls">\n{}\n</div>\n{}').format(walls, legend(records)))
         yield Fold("The same in words", (*self.listed(), *self.index.shown))
 
 
@@ -174,10 +172,8 @@ def _counts(records: Sequence[Record]) -> list[Box]:
 
 def wall(records: Iterable[Record]) -> Markup:
     """Draw every record as a mark that leads to its cell, one small picture for each item."""
-    items: dict[str, dict[str, Record]] = {}
-    for record in records:
-        items.setdefault(record.key, {})[record.cell] = record
-    blocks = Markup("\n").join(_block(library()[key], found) for key, found in items.items())
+    items = groupby(records, key=lambda record: record.key)
+    blocks = Markup("\n").join(_block(library()[key], tuple(own)) for key, own in items)
     return Markup('<div class="rp-wall">\n{}\n</div>').format(blocks)
 
 
@@ -200,21 +196,19 @@ def _entry(kind: str, verdict: str, count: str, meaning: str) -> Markup:
     ).format(verdict, kind, SHAPES[verdict], count, meaning)
 
 
-def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
+def _block(table: PrintedTable, records: Sequence[Record]) -> Markup:
     """Draw one item: its name, and its cells in the shape of the print, as high as all others."""
     across, rows = max(1, len(table.columns)), len(table.rows)
     deep = ceil(rows / ceil(rows / DEEP))
     wide, high = PITCH * across * ceil(rows / deep), PITCH * DEEP
-    marks = Markup("").join(
-        _mark(
-            records[cell.address], at // across // deep * across + at % across, at // across % deep
-        )
-        for at, cell in enumerate(table.cells)
-    )
+    marks = Markup("")
+    for at, record in enumerate(records):
+        row, column = divmod(at, across)
+        marks += _mark(record, row // deep * across + column, row % deep)
     name = table.place.partition(",")[0]
     name = table.key.partition("/")[2].removeprefix("text-") if name == "Text" else name
-    tally = verdicts.tally(tuple(records.values()))
-    told = ", ".join(f"{count} {verdict}" for verdict, count in tally.items() if count)
+    tally = verdicts.tally(records).items()
+    told = ", ".join(f"{count} {verdict}" for verdict, count in tally if count)
     return Markup(
         '<div class="rp-wall-item"><a href="#{}" title="{}: {}">{}</a>\n'
         '<svg viewBox="0 0 {} {}" width="{}" height="{}" role="group" aria-label="{}: {}">{}</svg>'
@@ -223,8 +217,7 @@ def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
 
 
 def _mark(record: Record, across: int, down: int) -> Markup:
-    cell = verdicts.cell_of(record)
-    value = verdicts.computed(record)
+    cell, value = verdicts.cell_of(record), verdicts.computed(record)
     told = f"{cell.label}: {cell.shown} printed"
     told += f", {value} computed" if value and record.role == "result" else ""
     weak = " rp-mark-weak" if verdicts.weak_agreement(record) else ""

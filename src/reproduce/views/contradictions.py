@@ -116,10 +116,8 @@ def errata_register() -> tuple[Erratum, ...]:
 def replied(name: str) -> Entry:
     """Return what the authors say to an entry of the register, or how they can answer."""
     entry = next(one for one in errata_register() if one.id == name)
-    return entry.reply or _ANSWER.format(entry.paper)
-
-
-_ANSWER = Markup('none yet; <a href="#letter-{}">how to answer</a>')
+    none_yet = Markup('none yet; <a href="#letter-{}">how to answer</a>')
+    return entry.reply or none_yet.format(entry.paper)
 
 
 def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
@@ -272,8 +270,7 @@ def _corrections(audits: Sequence[Audit]) -> _Part:
         for group in audit.groups:
             own = [_correction(group, found, audit.name) for found in group.corrections]
             rows += own
-            remark = "" if own else "no slips within the search"
-            if remark := _too_many(group) or remark:
+            if remark := _too_many(group) or ("" if own else "no slips within the search"):
                 own = [{"contradiction": group.relations, "remark": remark}]
             tried += own[:1] + [row | {"contradiction": ()} for row in own[1:_SHOWN]]
         if tried:
