@@ -13,9 +13,9 @@ DOI = ""
 
 
 def software() -> str:
-    """Return what computes here: name, version, day of release, and commit where there is one."""
-    found = commit(Path(__file__).parents[2])
-    return f"reproduce-pointing {__version__}, {RELEASED}" + (f", commit {found}" if found else "")
+    """Return what computes here: name, version, day of release and commit."""
+    found = commit(Path(__file__).parents[2]) or "not recorded"
+    return f"reproduce-pointing {__version__}, {RELEASED}, commit {found}"
 
 
 @cache

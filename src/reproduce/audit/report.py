@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.audit.corrections import Correction, corrections
 from reproduce.audit.equations import Demonstration, demonstrations
@@ -166,22 +166,22 @@ class Erratum(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
-    id: str
+    id: str = Field(description="its name and anchor")
     paper: str
-    place: str
-    printed: str
-    problem: str
-    library: str
-    conclusion: _Conclusion
-    because: str
+    place: str = Field(description="where in the paper it stands")
+    printed: str = Field(description="what is printed there, in short")
+    problem: str = Field(description="what does not fit, under the most charitable reading")
+    library: str = Field(description="what the library does about it")
+    conclusion: _Conclusion = Field(description="whether the paper's conclusion stands or moves")
+    because: str = Field(description="why it does")
     status: Literal["open", "one reading of several", "reported", "confirmed"]
-    reading: Finder
-    again: bool = False
-    extraction: bool = False
-    supposition: str = ""
-    evidence: str = ""
-    relations: list[str] = []
-    equations: list[str] = []
+    reading: Finder = Field(description="which of two independent readings of the paper found it")
+    again: bool = Field(default=False, description="whether a third reading did, without a list")
+    extraction: bool = Field(default=False, description="our text, read by a machine, may be wrong")
+    supposition: str = Field(default="", description="what it supposes that the paper leaves open")
+    evidence: str = Field(default="", description="words that stand against words")
+    relations: list[str] = Field(default=[], description="relations of the audit that show it")
+    equations: list[str] = Field(default=[], description="equations that show it, as extracted")
 
     def findings(self, audit: Audit) -> list[Examined]:
         """Return the findings of the relations that the entry names."""

@@ -167,6 +167,7 @@ class Ledger(_Frozen):
         default=(), description="files of printed numbers that are not those of their checksums"
     )
     software: str = Field(default="", description="what made an export: name, version, day, commit")
+    citation: str = Field(default="", description="how to cite an export, and the paper")
 
     def of(self, key: str) -> tuple[Record, ...]:
         """Return the records of one item, in the order of print."""

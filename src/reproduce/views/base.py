@@ -12,7 +12,7 @@ from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue
 from reproduce.views import keys
 from reproduce.views.display import Display
-from reproduce.views.export import citation, export_frame
+from reproduce.views.export import citation, export_frame, provenance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +37,15 @@ class Shown(Display):
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
-        return export_frame(self.frame(), form)
+        return export_frame(self.frame(), form, self.about)
+
+    @property
+    def about(self) -> dict[str, str]:
+        """What its files say of it, and of what was changed."""
+        return provenance(self.cite("text"), self._setting())
+
+    def _setting(self) -> str:
+        return ""
 
     def cite(self, form: str = "bibtex") -> str:
         """Return how to cite this and its paper: bibtex, ris, csl or text."""
@@ -156,6 +164,9 @@ class Changeable(Shown):
         """What was changed: address, ``seed`` or setting to the value as given."""
         settings = {name: f"{value:g}" for name, value in self._settings.items()}
         return rerun.by_name(self._changes, self.seed) | settings
+
+    def _setting(self, remark: str = "a reader's own setting") -> str:
+        return setting("With", self.changes, self.replaced, remark) if self.changes else ""
 
     @property
     def replaced(self) -> dict[str, float]:

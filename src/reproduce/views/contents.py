@@ -14,9 +14,11 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
 from reproduce.views.display import Blocks, Display
+from reproduce.views.export import full_frame
+from reproduce.views.table import EVERY
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,6 +79,16 @@ class Contents(Display):
             for key in self.keys
         ]
         return pd.DataFrame(rows, index=self.keys)
+
+    def cells(self) -> pd.DataFrame:
+        """Return one row per cell, with every field of the ledger."""
+        return full_frame(self._ledger.records)
+
+    @property
+    def numbers(self) -> Blocks:
+        """Every printed number; a page lets a reader sort and filter them."""
+        what, kind = f"The {len(self._ledger.records)} printed numbers", "rp-small rp-sortable"
+        return Blocks((grid(what, EVERY, self._ledger.records, kind=kind, words=len(EVERY)),))
 
     def listed(self) -> Iterator[Grid]:
         """Yield the items and the tables of our own, without the score."""

@@ -304,6 +304,14 @@ _DETAILS: dict[str, Callable[[Record], Entry]] = {
     "Share of tolerance": lambda one: "" if one.share is None else f"{one.share:.2f}",
     "Verdict": lambda one: one.verdict,
 }
+EVERY: dict[str, Callable[[Record], Entry]] = {
+    "Cell": _link,
+    "Table": lambda one: one.key,
+    "Place": lambda one: one.place,
+    **{head: _DETAILS[head] for head in ("Printed", "Computed", "Share of tolerance")},
+    "Verdict": lambda one: badge(one.verdict, verdicts.qualified(one)),
+    "Why": _reason,
+}
 _REASONS: dict[str, Callable[[Sequence[Record]], Entry]] = {
     "Cells": _cells,
     "Verdict": lambda some: some[0].verdict,
