@@ -28,21 +28,9 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
 from reproduce.papers.chen2023.attitude import towards
-from reproduce.papers.chen2023.satellite import LASER, STAR, lens, mirror, reflected
+from reproduce.papers.chen2023.satellite import LASER, STAR, reflected
 from reproduce.papers.declare import draws, seed_of, studied
-from reproduce.papers.sketch import (
-    INK,
-    arc,
-    arrow,
-    beside,
-    box,
-    canvas,
-    key,
-    label,
-    path,
-    sized,
-    turned,
-)
+from reproduce.papers.sketch import INK, Sketch, beside, sized, turned
 from reproduce.physics.attitude import (
     Platform,
     attitude,
@@ -230,7 +218,8 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
-    _lasers(axes, _pairs(printed), 5, "laser spots, printed")
+    axes.plot(*_pairs(printed).T, LASER.marker, markersize=5, color=LASER.colour)
+    axes.lines[0].set_label("laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
@@ -240,50 +229,46 @@ def _pairs(printed: Mapping[str, float]) -> FloatArray:
     return np.array(list(printed.values())).reshape(-1, 2)
 
 
-def _lasers(axes: Axes, places: FloatArray, size: float, name: str = "") -> None:
-    axes.plot(*places.T, LASER.marker, markersize=size, color=LASER.colour, label=name)
-
-
 @draws("chen2023/fig-6a", marks=[platform.DIAGONAL])
 def _draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it."""
     (diagonal,) = printed.values()
-    axes, centre = canvas(figure, 10.8, 9.4), np.array([3.8, 5.7])
-    box(axes, centre, (7.0, 7.0))
-    box(axes, centre, (3.4, 3.4), turn=45, style=":", width=0.7)
-    _lasers(axes, np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre, 11)
-    arrow(axes, beside(centre, -2.1, 0.0), beside(centre, 2.1, 0.0), style="<|-|>")
-    label(axes, beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
-    label(axes, beside(centre, 0.0, 2.95), "lasers on the stage")
+    sketch, centre = Sketch.on(figure, 10.8, 9.4), np.array([3.8, 5.7])
+    sketch.box(centre, (7.0, 7.0))
+    sketch.box(centre, (3.4, 3.4), turn=45, style=":", width=0.7)
+    sketch.mark(np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre, LASER, 11)
+    sketch.arrow(beside(centre, -2.1, 0.0), beside(centre, 2.1, 0.0), style="<|-|>")
+    sketch.label(beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
+    sketch.label(beside(centre, 0.0, 2.95), "lasers on the stage")
     corner = beside(centre, 4.3, -1.2)
     for along, axis, y in zip(np.eye(2), "XY", (1.5, 0.8), strict=True):
-        arrow(axes, corner, corner + 2.0 * along)
-        label(axes, corner + 2.3 * along, axis)
+        sketch.arrow(corner, corner + 2.0 * along)
+        sketch.label(corner + 2.3 * along, axis)
         sense = towards(np.zeros(3), stage_angles(along, 1.0))
         text = f"towards {axis}: as if the camera turned about {sense}"
-        label(axes, (0.3, y), text, ha="left")
+        sketch.label((0.3, y), text, ha="left")
 
 
 @draws("chen2023/fig-6b", marks=_ANGLES)
 def _draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
     between, table, tilt = (float(np.degrees(printed[address])) for address in _ANGLES)
-    axes = canvas(figure, 16.0, 11.2, 6.8)
+    sketch = Sketch.on(figure, 16.0, 11.2, 6.8)
     out, hit = turned([1.0, 0.0], between), np.array([8.6, 5.6])
-    box(axes, (0.8, 7.6), (0.7, 2.2))
-    lens(axes, (4.6, 7.6), 2.6)
-    path(axes, [(1.2, 7.6), (4.6, 7.6), (13.4, 7.6), (13.4, 5.6), hit], LASER)
-    mirror(axes, (13.4, 7.6), 1.6, -45)
-    mirror(axes, (13.4, 5.6), 1.6, 45)
+    sketch.box((0.8, 7.6), (0.7, 2.2))
+    sketch.lens((4.6, 7.6), 2.6)
+    sketch.path([(1.2, 7.6), (4.6, 7.6), (13.4, 7.6), (13.4, 5.6), hit], LASER)
+    sketch.mirror((13.4, 7.6), 1.6, -45)
+    sketch.mirror((13.4, 5.6), 1.6, 45)
     # The mirror stands at its tilt to the plane across the tracker's boresight.
     stands = between - 90 + tilt
     detector = hit + 3.0 * reflected([-1.0, 0.0], stands)
-    mirror(axes, hit, 1.9, stands)
-    path(axes, [hit, detector], LASER)
-    lens(axes, hit - 1.6 * out, 1.6, between)
-    box(axes, detector, (0.3, 1.4), turn=between)
-    path(axes, [hit + 4.4 * out, hit], STAR)
-    arc(axes, hit, 1.2, (0, between), f"{between:g}°")
+    sketch.mirror(hit, 1.9, stands)
+    sketch.path([hit, detector], LASER)
+    sketch.lens(hit - 1.6 * out, 1.6, between)
+    sketch.box(detector, (0.3, 1.4), turn=between)
+    sketch.path([hit + 4.4 * out, hit], STAR)
+    sketch.arc(hit, 1.2, (0, between), f"{between:g}°")
     for x, y, text in (
         (0.2, 5.9, "stage and lasers"),
         (2.2, 9.4, "telescope"),
@@ -292,8 +277,8 @@ def _draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
         (0.2, 1.1, f"tracker against the table: {table:g}°"),
         (0.2, 0.4, f"mirror against the plane across the tracker: {tilt:g}°"),
     ):
-        label(axes, (x, y), text, ha="left")
-    key(axes, (LASER, STAR), (0.8, 1.0))
+        sketch.label((x, y), text, ha="left")
+    sketch.key((LASER, STAR), (0.8, 1.0))
 
 
 @cache

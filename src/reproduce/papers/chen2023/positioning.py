@@ -22,20 +22,7 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.chen2023.satellite import SCENE, STAR
 from reproduce.papers.declare import Column, Results, draws, reproduces, seed_of, studied
-from reproduce.papers.sketch import (
-    INK,
-    Look,
-    arrow,
-    beside,
-    diagram,
-    key,
-    label,
-    line,
-    path,
-    seen_from,
-    sense,
-    triad,
-)
+from reproduce.papers.sketch import INK, Look, Sketch, beside, diagram, seen_from
 from reproduce.physics.attitude import rotation_from_vector, unit
 from reproduce.physics.ground import (
     DAY,
@@ -60,7 +47,6 @@ from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
 
 
 _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
@@ -346,36 +332,36 @@ def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
 
 @draws("chen2023/fig-1a", given=[satellite.BORESIGHT])
 @diagram(14.0, 9.6, 6.6)
-def _draw_scene(axes: Axes, door: Given) -> None:
+def _draw_scene(sketch: Sketch, door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
     (above, imaged, frames), origin = _scene(door), np.zeros(3)
     around = np.linspace(0.0, 2.0 * np.pi, 240)
     circle = _EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
-    line(axes, np.asarray(_VIEW.centre) + _VIEW.scale * circle[:, :2], 1.3)
-    line(axes, _VIEW.point(circle), 0.7, ":")
+    sketch.line(np.asarray(_VIEW.centre) + _VIEW.scale * circle[:, :2], 1.3)
+    sketch.line(_VIEW.point(circle), 0.7, ":")
     names = [r"$X_\mathrm{WGS84}$", r"$Y_\mathrm{WGS84}$", "$Z$ of both"]
-    triad(axes, _VIEW, origin, np.diag([1.6, 1.6, 1.3]) * _EARTH, names, width=1.8)
+    sketch.triad(_VIEW, origin, np.diag([1.6, 1.6, 1.3]) * _EARTH, names, width=1.8)
     names, stars = [r"$X_\mathrm{J2000}$", r"$Y_\mathrm{J2000}$"], frames["stars"].T
-    triad(axes, _VIEW, origin, 1.6 * _EARTH * stars[:2], names, look=_INERTIAL)
+    sketch.triad(_VIEW, origin, 1.6 * _EARTH * stars[:2], names, look=_INERTIAL)
     turn = float(-np.arctan2(stars[0, 1], stars[0, 0]))
-    sense(axes, _VIEW, origin, [0.0, 0.0, 1.0], 0.6 * _EARTH * stars[0], turn)
+    sketch.sense(_VIEW, origin, [0.0, 0.0, 1.0], 0.6 * _EARTH * stars[0], turn)
     place, target = _VIEW.point(above), _VIEW.point(imaged)
-    arrow(axes, _VIEW.point(origin), place, width=0.8)
-    path(axes, [target, place], SCENE)
-    axes.plot(*target, SCENE.marker, color=SCENE.colour, markersize=7)
+    sketch.arrow(_VIEW.point(origin), place, width=0.8)
+    sketch.path([target, place], SCENE)
+    sketch.mark(target, SCENE, 7)
     # Beside the camera's frame on the paper, so that both can be read.
     tracker = above + _EARTH * np.array([0.65, 0.8]) @ _VIEW.matrix
     for foot, name, names in (
         (above, "camera", ["$X_c$", "$Y_c$", ""]),
         (tracker, "tracker", ["$X_s$", "$Y_s$", "$Z_s$"]),
     ):
-        triad(axes, _VIEW, foot, 0.4 * _EARTH * frames[name].T, names, width=1.8)
+        sketch.triad(_VIEW, foot, 0.4 * _EARTH * frames[name].T, names, width=1.8)
     # The line of sight runs along the camera's boresight: its name stands above.
     tip = _VIEW.point(above + 0.4 * _EARTH * frames["camera"][:, 2])
-    label(axes, beside(tip, -0.1, 0.4), "$Z_c$")
+    sketch.label(beside(tip, -0.1, 0.4), "$Z_c$")
     boresight = _EARTH * frames["tracker"][:, 2]
-    path(axes, [_VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
-    label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
-    label(axes, beside(_VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
-    label(axes, beside(target, -0.2, 0.45), "target")
-    key(axes, (SCENE, STAR, _INERTIAL), (0.0, 1.0))
+    sketch.path([_VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
+    sketch.label(beside(place, 0.7, 0.2), "camera", ha="left")
+    sketch.label(beside(_VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
+    sketch.label(beside(target, -0.2, 0.45), "target")
+    sketch.key((SCENE, STAR, _INERTIAL))

@@ -31,7 +31,7 @@ from reproduce.papers.niu2024.posteriors import (
     truth,
 )
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.sketch import again, sized
+from reproduce.papers.sketch import across, sized
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
@@ -205,7 +205,7 @@ def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     axes.set_xticks((10, 30, 100, 300, 1000), ("10", "30", "100", "300", "1000"))
     axes.set_yticks((0.001, 0.01, 0.1), ("0.001", "0.01", "0.1"))
     axes.minorticks_off()
-    again(axes, "y", "as an angle (arcsec)", pixel_angle(door))
+    across(axes, "as an angle (arcsec)", pixel_angle(door))
     figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
 
 
