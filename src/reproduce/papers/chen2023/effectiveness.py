@@ -17,6 +17,7 @@ angles of an axis, which share the noise of the zero state.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -28,10 +29,12 @@ from reproduce.papers.declare import (
     Blocked,
     Fact,
     Prediction,
-    Reading,
     Result,
     Results,
+    blocked,
     draws,
+    options_of,
+    read,
     reproduces,
     studied,
     words,
@@ -58,33 +61,15 @@ _MOVED = STATES[1:]
 # A motion along one axis turns the camera about the other one.
 _TURNS = {"x": "y", "y": "x"}
 _REPLICATES = 4000
-# The days on which the columns as printed with the nominal length, and other readings, came in.
-_FIRST, _LATER, _NOW = "2026-11-21", "2026-11-22", "2026-11-24"
 # The angle from which one focal length for the whole table is taken.
 LAST = f"{TABLE}#5.reference-y"
-_MISSING = "the focal length of the telescope, of which a nominal one is printed"
-_COLUMNS = f"{_MISSING}, and on which columns of Table V belong together"
-# Each reading chooses columns and focal length: its name, and where the text leaves room for it.
-_BY_LAST = "(10), with the last angle about Y"
-_BY_HEADINGS = f"headings of Table V; {_BY_LAST}"
-_READINGS = {
-    ("printed", "quoted"): ("columns as printed; 2000 mm", "IV-B writes it without 'nominal'"),
-    ("printed", "nominal"): ("columns as printed; nominal 2000 mm", "Table II"),
-    ("printed", "common"): ("columns as printed; one focal length", _BY_LAST),
-    ("motions", "common"): ("positions and motions interchanged; one focal length", _BY_HEADINGS),
-    ("references", "common"): ("reference angles interchanged; one focal length", _BY_HEADINGS),
-}
-_OPTIONS = words(TABLE).options
+_WORDS = words(TABLE)
 
 
 @reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
 def motion(given: Given) -> Results:
     """Motion of the stage: the position less that of the first state."""
     return {f"{s}.motion-{axis}": _moved(given, s, axis) for axis in _TURNS for s in STATES}
-
-
-def _telescopes(*names: str) -> dict[str, str]:
-    return {name: _OPTIONS["telescope"][name] for name in names}
 
 
 _MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, _QUOTED)
@@ -101,18 +86,25 @@ def common_length(given: Given, axis: str) -> float:
 
 
 def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
-    """Return the angle of the stage in a state under every reading of Table V, in radians."""
+    """Return the angle of the stage in a state, in radians, by columns and telescope."""
     axis, exchanged = _TURNS[turn], common_length(given, "y")
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
-    sides = (
-        (printed, given[_QUOTED]),
-        (printed, given[platform.TELESCOPE]),
-        (printed, common_length(given, "x")),
-        (_moved(given, state, turn), exchanged),
-        (_moved(given, state, axis), exchanged),
-    )
-    angles = stage_angle(*np.transpose(sides))
-    return dict(zip(_READINGS, angles.tolist(), strict=True))
+    sides = {
+        ("printed", "quoted"): (printed, given[_QUOTED]),
+        ("printed", "nominal"): (printed, given[platform.TELESCOPE]),
+        ("printed", "common"): (printed, common_length(given, "x")),
+        ("motions", "common"): (_moved(given, state, turn), exchanged),
+        ("references", "common"): (_moved(given, state, axis), exchanged),
+    }
+    angles = stage_angle(*np.transpose(list(sides.values())))
+    return dict(zip(sides, angles.tolist(), strict=True))
+
+
+def _angles_read(name: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
+    """Return an angle under all its readings; the nominal focal length stands in."""
+    chosen = (way.choices for way in _WORDS.readings[name])
+    found = [angles[one["columns"], one["telescope"]] for one in chosen]
+    return blocked(_WORDS, name, found, angles["printed", "nominal"])
 
 
 @reproduces(
@@ -120,7 +112,7 @@ def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str
     cells=["[2-4].reference-?", "5.reference-x"],
     given=_MEASURED,
     equations=["10"],
-    options={name: _OPTIONS[name] for name in ("columns", "telescope")},
+    options=options_of(_WORDS, "reference"),
 )
 def reference_angle(given: Given) -> Results:
     """Reference angles from the motions and each focal length that the text leaves open."""
@@ -130,7 +122,7 @@ def reference_angle(given: Given) -> Results:
             angles = _expected_angles(given, state, turn)
             # An angle under the other heading is one of the other motion.
             angles["references", "common"] = angles["motions", "common"]
-            results[f"{state}.reference-{turn}"] = _blocked(_COLUMNS, angles)
+            results[f"{state}.reference-{turn}"] = _angles_read("reference", angles)
     return results
 
 
@@ -139,28 +131,14 @@ def reference_angle(given: Given) -> Results:
     cells=["5.reference-y"],
     given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, _QUOTED],
     equations=["10"],
-    options={"telescope": _telescopes("quoted", "nominal")},
+    options={"telescope": options_of(_WORDS, "last-reference")["telescope"]},
 )
 def last_reference_angle(given: Given) -> Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
     lengths = {"quoted": given[_QUOTED], "nominal": given[platform.TELESCOPE]}
     motion = given[f"{TABLE}#5.motion-x"]
     angles = {("printed", n): float(stage_angle(motion, one)) for n, one in lengths.items()}
-    return {"5.reference-y": _blocked(_MISSING, angles)}
-
-
-def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
-    """Return all readings of an angle; the nominal focal length stands in."""
-    readings = (
-        Reading(
-            *_READINGS[choice],
-            angle,
-            dict(zip(("columns", "telescope"), choice, strict=True)),
-            _FIRST if choice == ("printed", "nominal") else _LATER,
-        )
-        for choice, angle in angles.items()
-    )
-    return Blocked(missing, angles["printed", "nominal"], tuple(readings))
+    return {"5.reference-y": _angles_read("last-reference", angles)}
 
 
 @reproduces(
@@ -169,26 +147,22 @@ def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
     given=[*_MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
     equations=["7", "10"],
     replicates=_REPLICATES,
-    options=_OPTIONS | {"telescope": _telescopes("quoted", "common")},
+    options=options_of(_WORDS, "monitoring"),
 )
 def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
     errors, count = _monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
-    few, fewer = f"; means of {count} images", np.sqrt(given.count(FRAMES) / count)
-    means = {"state": ("", "", 1.0), "ramp": (few, "; V-C on the ramps", fewer)}
+    shares = {"state": 1.0, "ramp": np.sqrt(given.count(FRAMES) / count)}
     results: dict[str, Result] = {}
     for turn, state in product(_TURNS, _MOVED):
         noise, angles = errors[:, state - 2, "xy".index(turn)], _expected_angles(given, state, turn)
         readings = []
-        for images, (label, why, share) in means.items():
-            for (columns, telescope), (name, place) in _READINGS.items():
-                if telescope == "nominal":  # known to a few per cent: no law to draw from
-                    continue
-                added = _NOW if images == "ramp" and columns == "printed" else _LATER
-                draws = Prediction(angles[columns, telescope] + share * noise)
-                choices = {"columns": columns, "telescope": telescope, "images": images}
-                readings.append(Reading(name + label, place + why, draws, choices, added))
-        results[f"{state}.monitoring-{turn}"] = Blocked(_COLUMNS, readings=tuple(readings))
+        for way in _WORDS.readings["monitoring"]:
+            columns, telescope, images = way.choices.values()
+            drawn = Prediction(angles[columns, telescope] + shares[images] * noise)
+            readings.append(read(replace(way, name=way.name.format(count=count)), drawn))
+        missing = _WORDS.missing["monitoring"]
+        results[f"{state}.monitoring-{turn}"] = Blocked(missing, readings=tuple(readings))
     return results
 
 

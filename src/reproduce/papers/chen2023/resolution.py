@@ -40,9 +40,10 @@ from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
     Blocked,
     Prediction,
-    Reading,
     Results,
+    Way,
     draws,
+    read,
     reproduces,
     seed_of,
     studied,
@@ -65,7 +66,7 @@ from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -85,60 +86,40 @@ _REPLICATES = 2000
 _CHOSEN = 3.0
 
 
+_WORDS = words(STUDY)
+
+
 @dataclass(frozen=True)
 class _Case:
-    """One reading of what the study takes as its spot and its noise.
+    """What one reading of the study takes as its spot and its noise.
 
-    Attributes
-    ----------
-    name : str
-        In a few words.
-    place : str
-        Where the text leaves room for it.
-    width : float
-        The printed radius over the standard deviation of the Gaussian.
-    read_share : float
-        Share of the variance of Table III that is read noise.
-    brighter : float
-        The light over that which gives the variance of Table III.
+    - `width`: the printed radius over the standard deviation of the Gaussian.
+    - `read_share`: share of the variance of Table III that is read noise.
+    - `brighter`: the light over that which gives the variance of Table III.
     """
 
-    name: str
-    place: str
     width: float = 1.0
     read_share: float = 0.0
     brighter: float = 1.0
 
-    @property
-    def choices(self) -> dict[str, str]:
-        """What the case chooses of what the text leaves open."""
-        return {
-            "radius": _RADII[self.width],
-            "noise": "read" if self.read_share else "photon",
-            "light": "brighter" if self.brighter > 1.0 else "table-3",
-        }
+    @classmethod
+    def of(cls, choices: Mapping[str, str]) -> _Case:
+        """Return the case that a reading chooses."""
+        return cls(*(numbers[choices[option]] for option, numbers in _CHOICES.items()))
 
 
-_ONE_OVER_E, _HALF_HEIGHT = float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(2.0)))
-_RADIUS = "V-D does not say which radius of the Gaussian is meant"
-_NOISE = "V-D draws noise after EMVA 1288, which has read noise too, and prints no parameters"
-_CASES = (
-    _Case("radius: one standard deviation; photon noise", _RADIUS),
-    _Case("radius: light down to 1/e; photon noise", _RADIUS, _ONE_OVER_E),
-    _Case("radius: light down to one half; photon noise", _RADIUS, _HALF_HEIGHT),
-    _Case("radius: light down to 1/e²; photon noise", _RADIUS, 2.0),
-    _Case("radius: one standard deviation; 90 % read noise", _NOISE, read_share=0.9),
-    _Case("radius: light down to one half; 90 % read noise", _NOISE, _HALF_HEIGHT, 0.9),
-    _Case(
-        "radius: light down to one half; 90 % read noise; 1.1 times the light",
-        "V-D: parameters close to those measured, not equal",
-        _HALF_HEIGHT,
-        0.9,
-        1.1,
-    ),
-)
-_LITERAL = _CASES[0]
-_RADII = {1.0: "sigma", _ONE_OVER_E: "one-over-e", _HALF_HEIGHT: "half", 2.0: "one-over-e2"}
+_CHOICES: dict[str, dict[str, float]] = {
+    "radius": {
+        "sigma": 1.0,
+        "one-over-e": float(np.sqrt(2.0)),
+        "half": float(np.sqrt(2.0 * np.log(2.0))),
+        "one-over-e2": 2.0,
+    },
+    "noise": {"photon": 0.0, "read": 0.9},
+    "light": {"table-3": 1.0, "brighter": 1.1},
+}
+_CASES = {way.name: _Case.of(way.choices) for way in _WORDS.readings["spot"]}
+_LITERAL = _Case()
 
 
 @reproduces(
@@ -164,53 +145,40 @@ def spot(given: Given) -> Results:
     given=READS,
     equations=["11"],
     replicates=_REPLICATES,
-    options=words(STUDY).options,
+    options=_WORDS.options,
 )
 def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
-    angles = resolutions(given)
-    scatter = _replicated_scatter(given, seed, replicates)
-    monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
-    relative = _relative_error(given)
-    by_threshold = [
-        Reading(
-            f"{text.removeprefix('a ')}; as the first below",
-            "V-D does not say which gain is significant",
-            Prediction(angles[_saturation(monitoring[0], relative, float(errors))]),
-            _LITERAL.choices | {"threshold": errors},
-            _added(_LITERAL, float(errors)),
-        )
-        for errors, text in words(STUDY).options["threshold"].items()
-    ]
+    angles, relative = resolutions(given), _relative_error(given)
+    scatter = dict(zip(_CASES.values(), _replicated_scatter(given, seed, replicates), strict=True))
+
+    def found(name: str, case: _Case, errors: float = _CHOSEN) -> FloatArray:
+        if name == "optimum":
+            return np.asarray(angles[scatter[case].argmin(axis=-1)])
+        if name == "optimum-accuracy":
+            return np.asarray(scatter[case].min(axis=-1))
+        monitoring = attitude_accuracy(scatter[case], given.count(f"{STUDY}#lasers"), angles)
+        return np.asarray(angles[_saturation(monitoring, relative, errors)])
+
     results = {}
-    for name, found in {
-        "optimum": angles[scatter.argmin(axis=-1)],
-        "optimum-accuracy": scatter.min(axis=-1),
-        "saturation": angles[_saturation(monitoring, relative)],
-    }.items():
-        more = {"threshold": f"{_CHOSEN:g}"} if name == "saturation" else {}
-        readings = [
-            Reading(
-                case.name, case.place, Prediction(replicated), case.choices | more, _added(case)
-            )
-            for case, replicated in zip(_CASES, found, strict=True)
-        ]
-        if more:
-            readings[:1] = by_threshold
-        results[name] = Blocked(_MISSING[name], float(np.median(found[0])), tuple(readings))
+    for name, missing in _WORDS.missing.items():
+        readings = []
+        for way in _ways(name):
+            errors = float(way.choices.get("threshold", _CHOSEN))
+            drawn = found(name, _Case.of(way.choices), errors)
+            readings.append(read(way, Prediction(drawn)))
+        results[name] = Blocked(missing, float(np.median(found(name, _LITERAL))), tuple(readings))
     return results
 
 
-def _added(case: _Case, errors: float = _CHOSEN) -> str:
-    """Return the day on which a case came into the history: the literal one came first."""
-    return "2026-11-21" if case == _LITERAL and errors == _CHOSEN else "2026-11-22"
-
-
-_MISSING = {
-    "optimum": "what the radius of the spot means, and on the light and the noise of the study",
-    "optimum-accuracy": "what the radius of the spot means, and on the light and the noise",
-    "saturation": "which gain counts as significant, and on the spot and the noise",
-}
+def _ways(name: str) -> Sequence[Way]:
+    """Return the readings of a result; that of the saturation has a gain that counts as well."""
+    spots = _WORDS.readings["spot"]
+    if name != "saturation":
+        return spots
+    chosen = {"threshold": f"{_CHOSEN:g}"}
+    others = [replace(way, choices=way.choices | chosen) for way in spots[1:]]
+    return [*_WORDS.readings["threshold"], *others]
 
 
 def resolutions(given: Given) -> FloatArray:
@@ -264,7 +232,7 @@ def _replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Fl
     trials, in px.
     """
     trials = given.count(f"{STUDY}#trials")
-    laws = [predicted_errors(*_setting(given, case)) for case in _CASES]
+    laws = [predicted_errors(*_setting(given, case)) for case in _CASES.values()]
     bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
     deviation = np.sqrt(variance / trials)
     found, shape = [], bias.shape[1:]
@@ -366,14 +334,14 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
 def _readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
     angles, relative = resolutions(given), _relative_error(given)
-    cases = {case.name: case for case in _CASES}
+    cases = dict(_CASES)
     for share in (0.25, 0.5, 0.75, 0.95):
         cases[f"read noise is {share:.0%} of variance"] = replace(_LITERAL, read_share=share)
     for factor in (0.5, 2.0):
         cases[f"{factor:g} times the light"] = replace(_LITERAL, brighter=factor)
     laws = {n: predicted_errors(*_setting(given, c)) for n, c in cases.items()}
     found = {name: law.total for name, law in laws.items()}
-    found["scatter without bias"] = laws[_LITERAL.name].within
+    found["scatter without bias"] = laws[next(iter(_CASES))].within
     rows = []
     for name, error in found.items():
         monitoring = attitude_accuracy(error, given.count(f"{STUDY}#lasers"), angles)
