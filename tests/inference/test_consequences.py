@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from exact import registration_posterior
 from scipy import stats
 
-from reproduce.inference.models import NewStars, distortion_model, registration_posterior
+from reproduce.inference.models import NewStars, distortion_model
 from reproduce.papers.chen2023.posteriors import OnTheGround
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration

@@ -19,7 +19,6 @@ TRACKER = {"principal_point": (0.0, 0.0), "pixel_pitch": 1e-5, "focal_length": 0
 # A good call of every public function that takes arrays; the tests spoil one argument each.
 GOOD = {
     wahba.attitude: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
-    wahba.taste: {"target_vectors": EYE, "source_vectors": EYE, "sigma": [1.0, 2, 3]},
     wahba.mean_rotation: {"matrices": [EYE, EYE]},
     validate.rotations: {"name": "R", "matrices": EYE},
     rotations.unit: {"name": "v", "vectors": EYE},

@@ -54,11 +54,6 @@ class Demonstration:
         """Whether the printed form does what it must."""
         return abs(self.printed - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
 
-    @property
-    def mended(self) -> bool:
-        """Whether the form that the library uses does."""
-        return abs(self.right - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
-
 
 def _distortion_ratio(cells: Sheet) -> _Values:
     k = cells["niu2024/table-2#scale.red"].si

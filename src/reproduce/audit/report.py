@@ -5,7 +5,6 @@ from __future__ import annotations
 import fnmatch
 import functools
 import tomllib
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -95,10 +94,6 @@ class Audit:
         """
         found = [f for f in self.read if restating in {None, bool(f.relation.restates)}]
         return {o: sum(f.outcome == o for f in found) for o in OUTCOMES}
-
-    def blamed(self) -> dict[str, int]:
-        """Count, for each cell in a contradiction, the smallest sets that hold it."""
-        return Counter(address for conflict in self.conflicts for address in conflict.cells)
 
     def finding(self, name: str) -> Examined:
         """Return the finding on one relation, or raise KeyError."""

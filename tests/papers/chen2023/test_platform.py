@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.random import SeedSequence, default_rng
+from scipy.stats import chi2
 
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
 from reproduce.papers.chen2023 import platform_twin as figures
@@ -15,6 +16,7 @@ from reproduce.papers.chen2023.platform import (
     tracker,
 )
 from reproduce.physics.attitude import (
+    attitude,
     emitted_directions,
     laser_transform,
     mean_rotation,
@@ -22,7 +24,6 @@ from reproduce.physics.attitude import (
     misalignment_angles,
     received_directions,
     scatter_of_averages,
-    taste,
 )
 from reproduce.printed.given import given
 
@@ -191,12 +192,23 @@ def test_the_twin_monitors_states_as_the_ledger_predicts():
             assert abs(last - draws.mean()) < 4 * 2 * draws.std()
 
 
-def test_taste_believes_the_calibrated_directions_and_not_the_designed_ones(platform, replicates):
+def loss(target, source, sigma):
+    """Squared misses of the best rotation over the variance of a direction."""
+    misses = target - source @ attitude(target, source, weights_of(target, sigma)).mT
+    return (np.square(misses).sum(axis=-1) / sigma**2).sum(axis=-1)
+
+
+def weights_of(target, sigma):
+    return np.broadcast_to(sigma**-2.0, target.shape[:-1])
+
+
+def test_noise_explains_the_calibrated_directions_and_not_the_designed_ones(platform, replicates):
+    """Shuster's test: with n directions the loss over the variance is chi-square of 2n - 3."""
     noise = np.sqrt((scatter(DOOR, 2) ** 2).mean(axis=-1)) * 13e-6 / 60e-3
     zero, found = replicates[0].spots[0].mean(axis=0), platform.directions(replicates[0].spots[1])
     aside = zero + 0.1 * np.eye(4, 2)  # one laser, a tenth of a pixel
     refused = [
-        (taste(found, directions, noise)[1] < 0.01).mean()
+        (loss(found, directions, noise) > chi2(5).ppf(0.99)).mean()
         for directions in (
             platform.design.directions, platform.directions(aside), platform.directions(zero)
         )

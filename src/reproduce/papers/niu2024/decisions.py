@@ -19,7 +19,6 @@ from reproduce.inference.models import (
     GaussianRegistration,
     distortion_model,
     registration_model,
-    registration_posterior,
 )
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import simulation
@@ -214,11 +213,12 @@ def _errors(door: Given) -> pd.DataFrame:
     """Every error of a registered star, and how well it is known."""
     green, red, _ = centroids(door)
     middle = pivot(door, "red")
-    exact = registration_posterior(red, green, middle)
-    chi = 2 * gammaincinv(exact.freedom / 2, _ENDS[::-1])  # quantiles of chi-squared
-    noise = np.sqrt(exact.squares / chi)
+    # The exact posterior of the noise is that of the residuals of least squares.
+    fit = fit_registration(red, green, middle)
+    chi = 2 * gammaincinv(fit.degrees_of_freedom / 2, _ENDS[::-1])  # quantiles of chi-squared
+    noise = np.sqrt(fit.chi_square / chi)
     design, free = _designs(door).values()
-    scale = float(np.hypot(*exact.mean[:2]))
+    scale = float(fit.parameters[0])
     # Errors of a calibration are in proportion to the noise.
     relative, all_stars = noise / truth(door)["noise"], np.array([design.count])
     radius = float(np.hypot(*(red - middle).T).max())
