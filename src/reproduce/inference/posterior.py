@@ -16,14 +16,6 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference import diagnostics
-from reproduce.inference.diagnostics import (
-    Diagnosis,
-    Gates,
-    diagnose,
-    diagnosed,
-    require,
-    thinned,
-)
 from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior, Uniform
 from reproduce.physics.validate import FloatArray
 
@@ -85,8 +77,8 @@ class Sampled:
     chain: FloatArray
     log_posterior: FloatArray
     acceptance: tuple[float, ...]
-    diagnoses: tuple[Diagnosis, ...]
-    gates: Gates | None = None
+    diagnoses: tuple[diagnostics.Diagnosis, ...]
+    gates: diagnostics.Gates | None = None
 
     @property
     def time(self) -> float:
@@ -96,7 +88,7 @@ class Sampled:
     @cached_property
     def draws(self) -> FloatArray:
         """Nearly independent draws, shape (n, d): thinned by the autocorrelation time."""
-        return np.concatenate(thinned(self.chain, self.time))
+        return np.concatenate(diagnostics.thinned(self.chain, self.time))
 
     def rows(self) -> list[Summary]:
         """Return the summary of every parameter, in the unit shown."""
@@ -104,7 +96,7 @@ class Sampled:
 
     @cached_property
     def _rows(self) -> list[Summary]:
-        known = self.diagnoses or diagnose(self.model.names, self.chain)
+        known = self.diagnoses or diagnostics.diagnose(self.model.names, self.chain)
         return [
             _summarised(
                 parameter.name,
@@ -129,7 +121,7 @@ class Sampled:
         if self.gates is not None:
             gates = replace(self.gates, times=0.0)
             diagnoses = tuple(_diagnosis(row, self.chain.shape[1]) for row, _ in self._consequences)
-            require(diagnoses, self.acceptance, gates)
+            diagnostics.require(diagnoses, self.acceptance, gates)
         return self._consequences
 
     @cached_property
@@ -142,7 +134,7 @@ class Sampled:
         rows = []
         for name, quantity in found.items():
             values = quantity.values.reshape(chain.shape[:3])
-            row = _summarised(name, quantity.unit, values, diagnosed(name, values))
+            row = _summarised(name, quantity.unit, values, diagnostics.diagnosed(name, values))
             rows.append((replace(row, time=stride * row.time), quantity))
         return rows
 
@@ -158,10 +150,10 @@ class Sampled:
             raise ModuleNotFoundError(
                 "expected arviz-base, got none; install reproduce-pointing[netcdf]"
             ) from error
-        draws = thinned(self.chain, self.time)
+        draws = diagnostics.thinned(self.chain, self.time)
         parameters = self.model.parameters
         posterior = {one.name: draws[..., i] * one.shown for i, one in enumerate(parameters)}
-        stats = {"lp": thinned(self.log_posterior, self.time)}
+        stats = {"lp": diagnostics.thinned(self.log_posterior, self.time)}
         tree = arviz_base.from_dict({"posterior": posterior, "sample_stats": stats})
         for one in parameters:
             prior = str(one.prior.in_unit(one.shown))
@@ -173,11 +165,13 @@ class Sampled:
         return tree
 
 
-def _diagnosis(row: Summary, steps: int) -> Diagnosis:
-    return Diagnosis(row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse)
+def _diagnosis(row: Summary, steps: int) -> diagnostics.Diagnosis:
+    return diagnostics.Diagnosis(
+        row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse
+    )
 
 
-def _summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
+def _summarised(name: str, unit: str, values: FloatArray, known: diagnostics.Diagnosis) -> Summary:
     """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
     low, median, high = np.quantile(values, (_ENDS[0], 0.5, _ENDS[1]))
     return Summary(

@@ -14,14 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.papers.declare import Results, reproduces
-from reproduce.physics.attitude import (
-    Platform,
-    angle_jacobian,
-    emitted_directions,
-    laser_transform,
-    received_directions,
-    received_jacobian,
-)
+from reproduce.physics import attitude
 from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -87,11 +80,11 @@ def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, Fl
     Shape (3, 4, 2). About the axes of the camera, and about those of the tracker, in rad/px.
     """
     seen = (printed_spots(given), principal_point, given[PIXEL], given[FOCAL_LENGTH])
-    camera = emitted_directions(lasers(given), given[TELESCOPE])
-    received = received_directions(*seen)
-    response = angle_jacobian(camera, received, received_jacobian(*seen))
+    camera = attitude.emitted_directions(lasers(given), given[TELESCOPE])
+    received = attitude.received_directions(*seen)
+    response = attitude.angle_jacobian(camera, received, attitude.received_jacobian(*seen))
     # One small rotation, seen in the other frame: its vector turns with the laser transform.
-    turned = np.tensordot(laser_transform(camera, received), response, axes=1)
+    turned = np.tensordot(attitude.laser_transform(camera, received), response, axes=1)
     return response, np.asarray(turned)
 
 
@@ -115,10 +108,10 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
     return corners * diagonal / 2
 
 
-def as_designed(given: Given) -> Platform:
+def as_designed(given: Given) -> attitude.Platform:
     """The platform as designed, with the centre of the detector for the principal point."""
     centre, pitch, focal_length = tracker(given)
-    return Platform(
+    return attitude.Platform(
         lasers(given), given[TELESCOPE], focal_length, pitch, centre, printed_spots(given)
     )
 

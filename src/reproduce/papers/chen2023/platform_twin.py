@@ -31,30 +31,7 @@ from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.satellite import LASER, STAR, reflected
 from reproduce.papers.declare import draws, seed_of, studied
 from reproduce.papers.sketch import INK, Sketch, beside, sized, turned
-from reproduce.physics.attitude import (
-    Platform,
-    attitude,
-    emitted_directions,
-    laser_transform,
-    mean_rotation,
-    misalignment,
-    misalignment_angles,
-    moved_laser_transform,
-    moving_average,
-    received_directions,
-    received_spots,
-    rotation_from_vector,
-    stage_angle,
-    stage_angles,
-)
-from reproduce.physics.images import (
-    Detector,
-    centre_of_gravity,
-    expose,
-    render_frame,
-    spot_windows,
-    window_corners,
-)
+from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.stars import bright_stars
@@ -90,7 +67,7 @@ class _Bench:
         Width of the window around a spot, in px.
     """
 
-    design: Platform
+    design: attitude.Platform
     spots: FloatArray
     light: FloatArray
     radius: float
@@ -98,24 +75,26 @@ class _Bench:
 
     def directions(self, spots: ArrayLike) -> FloatArray:
         """Return the tracker directions of spots of shape (..., 4, 2)."""
-        return received_directions(spots, *self.design.tracker)
+        return attitude.received_directions(spots, *self.design.tracker)
 
     def transform(self, spots: ArrayLike) -> FloatArray:
         """Return the laser transform of every frame, tracker_from_camera."""
-        return laser_transform(self.design.directions, self.directions(spots))
+        return attitude.laser_transform(self.design.directions, self.directions(spots))
 
     def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
         """Return the misalignment angles of every frame against a laser transform."""
-        now = misalignment(self.design.directions, self.directions(spots), zero)
-        return misalignment_angles(now)
+        now = attitude.misalignment(self.design.directions, self.directions(spots), zero)
+        return attitude.misalignment_angles(now)
 
     def turned(self, angles: ArrayLike) -> FloatArray:
         """Return where the spots stand when the camera has turned by angles of shape (..., 3)."""
         zero = self.transform(self.spots)
-        now = moved_laser_transform(zero, rotation_from_vector(-np.asarray(angles)))
+        now = attitude.moved_laser_transform(
+            zero, attitude.rotation_from_vector(-np.asarray(angles))
+        )
         # The light goes back to the camera of the zero point, then by the present transform.
         moved = self.directions(self.spots) @ zero @ now.mT
-        return received_spots(moved, *self.design.tracker)
+        return attitude.received_spots(moved, *self.design.tracker)
 
 
 def bench(given: Given) -> _Bench:
@@ -136,11 +115,11 @@ def centroids(
     Shape (..., frames, 4, 2). Centres of gravity, in px.
     """
     places = np.asarray(spots, dtype=np.float64)[..., np.newaxis, :, :]
-    corners = window_corners(places, twin.window)
-    mean = spot_windows(places, light, twin.radius, corners, twin.window)
+    corners = images.window_corners(places, twin.window)
+    mean = images.spot_windows(places, light, twin.radius, corners, twin.window)
     shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-    seen = expose(np.broadcast_to(mean, shape), Detector(), generator)
-    return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
+    seen = images.expose(np.broadcast_to(mean, shape), images.Detector(), generator)
+    return images.centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
 
 
 class _Series(NamedTuple):
@@ -162,8 +141,8 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
         [centroids(twin, twin.spots, light, frames, generator) for light in twin.light]
     )
     single = twin.transform(found[0])
-    zero = mean_rotation(single)
-    errors = misalignment_angles(single.mT @ zero)
+    zero = attitude.mean_rotation(single)
+    errors = attitude.misalignment_angles(single.mT @ zero)
     return _Series(found, errors, twin.misalignment(found[1], zero))
 
 
@@ -182,8 +161,8 @@ def _misfit(given: Given) -> pd.DataFrame:
         (common, diagonal - least),
     ):
         lasers = platform.designed_positions(twin.design.spots, across)
-        designed = emitted_directions(lasers, length)
-        misses = seen - designed @ attitude(seen, designed).T
+        designed = attitude.emitted_directions(lasers, length)
+        misses = seen - designed @ attitude.attitude(seen, designed).T
         distance = float(np.linalg.norm(misses) / np.sqrt(len(seen)))
         sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
         pixels, stage = distance * twin.design.pixels, distance * length * 1e3
@@ -212,7 +191,10 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     turns, stars = [alpha + 90.0, 90.0 - delta, turn], bright_stars()
     rays = stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST)
-    spots, size = received_spots(rays[seen], *platform.tracker(door)), stars.magnitude[seen]
+    spots, size = (
+        attitude.received_spots(rays[seen], *platform.tracker(door)),
+        stars.magnitude[seen],
+    )
     inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
     x, y, size = *spots[inside].T, 5 * 1.7 ** (_FAINTEST - size[inside])
     sized(figure, 6.0, 6.0, 4.2)
@@ -244,7 +226,7 @@ def _draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     for along, axis, y in zip(np.eye(2), "XY", (1.5, 0.8), strict=True):
         sketch.arrow(corner, corner + 2.0 * along)
         sketch.label(corner + 2.3 * along, axis)
-        sense = towards(np.zeros(3), stage_angles(along, 1.0))
+        sense = towards(np.zeros(3), attitude.stage_angles(along, 1.0))
         text = f"towards {axis}: as if the camera turned about {sense}"
         sketch.label((0.3, y), text, ha="left")
 
@@ -299,14 +281,14 @@ def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
-    angles[:, :2] = stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
+    angles[:, :2] = attitude.stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
     generator, spots = default_rng(seed_of("chen2023/fig-10b", door.root)), twin.turned(angles)
     found = centroids(twin, spots, twin.light[1], frames, generator)
-    zero = mean_rotation(twin.transform(found[0]))
+    zero = attitude.mean_rotation(twin.transform(found[0]))
     single = twin.misalignment(found, zero).reshape(-1, 3)[:, :2]
     count, pace = door.count(accuracy.SMOOTHED), door[accuracy.DURATION] / door[accuracy.FRAMES]
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
-    monitored = np.concatenate([start, moving_average(single, count, axis=0)])
+    monitored = np.concatenate([start, attitude.moving_average(single, count, axis=0)])
     times = np.asarray(np.arange(len(single)) * pace, dtype=np.float64)
     return times, np.repeat(angles[:, :2], frames, axis=0), monitored
 
@@ -318,8 +300,8 @@ def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     corner = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN
     width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN - corner).tolist()
     spots = twin.spots - corner
-    mean = render_frame(spots, twin.light[0], twin.radius, (width, height))
-    seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7", door.root)))
+    mean = images.render_frame(spots, twin.light[0], twin.radius, (width, height))
+    seen = images.expose(mean, images.Detector(), default_rng(seed_of("chen2023/fig-7", door.root)))
     left, top = corner - 0.5
     sized(figure, 6.4, 5.2, 3.2)
     figure.set_layout_engine("compressed")
@@ -362,7 +344,7 @@ def _series(
     columns = zip(panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True)
     for panel, axis, series, limit in columns:
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
-        smoothed, name = moving_average(series, count), f"mean of {count}"
+        smoothed, name = attitude.moving_average(series, count), f"mean of {count}"
         panel.plot(frames[count - 1 :], smoothed, color=INK, linewidth=2.5, label=name)
         for side, limits in ((-1, "_"), (1, "printed, 3σ")):
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN

@@ -22,16 +22,7 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
 from reproduce.papers.sketch import Look, Sketch, beside, diagram, sized, turned
-from reproduce.physics import ground
-from reproduce.physics.attitude import (
-    emitted_directions,
-    laser_transform,
-    misalignment,
-    misalignment_angles,
-    received_directions,
-    rotation_from_vector,
-    unit,
-)
+from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
     RETROREFLECTORS,
     LightPath,
@@ -148,14 +139,16 @@ def _believed(
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
     mirror = [1.0, -1.0 if _IMAGE[kind] == "mirrored" else 1.0]
-    camera = emitted_directions(points * mirror, rest.camera_focal_length)
+    camera = attitude.emitted_directions(points * mirror, rest.camera_focal_length)
     zero, now = (
-        received_directions(
+        attitude.received_directions(
             light.spots(where, _APERTURE).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
         )
         for light, where in ((rest, points), (replace(rest, **changes), points + shifts))
     )
-    return misalignment_angles(misalignment(camera, now, laser_transform(camera, zero)))
+    return attitude.misalignment_angles(
+        attitude.misalignment(camera, now, attitude.laser_transform(camera, zero))
+    )
 
 
 @studied(
@@ -204,7 +197,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     """
     tilt = float(fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.
-    normal = rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
+    normal = attitude.rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
     across = np.array([1.0, 0.0, 0.0])
     axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
     result: FloatArray = turn_response(reflection(normal), -_OUT) @ axes
@@ -269,7 +262,7 @@ def _opened_angle(given: Given, kind: str) -> float:
     rest = _bench_path(given, kind)
     if not isinstance(rest.retroreflector, Mirrors):
         raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")
-    normals = unit("normals", rest.retroreflector.normals)
+    normals = attitude.unit("normals", rest.retroreflector.normals)
     # One mirror turns about its edge with the next one, away from it.
     normals[0] += _TURN * normals[1]
     opened = replace(rest.retroreflector, normals=normals)

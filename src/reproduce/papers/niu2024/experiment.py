@@ -54,16 +54,7 @@ from reproduce.papers.niu2024.simulation import (
     cameras_of,
     zero_places,
 )
-from reproduce.physics.optics import (
-    Camera,
-    angle_from_pixels,
-    channel_centroids,
-    fit_camera,
-    noisy_centroids,
-    spawned_angles,
-    spawned_normals,
-    starlight,
-)
+from reproduce.physics import optics
 from reproduce.physics.registration import (
     Registration,
     RegistrationFit,
@@ -114,7 +105,7 @@ def fitted_parameters(given: Given) -> Results:
     return dict.fromkeys([*fitted, "radial-distortion.green"], centroids)
 
 
-def cameras(given: Given) -> list[Camera]:
+def cameras(given: Given) -> list[optics.Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
     return cameras_of(given, _CALIBRATION, {c: _shift(given, c) for c in CHANNELS})
 
@@ -162,7 +153,7 @@ def _registered_points(given: Given, angles: FloatArray) -> FloatArray:
 
     Shape (..., 3, n, 2). In px from the green principal point; channels green, red, blue.
     """
-    green = channel_centroids(cameras(given)[:1], [0.0], angles)[..., 0, :, :]
+    green = optics.channel_centroids(cameras(given)[:1], [0.0], angles)[..., 0, :, :]
     points = [green]
     for position, channel in enumerate(REGISTERED, start=1):
         # The source's principal point is the shift, as green's is the origin here.
@@ -175,7 +166,7 @@ def _registered_points(given: Given, angles: FloatArray) -> FloatArray:
 
 def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     """Return the points of the cameras of Table 4 in the same form, without its scale factors."""
-    return channel_centroids(cameras(given), rotations(given), angles)
+    return optics.channel_centroids(cameras(given), rotations(given), angles)
 
 
 @reproduces(
@@ -195,8 +186,8 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
     for_positions, for_errors = split_seed(seed, 2)
     count = given.count(f"{OUTCOME}#test-points")
-    angles = spawned_angles(for_positions, replicates, count, half_field(given))
-    errors = _centroid_errors(given) * spawned_normals(for_errors, replicates, (3, count, 2))
+    angles = optics.spawned_angles(for_positions, replicates, count, half_field(given))
+    errors = _centroid_errors(given) * optics.spawned_normals(for_errors, replicates, (3, count, 2))
     apart = {
         name: rmse_per_axis(measured[:, 1:], measured[:, :1])
         for name, measured in (
@@ -254,14 +245,14 @@ def pointing_errors(given: Given) -> Results:
     results = {}
     for channel, (axis, pitch) in product(REGISTERED, zip("xy", pitches, strict=True)):
         residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
-        angle = angle_from_pixels(residual, pitch, focal_length)
+        angle = optics.angle_from_pixels(residual, pitch, focal_length)
         results[f"pointing-error-{channel}-{axis}"] = float(angle)
     return results
 
 
 def twin_fits(
     given: Given, seed: SeedSequence, replicates: int, error: float
-) -> tuple[dict[str, Camera], dict[str, RegistrationFit]]:
+) -> tuple[dict[str, optics.Camera], dict[str, RegistrationFit]]:
     """Fit both parts of Table 4 to the twin at the angles of the simulation, with some noise in px.
 
     Each channel's own camera, as its last two rows; both channels registered with green, as its
@@ -269,11 +260,11 @@ def twin_fits(
     zero position for a pivot, as in section 3.2. By channel, batch shape (replicates,).
     """
     table = simulation.literal(given).angles
-    noisy = noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
-    directions, pitch = starlight(table[:, 1], table[:, 0]), given[f"{OPTICS}#pixel-pitch-x"]
+    noisy = optics.noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
+    directions, pitch = optics.starlight(table[:, 1], table[:, 0]), given[f"{OPTICS}#pixel-pitch-x"]
     spots, [zero] = dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)), zero_places(table)
     turns = dict(zip(CHANNELS, rotations(given), strict=True))
-    alone = {c: fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
+    alone = {c: optics.fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
     laid = {c: fit_registration(spots[c], spots["green"], spots[c][:, zero]) for c in REGISTERED}
     return alone, laid
 
