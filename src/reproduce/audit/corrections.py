@@ -110,7 +110,7 @@ def of_digits(text: str) -> Iterator[tuple[_SlipKind, str]]:
         yield "sign", ("" if sign else "-") + body + tail
 
 
-def of_cell(cell: Cell) -> Iterator[_Slip]:
+def _of_cell(cell: Cell) -> Iterator[_Slip]:
     """Yield all slips in one cell: in its digits and in its unit."""
     address, printed = cell.address, cell.number.text
     seen = {printed}
@@ -163,7 +163,7 @@ class _Interchange:
         return _Slip(self.kind, self.label, tuple(changes))
 
 
-def interchanges(cells: Sheet, keys: Iterable[str]) -> list[_Interchange]:
+def _interchanges(cells: Sheet, keys: Iterable[str]) -> list[_Interchange]:
     """Return what could be interchanged in some tables.
 
     Two cells within their row, column or group; two rows or two columns of a table.
@@ -260,12 +260,12 @@ def corrections(
         broken = len(found.broken)
         return bool(broken), found.cost, broken, -len(found.lifted), found.misfit
 
-    search = Search(cells, relations, targets)
+    search = _Search(cells, relations, targets)
     found = [_correction(state, search) for state in search.run(depth, breadth)]
     return sorted(_worth_showing(found), key=rank)
 
 
-class Search:
+class _Search:
     """A search over the slips that could lift one group of contradictions, its targets."""
 
     def __init__(
@@ -280,7 +280,7 @@ class Search:
         # What one relation allows of an unknown decides who else agrees with the most.
         voting = {*touched, *_sharing(touched, relations)}
         self.near = [r for r in relations if r in voting]
-        self.interchanges = interchanges(cells, keys)
+        self.interchanges = _interchanges(cells, keys)
         self.already = contradicted(cells, self.near)
         self.start = _State((), cells, self.already)
         self._touched: dict[frozenset[str], list[list[Relation]]] = {}
@@ -435,7 +435,7 @@ class Search:
 @functools.lru_cache(maxsize=5_000)
 def _slips_of(cell: Cell) -> tuple[tuple[_Slip, Interval], ...]:
     """Return the slips in a cell, each with the values that then print so."""
-    return tuple((slip, widened(slip.changes[0][1].allowed)) for slip in of_cell(cell))
+    return tuple((slip, widened(slip.changes[0][1].allowed)) for slip in _of_cell(cell))
 
 
 def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Relation]:
@@ -449,7 +449,7 @@ def _value(relation: Relation, cells: Sheet) -> Interval | None:
     return projection(relation, printed_intervals(cells, [relation]))
 
 
-def _correction(state: _State, search: Search) -> Correction:
+def _correction(state: _State, search: _Search) -> Correction:
     order = [relation.name for relation in search.near]
     broken = state.wrong - search.already
     ours = [relation for relation in search.near if relation.name in search.targets]
@@ -464,7 +464,7 @@ def _correction(state: _State, search: Search) -> Correction:
     )
 
 
-def _moved_claims(cells: Sheet, search: Search, broken: frozenset[str]) -> tuple[str, ...]:
+def _moved_claims(cells: Sheet, search: _Search, broken: frozenset[str]) -> tuple[str, ...]:
     """Compute again the results of broken relations and see which claims then fail."""
     anew = dict(cells)
     for relation in search.near:

@@ -161,7 +161,7 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     """Say of every relation, in order, whether it agrees, only through rounding, or contradicts."""
     wrong = contradicted(cells, relations)
     lifted = {
-        rule: wrong - contradicted(printed_by(rule, cells), relations) for rule in _OTHER_RULES
+        rule: wrong - contradicted(_printed_by(rule, cells), relations) for rule in _OTHER_RULES
     }
     shared = agreements(cells, relations)
     findings = []
@@ -176,7 +176,7 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     return findings
 
 
-def printed_by(rule: str, cells: Sheet) -> Sheet:
+def _printed_by(rule: str, cells: Sheet) -> Sheet:
     """Return the sheet as if all plain numbers had been rounded by another rule."""
     kind = _OTHER_RULES[rule]
     return {

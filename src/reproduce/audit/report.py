@@ -93,7 +93,7 @@ class Audit:
         raise KeyError(f"{self.name} has no relation {name!r}")
 
 
-def paper_sheet(paper: str) -> dict[str, Cell]:
+def _paper_sheet(paper: str) -> dict[str, Cell]:
     """Return the printed numbers of a paper by address."""
     tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
     return {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
@@ -102,7 +102,7 @@ def paper_sheet(paper: str) -> dict[str, Cell]:
 @functools.cache
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
-    cells = paper_sheet(paper)
+    cells = _paper_sheet(paper)
     return audit(paper, cells, relations_of(paper, cells))
 
 

@@ -167,10 +167,6 @@ class Coordinates:
         return np.zeros(len(parameters))
 
 
-class StartError(ValueError):
-    """No starting points with a finite posterior: the message says which prior excludes them."""
-
-
 class Likelihood(Protocol):
     """What a model needs of a likelihood: a picklable object that holds the data."""
 
@@ -307,7 +303,7 @@ class Model:
         """Over-dispersed starting points about a displaced centre, shape (walkers, d).
 
         The displacement belongs to the ensemble, so that ensembles start apart from each other.
-        Where hardly any point has a finite posterior, a `StartError` says so.
+        Where hardly any point has a finite posterior, a ValueError says which prior excludes them.
         """
         rough, spread = self.likelihood.start()
         centre = rough + _OVERDISPERSION * spread * generator.normal(size=self.dimension)
@@ -319,7 +315,7 @@ class Model:
             points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
             if len(points) >= walkers:
                 return points[:walkers]
-        raise StartError(f"{self.name}: nowhere to start from: {self._excluded(rough)}")
+        raise ValueError(f"{self.name}: nowhere to start from: {self._excluded(rough)}")
 
     def _excluded(self, rough: FloatArray) -> str:
         """Why a rough estimate, shape (d,), has no finite posterior, and what to do."""

@@ -218,7 +218,7 @@ def posterior_checks(posterior: Sampled, replicates: int = REPORTED) -> list[Pre
     for name, observed in model.likelihood.checks().items():
         values = np.array([one[name] for one in found])
         low, high = np.quantile(values, _ENDS).tolist()
-        rows.append(PredictiveCheck(name, observed, low, high, two_sided(values, observed)))
+        rows.append(PredictiveCheck(name, observed, low, high, _two_sided(values, observed)))
     return rows
 
 
@@ -238,12 +238,12 @@ def misfit(checks: Sequence[PredictiveCheck]) -> str:
     return f"the model does not fit: {'; '.join(told)}" if told else ""
 
 
-def two_sided(values: FloatArray, observed: float) -> float:
+def _two_sided(values: FloatArray, observed: float) -> float:
     """Two-sided tail probability of a number among draws, ties counted half.
 
     Examples
     --------
-    >>> two_sided(np.array([1.0, 2.0, 3.0, 4.0]), 2.5)
+    >>> _two_sided(np.array([1.0, 2.0, 3.0, 4.0]), 2.5)
     1.0
     """
     below = (values < observed).mean() + 0.5 * (values == observed).mean()
@@ -251,7 +251,7 @@ def two_sided(values: FloatArray, observed: float) -> float:
 
 
 @dataclass(frozen=True)
-class Leaning:
+class _Leaning:
     """A parameter whose posterior leans on its prior.
 
     - `parameter`: which.
@@ -282,7 +282,7 @@ class Leaning:
         )
 
 
-def leanings(posterior: Sampled) -> list[Leaning]:
+def leanings(posterior: Sampled) -> list[_Leaning]:
     """Return the parameters whose posterior leans on an end of a prior, or lies in its tail."""
     found = []
     for parameter, column in zip(
@@ -293,7 +293,7 @@ def leanings(posterior: Sampled) -> list[Leaning]:
             if end in parameter.natural:
                 continue
             place = None if end is None else end * parameter.shown
-            found.append(Leaning(parameter.name, place, parameter.unit, str(shown), share))
+            found.append(_Leaning(parameter.name, place, parameter.unit, str(shown), share))
     return found
 
 

@@ -64,7 +64,7 @@ def _pattern_scale(design: Platform) -> float:
 
 
 @dataclass(frozen=True)
-class OnTheGround:
+class _OnTheGround:
     """What an error of the misalignment costs on the ground, from an altitude in metres."""
 
     altitude: float
@@ -93,7 +93,7 @@ def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
     zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
     drifts = drift is not None
     spots = _simulated_images(given, [(zero, zero), (_TRUTH - half, _TRUTH + half)], int(drifts))
-    ground = OnTheGround(satellite.altitude(given))
+    ground = _OnTheGround(satellite.altitude(given))
     return models.misalignment_model(as_designed(given), spots, drifts=drifts, derived=ground)
 
 
