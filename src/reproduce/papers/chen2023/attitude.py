@@ -6,6 +6,7 @@ large, or nothing would be seen (chen2023, II and III).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -125,13 +126,17 @@ def _draw_misalignment(figure: Figure) -> None:
 )
 def _orders(given: Given) -> list[tuple[str | float, ...]]:
     """Accuracy of a single frame in the axes of either instrument, for two principal points."""
+    designed = platform.as_designed(given)
     points = {
-        "centre of the detector": platform.tracker(given)[0],
-        "middle of the spots": platform.printed_spots(given).mean(axis=0),
+        "centre of the detector": designed.principal_point,
+        "middle of the spots": designed.spots.mean(axis=0),
     }
     rows: list[tuple[str | float, ...]] = []
     for name, point in points.items():
-        responses = platform.responses(given, point)
+        design = replace(designed, principal_point=point)
+        response = design.response(design.spots)
+        # One small rotation, seen in the other frame: its vector turns with the laser transform.
+        responses = response, np.tensordot(design.transform(design.spots), response, axes=1)
         for frame, response in zip(("camera", "tracker"), responses, strict=True):
             variance = (response**2 * platform.scatter(given, 1) ** 2).sum(axis=(-2, -1))
             angles = platform.SIGMAS * np.sqrt(variance[:2])

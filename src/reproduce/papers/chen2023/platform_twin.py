@@ -73,27 +73,14 @@ class _Bench:
     radius: float
     window: int
 
-    def directions(self, spots: ArrayLike) -> FloatArray:
-        """Return the tracker directions of spots of shape (..., 4, 2)."""
-        return attitude.received_directions(spots, *self.design.tracker)
-
-    def transform(self, spots: ArrayLike) -> FloatArray:
-        """Return the laser transform of every frame, tracker_from_camera."""
-        return attitude.laser_transform(self.design.directions, self.directions(spots))
-
-    def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
-        """Return the misalignment angles of every frame against a laser transform."""
-        now = attitude.misalignment(self.design.directions, self.directions(spots), zero)
-        return attitude.misalignment_angles(now)
-
     def turned(self, angles: ArrayLike) -> FloatArray:
         """Return where the spots stand when the camera has turned by angles of shape (..., 3)."""
-        zero = self.transform(self.spots)
+        zero = self.design.transform(self.spots)
         now = attitude.moved_laser_transform(
             zero, attitude.rotation_from_vector(-np.asarray(angles))
         )
         # The light goes back to the camera of the zero point, then by the present transform.
-        moved = self.directions(self.spots) @ zero @ now.mT
+        moved = self.design.seen(self.spots) @ zero @ now.mT
         return attitude.received_spots(moved, *self.design.tracker)
 
 
@@ -140,10 +127,10 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     found = np.stack(
         [centroids(twin, twin.spots, light, frames, generator) for light in twin.light]
     )
-    single = twin.transform(found[0])
+    single = twin.design.transform(found[0])
     zero = attitude.mean_rotation(single)
     errors = attitude.misalignment_angles(single.mT @ zero)
-    return _Series(found, errors, twin.misalignment(found[1], zero))
+    return _Series(found, errors, twin.design.misalignment(found[1], zero))
 
 
 @studied(
@@ -154,7 +141,7 @@ def _misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
     twin, diagonal = bench(given), given[platform.DIAGONAL]
     common, least = effectiveness.common_length(given, "y"), given.half_unit(platform.DIAGONAL)
-    seen, rows = twin.directions(twin.spots), []
+    seen, rows = twin.design.seen(twin.spots), []
     for length, across in (
         (given[platform.TELESCOPE], diagonal),
         (common, diagonal),
@@ -192,7 +179,7 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     rays = stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST)
     spots, size = (
-        attitude.received_spots(rays[seen], *platform.tracker(door)),
+        attitude.received_spots(rays[seen], *platform.as_designed(door).tracker),
         stars.magnitude[seen],
     )
     inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
@@ -284,8 +271,8 @@ def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     angles[:, :2] = attitude.stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
     generator, spots = default_rng(seed_of("chen2023/fig-10b", door.root)), twin.turned(angles)
     found = centroids(twin, spots, twin.light[1], frames, generator)
-    zero = attitude.mean_rotation(twin.transform(found[0]))
-    single = twin.misalignment(found, zero).reshape(-1, 3)[:, :2]
+    zero = attitude.mean_rotation(twin.design.transform(found[0]))
+    single = twin.design.misalignment(found, zero).reshape(-1, 3)[:, :2]
     count, pace = door.count(accuracy.SMOOTHED), door[accuracy.DURATION] / door[accuracy.FRAMES]
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
     monitored = np.concatenate([start, attitude.moving_average(single, count, axis=0)])
