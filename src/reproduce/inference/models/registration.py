@@ -9,13 +9,6 @@ The measured source points are the design: they are held, and the target (and th
 is random given them. With a flat prior on the true position of a star its noise then enters the
 residual as k times the source noise, exactly.
 
-The posterior of the registration in closed form: it needs no sampler.
-
-About the pivot the model is linear in beta = (k cos theta, k sin theta, shift x, shift y). With a
-flat prior in beta and one over the noise the posterior of beta is a Student-t about the
-least-squares solution, with 2n - 4 degrees of freedom. A prior flat in (k, theta) instead is flat
-in beta divided by k, since d(a) d(b) = k dk d(theta).
-
 What a registration leaves at stars that it was not fitted to: the transform in use is the
 least-squares one; the true one and the noise are those of the model.
 """

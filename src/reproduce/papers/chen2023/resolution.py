@@ -36,19 +36,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import SeedSequence
 
+from reproduce.papers import declare
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import (
-    Blocked,
-    Prediction,
-    Results,
-    Way,
-    draws,
-    read,
-    reproduces,
-    seed_of,
-    studied,
-    words,
-)
 from reproduce.papers.sketch import thin
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
@@ -86,7 +75,7 @@ _REPLICATES = 2000
 _CHOSEN = 3.0
 
 
-_WORDS = words(STUDY)
+_WORDS = declare.words(STUDY)
 
 
 @dataclass(frozen=True)
@@ -122,12 +111,12 @@ _CASES = {way.name: _Case.of(way.choices) for way in _WORDS.readings["spot"]}
 _LITERAL = _Case()
 
 
-@reproduces(
+@declare.reproduces(
     STUDY,
     cells=["spot-radius-pixels", "position-*", "optimum-radius"],
     given=[SPOT_RADIUS, f"{STUDY}#pixel-size", f"{STUDY}#optimum", platform.FOCAL_LENGTH],
 )
-def spot(given: Given) -> Results:
+def spot(given: Given) -> declare.Results:
     """Spot radius in pixels, here and at the optimum, and the ends of one pixel."""
     radius, pixel = given[SPOT_RADIUS], given[f"{STUDY}#pixel-size"]
     pixel_at_optimum = given[f"{STUDY}#optimum"] * given[platform.FOCAL_LENGTH]
@@ -139,7 +128,7 @@ def spot(given: Given) -> Results:
     }
 
 
-@reproduces(
+@declare.reproduces(
     STUDY,
     cells=["optimum", "optimum-accuracy", "saturation"],
     given=READS,
@@ -147,7 +136,7 @@ def spot(given: Given) -> Results:
     replicates=_REPLICATES,
     options=_WORDS.options,
 )
-def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def optimum(given: Given, seed: SeedSequence, replicates: int) -> declare.Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
     angles, relative = resolutions(given), _relative_error(given)
     scatter = dict(zip(_CASES.values(), _replicated_scatter(given, seed, replicates), strict=True))
@@ -166,12 +155,14 @@ def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
         for way in _ways(name):
             errors = float(way.choices.get("threshold", _CHOSEN))
             drawn = found(name, _Case.of(way.choices), errors)
-            readings.append(read(way, Prediction(drawn)))
-        results[name] = Blocked(missing, float(np.median(found(name, _LITERAL))), tuple(readings))
+            readings.append(declare.read(way, declare.Prediction(drawn)))
+        results[name] = declare.Blocked(
+            missing, float(np.median(found(name, _LITERAL))), tuple(readings)
+        )
     return results
 
 
-def _ways(name: str) -> Sequence[Way]:
+def _ways(name: str) -> Sequence[declare.Way]:
     """Return the readings of a result; that of the saturation has a gain that counts as well."""
     spots = _WORDS.readings["spot"]
     if name != "saturation":
@@ -259,7 +250,7 @@ def _saturation(monitoring: FloatArray, relative: float, errors: float = _CHOSEN
 def monte_carlo(given: Given) -> FloatArray:
     """Simulate the study as described: the error of all phases and trials at every resolution."""
     (phases, light, radius, size), trials = _setting(given), given.count(f"{STUDY}#trials")
-    streams = spawned_streams(seed_of("chen2023/fig-11a", given.root), len(radius))
+    streams = spawned_streams(declare.seed_of("chen2023/fig-11a", given.root), len(radius))
     pairs = zip(radius, streams, strict=True)
     errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
     return np.array([drawn.std() for drawn in errors])
@@ -284,7 +275,7 @@ def curves(door: Given) -> dict[str, FloatArray]:
     }
 
 
-@draws("chen2023/fig-11a", given=READS, marks=_OPTIMUM, random=True)
+@declare.draws("chen2023/fig-11a", given=READS, marks=_OPTIMUM, random=True)
 def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Centroiding accuracy against the angular resolution of the tracker."""
     axes = _curves(figure, curves(door), 1.0)
@@ -295,7 +286,7 @@ def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -
     figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
 
 
-@draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
+@declare.draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
 def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitoring accuracy against the angular resolution of the tracker."""
     content, lasers = curves(door), door.count(f"{STUDY}#lasers")
@@ -324,7 +315,7 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
     return axes
 
 
-@studied(
+@declare.studied(
     "chen2023/readings",
     given=READS,
     caption="The optimum of Figure 11 under every reading of the text that was tried; below the "
