@@ -36,20 +36,17 @@ GOOD = {
     angles.laser_transform: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
-        "weights": [1.0, 2, 3],
     },
     angles.misalignment: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
         "tracker_from_camera_zero": EYE,
-        "weights": [1.0, 2, 3],
     },
     angles.misalignment_angles: {"camera_now_from_camera_zero": EYE},
     angles.angle_jacobian: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
         "direction_jacobian": np.ones((3, 3, 2)),
-        "weights": [1.0, 2, 3],
     },
     angles.moved_laser_transform: {
         "tracker_from_camera_zero": EYE,
