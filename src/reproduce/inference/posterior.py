@@ -16,7 +16,7 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference import diagnostics
-from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior, Uniform
+from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior
 from reproduce.physics.validate import FloatArray
 
 _ENDS = (0.025, 0.975)
@@ -301,8 +301,6 @@ def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]
     if isinstance(prior, Normal):
         out = float(abs(draws.mean() - prior.mean) / prior.sigma)
         return [(None, out)] if out > _CONTRADICTED else []
-    if not isinstance(prior, Uniform | LogUniform):
-        return []
     # In the scale in which the prior is flat.
     scale = np.log if isinstance(prior, LogUniform) else np.asarray
     values = scale(draws)

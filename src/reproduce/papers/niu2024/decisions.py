@@ -65,25 +65,19 @@ class _Design:
         return np.asarray(self.edge @ self.covariance(count) @ self.edge.T)
 
 
-def _outermost(likelihood: models.GaussianRegistration) -> int:
-    return int(np.hypot(*(likelihood.source - likelihood.pivot).T).argmax())
-
-
 @cache
 def _designs(door: Given) -> dict[str, _Design]:
     """Return the printed design under both models of the transform."""
     green, red, _ = posteriors.true_centroids(door)
-    plain, true = (
-        models.registration_model(red, green, posteriors.pivot(door, "red")),
-        posteriors.truth(door),
-    )
+    middle, true = posteriors.pivot(door, "red"), posteriors.truth(door)
+    plain = models.registration_model(red, green, middle)
+    outermost = np.hypot(*(red - middle).T).argmax()
+    known = [true[name] for name in (*models.TRANSFORM, "noise")]
     found = {}
     for name, model in zip(_MODELS, (plain, models.distortion_model(plain)), strict=True):
         likelihood = model.likelihood_of(models.GaussianRegistration)
         extra = model.parameters[5:]
-        centre = np.array(
-            [*(true[one] for one in (*models.TRANSFORM, "noise")), *[0.0] * len(extra)]
-        )
+        centre = np.array([*known, *[0.0] * len(extra)])
         free = np.delete(np.arange(len(centre)), 4)
         steps = np.diag(np.insert(_STEPS, 4, 0.0)[: len(centre)])[free]
         ahead, behind = (likelihood.places(centre + sign * steps) for sign in (1, -1))
@@ -93,7 +87,7 @@ def _designs(door: Given) -> dict[str, _Design]:
         found[name] = _Design(
             flat.T @ flat / true["noise"] ** 2,
             np.diag(np.append(np.zeros(4), np.power(sigmas, -2.0))),
-            response[:, _outermost(likelihood)].T,
+            response[:, outermost].T,
             len(red),
         )
     return found
