@@ -1,10 +1,9 @@
 """Make the files of a release twice, and keep them if both are equal: ``make release``.
 
-They lie in ``dist/reproduce-pointing-VERSION``: sdist, wheel, the site as one archive, what of it
-is also offered by itself, a description of all as an RO-Crate, and checksums. The book is taken as
-it is built. ``python tools/release.py describe`` writes what other programs read of the project,
-from one source; ``python tools/release.py keep`` the verdicts that the next release is compared
-with.
+They lie in ``dist/release``: sdist, wheel, the site as one archive, what of it is also offered by
+itself, a description of all as an RO-Crate, and checksums. The book is taken as it is built.
+``python tools/release.py describe`` writes what other programs read of the project, from one source;
+``python tools/release.py keep`` the verdicts that the next release is compared with.
 """
 
 from __future__ import annotations
@@ -142,7 +141,10 @@ def datapackage() -> str:
 def _resource(name: str, told: dict[str, str]) -> dict[str, Any]:
     what = told[max((start for start in told if name.startswith(start)), key=len)]
     found = {"name": re.sub(r"\W+", "-", name.lower()), "path": name}
-    found |= {"description": what.replace("`", ""), "format": Path(name).suffix[1:] or "text"}
+    found |= {
+        "description": what.replace("`", ""),
+        "format": Path(name).name.partition(".")[2] or "text",
+    }
     if not name.endswith(".csv"):
         return found
     fields = [{"name": column, "type": kind} for column, kind in COLUMNS[name].items()]
@@ -170,10 +172,11 @@ def write_crate(folder: Path) -> None:
 
     for name, value in about().items():
         crate.root_dataset[name] = linked(value)
+    crate.root_dataset["publisher"] = crate.root_dataset["author"]
     for path in sorted(folder.iterdir()):
-        (what,) = (said for end, said in FILES.items() if path.name.endswith(end))
-        said = {"name": what[0], "encodingFormat": what[1], "sha256": digest(path)}
-        said["contentSize"] = str(path.stat().st_size)
+        ((what, form),) = (said for end, said in FILES.items() if path.name.endswith(end))
+        said = {"name": path.name, "description": what, "encodingFormat": form}
+        said |= {"contentSize": str(path.stat().st_size), "sha256": digest(path)}
         crate.add_file(path, path.name, properties=said)
     crate.metadata.write(folder)
 
@@ -183,12 +186,12 @@ def digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def make(root: Path, folder: Path) -> str:
-    """Make a release of a checkout whose book is built, in a folder, and return its checksums."""
+def make(html: Path, folder: Path) -> str:
+    """Make a release with a built site, in a folder, and return its checksums."""
     day = datetime.fromisoformat(RELEASED).replace(tzinfo=UTC)
     os.environ["SOURCE_DATE_EPOCH"] = str(int(day.timestamp()))
-    build_wheel(root, folder, "--sdist")
-    html, name = root / "book/_build/html", f"reproduce-pointing-{__version__}-site"
+    build_wheel(ROOT, folder, "--sdist")
+    name = f"reproduce-pointing-{__version__}-site"
     pages = sorted(path.relative_to(html) for path in html.rglob("*") if path.is_file())
     held = ((page.as_posix(), (html / page).read_bytes()) for page in pages)
     write_zip(folder / f"{name}.zip", name, held)
@@ -201,11 +204,11 @@ def make(root: Path, folder: Path) -> str:
     return sums
 
 
-def release(root: Path, target: Path) -> None:
+def release(html: Path, target: Path) -> None:
     """Make a release twice, and keep it if both are equal, byte for byte."""
     with tempfile.TemporaryDirectory() as place:
         first, second = Path(place) / "first", Path(place) / "second"
-        if unlike := set(make(root, first).splitlines()) ^ set(make(root, second).splitlines()):
+        if unlike := set(make(html, first).splitlines()) ^ set(make(html, second).splitlines()):
             sys.exit("\n".join(["Made twice, these are not equal:", *sorted(unlike)]))
         shutil.rmtree(target, ignore_errors=True)
         shutil.copytree(first, target)
@@ -230,8 +233,8 @@ if __name__ == "__main__":
         for name, text in WRITTEN[sys.argv[1]].items():
             (ROOT / name).write_text(text(), encoding="utf-8")
         sys.exit()
-    target = ROOT / "dist" / f"reproduce-pointing-{__version__}"
-    release(ROOT, target)
+    target = ROOT / "dist" / "release"
+    release(ROOT / "book/_build/html", target)
     print(f"Made twice, equal: {target}")
     for name in TAKEN:
         if not (target / name).is_file():
