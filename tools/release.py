@@ -2,8 +2,8 @@
 
 They lie in ``dist/release``: sdist, wheel, the site as one archive, what of it is also offered by
 itself, a description of all as an RO-Crate, and checksums. The book is taken as it is built.
-``python tools/release.py describe`` writes what other programs read of the project, from one source;
-``python tools/release.py keep`` the verdicts that the next release is compared with.
+``python tools/release.py describe`` writes what other programs read of the project, from one
+source; ``python tools/release.py keep`` the verdicts that the next release is compared with.
 """
 
 from __future__ import annotations

@@ -24,7 +24,8 @@ from reproduce.version import __version__
 
 ROOT = Path(__file__).parents[2]
 CONTEXTS = ROOT / "tests" / "data"
-SITE = {"index.html": "<p>Hello", "niu2024/own.html": "<p>Stars", "ledger.json": "{}"}
+SITE = {f"page-{letter}.html": f"<p>{letter}" for letter in "sphinxmyrtu"}
+SITE |= {"index.html": "<p>Hello", "niu2024/own.html": "<p>Stars", "ledger.json": "{}"}
 
 
 @pytest.fixture(autouse=True)
