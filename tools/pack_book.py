@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from reproduce.store import studies
+from reproduce.version import RELEASED
 
 ARCHIVE = "downloads/reproduce-book.zip"
 # The library and JupyterLab, without what builds the pages.
@@ -45,9 +48,11 @@ def readme() -> str:
 def build_wheel(root: Path, folder: Path, *what: str) -> None:
     """Build the wheel of a checkout into a folder, and what else is asked for."""
     folder.mkdir(parents=True, exist_ok=True)
+    day = datetime.fromisoformat(RELEASED).replace(tzinfo=UTC)
+    dated = os.environ | {"SOURCE_DATE_EPOCH": str(int(day.timestamp()))}
     command = [sys.executable, "-m", "uv", "build", "--quiet", "--no-build-isolation", "--wheel"]
     command += [*what, "--python", sys.executable, "--out-dir", str(folder), str(root)]
-    subprocess.run(command, check=True)
+    subprocess.run(command, check=True, env=dated)
     (folder / ".gitignore").unlink(missing_ok=True)
 
 

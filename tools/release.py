@@ -10,13 +10,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import shutil
 import sys
 import tempfile
 import tomllib
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -162,16 +160,11 @@ def write_crate(folder: Path) -> None:
 
     crate = ROCrate(version="1.2")
 
-    def linked(value: Any) -> Any:
-        if isinstance(value, list):
-            return [linked(one) for one in value]
-        if isinstance(value, dict):
-            crate.add(ContextEntity(crate, value["@id"], value))
-            return {"@id": value["@id"]}
-        return value
-
     for name, value in about().items():
-        crate.root_dataset[name] = linked(value)
+        listed = value if isinstance(value, list) else [value]
+        things = [one for one in listed if isinstance(one, dict)]
+        crate.add(*(ContextEntity(crate, one["@id"], one) for one in things))
+        crate.root_dataset[name] = [{"@id": one["@id"]} for one in things] or value
     crate.root_dataset["publisher"] = crate.root_dataset["author"]
     for path in sorted(folder.iterdir()):
         ((what, form),) = (said for end, said in FILES.items() if path.name.endswith(end))
@@ -188,8 +181,6 @@ def digest(path: Path) -> str:
 
 def make(html: Path, folder: Path) -> str:
     """Make a release with a built site, in a folder, and return its checksums."""
-    day = datetime.fromisoformat(RELEASED).replace(tzinfo=UTC)
-    os.environ["SOURCE_DATE_EPOCH"] = str(int(day.timestamp()))
     build_wheel(ROOT, folder, "--sdist")
     name = f"reproduce-pointing-{__version__}-site"
     pages = sorted(path.relative_to(html) for path in html.rglob("*") if path.is_file())

@@ -27,17 +27,10 @@ def moved(release: Mapping[str, Any], now: Mapping[str, str]) -> Moved:
         If what moved is not what the entries of ``moved`` name.
     """
     then = {cell: verdict for verdict, cells in release["verdicts"].items() for cell in cells}
-    found = {
-        cell: (then[cell], verdict)
-        for cell, verdict in now.items()
-        if then.get(cell, verdict) != verdict
-    }
-    named = [cell for entry in release.get("moved", ()) for cell in entry["cells"]]
-    if unlike := sorted(set(named) ^ set(found)):
-        raise ValueError(
-            "last-release.toml: expected a cell in [[moved]] if its verdict is another one than "
-            f"that of the release, and only then; look at {', '.join(unlike)}"
-        )
+    found = {cell: (then[cell], word) for cell, word in now.items() if then.get(cell, word) != word}
+    named = {cell for entry in release.get("moved", ()) for cell in entry["cells"]}
+    if unlike := sorted(named ^ set(found)):
+        raise ValueError(f"last-release.toml: [[moved]] names all that moved; look at {unlike}")
     return found
 
 
@@ -49,7 +42,7 @@ class MovedDirective(SphinxDirective):
         from reproduce.judge.ledger import frozen, reason
         from reproduce.locate import data_folder
         from reproduce.printed.cells import anchor
-        from reproduce.views.blocks import Block, badge, grid, html
+        from reproduce.views.blocks import Block, Grid, badge, html
         from reproduce.views.computed import item_ledger
 
         path = data_folder() / "last-release.toml"
@@ -58,23 +51,25 @@ class MovedDirective(SphinxDirective):
         found = moved(release, {cell: one.verdict for cell, one in frozen().items()})
         kinds = Counter(f"{verdict} to {word}" for verdict, word in found.values()).items()
         blocks: list[Block] = [
-            f"Version {release['version']}, of {release['released']}: {len(found)} of "
-            f"{len(frozen())} verdicts are other ones now. "
-            + ", ".join(f"{count} from {kind}" for kind, count in kinds)
+            f"Since version {release['version']}, of {release['released']}, {len(found)} of "
+            f"{len(frozen())} verdicts have moved"
+            + "".join(f"; {count} from {kind}" for kind, count in kinds)
+            + "."
         ]
         for entry in release.get("moved", ()):
-            rows: dict[tuple[str, str, str], list[Markup]] = {}
+            rows: dict[tuple[str, ...], list[Markup]] = {}
             for cell in entry["cells"]:
-                why = reason(cell) or item_ledger(cell.partition("#")[0]).cell(cell).why
-                rows.setdefault((*found[cell], why), []).append(LINK.format(anchor(cell), cell))
-            columns = {
-                "cells": lambda row: Markup("<br>").join(row[1]),
-                "was": lambda row: badge(row[0][0]),
-                "is": lambda row: badge(row[0][1]),
-                "because": lambda row: row[0][2],
-            }
+                key, _, name = cell.partition("#")
+                why = reason(cell) or item_ledger(key).cell(cell).why
+                rows.setdefault((key, *found[cell], why), []).append(
+                    LINK.format(anchor(cell), name)
+                )
+            lines = [
+                (Markup("{}: {}").format(key, Markup(", ").join(links)), *map(badge, words), why)
+                for (key, *words, why), links in rows.items()
+            ]
             caption = f"{entry['day']}, commit {entry['commit']}: {entry['because']}"
-            blocks.append(grid(caption, columns, rows.items()))
+            blocks.append(Grid(caption, ("cells", "was", "is", "because"), lines))
         return [nodes.raw("", html(blocks), format="html")]
 
 

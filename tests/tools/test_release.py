@@ -28,12 +28,6 @@ SITE = {f"page-{letter}.html": f"<p>{letter}" for letter in "sphinxmyrtu"}
 SITE |= {"index.html": "<p>Hello", "niu2024/own.html": "<p>Stars", "ledger.json": "{}"}
 
 
-@pytest.fixture(autouse=True)
-def epoch(monkeypatch):
-    """Leave the environment as it was: a release sets the day of its archives."""
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
-
-
 @pytest.mark.parametrize("name", release.DESCRIBE)
 def test_what_the_project_is_comes_from_one_source(name):
     told = "run `python tools/release.py describe`"
