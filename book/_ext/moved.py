@@ -42,7 +42,7 @@ class MovedDirective(SphinxDirective):
         from reproduce.judge.ledger import frozen, reason
         from reproduce.locate import data_folder
         from reproduce.printed.cells import anchor
-        from reproduce.views.blocks import Block, Grid, badge, html
+        from reproduce.views.blocks import Block, Box, Grid, badge, html
         from reproduce.views.computed import item_ledger
 
         path = data_folder() / "last-release.toml"
@@ -52,9 +52,8 @@ class MovedDirective(SphinxDirective):
         kinds = Counter(f"{verdict} to {word}" for verdict, word in found.values()).items()
         blocks: list[Block] = [
             f"Since version {release['version']}, of {release['released']}, {len(found)} of "
-            f"{len(frozen())} verdicts have moved"
-            + "".join(f"; {count} from {kind}" for kind, count in kinds)
-            + "."
+            f"{len(frozen())} verdicts have moved: "
+            + ", ".join(f"{count} from {kind}" for kind, count in kinds)
         ]
         for entry in release.get("moved", ()):
             rows: dict[tuple[str, ...], list[Markup]] = {}
@@ -65,11 +64,15 @@ class MovedDirective(SphinxDirective):
                     LINK.format(anchor(cell), name)
                 )
             lines = [
-                (Markup("{}: {}").format(key, Markup(", ").join(links)), *map(badge, words), why)
+                (
+                    Markup("{}: {}").format(key, Markup(", ").join(links)),
+                    Box(tuple(map(badge, words))),
+                    why,
+                )
                 for (key, *words, why), links in rows.items()
             ]
             caption = f"{entry['day']}, commit {entry['commit']}: {entry['because']}"
-            blocks.append(Grid(caption, ("cells", "was", "is", "because"), lines))
+            blocks.append(Grid(caption, ("cells", "was, is", "because"), lines))
         return [nodes.raw("", html(blocks), format="html")]
 
 
