@@ -442,8 +442,6 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
 
     None and zero where nothing is drawn; what all replicates give alike has no share.
     """
-    from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
-
     drawn = [
         (cell.number.interval(), result.draws / si_factor(cell.unit))
         for cell, result in predicted
@@ -451,6 +449,8 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
     ]
     if not drawn:
         return {"joint_probability": None, "mcse": None, "replicates": 0}
+    from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
+
     intervals, columns = zip(*drawn, strict=True)
     probability, error = joint_probability(list(columns), np.array(intervals))
     return {"joint_probability": probability, "mcse": error, "replicates": columns[0].size}
