@@ -54,6 +54,7 @@ class MovedDirective(SphinxDirective):
             f"Since version {release['version']}, of {release['released']}, {len(found)} of "
             f"{len(frozen())} verdicts have moved: "
             + ", ".join(f"{count} from {kind}" for kind, count in kinds)
+            + "."
         ]
         for entry in release.get("moved", ()):
             rows: dict[tuple[str, ...], list[Markup]] = {}
