@@ -458,11 +458,12 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
 
 @dataclass(frozen=True)
 class Expectation:
-    """The verdict frozen for a cell, with the reason and the erratum where they are due."""
+    """The verdict frozen for a cell, with reason, erratum and question where they are due."""
 
     verdict: str
-    reason: str
+    reason: str = ""
     erratum: str = ""
+    question: str = ""
 
 
 @cache
@@ -470,15 +471,15 @@ def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
     for entry in _entries():
-        verdict, reason = entry["verdict"], entry.get("reason", "")
-        if verdict not in VERDICTS:
-            raise ValueError(f"verdicts.toml: unknown verdict {verdict!r}; one of {VERDICTS}")
-        if verdict == "differs" and not reason:
+        one = Expectation(**{name: text for name, text in entry.items() if name != "cells"})
+        if one.verdict not in VERDICTS:
+            raise ValueError(f"verdicts.toml: unknown verdict {one.verdict!r}; one of {VERDICTS}")
+        if one.verdict == "differs" and not one.reason:
             raise ValueError(f"verdicts.toml: {entry['cells']}: a differs needs its reason")
         for address in (cell.address for pattern in entry["cells"] for cell in find(pattern)):
             if address in expectations:
                 raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
-            expectations[address] = Expectation(verdict, reason, entry.get("erratum", ""))
+            expectations[address] = one
     return expectations
 
 
@@ -500,7 +501,7 @@ class Surprise:
 
 def surprises(ledger: Ledger) -> list[Surprise]:
     """Compare the ledger's verdicts with the frozen ones."""
-    unknown = Expectation("none", "")
+    unknown = Expectation("none")
     wanted = [(r, frozen().get(r.cell, unknown).verdict) for r in ledger.records]
     return [Surprise(r.cell, verdict, r.verdict) for r, verdict in wanted if verdict != r.verdict]
 
