@@ -65,7 +65,7 @@ lock: $(STAMP)  ## resolve environment.txt and those of tests and notebooks agai
 	@$(COMPILE) --extra book --extra notebooks --group lock --upgrade --output-file environment.txt pyproject.toml
 	@$(COMPILE) --all-extras --group lock --constraint environment.txt --upgrade \
 		--output-file tools/environment-test.txt pyproject.toml
-	@$(COMPILE) --extra notebooks --constraint environment.txt --upgrade \
+	@$(COMPILE) --extra notebooks --extra images --constraint environment.txt --upgrade \
 		--output-file tools/environment-notebooks.txt pyproject.toml
 	@for platform in x86_64-unknown-linux-gnu aarch64-apple-darwin x86_64-pc-windows-msvc; do \
 		for version in 3.11 3.14; do \
