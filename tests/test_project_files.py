@@ -134,7 +134,7 @@ def test_who_runs_a_page_installs_a_part_of_what_builds_the_book() -> None:
 
 def test_a_reader_installs_nothing_of_the_tests() -> None:
     ours = {"pytest", "hypothesis", "mypy", "ruff", "playwright", "scikit-image", "dask"}
-    ours |= {"opencv-python-headless", "photutils", "astropy", "cosmic-ray"}
+    ours |= {"opencv-python-headless", "frictionless", "rdflib", "cosmic-ray"}
     assert ours <= set(locked(TESTS))
     assert not ours & set(locked(READERS))
 
