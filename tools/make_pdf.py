@@ -8,18 +8,17 @@ are equal.
 
 from __future__ import annotations
 
-import os
 import posixpath
 import re
 import shutil
 import sys
-import time
 from collections.abc import Iterator
 from io import BytesIO
+from typing import Any
 
 from playwright.sync_api import Page, sync_playwright
 from pypdf import PdfReader, PdfWriter
-from pypdf.generic import DictionaryObject, NameObject, TextStringObject
+from pypdf.generic import NameObject, TextStringObject
 
 from drop_stale_pages import ROOT
 from reproduce.version import ADDRESS, RELEASED
@@ -28,12 +27,12 @@ from reproduce.views.export import DEVELOPERS
 HTML = ROOT / "book" / "_build" / "html"
 PDF = HTML / "reproduce-book.pdf"
 JOINED = HTML.parent / "joined.html"
+DAY = f"D:{RELEASED.replace('-', '')}000000Z"  # not the moment of printing: equal files are equal
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 MISSING = (
     "No Chromium was found: install it (Debian: apt install chromium; elsewhere: "
     ".venv/bin/python -m playwright install chromium)."
 )
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync"]
 
 LINK = f'<li><p><a class="reference external" href="{PDF.name}">Print it (PDF)</a></p></li>\n'
 DOORS = re.compile(r'(class="rp-doors.*?)(?=</ul>)', re.DOTALL)
@@ -48,7 +47,7 @@ ASSET = re.compile(
     r"|<script>window\.MathJax.*?</script>|<script[^>]*/mathjax/[^>]*></script>"
 )
 TAG = re.compile(r"<[a-zA-Z][^>]*>")
-PLACE = re.compile(r'(\sid|\sfor|\s(?:xlink:)?href)="([^"]*)"|(url)\(#([^)]*)\)')
+PLACE = re.compile(r'(\s(?:id|for|(?:xlink:)?href)="|url\(#)([^")]*)("|\))')
 HEADING = re.compile(r"(?<=<)(/?)h([1-5])\b")
 
 # Every page has sheets of its own, upright and turned, which carry its title at the top.
@@ -57,20 +56,18 @@ SHEETS = """@page p{0} {{ @top-right {{ content: "{1}" }} }} .p{0} {{ page: p{0}
 .p{0} .rp-turned {{ page: t{0} }}
 """
 JOIN = """<!DOCTYPE html><html lang="en" data-theme="light"><head><meta charset="utf-8">
-<title>{title}</title>{assets}<style>{sheets}</style></head>
-<body class="rp-joined bd-content">{body}</body></html>"""
+<title>{}</title>{}<style>{}</style></head><body class="rp-joined bd-content">{}</body></html>"""
 # A table that is wider than the text turns; one that is wider still shrinks, and breaks its words.
 FIT = """() => {
+  const tables = [...document.querySelectorAll("article table")];
   for (const [width, told] of [["17.6cm", "rp-turned"], ["26.3cm", "rp-tight"]]) {
     document.body.style.width = width;
     const edge = document.body.getBoundingClientRect().right + 1;
-    const wide = [...document.querySelectorAll("article table")]
-      .filter((table) => table.getBoundingClientRect().right > edge);
+    const wide = tables.filter((table) => table.getBoundingClientRect().right > edge);
     for (const table of wide) table.classList.add("rp-turned", told);
   }
   document.body.style.width = "";
-  for (const table of document.querySelectorAll("article table"))
-    table.classList.toggle("rp-short", table.offsetHeight < 500);
+  for (const table of tables) table.classList.toggle("rp-short", table.offsetHeight < 500);
 }"""
 NUMBER = """(sheets) => {
   for (const link of document.querySelectorAll("nav a"))
@@ -97,21 +94,16 @@ def moved(html: str, page: str, pages: list[str]) -> str:
     """
 
     def place(found: re.Match[str]) -> str:
-        attribute, value, url, mark = found.groups()
-        if url:
-            return f"url(#{name(page, mark)})"
-        if not attribute.endswith("href"):
-            return f'{attribute}="{name(page, value)}"'
-        return link(attribute, value)
-
-    def link(attribute: str, value: str) -> str:
-        path, _, fragment = value.partition("#")
+        before, value, after = found.groups()
+        if "href" not in before:
+            return before + name(page, value) + after
+        path, _, mark = value.partition("#")
         target = posixpath.normpath(posixpath.join(posixpath.dirname(page), path)) if path else page
         if target in pages:
-            return f'{attribute}="#{name(target, fragment)}"'
-        if ":" in path:
-            return f'{attribute}="{value}"'
-        return f'{attribute}="{ADDRESS}/{target}"' if ADDRESS else ""  # a file beside the pages
+            value = f"#{name(target, mark)}"
+        elif ":" not in path:  # a file beside the pages
+            value = ADDRESS and f"{ADDRESS}/{target}"
+        return before + value + after if value else ""
 
     return TAG.sub(lambda tag: PLACE.sub(place, tag[0]), html)
 
@@ -138,12 +130,8 @@ def joined() -> str:
             f"{part}{moved(deeper, page, pages)}</article>"
         )
         part = ""
-    return JOIN.format(
-        title=TITLE.findall(body[0])[0],
-        assets="".join(assets),
-        sheets="".join(sheets),
-        body="\n".join([body[0], contents, *body[1:]]),
-    )
+    head = TITLE.findall(body[0])[0], "".join(assets), "".join(sheets)
+    return JOIN.format(*head, "\n".join([body[0], contents, *body[1:]]))
 
 
 def set_joined(page: Page) -> None:
@@ -164,45 +152,28 @@ def printed(page: Page) -> PdfWriter:
         return BytesIO(page.pdf(prefer_css_page_size=True, outline=True, tagged=True))
 
     first = PdfReader(once())
-    sheets = {
-        name: first.get_destination_page_number(to) for name, to in first.named_destinations.items()
-    }
-    page.evaluate(NUMBER, sheets)
+    places = first.named_destinations.items()
+    page.evaluate(NUMBER, {at: first.get_destination_page_number(place) for at, place in places})
     pdf = PdfWriter(clone_from=once())
-    for item, title in zip(items(pdf.get_outline_root()), page.evaluate(TITLES), strict=True):
-        item[NameObject("/Title")] = TextStringObject(title)
-    pdf.add_metadata({"/CreationDate": day(), "/ModDate": day(), "/Author": DEVELOPERS})
+    for entry, title in zip(flat(pdf.outline), page.evaluate(TITLES), strict=True):
+        entry.node[NameObject("/Title")] = TextStringObject(title)
+    pdf.add_metadata({"/Author": DEVELOPERS, "/CreationDate": DAY, "/ModDate": DAY})
     return pdf
 
 
-def items(parent: DictionaryObject) -> Iterator[DictionaryObject]:
-    """Yield what stands below an entry of the outline, in order."""
-    item = parent.get("/First")
-    while item is not None:
-        yield (entry := item.get_object())
-        yield from items(entry)
-        item = entry.get("/Next")
-
-
-def day() -> str:
-    """Return the time that the file carries: the release's day, unless SOURCE_DATE_EPOCH is set."""
-    if epoch := os.environ.get("SOURCE_DATE_EPOCH"):
-        return time.strftime("D:%Y%m%d%H%M%SZ", time.gmtime(int(epoch)))
-    return f"D:{RELEASED.replace('-', '')}000000Z"
-
-
-def find_browser(own: str) -> str:
-    """Return where a Chromium is: on the PATH, or where Playwright keeps its own."""
-    found = next(filter(None, map(shutil.which, (*BROWSERS, own))), None)
-    return found or sys.exit(MISSING)
+def flat(outline: Any) -> Iterator[Any]:
+    """Yield the entries of an outline, in order."""
+    for entry in outline:
+        yield from flat(entry) if isinstance(entry, list) else [entry]
 
 
 def main() -> None:
     """Make the PDF, and link it from the first page."""
     JOINED.write_text(joined(), encoding="utf-8")
     with sync_playwright() as playwright:
-        path = find_browser(playwright.chromium.executable_path)
-        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        known = (*BROWSERS, playwright.chromium.executable_path)
+        path = next(filter(None, map(shutil.which, known)), None) or sys.exit(MISSING)
+        browser = playwright.chromium.launch(executable_path=path)
         page = browser.new_context(offline=True).new_page()
         set_joined(page)
         printed(page).write(PDF)
