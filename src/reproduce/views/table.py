@@ -275,19 +275,21 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
         if one.verdict in {"differs", "blocked"}:
             reasons.setdefault(_reason(one), []).append(one)
     if reasons:
-        rows = reasons.values()
-        yield grid(f"Reasons, {place}", _REASONS, rows, kind="rp-small", words=3)
+        yield grid(f"Reasons, {place}", _REASONS, reasons.values(), kind="rp-small", words=3)
 
 
 def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
-        return Markup('{0} <a href="#{1}">Erratum {1}</a>').format(why, known)
+        told = '{0} <a href="#{1}">Erratum {1}</a><br>The authors\' reply: {2}'
+        return Markup(told).format(why, known, _replied(known))
     return why
 
 
-def _cells(records: Sequence[Record]) -> Markup:
-    return Markup(", ").join(map(_link, records))
+def _replied(known: str) -> Entry:
+    from reproduce.views.contradictions import replied  # only now: it loads the audit
+
+    return replied(known)
 
 
 def _link(record: Record) -> Markup:
@@ -313,7 +315,7 @@ EVERY: dict[str, Callable[[Record], Entry]] = {
     "Why": _reason,
 }
 _REASONS: dict[str, Callable[[Sequence[Record]], Entry]] = {
-    "Cells": _cells,
+    "Cells": lambda some: Markup(", ").join(map(_link, some)),
     "Verdict": lambda some: some[0].verdict,
     "Why": lambda some: _reason(some[0]),
 }
@@ -432,8 +434,8 @@ class Changed(Display):
             "printed": lambda one: minus(one.cell.text),
             "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
             "so read" if reading else "changed": lambda one: _digits(one, one.value),
-            "from": lambda one: _digits(one, _ends(one)[0]),
-            "to": lambda one: _digits(one, _ends(one)[1]),
+            "from": lambda one: _digits(one, (one.interval or (None, None))[0]),
+            "to": lambda one: _digits(one, (one.interval or (None, None))[1]),
             "would be": lambda one: one.would_be,
             "unit": lambda one: symbol(one.cell.unit),
         }
@@ -447,10 +449,6 @@ def _digits(one: ChangedCell, value: float | None) -> str:
     return "" if value is None else minus(one.cell.number.format(value, extra=1))
 
 
-def _ends(one: ChangedCell) -> tuple[float | None, float | None]:
-    return one.interval or (None, None)
-
-
 def _row(one: ChangedCell) -> dict[str, Any]:
     value, cell = one.value, one.cell
     return {
@@ -462,8 +460,8 @@ def _row(one: ChangedCell) -> dict[str, Any]:
         "changed - printed": value - cell.number.value
         if value is not None and cell.is_number
         else None,
-        "low": _ends(one)[0],
-        "high": _ends(one)[1],
+        "low": (one.interval or (None, None))[0],
+        "high": (one.interval or (None, None))[1],
         "unit": symbol(cell.unit) if cell.unit else "",
         "would be": one.would_be,
     }
@@ -555,6 +553,7 @@ class Cell(Shown):
             ("seed", _seed(maker) if maker else ""),
             ("reads", Markup(", ").join(reads)),
             ("erratum", link(known, known) if known else ""),
+            ("the authors' reply", _replied(known) if known else ""),
             *((f"if {one.name}", verdicts.read(record, one)) for one in record.readings),
         ]
         return [(name, text) for name, text in lines if text]
