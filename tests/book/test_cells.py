@@ -1,5 +1,6 @@
 """The table of all printed numbers: sorted, filtered and read by mouse, keyboard, touch and eye."""
 
+import json
 from collections.abc import Iterator
 
 import pytest
@@ -82,7 +83,7 @@ def test_a_click_sorts_by_number_and_what_is_empty_comes_last(
     verdicts = {anchor(one.cell): one.verdict for one in records}
     words = [verdicts[name] for name in shown(table)]
     assert words == sorted(words)
-    assert heads(table).count("ascending") == 1
+    assert [one for one in heads(table) if one] == ["ascending"]
 
 
 def test_powers_of_ten_and_signs_are_sorted_as_numbers(table: Page) -> None:
@@ -93,16 +94,11 @@ def test_powers_of_ten_and_signs_are_sorted_as_numbers(table: Page) -> None:
         "−7": -7.0,
         "12": 12,
     }
-    table.locator(ROWS).evaluate_all(
-        "(all, texts) => all.forEach((row, at) => { row.cells[3].textContent = texts[at] ?? '' })",
-        list(values),
-    )
-    script = (HTML / "_static" / "book.js").read_text(encoding="utf-8")
-    table.evaluate("document.querySelector('.rp-filter').remove()")
-    table.locator("thead button").evaluate_all(
-        "all => all.forEach(b => b.replaceWith(b.textContent))"
-    )
-    table.evaluate(f"() => {{ {script}\ndocument.dispatchEvent(new Event('DOMContentLoaded')) }}")
+    put = "[...document.querySelectorAll('.rp-sortable tbody tr')].forEach((row, at) => {"
+    put += f"row.cells[3].textContent = {json.dumps(list(values))}[at] ?? '' }})"
+    # Before the page's own script.
+    table.add_init_script(f"document.addEventListener('DOMContentLoaded', () => {put})")
+    table.goto(ADDRESS)
     table.get_by_role("button", name="Printed").click()
     first = table.locator(f"{ROWS} td:nth-child(4)").all_text_contents()[: len(values)]
     assert [values[text] for text in first] == sorted(values.values())

@@ -1,8 +1,8 @@
 """The bar below tables and figures: address, citation, data and function."""
 
-import csv
 import re
 
+import pandas as pd
 import pytest
 
 import reproduce as rp
@@ -65,8 +65,11 @@ def test_the_book_carries_what_the_bars_offer(tmp_path):
     figures.write_figure("niu2024/fig-2", tmp_path)
     for path in figures._figure_files("niu2024/fig-2"):
         assert (tmp_path / path).stat().st_size > 0, path
-    with (tmp_path / "figures" / "niu2024-fig-2.csv").open(encoding="utf-8") as file:
-        assert next(csv.reader(file)) == ["panel", "curve", "x", "y"]
+    table = tmp_path / "figures" / "niu2024-fig-2.csv"
+    assert list(pd.read_csv(table, comment="#")) == ["panel", "curve", "x", "y"]
+    cited = rp.cite("niu2024/fig-2", "text").splitlines()
+    assert table.read_text(encoding="utf-8").splitlines()[1] == f"# citation: {cited[0]}"
+    assert cited[1] in table.with_suffix(".svg").read_text(encoding="utf-8")
     assert (tmp_path / "figures" / "niu2024-fig-2.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -194,8 +194,13 @@ def test_an_unwritable_place_is_told(tmp_path):
 
 
 def test_exporting_a_figure_writes_its_data():
-    lines = run("export", "niu2024/fig-4", "--format", "csv").stdout.strip().splitlines()
-    assert lines[0] == "panel,curve,x,y"
+    text = run("export", "niu2024/fig-4", "--format", "csv").stdout.strip()
+    comments = "".join(
+        f"{name}: {said}\n" for name, said in rp.figure("niu2024/fig-4").about.items()
+    )
+    assert text.startswith("".join(f"# {line}\n" for line in comments.splitlines()))
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    assert lines[0] == '"panel","curve","x","y"'
     assert len(lines) == 1 + len(rp.figure("niu2024/fig-4").data)
 
 
