@@ -1,4 +1,4 @@
-// A card on every link to a printed number, an equation or a reference: the link carries the sign
+// A card on every link to a printed number, an equation, a figure, a symbol, an erratum or a reference: the link carries the sign
 // (book/_ext/cards.py), this shows the card on hover, focus and tap. Without it the link leads there.
 (() => {
   const root = document.documentElement.dataset.content_root || "./";
@@ -51,6 +51,8 @@
     box.innerHTML = html;
     box.setAttribute("aria-label", `About ${link.textContent.trim() || keyOf(link)}`);
     for (const one of box.querySelectorAll("a[href]")) one.href = root + one.getAttribute("href");
+    for (const one of box.querySelectorAll("img")) one.src = root + one.dataset.src;
+    for (const one of box.querySelectorAll("[data-record]")) one.dataset.copy = JSON.stringify(window.rpLedger[one.dataset.record], null, 2);
     for (const one of box.querySelectorAll("[data-link]")) one.dataset.copy = new URL(root + one.dataset.link, location.href).href;
     reach(false);
     (link.closest("svg") ?? link).after(box);
