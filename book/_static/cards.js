@@ -48,8 +48,12 @@
     const html = (await load())[keyOf(link)];
     if (!html || shown === link) return;
     close();
+    // The browser's own tooltip would lie over the card.
+    const told = link.querySelector("title");
+    if (told) { link.setAttribute("aria-label", told.textContent); told.remove(); }
+    link.removeAttribute("title");
     box.innerHTML = html;
-    box.setAttribute("aria-label", `About ${link.textContent.trim() || keyOf(link)}`);
+    box.setAttribute("aria-label", `About ${link.ariaLabel || link.textContent.trim() || keyOf(link)}`);
     for (const one of box.querySelectorAll("a[href]")) one.href = root + one.getAttribute("href");
     for (const one of box.querySelectorAll("img")) one.src = root + one.dataset.src;
     for (const one of box.querySelectorAll("[data-record]")) one.dataset.copy = JSON.stringify(window.rpLedger[one.dataset.record], null, 2);

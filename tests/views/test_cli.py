@@ -78,7 +78,7 @@ def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
     result = run("check", "niu2024/table-2", "niu2024/table-1")
     assert result.exit_code == 1
     assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stdout
-    assert "Not as in data/verdicts.toml: 1 of 18; find the cause" in result.stdout
+    assert "Not as in data/verdicts.toml: 1 of 20; find the cause" in result.stdout
     assert result.stdout.count("expected") == 1
 
 

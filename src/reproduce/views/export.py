@@ -47,7 +47,7 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     if form == "latex":
         caption += "; printed (computed, verdict)"
         looks: dict[str, Any] = {"column_format": "l" + "r" * (shown.shape[1] - 1)}
-        return in_tex(
+        return _in_tex(
             shown.to_latex(index=False, escape=True, caption=caption, label=label, **looks)
         )
     return export_frame(shown, form)
@@ -73,19 +73,19 @@ def export_frame(frame: pd.DataFrame, form: str) -> str:
     if form == "json":
         return frame.to_json(orient="records", indent=2, force_ascii=False)
     if form == "latex":
-        return in_tex(frame.to_latex(index=False))
+        return _in_tex(frame.to_latex(index=False))
     lines = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
     cells = ((str(cell).replace("|", "\\|") for cell in line) for line in lines)
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)
 
 
-def in_tex(text: str) -> str:
+def _in_tex(text: str) -> str:
     """Write signs of numbers and of units as LaTeX does.
 
     Examples
     --------
-    >>> in_tex("-5e-5 µm")
-    '$-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m'
+    >>> print(_in_tex("-5e-5 µm"))
+    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
     """
     return powers(minus(text)).translate(_TEX)
 
