@@ -91,7 +91,7 @@ def test_the_picture_of_a_card_is_that_of_its_figure(cards: dict[str, str]) -> N
     found = {name: files for name, files in pictures.items() if files}
     assert len(found) > 40
     for name, (file,) in found.items():
-        assert name.partition("-")[2] in file, name
+        assert set(Path(file).stem.split("-")) <= set(name.split("-")), name
         assert (HTML / file).is_file()
 
 
@@ -181,7 +181,7 @@ def test_an_equation_and_a_mark_of_the_first_page_have_cards(wide: Page) -> None
     [
         ("chen2023/attitude.html", "a.rp-has-card[href*='#symbol-']", "mjx-container"),
         ("niu2024/simulation.html", "a.rp-has-card[href*='errata.html#']", "table"),
-        ("niu2024/index.html", "a.rp-has-card[href*='#figure-']", "img"),
+        ("find.html", "a.rp-has-card[href*='#figure-']", "img"),
         ("chen2023/attitude.html", "a.rp-has-card[href*='bibliography.html#']", "em"),
     ],
 )

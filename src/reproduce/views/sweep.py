@@ -211,7 +211,7 @@ class Sweep(Display):
         dial = Markup(
             '<div class="rp-sweep">\n<p class="rp-dial" hidden><label>{}: '
             '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
-            "<output></output>, one of {} that the build computed</p>"
+            "<output></output>; all {} settings were computed beforehand</p>"
         )
         yield Html(dial.format(self.label, len(self.steps) - 1, at, len(self.steps)))
         yield self.grid
@@ -313,7 +313,7 @@ def _written(one: ChangedCell) -> str:
     text = _digits(one, one.value)
     if one.interval is not None:
         text += f" ({' to '.join(_digits(one, end) for end in one.interval)})"
-    return f"{text} {symbol(one.cell.unit)}".strip()
+    return verdicts.quantity(text, symbol(one.cell.unit))
 
 
 def of_study(
