@@ -5,8 +5,10 @@ And how contradictions hang together: in groups, and as smallest sets that canno
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
+from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -270,10 +272,13 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
     found += [_smallest(cells, together) for together in (*alone, *pairs)]
     kept = [relation for relation in kept if relation.name not in wrong]
     while apart(kept):
-        needed = list(kept)
-        for relation in kept:
-            without = [other for other in needed if other is not relation]
-            needed = without if apart(without) else needed
+        needed: list[Relation] = []
+        rest = kept
+        while not apart(needed):
+            # As many as can go in order, then one that cannot.
+            cut = functools.partial(lambda held, left, n: not apart(held + left[n:]), needed, rest)
+            first = bisect_left(range(len(rest) + 1), True, key=cut)
+            needed, rest = [*needed, rest[first - 1]], rest[first:]
         found.append(_smallest(cells, needed))
         kept.remove(needed[-1])
     unique = {frozenset(conflict.cells): conflict for conflict in reversed(found)}

@@ -161,7 +161,8 @@ class Erratum(BaseModel):
     of two independent readings of the paper found it, as for a relation, and `again` whether the
     third one did too, which knew no list. An entry that holds only if we suppose something that
     the paper does not say names it as its `supposition`, and is counted apart. `extraction` marks
-    what rests on a formula, a digit or a heading of our text, which a machine read.
+    what rests on a formula, a digit or a heading of our text, which a machine read. `reply` is what
+    the authors of the paper say to it, with their name and the day; empty until they do.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -180,6 +181,7 @@ class Erratum(BaseModel):
     extraction: bool = False
     supposition: str = ""
     evidence: str = ""
+    reply: str = ""
     relations: list[str] = []
     equations: list[str] = []
 

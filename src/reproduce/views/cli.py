@@ -12,7 +12,6 @@ from typing import Any
 
 import click
 
-from reproduce.inference import Progress, UnconvergedError
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
@@ -35,8 +34,8 @@ class _Shell(click.Group):
             if as_json:
                 cause = error.__cause__
                 told: dict[str, Any] = {"error": error.format_message()}
-                if isinstance(cause, UnconvergedError):
-                    told |= {"steps_needed": cause.steps, "missed": cause.missed}
+                if missed := getattr(cause, "missed", ()):  # by chains that have not converged
+                    told |= {"steps_needed": getattr(cause, "steps", None), "missed": missed}
                 click.echo(json.dumps(told, indent=2))
             raise
 
@@ -48,7 +47,11 @@ class _Shell(click.Group):
             raise click.UsageError(str(error.args[0]), ctx) from error
         except ValueError as error:
             raise click.UsageError(str(error), ctx) from error
-        except UnconvergedError as error:
+        except ArithmeticError as error:
+            from reproduce.inference import UnconvergedError  # only now: it loads SciPy
+
+            if not isinstance(error, UnconvergedError):
+                raise
             advice = f" (--steps; there were {error.taken})" if error.steps else ""
             raise click.ClickException(f"{error}{advice}") from error
         except OSError as error:
@@ -85,7 +88,7 @@ def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
 
 
 @contextmanager
-def _bar(what: str) -> Iterator[Progress]:
+def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
     hidden = not sys.stderr.isatty()
     with click.progressbar(length=100, label=what, file=sys.stderr, hidden=hidden) as shown:

@@ -115,8 +115,8 @@ class Changed(Display):
             "printed": lambda one: minus(one.cell.text),
             "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
             "so read" if reading else "changed": lambda one: _digits(one, one.value),
-            "from": lambda one: _digits(one, _ends(one)[0]),
-            "to": lambda one: _digits(one, _ends(one)[1]),
+            "from": lambda one: _digits(one, (one.interval or (None, None))[0]),
+            "to": lambda one: _digits(one, (one.interval or (None, None))[1]),
             "would be": lambda one: one.would_be,
             "unit": lambda one: symbol(one.cell.unit),
         }
@@ -130,15 +130,11 @@ def _digits(one: ChangedCell, value: float | None) -> str:
     return "" if value is None else minus(one.cell.number.format(value, extra=1))
 
 
-def _ends(one: ChangedCell) -> tuple[float | None, float | None]:
-    return one.interval or (None, None)
-
-
 def _row(one: ChangedCell) -> tuple[Any, ...]:
     value, cell = one.value, one.cell
     apart = value - cell.number.value if value is not None and cell.is_number else None
     told = (cell.name, one.reading, cell.text, one.unchanged, value, apart)
-    return *told, *_ends(one), cell.unit and symbol(cell.unit), one.would_be
+    return *told, *(one.interval or (None, None)), cell.unit and symbol(cell.unit), one.would_be
 
 
 @dataclass(frozen=True, repr=False)

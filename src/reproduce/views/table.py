@@ -273,8 +273,15 @@ def _judged(place: str, records: Sequence[Record], made: Sequence[Computation]) 
 def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
-        return Markup("{} {}").format(why, _to(known, f"Erratum {known}"))
+        told = "{} {}<br>The authors' reply: {}"
+        return Markup(told).format(why, _to(known, f"Erratum {known}"), _replied(known))
     return why
+
+
+def _replied(known: str) -> Entry:
+    from reproduce.views.contradictions import replied  # only now: it loads the audit
+
+    return replied(known)
 
 
 def _link(record: Record) -> Markup:
@@ -416,18 +423,17 @@ class Cell(Shown):
 
     def _lines(self) -> dict[str, Entry]:
         record, maker, known = self.record, self._maker, erratum(self.address)
-        lines = {head: write(record) for head, write in _NUMBERS.items()}
-        lines |= {
+        made = {head: write(maker) for head, write in _MADE.items()} if maker else {}
+        return {
+            **{head: write(record) for head, write in _NUMBERS.items()},
             "verdict": verdicts.in_words(record),
             "why": minus(reason(self.address) or record.why),
-        }
-        if maker:
-            lines |= {head: write(maker) for head, write in _MADE.items()}
-        lines |= {
+            **made,
             "reads": Markup(", ").join(_reads(self.reads)),
             "erratum": _to(known, known) if known else "",
+            "the authors' reply": _replied(known) if known else "",
+            **{f"if {one.name}": verdicts.read(record, one) for one in record.readings},
         }
-        return lines | {f"if {one.name}": verdicts.read(record, one) for one in record.readings}
 
     def blocks(self) -> Iterator[Block]:
         """Yield all that is known of the cell, a line each."""

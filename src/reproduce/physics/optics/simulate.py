@@ -126,9 +126,13 @@ def noisy_centroids(
             f"sigma: expected one number or one per channel ({shape[0]}), got shape "
             f"{sigma.shape}; give one, or as many as there are channels"
         )
-    # Averaged in the draw: ten repeats of many replicates would not fit in memory.
-    streams = spawned_streams(seeds, replicates, first)
-    noise = np.stack([one.standard_normal((repeats, *shape)).mean(axis=0) for one in streams])
+    noise = np.empty((count, *shape))
+    for row, stream in zip(noise, spawned_streams(seeds, replicates, first), strict=True):
+        stream.standard_normal(out=row)
+        # Averaged in the draw: ten repeats of many replicates would not fit in memory.
+        if repeats > 1:
+            further = stream.standard_normal((repeats - 1, *shape))
+            row[:] = np.concatenate([row[None], further]).mean(axis=0)
     return centroids + sigma[..., None, None] * noise
 
 
@@ -151,8 +155,10 @@ def spawned_normals(
     True
     """
     shape = tuple(whole_number("shape", side) for side in shape)
-    streams = spawned_streams(seeds, replicates, first)
-    return np.stack([one.standard_normal(shape) for one in streams])
+    normals = np.empty((whole_number("replicates", replicates), *shape))
+    for row, stream in zip(normals, spawned_streams(seeds, replicates, first), strict=True):
+        stream.standard_normal(out=row)
+    return normals
 
 
 def spawned_angles(
@@ -187,9 +193,10 @@ def spawned_angles(
     half = non_negative("half_range", half_range, shape=(2,))
     if half.shape != (2,):
         raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
-    shape = whole_number("count", count), 2
-    streams = spawned_streams(seeds, replicates, first)
-    return np.stack([one.uniform(-half, half, shape) for one in streams])
+    uniform = np.empty((whole_number("replicates", replicates), whole_number("count", count), 2))
+    for row, stream in zip(uniform, spawned_streams(seeds, replicates, first), strict=True):
+        stream.random(out=row)
+    return -half + 2 * half * uniform
 
 
 def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Iterator[Generator]:
