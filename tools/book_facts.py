@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import duckdb
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 from pydantic import BaseModel, Field
 
 from reproduce.audit.report import Erratum
@@ -32,6 +33,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
 from reproduce.views import computed, numbers, verdicts
+from reproduce.views.blocks import html
 from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
 from reproduce.views.contents import Contents
 from reproduce.views.contradictions import Contradictions, errata_register
@@ -226,10 +228,20 @@ def write_facts(path: Path, *papers: str) -> bool:
     return True
 
 
+def card(cell: Cell, place: str) -> str:
+    """Return what a page shows beside a link to a cell: all of it, and what to take away."""
+    button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
+    forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
+    copied = {name: cell.cite(form) for name, form in forms.items()} | {"code": cell.again}
+    taken = [button("link", f"#{place}", "link"), button("record", cell.address, "JSON")]
+    taken[1:1] = [button("copy", text, name) for name, text in copied.items()]
+    return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(html(cell.blocks()))
+
+
 def write_cards(path: Path) -> None:
     """Write what pages show beside links to printed cells, by anchor."""
     cells = [cell for table in library().values() for cell in table.cells]
-    cards = {cell.anchor: Cell(cell.address).card() for cell in cells}
+    cards = {cell.anchor: card(Cell(cell.address), cell.anchor) for cell in cells}
     path.write_text(json.dumps(cards, ensure_ascii=False), encoding="utf-8")
 
 

@@ -68,7 +68,7 @@ def test_a_click_sorts_by_number_and_what_is_empty_comes_last(
     table: Page, records: tuple[Record, ...]
 ) -> None:
     before = shown(table)
-    share = table.get_by_role("button", name="Share of tolerance")
+    share = table.get_by_role("button", name="Share of the tolerance")
     known = {anchor(one.cell): round(one.share, 2) for one in records if one.share is not None}
     for turn in ("ascending", "descending"):
         share.click()

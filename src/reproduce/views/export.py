@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
 from reproduce.views.computed import item_ledger
 from reproduce.views.display import PLAIN
-from reproduce.views.numbers import hyphen
+from reproduce.views.numbers import hyphen, minus, powers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,10 +45,11 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     about = provenance(citation(address, "text"))
     if form == "csv":
         return export_frame(full_frame(records), form, about)
-    frame = _shaped_frame(records, whole=not name, ascii_units=form == "latex")
+    frame = _shaped_frame(records, whole=not name)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
-    caption += "; printed (computed, verdict)"
-    frame.attrs["latex"] = {"caption": caption, "label": f"tab:{anchor(key)}"}
+    looks = {"caption": f"{caption}; printed (computed, verdict)", "label": f"tab:{anchor(key)}"}
+    looks["column_format"] = "l" + "r" * (frame.shape[1] - 1)
+    frame.attrs["latex"] = looks
     return export_frame(frame, form, about)
 
 
@@ -85,13 +86,30 @@ def export_frame(frame: pd.DataFrame, form: str, about: Mapping[str, str] | None
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return json.dumps({**about, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
-        text = indent(said, "% ") + str(
-            frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
-        )
-        return text.encode("ascii", PLAIN).decode()
+        table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
+        return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
     lines = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
     cells = ((str(cell).replace("|", "\\|") for cell in line) for line in lines)
     return "\n".join((f"<!--\n{said}-->\n", *(f"| {' | '.join(line)} |" for line in cells)))
+
+
+def _in_tex(text: str) -> str:
+    """Write signs of numbers and of units as LaTeX does.
+
+    Examples
+    --------
+    >>> print(_in_tex("-5e-5 µm"))
+    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
+    """
+    return powers(minus(text)).translate(_TEX)
+
+
+_TEX = str.maketrans(
+    {"−": "$-$", "×": r"$\times$", "\u202f": r"\,", "″": "$''$", "µ": r"\textmu{}", "–": "--"}
+    | {"°": r"\textdegree{}", "σ": r"$\sigma$", "χ": r"$\chi$", "Δ": r"$\Delta$", "θ": r"$\theta$"}
+    | {"≈": r"$\approx$", "⁻": "$^{-}$"}
+    | {sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
+)
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:
@@ -115,10 +133,10 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool) -> pd.DataFrame:
+def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
     """Lay out a table in the shape of the print, quoted numbers and a cell alone line by line.
 
-    Units stand where a row or a column shares one; plain LaTeX has no glyph for their signs.
+    Units stand where a row or a column shares one.
     """
     import pandas as pd
 
@@ -130,7 +148,7 @@ def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool
         grid = [[by_name[f"{row.id}.{c.id}"] for c in table.columns] for row in table.rows]
 
     def named(label: str, line: Iterable[Record]) -> str:
-        units = {one.unit if ascii_units else verdicts.unit(one) for one in line} - {"", "1"}
+        units = set(map(verdicts.unit, line)) - {""}
         return f"{label} ({units.pop()})" if len(units) == 1 else label
 
     if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
@@ -229,7 +247,9 @@ def _paper(key: str) -> Entry:
 
 def _et_al(paper: str) -> str:
     source = _paper(paper)
-    return f"{source.persons['author'][0].last_names[-1]} et al. ({source.fields['year']})"
+    names = [person.last_names[-1] for person in source.persons["author"]]
+    told = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
+    return f"{told} ({source.fields['year']})"
 
 
 def _written(name: str, title: str, note: str, paper: str, form: str, address: str) -> str:
@@ -338,14 +358,18 @@ def bar(
     named = Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>')
     parts = [named.format(anchor, key)]
     if cited:
-        texts = (citation(key, form) for form in ("bibtex", "text"))
+        cells = [one.address for one in library()[key].cells] if key in library() else []
+        texts = [citation(key, form) for form in ("bibtex", "text")]
+        texts += ["\n".join(citation(one, "text").partition("\n")[0] for one in cells)] * bool(
+            cells
+        )
         parts.append(_fold("Cite", Markup("").join(map(_block, texts))))
     link = Markup('<a href="#{}" download>{}</a>')
     kinds = [(path, path.rpartition(".")[2]) for path in files]
     links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in kinds]
     parts.append(Markup("<span>{}</span>").format(Markup(" · ").join(links)))
     if source:
-        parts.append(_fold("Function", _block(source)))
+        parts.append(_fold("Function", Markup("").join(_functions(source, anchor))))
     if inputs:
         parts.append(_fold("Inputs", inputs))
     return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
@@ -353,6 +377,13 @@ def bar(
 
 def _fold(summary: str, content: Markup) -> Markup:
     return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
+
+
+def _functions(source: str, place: str) -> Iterator[Markup]:
+    """Yield the text of each function, with an anchor that links of its cells lead to."""
+    for text in source.split("\n\n\n"):
+        name = text.partition("def ")[2].partition("(")[0]
+        yield Markup('<pre tabindex="0" id="function-{}-{}">{}</pre>').format(place, name, text)
 
 
 def _block(text: str) -> Markup:
