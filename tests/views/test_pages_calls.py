@@ -26,7 +26,7 @@ from reproduce.views.verdicts import facts_of
 
 TABLES = list(library())
 ENDS = ("csv", "json", "parquet", "schema.json")
-SPARSE = "computed tolerance share probability mcse stands_for_low stands_for_high".split()
+SPARSE = "computed error tolerance share probability mcse stands_for_low stands_for_high".split()
 SPARSE += ["interval_low", "interval_high", "function", "line"]
 
 
