@@ -48,11 +48,10 @@ def point_by_point(likelihood, parameters):
     """Log likelihood from all points, by the normal density of complex residuals."""
     green = likelihood.target @ [1, 1j]
     sources = getattr(likelihood, "sources", None) or [likelihood.source]
-    pivots = getattr(likelihood, "pivots", None) or [likelihood.pivot]
     found = []
     for u in parameters:
         residuals = []
-        for i, (source, pivot) in enumerate(zip(sources, pivots, strict=True)):
+        for i, (source, pivot) in enumerate(zip(sources, likelihood.pivots, strict=True)):
             k, theta, x, y = u[4 * i : 4 * i + 4]
             centre = pivot @ [1, 1j]
             moved = k * np.exp(1j * theta) * (source @ [1, 1j] - centre) + centre - x - 1j * y

@@ -115,6 +115,11 @@ class GaussianRegistration:
     source_noise: bool = False
     edge: float | None = None
 
+    @property
+    def pivots(self) -> tuple[FloatArray, ...]:
+        """The pivot of every channel: of one."""
+        return (self.pivot,)
+
     @cached_property
     def offsets(self) -> ComplexArray:
         """Source points about the pivot."""
