@@ -107,6 +107,7 @@ class Record(_Frozen):
     )
     probability: float | None = Field(description="two-sided mid-p over the printed interval")
     mcse: float | None = Field(description="Monte Carlo standard error of the probability")
+    error: float | None = Field(description="Monte Carlo standard error of a predicted median")
     why: str = Field(description="the verdict in words")
     function: str | None = Field(description="the function that computes the cell")
     line: str | None = Field(description="file and line of that function")

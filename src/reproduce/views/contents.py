@@ -108,7 +108,7 @@ class Check(Display):
     Parameters
     ----------
     wanted : tuple of str
-        The items; all by default.
+        The items, or papers with all of theirs; all by default.
     progress : callable, optional
         Called with the number of items done and of all.
     """
@@ -116,7 +116,9 @@ class Check(Display):
     def __init__(
         self, wanted: tuple[str, ...] = (), progress: Callable[[int, int], None] | None = None
     ) -> None:
-        self.ledger = build([keys.check_key(key) for key in wanted] or None, progress)
+        whole = {paper: Contents(paper).keys for paper in PAPERS}
+        listed = [one for key in wanted for one in whole.get(key) or [keys.check_key(key)]]
+        self.ledger = build(listed or None, progress)
         self.surprises = surprises(self.ledger)
 
     def __bool__(self) -> bool:
@@ -134,8 +136,8 @@ class Check(Display):
         lines = [f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises]
         if lines:
             lines.append(
-                f"{len(lines)} verdicts differ from data/verdicts.toml; find the cause, or change "
-                "that file with the reason"
+                f"Not as in data/verdicts.toml: {len(lines)} of {len(self.ledger.records)}; find "
+                "the cause, or change that file with the reason"
             )
         return lines + [
             f"data/printed/{name}: not the file of its checksum in data/printed/SHA256SUMS; "
