@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book lab test coverage check browser-test bench same mutants release lock checksums clean
+.PHONY: help book pdf lab test coverage check browser-test bench same mutants release lock checksums clean
 
 export PYTHON
 # Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
@@ -25,6 +25,9 @@ help:  ## this list
 
 book: $(STAMP)  ## build the book and say where it is
 	@$(PY) tools/build_book.py
+
+pdf: $(TESTS) book  ## the book as one PDF, beside its pages; needs a Chromium
+	@$(PY) tools/make_pdf.py
 
 lab: book  ## open JupyterLab on a copy of the book's notebooks, in lab/, which no build overwrites
 	@mkdir -p lab && cp -Rn book/_build/notebooks/. lab

@@ -58,6 +58,7 @@ SHEETS = """@page p{0} {{ @top-right {{ content: "{1}" }} }} .p{0} {{ page: p{0}
 JOIN = """<!DOCTYPE html><html lang="en" data-theme="light"><head><meta charset="utf-8">
 <title>{}</title>{}<style>{}</style></head><body class="rp-joined bd-content">{}</body></html>"""
 # A table that is wider than the text turns; one that is wider still shrinks, and breaks its words.
+# A link to what is not printed, such as a function, is none.
 FIT = """() => {
   const tables = [...document.querySelectorAll("article table")];
   for (const [width, told] of [["17.6cm", "rp-turned"], ["26.3cm", "rp-tight"]]) {
@@ -68,6 +69,10 @@ FIT = """() => {
   }
   document.body.style.width = "";
   for (const table of tables) table.classList.toggle("rp-short", table.offsetHeight < 500);
+  for (const link of document.querySelectorAll('a[href^="#"]')) {
+    const place = document.getElementById(link.getAttribute("href").slice(1));
+    if (place && !place.checkVisibility()) link.removeAttribute("href");
+  }
 }"""
 NUMBER = """(sheets) => {
   for (const link of document.querySelectorAll("nav a"))
