@@ -119,8 +119,9 @@ def mark(
     def named(math: re.Match[str]) -> str:
         if not (name := symbol(app, page, math[1])):
             return math[0]
+        # A formula has no text before it is typeset.
         uri = app.builder.get_relative_uri(page, NOTATION)
-        return f'<a href="{uri}#{name}">{math[0]}</a>'
+        return f'<a href="{uri}#{name}" aria-label="Symbol {escape(math[1])}">{math[0]}</a>'
 
     if body := context.get("body", ""):
         if page == NOTATION:
