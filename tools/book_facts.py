@@ -15,12 +15,17 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import duckdb
 import numpy as np
+import pandas as pd
+from markupsafe import Markup
+from pydantic import BaseModel, Field
 
+from reproduce.audit.report import Erratum
 from reproduce.judge.ledger import erratum
 from reproduce.judge.rerun import studies
 from reproduce.locate import data_folder
@@ -28,9 +33,18 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
 from reproduce.views import computed, numbers, verdicts
+from reproduce.views.blocks import html
 from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
-from reproduce.views.contradictions import errata_register
-from reproduce.views.export import export, signed, table_files
+from reproduce.views.contents import Contents
+from reproduce.views.contradictions import Contradictions, errata_register
+from reproduce.views.export import (
+    citation,
+    export,
+    export_frame,
+    provenance,
+    signed,
+    table_files,
+)
 from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell
 from reproduce.views.verdicts import facts_of
@@ -214,18 +228,80 @@ def write_facts(path: Path, *papers: str) -> bool:
     return True
 
 
+def card(cell: Cell, place: str) -> str:
+    """Return what a page shows beside a link to a cell: all of it, and what to take away."""
+    button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
+    forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
+    copied = {name: cell.cite(form) for name, form in forms.items()} | {"code": cell.again}
+    taken = [button("link", f"#{place}", "link"), button("record", cell.address, "JSON")]
+    taken[1:1] = [button("copy", text, name) for name, text in copied.items()]
+    return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(html(cell.blocks()))
+
+
 def write_cards(path: Path) -> None:
     """Write what pages show beside links to printed cells, by anchor."""
     cells = [cell for table in library().values() for cell in table.cells]
-    cards = {cell.anchor: Cell(cell.address).card() for cell in cells}
+    cards = {cell.anchor: card(Cell(cell.address), cell.anchor) for cell in cells}
     path.write_text(json.dumps(cards, ensure_ascii=False), encoding="utf-8")
 
 
+class ListedErratum(Erratum):
+    """An entry of the register, with the printed cells whose verdict rests on it."""
+
+    results: list[str] = Field(description="addresses of the cells whose verdict rests on it")
+
+
+class Register(BaseModel):
+    """The register of errata: contradictions that the audit found, and why each is listed.
+
+    An entry is a difference found, not a fault; none says what its authors meant.
+    """
+
+    software: str = Field(description="what made the file: name, version, day, commit")
+    citation: str = Field(description="how to cite it, and the papers")
+    errata: list[ListedErratum]
+
+
+def register() -> Register:
+    """Return the register of errata as it is shipped."""
+    rows = Contradictions().frame().reset_index(names="id").to_dict("records")
+    whole = {**provenance(citation("all", "text")), "errata": rows}
+    return Register.model_validate(whole)
+
+
+def write_whole(folder: Path) -> None:
+    """Write all printed cells, and all errata, as CSV and Parquet."""
+    about = provenance(citation("all", "text"))
+    errata = pd.DataFrame([one.model_dump() for one in register().errata])
+    for name in ("relations", "equations", "results"):
+        errata[name] = errata[name].map(" ".join)
+    for name, frame in {"ledger": Contents().cells(), "errata": errata}.items():
+        text = export_frame(frame, "csv", about)
+        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+        write_parquet(frame, folder / f"{name}.parquet", about)
+
+
+def write_parquet(frame: pd.DataFrame, path: Path, about: Mapping[str, str]) -> None:
+    """Write a DataFrame as Parquet; what it says of itself is metadata of the file."""
+
+    def quoted(text: str) -> str:
+        return "'{}'".format(text.replace("'", "''"))
+
+    said = ", ".join(f"{name}: {quoted(text)}" for name, text in about.items())
+    with duckdb.connect() as base:
+        base.register("rows", frame)
+        base.execute(f"COPY rows TO {quoted(str(path))} (FORMAT parquet, KV_METADATA {{{said}}})")
+
+
 def write_tables(folder: Path) -> None:
-    """Write the ledger and every table in all forms."""
+    """Write the ledger, the errata and every table in all forms."""
     whole = computed.whole_ledger()
-    schema = (data_folder() / "ledger.schema.json").read_text(encoding="utf-8")
-    texts = {"ledger.json": signed(whole).model_dump_json(indent=2), "ledger.schema.json": schema}
+    texts = {
+        "ledger.json": signed(whole).model_dump_json(indent=2),
+        "ledger.schema.json": (data_folder() / "ledger.schema.json").read_text(encoding="utf-8"),
+        "errata.json": register().model_dump_json(indent=2),
+        "errata.schema.json": json.dumps(Register.model_json_schema(), indent=2),
+    }
     referee = Path(__file__).with_name("verify_ledger.py")
     texts[referee.name] = referee.read_text(encoding="utf-8")
     for key in library():
@@ -234,6 +310,7 @@ def write_tables(folder: Path) -> None:
         table = StudyTable(key)
         texts |= {path: table.export(form) for path, form in table_files(key).items()}
     (folder / "tables").mkdir(parents=True, exist_ok=True)
+    write_whole(folder)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
 

@@ -4,8 +4,8 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
-__version__ = "0.1.0"
-RELEASED = "2026-11-21"
+__version__ = "0.2.0"
+RELEASED = "2026-11-25"
 # Where the book is published, without a slash at its end, and the DOI of its archive; empty while
 # there is none. Every citation takes them from here.
 ADDRESS = ""
@@ -13,9 +13,9 @@ DOI = ""
 
 
 def software() -> str:
-    """Return what computes here: name, version, day of release, and commit where there is one."""
-    found = commit(Path(__file__).parents[2])
-    return f"reproduce-pointing {__version__}, {RELEASED}" + (f", commit {found}" if found else "")
+    """Return what computes here: name, version, day of release and commit."""
+    found = commit(Path(__file__).parents[2]) or "not recorded"
+    return f"reproduce-pointing {__version__}, {RELEASED}, commit {found}"
 
 
 @cache

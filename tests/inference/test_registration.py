@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from errors import mcse_deviation, mcse_mean
+from exact import registration_posterior
 from scipy import stats
 
 from reproduce.inference import LogUniform, Uniform
@@ -12,7 +13,6 @@ from reproduce.inference.models import (
     joint_model,
     noise_growth,
     registration_model,
-    registration_posterior,
 )
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors

@@ -135,7 +135,7 @@ def test_the_edge_by_hand_and_by_monte_carlo(stars):
     assert by_hand * np.sqrt(np.pi / 2) == pytest.approx({34: 0.026, 137: 0.013}[stars], abs=5e-4)
     if stars == len(red):
         generator = np.random.default_rng(4)
-        pivot = sensor.pivot(STARS, "red")
+        pivot = sensor.posteriors.pivot(STARS, "red")
         noisy = green + noise * generator.normal(size=(20_000, *green.shape))
         transform = fit_registration(red, noisy, pivot).transform
         edge = np.hypot(*(red - pivot).T).argmax()

@@ -3,22 +3,35 @@
 import io
 import json
 import re
+import shutil
 import subprocess
+from itertools import takewhile
 
 import numpy as np
 import pandas as pd
 import pytest
-from pybtex.database import parse_string
+import rispy
+from PIL import Image
+from pybtex.database import Entry, Person, parse_string
 
+import reproduce as rp
 from reproduce import version
 from reproduce.judge import ledger
+from reproduce.judge.rerun import studies
 from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import library
+from reproduce.printed.cells import PAPERS, library
 from reproduce.version import RELEASED, __version__
+from reproduce.views import export as exporting
+from reproduce.views.computed import item_ledger
 from reproduce.views.export import FORMATS, citation, export, mark, statement, verify
 from reproduce.views.figure import draw, drawable, save
 
 KEY = "chen2023/table-5"
+CELLS = (
+    "niu2024/table-3#scale.red",
+    "chen2023/table-5#2.monitoring-x",
+    "niu2024/table-1#focal-length.red",
+)
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +39,17 @@ def table():
     return ledger.build([KEY])
 
 
+def read_csv(text, **how):
+    return pd.read_csv(io.StringIO(text), comment="#", **how)
+
+
+def markdown(text):
+    """Return the lines of a table; the comment before it ends in an empty line."""
+    return text.partition("-->\n\n")[2].splitlines()
+
+
 def test_csv_carries_every_field_at_full_precision(table):
-    frame = pd.read_csv(io.StringIO(export(table, KEY, "csv")), dtype={"printed": str})
+    frame = read_csv(export(table, KEY, "csv"), dtype={"printed": str})
     records = table.of(KEY)
     assert list(frame["cell"]) == [record.cell for record in records]
     assert list(frame["printed"]) == [record.printed for record in records]
@@ -39,25 +61,33 @@ def test_csv_carries_every_field_at_full_precision(table):
 def test_json_reads_back_as_a_ledger_with_its_reasons(table):
     read = ledger.Ledger.model_validate_json(export(table, KEY, "json"))
     assert [r.model_copy(update={"reason": ""}) for r in read.records] == list(table.records)
-    frame = pd.read_csv(io.StringIO(export(table, KEY, "csv")), keep_default_na=False)
+    frame = read_csv(export(table, KEY, "csv"), keep_default_na=False)
     assert [one.reason for one in read.records] == list(frame["reason"])
     assert read.cell(f"{KEY}#2.reference-x").reason.startswith("Four significant digits")
     assert read.software == version.software()
+    assert read.citation == citation(KEY, "text")
 
 
 def test_markdown_and_latex_keep_the_shape_of_the_table(table):
     printed = library()[KEY]
-    lines = export(table, KEY, "markdown").splitlines()
+    lines = markdown(export(table, KEY, "markdown"))
     assert len(lines) == 2 + len(printed.rows)
     rows = [[part.strip() for part in line.strip("|").split("|")] for line in lines]
     assert all(len(row) == 1 + len(printed.columns) for row in rows)
     column = rows[0].index("Difference about Y (″)")
     assert rows[3][column] == "-0.040 (-0.040, exact, difference)"
     text = export(table, KEY, "latex")
-    assert text.isascii()
     assert r"\label{tab:chen2023-table-5}" in text
     assert text.count(r"\\") == 1 + len(printed.rows)
-    assert "Difference about Y (arcsec)" in text
+    assert "Difference about Y ($''$)" in text
+    assert r"Position X (\textmu{}m)" in text
+    assert "$-$0.040 ($-$0.040, exact, difference)" in text
+    assert r"\begin{tabular}{lrrrrrrrrrr}" in text
+
+
+@pytest.mark.parametrize("key", list(library()))
+def test_latex_has_no_sign_that_it_does_not_know(key):
+    assert export(item_ledger(key), key, "latex").isascii()
 
 
 def test_a_row_that_shares_a_unit_names_it():
@@ -67,10 +97,20 @@ def test_a_row_that_shares_a_unit_names_it():
 
 
 def test_a_cell_alone_and_a_group_have_a_row_per_cell(table):
-    assert len(export(table, f"{KEY}#2.difference-y", "markdown").splitlines()) == 3
+    assert len(markdown(export(table, f"{KEY}#2.difference-y", "markdown"))) == 3
     group = "niu2024/text-optics"
-    lines = export(ledger.build([group]), group, "markdown").splitlines()
+    lines = markdown(export(ledger.build([group]), group, "markdown"))
     assert len(lines) == 2 + len(library()[group].cells)
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [(["Euler"], "Euler"), (["Euler", "Gauss"], "Euler and Gauss"), (list("ABC"), "A et al.")],
+)
+def test_a_citation_names_the_authors_of_a_paper(monkeypatch, names, told):
+    paper = Entry("article", {"year": "1776"}, {"author": [Person(last=name) for name in names]})
+    monkeypatch.setattr(exporting, "_paper", lambda _: paper)
+    assert exporting._et_al("any") == f"{told} (1776)"
 
 
 def test_unknown_formats_are_refused(table):
@@ -166,11 +206,122 @@ def test_citation_and_export_name_the_same_software(table):
     assert json.loads(export(table, KEY, "json"))["software"] == name
 
 
-CELLS = (
-    "niu2024/table-3#scale.red",
-    "chen2023/table-5#2.monitoring-x",
-    "niu2024/table-1#focal-length.red",
-)
+# What each form begins a line with that says something of the file.
+COMMENTS = {"csv": "# ", "latex": "% ", "markdown": ""}
+STUDY, FOCAL = "chen2023/heat", "chen2023/table-2#tracker-focal-length.value"
+
+
+def said(text, form):
+    """Return what an export says of itself."""
+    if form == "json":
+        found = json.loads(text)
+        return {name: found[name] for name in ("software", "citation")}
+    lead = COMMENTS[form]
+    lines = text.splitlines()
+    if form == "markdown":
+        assert lines[0] == "<!--"
+        lines = lines[1 : lines.index("-->")]
+    head = [
+        line.removeprefix(lead) for line in takewhile(lambda line: line.startswith(lead), lines)
+    ]
+    software, citation, *papers = head
+    assert software.startswith("software: ")
+    assert citation.startswith("citation: ")
+    cited = "\n".join((citation.removeprefix("citation: "), *papers))
+    return {"software": software.removeprefix("software: "), "citation": cited}
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("address", [KEY, CELLS[0], STUDY])
+@pytest.mark.parametrize("commit", ["", "0123456789"])
+def test_an_export_names_version_commit_and_citation(address, form, commit, monkeypatch):
+    monkeypatch.setattr(version, "commit", lambda root: commit)
+    found = said(rp.table(address).export(form), form)
+    assert found["software"].endswith(
+        f" {__version__}, {RELEASED}, commit {commit or 'not recorded'}"
+    )
+    assert found["citation"] == citation(address, "text")
+    if "#" in address:
+        assert verify(found["citation"].splitlines()[0]) == "unchanged"
+
+
+@pytest.mark.parametrize("key", [STUDY, "niu2024/readings"])
+def test_a_table_of_our_own_reads_back_equal(key):
+    table = rp.table(key)
+    frame = table.frame()
+    words = {name: str for name in frame if pd.api.types.is_string_dtype(frame[name])}
+    read = read_csv(table.export("csv"), dtype=words)
+    pd.testing.assert_frame_equal(read, frame, check_dtype=False, rtol=1e-15)
+    rows = json.loads(table.export("json"))["rows"]
+    pd.testing.assert_frame_equal(pd.DataFrame(rows), frame, check_dtype=False, check_exact=True)
+    lines = markdown(table.export("markdown"))
+    assert len(lines) == 2 + len(frame)
+
+
+def test_a_readers_own_setting_is_named_in_the_file():
+    changed = rp.table(STUDY).rerun({FOCAL: "70 mm"})
+    text = changed.export("csv")
+    setting = next(line for line in text.splitlines() if line.startswith("# setting: "))
+    assert f"{FOCAL} = 70 mm" in setting
+    assert json.loads(changed.export("json"))["setting"] == setting.removeprefix("# setting: ")
+    assert "# setting" not in rp.table(STUDY).export("csv")
+    panels = rp.figure("chen2023/fig-11")
+    assert "# setting" not in panels.export("csv")
+    cell = panels.reads[0]
+    assert cell in panels.rerun({cell: rp.table(cell).printed}).export("csv")
+
+
+def test_a_fit_of_ones_own_stars_says_what_made_it():
+    fit = rp.register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102, 0], [3, 99]])
+    found = said(fit.export("csv"), "csv")
+    assert found == {"software": version.software(), "citation": citation("all", "text")}
+    assert len(read_csv(fit.export("csv"))) == len(fit.frame())
+
+
+def test_pictures_say_what_made_them(tmp_path):
+    figure = rp.figure(drawable()[0])
+    cited = figure.cite("text").splitlines()[1]
+    assert cited in (figure.save(tmp_path / "a.svg")).read_text(encoding="utf-8")
+    with Image.open(figure.save(tmp_path / "a.png")) as picture:
+        assert version.software() in picture.info["Description"]
+        assert cited in picture.info["Description"]
+    assert b"reproduce-pointing" in (figure.save(tmp_path / "a.pdf")).read_bytes()
+    assert "<metadata>" not in figure._repr_html_()
+
+
+@pytest.mark.parametrize("address", ["all", KEY, CELLS[0], STUDY])
+def test_ris_and_bibtex_are_read_by_others(address):
+    papers = list(PAPERS) if address == "all" else [address.split("/")[0]]
+    read = rispy.loads(citation(address, "ris"))
+    assert [one["type_of_reference"] for one in read] == ["COMP", *["JOUR"] * len(papers)]
+    entries = parse_string(citation(address, "bibtex"), "bibtex").entries
+    assert list(entries)[1:] == papers
+    for one, entry in zip(read, entries.values(), strict=True):
+        assert one["title"] == re.sub(r"[{}\\]", "", entry.fields["title"])
+        assert one["year"] == entry.fields["year"]
+        assert one.get("doi") == entry.fields.get("doi")
+
+
+@pytest.mark.slow
+def test_every_table_is_set_by_latex(tmp_path):
+    """All of them in one document."""
+    if shutil.which("pdflatex") is None:
+        pytest.skip("no LaTeX was found (Debian: apt install texlive-latex-recommended)")
+    exported = [rp.table(key).export("latex") for key in (*library(), *studies())]
+    longest = [text for text in exported if text.count("\n") > 300]
+    assert len(longest) < 5
+    names = [f"{number}.tex" for number in range(len(exported))]
+    for name, text in zip(names, exported, strict=True):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    inputs = "\\clearpage\n".join(f"\\input{{{name}}}\n" for name in names)
+    whole = (
+        "\\documentclass{article}\n\\usepackage{booktabs}\n\\begin{document}\n%s\\end{document}\n"
+    )
+    (tmp_path / "all.tex").write_text(whole % inputs, encoding="utf-8")
+    command = ["pdflatex", "-halt-on-error", "-interaction=nonstopmode", "all.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert (tmp_path / "all.pdf").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("address", CELLS)

@@ -1,22 +1,33 @@
 """What the pages call: tables with anchors, figures that follow the theme, words for sentences."""
 
+import io
+import json
+import math
 import re
 from html.parser import HTMLParser
 
+import duckdb
+import jsonschema
+import pandas as pd
 import pytest
 
 import reproduce as rp
-from book_facts import write_tables
+from book_facts import Register, register, write_tables, write_whole
+from reproduce.judge.ledger import erratum
 from reproduce.judge.rerun import studies
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import numbers, verdicts
 from reproduce.views.computed import whole_ledger
-from reproduce.views.export import signed, table_files
+from reproduce.views.contradictions import errata_register
+from reproduce.views.export import citation, provenance, signed, table_files
 from reproduce.views.figure import drawable
 from reproduce.views.verdicts import facts_of
 
 TABLES = list(library())
+ENDS = ("csv", "json", "parquet", "schema.json")
+SPARSE = "computed error tolerance share probability mcse stands_for_low stands_for_high".split()
+SPARSE += ["interval_low", "interval_high", "function", "line"]
 
 
 class Reader(HTMLParser):
@@ -208,7 +219,68 @@ def test_shipped_files_are_written(tmp_path):
     write_tables(tmp_path)
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     tables = {path for key in (*library(), *studies()) for path in table_files(key)}
-    assert written == {"ledger.json", "ledger.schema.json", "verify_ledger.py", *tables}
+    whole = {f"{name}.{end}" for name in ("ledger", "errata") for end in ENDS}
+    assert written == {"verify_ledger.py", *whole, *tables}
     read = whole_ledger().model_validate_json((tmp_path / "ledger.json").read_text())
     assert read == signed(whole_ledger())
     assert all(one.reason for one in read.records if one.verdict == "differs")
+    first = {path.name: path.read_bytes() for path in tmp_path.glob("*.parquet")}
+    write_tables(tmp_path)
+    assert first == {path.name: path.read_bytes() for path in tmp_path.glob("*.parquet")}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    write_whole(folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", ["ledger", "errata"])
+def test_csv_and_parquet_hold_the_same_and_say_what_made_them(name, whole):
+    text = (whole / f"{name}.csv").read_text(encoding="utf-8")
+    path = str(whole / f"{name}.parquet")
+    types = {"printed": str, "equations": str}
+    frame = pd.read_csv(io.StringIO(text), comment="#", dtype=types, keep_default_na=False,
+                        na_values={one: [""] for one in SPARSE})  # fmt: skip
+    with duckdb.connect() as base:
+        read = base.execute("FROM read_parquet(?)", [path]).df()
+        metadata = "SELECT decode(key), decode(value) FROM parquet_kv_metadata(?)"
+        told = dict(base.execute(metadata, [path]).fetchall())
+    pd.testing.assert_frame_equal(read, frame, check_dtype=False, check_exact=True)
+    assert told == provenance(citation("all", "text"))
+    lines = "".join(f"{key}: {value}\n" for key, value in told.items()).splitlines()
+    assert text.splitlines()[: len(lines)] == [f"# {line}" for line in lines]
+
+
+def test_the_tables_of_the_whole_hold_the_ledger_and_the_register(whole):
+    cells = pd.read_csv(whole / "ledger.csv", comment="#", dtype={"printed": str})
+    records = whole_ledger().records
+    assert list(cells["cell"]) == [one.cell for one in records]
+    assert list(cells["printed"]) == [one.printed for one in records]
+    ends = [(one.interval or (None, None))[0] for one in records]
+    assert [None if math.isnan(one) else one for one in cells["interval_low"]] == ends
+    errata = pd.read_csv(whole / "errata.csv", comment="#").set_index("id")
+    assert set(errata.index) == {one.id for one in errata_register()}
+    for record in records:
+        if named := erratum(record.cell):
+            assert record.cell in errata.loc[named, "results"].split()
+
+
+def test_the_register_fits_its_schema():
+    schema, shipped = Register.model_json_schema(), json.loads(register().model_dump_json())
+    jsonschema.validate(shipped, schema)
+    assert {one["id"] for one in shipped["errata"]} == {one.id for one in errata_register()}
+    assert shipped["citation"] == citation("all", "text")
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**shipped, "errata": [{"id": "x"}]}, schema)
+
+
+def test_all_numbers_stand_in_one_table():
+    text = rp.contents().numbers._repr_html_()
+    cells = [cell for table in library().values() for cell in table.cells]
+    assert text.count("<tr>") == 1 + len(cells) == 1 + len(rp.contents().cells())
+    assert all(f'href="#{cell.anchor}"' in text for cell in cells)
+    alone = rp.contents("niu2024").numbers._repr_html_()
+    assert 'href="#niu2024-table-3-scale-red"' in alone
+    assert 'href="#chen2023' not in alone

@@ -26,6 +26,8 @@ from reproduce.views.cli import main
 FIELD = np.array([2064.0, 1544.0])
 STAR_COLUMNS = "x,y,x_reference,y_reference"
 
+TOLD = ["# software", "# citation", "# setting"]
+
 
 def stars(noise=0.05, scale=1.0006, rotation=0.002, wrong=0, count=81):
     """Stars of known truth about the middle of the field, some wrongly matched."""
@@ -480,7 +482,11 @@ def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
     frame = own.stars()
     assert frame.columns.tolist() == ["line", "x", "y", "probability_false"]
     assert frame["line"].tolist() == list(range(2, 42))
-    draws = pd.read_csv(own.save(tmp_path / "p.csv"))
+    file = own.save(tmp_path / "p.csv")
+    draws = pd.read_csv(file, comment="#")
+    head = [line for line in file.read_text(encoding="utf-8").splitlines() if line.startswith("# ")]
+    assert [line.split(": ")[0] for line in head if line.split(": ")[0] in TOLD] == TOLD
+    assert f"data {own.told}" in head[-1]
     units = {"scale": "1", "rotation": "deg", "shift-x": "px", "shift-y": "px", "noise": "px"}
     assert list(draws) == [*(f"{n} ({u})" for n, u in units.items()), "false-share (1)"]
     assert draws["rotation (deg)"].mean() == pytest.approx(

@@ -115,6 +115,21 @@ def test_a_sweep_holds_what_each_rerun_gives():
     assert "25.0601 mm (printed)" in repr(swept)
 
 
+def test_a_slider_says_that_it_was_computed_and_its_pictures_have_values_and_units():
+    swept = rp.table("niu2024/table-3").sweep(
+        "niu2024/text-simulation#noise", ["0.02 px", "0.2 px"], ["rotation.red"], replicates=20
+    )
+    html = str(swept._repr_html_())
+    assert "all 2 settings were computed beforehand" in html
+    assert "<figcaption>rotation.red (°)</figcaption>" in html
+    below, above, first, last = re.findall(r"<text [^>]*>([^<]*)</text>", html)
+    assert (first, last) == ("0.02 px", "0.2 px")
+    ends = swept.frame()[["low", "high"]].to_numpy()
+    assert float(below) == pytest.approx(ends.min(), rel=0.02)
+    assert float(above) == pytest.approx(ends.max(), rel=0.02)
+    assert re.search(r"0\.\d+ \(0\.\d+ to 0\.\d+\)°", html), "a unit stays with its number"
+
+
 def test_a_sweep_simulates_as_many_tables_as_asked():
     noise, changes = "niu2024/text-simulation#noise", {"niu2024/text-simulation#noise": "0.1 px"}
     few = rp.table("niu2024/table-3").sweep(noise, ["0.1 px"], ["scale.red"], replicates=20)

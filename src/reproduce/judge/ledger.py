@@ -107,6 +107,7 @@ class Record(_Frozen):
     )
     probability: float | None = Field(description="two-sided mid-p over the printed interval")
     mcse: float | None = Field(description="Monte Carlo standard error of the probability")
+    error: float | None = Field(description="Monte Carlo standard error of a predicted median")
     why: str = Field(description="the verdict in words")
     function: str | None = Field(description="the function that computes the cell")
     line: str | None = Field(description="file and line of that function")
@@ -168,6 +169,7 @@ class Ledger(_Frozen):
         default=(), description="files of printed numbers that are not those of their checksums"
     )
     software: str = Field(default="", description="what made an export: name, version, day, commit")
+    citation: str = Field(default="", description="how to cite an export, and the paper")
 
     def of(self, key: str) -> tuple[Record, ...]:
         """Return the records of one item, in the order of print."""

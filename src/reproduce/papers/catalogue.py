@@ -74,28 +74,27 @@ def _modules(kind: str) -> dict[str, str]:
     found = {}
     for paper in papers():
         package = f"{__package__}.{paper}"
-        for key, names in getattr(importlib.import_module(package), kind, {}).items():
-            found[key] = " ".join(f"{package}.{name}" for name in names.split())
+        for key, name in getattr(importlib.import_module(package), kind, {}).items():
+            found[key] = f"{package}.{name}" if name else ""
     return found
 
 
-def _item(key: str, names: str) -> Item:
-    found = _declared(key, names) if names else []
+def _item(key: str, name: str) -> Item:
+    found = _declared(key, name) if name else []
     computations = tuple(one for one in found if isinstance(one, Computation))
     return Item(key, computations, *(one for one in found if isinstance(one, Drawing)))
 
 
-def own(key: str, names: str) -> Any:
-    """Return the study or the drawing that modules, named in one string, declare under a key."""
-    return _declared(key, names)[0]
+def own(key: str, name: str) -> Any:
+    """Return the study or the drawing that a module, by its full name, declares under a key."""
+    return _declared(key, name)[0]
 
 
-def _declared(key: str, names: str) -> list[Computation | Own]:
-    """Return what modules declare under a key; not what they import."""
-    modules = [importlib.import_module(name) for name in names.split()]
-    every = ((module, one) for module in modules for one in vars(module).values())
-    own = ((module, one) for module, one in every if isinstance(one, Computation | Own))
-    found = [one for m, one in own if one.key == key and one.function.__module__ == m.__name__]
+def _declared(key: str, name: str) -> list[Computation | Own]:
+    """Return what a module declares under a key; not what it imports."""
+    every = vars(importlib.import_module(name)).values()
+    own = (one for one in every if isinstance(one, Computation | Own))
+    found = [one for one in own if one.key == key and one.function.__module__ == name]
     if not found:
-        raise ValueError(f"{key}: expected its declaration in {names}")
+        raise ValueError(f"{key}: expected its declaration in {name}")
     return found

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import find
 from reproduce.views import keys
 from reproduce.views.display import Display
-from reproduce.views.export import citation, export_frame
+from reproduce.views.export import citation, export_frame, provenance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,13 +32,28 @@ class Shown(Display):
         """Addresses of all printed cells that it reads, directly or through other items."""
         return rerun.changeable(self.key)
 
+    @property
+    def again(self) -> str:
+        """The line that computes it again, with a place for another value of what it reads."""
+        line, numbers = f'rp.table("{self.key}")', (find(one)[0] for one in self.reads)
+        read = next((cell for cell in numbers if cell.is_number), None)
+        return line + (f'.rerun({{"{read.address}": "{read.text}"}})' if read else "")
+
     @abstractmethod
     def frame(self) -> pd.DataFrame:
         """Return the numbers."""
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
-        return export_frame(self.frame(), form)
+        return export_frame(self.frame(), form, self.about)
+
+    @property
+    def about(self) -> dict[str, str]:
+        """What its files say of it, and of what was changed."""
+        return provenance(self.cite("text"), self._setting())
+
+    def _setting(self) -> str:
+        return ""
 
     def cite(self, form: str = "bibtex") -> str:
         """Return how to cite this and its paper: bibtex, ris, csl or text."""
@@ -87,7 +103,7 @@ class Item(Shown):
         """The text of the functions that compute and draw it."""
         item = catalogue()[self.key]
         drawn = [] if item.draw is None else [item.draw.function]
-        return "\n\n".join(map(text_of, [*(one.function for one in item.computations), *drawn]))
+        return "\n\n\n".join(map(text_of, [*(one.function for one in item.computations), *drawn]))
 
 
 class Changeable(Shown):
@@ -156,6 +172,9 @@ class Changeable(Shown):
         """What was changed: address, ``seed`` or setting to the value as given."""
         settings = {name: f"{value:g}" for name, value in self._settings.items()}
         return rerun.by_name(self._changes, self.seed) | settings
+
+    def _setting(self, remark: str = "a reader's own setting") -> str:
+        return setting("With", self.changes, self.replaced, remark) if self.changes else ""
 
     @property
     def replaced(self) -> dict[str, float]:

@@ -12,7 +12,6 @@ from typing import Any
 
 import click
 
-from reproduce.papers.catalogue import catalogue
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
@@ -89,11 +88,11 @@ def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
 
 
 @contextmanager
-def _bar(what: str, total: int) -> Iterator[Callable[[int, int], None]]:
+def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
     hidden = not sys.stderr.isatty()
-    with click.progressbar(length=total, label=what, file=sys.stderr, hidden=hidden) as shown:
-        yield lambda done, _: shown.update(done - shown.pos)
+    with click.progressbar(length=100, label=what, file=sys.stderr, hidden=hidden) as shown:
+        yield lambda done, total: shown.update(100 * done // total - shown.pos)
 
 
 def _show(as_json: bool, record: Callable[[], Any], write: Callable[[], None]) -> None:
@@ -146,7 +145,7 @@ def list_items(as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("keys", nargs=-1, metavar="[KEY]...")
+@click.argument("keys", nargs=-1, metavar="[KEY|PAPER]...")
 @click.option("--json", "as_json", is_flag=True, help="Print one record per printed cell.")
 def check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
@@ -154,7 +153,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
     checksum, else with 1.
     """
-    with _bar("recomputing", len(keys or catalogue())) as progress:
+    with _bar("recomputing") as progress:
         found = front.check(*keys, progress=progress)
     if as_json:
         click.echo(found.ledger.model_dump_json(indent=2))
@@ -311,7 +310,7 @@ def posterior(
     wanted = front.posterior(model, priors=ends, **asked)
     if out:
         wanted.check_file(out)
-    with _bar("sampling", wanted.plan.ensembles) as progress:
+    with _bar("sampling") as progress:
         wanted.sample(progress=progress)
     _show(as_json, wanted.record, wanted.print)
     if out:

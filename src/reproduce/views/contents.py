@@ -16,9 +16,11 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
 from reproduce.views.display import Blocks, Display
+from reproduce.views.export import full_frame
+from reproduce.views.table import EVERY
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,6 +82,16 @@ class Contents(Display):
         ]
         return pd.DataFrame(rows, index=self.keys)
 
+    def cells(self) -> pd.DataFrame:
+        """Return one row per cell, with every field of the ledger."""
+        return full_frame(self._ledger.records)
+
+    @property
+    def numbers(self) -> Blocks:
+        """Every printed number; a page lets a reader sort and filter them."""
+        what, kind = f"The {len(self._ledger.records)} printed numbers", "rp-small rp-sortable"
+        return Blocks((grid(what, EVERY, self._ledger.records, kind=kind, words=len(EVERY)),))
+
     def listed(self) -> Iterator[Grid]:
         """Yield the items and the tables of our own, without the score."""
         rows = [(key, keys.place(key), keys.title(key)) for key in self.keys]
@@ -108,7 +120,7 @@ class Check(Display):
     Parameters
     ----------
     wanted : tuple of str
-        The items; all by default.
+        The items, or papers with all of theirs; all by default.
     progress : callable, optional
         Called with the number of items done and of all.
     """
@@ -116,7 +128,9 @@ class Check(Display):
     def __init__(
         self, wanted: tuple[str, ...] = (), progress: Callable[[int, int], None] | None = None
     ) -> None:
-        self.ledger = build([keys.check_key(key) for key in wanted] or None, progress)
+        whole = {paper: Contents(paper).keys for paper in PAPERS}
+        listed = [one for key in wanted for one in whole.get(key) or [keys.check_key(key)]]
+        self.ledger = build(listed or None, progress)
         self.surprises = surprises(self.ledger)
 
     def __bool__(self) -> bool:
@@ -134,8 +148,8 @@ class Check(Display):
         lines = [f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises]
         if lines:
             lines.append(
-                f"{len(lines)} verdicts differ from data/verdicts.toml; find the cause, or change "
-                "that file with the reason"
+                f"Not as in data/verdicts.toml: {len(lines)} of {len(self.ledger.records)}; find "
+                "the cause, or change that file with the reason"
             )
         return lines + [
             f"data/printed/{name}: not the file of its checksum in data/printed/SHA256SUMS; "

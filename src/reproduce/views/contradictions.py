@@ -349,10 +349,8 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     by_paper = {audit.name: audit for audit in audits}
     chosen = [e for e in errata_register() if e.paper in by_paper]
     chosen = sorted((e for e in chosen if bool(e.supposition) == supposed), key=_consequence)
-    fields = ("paper", "place", "printed", "problem", "conclusion", "status", "extraction", "reply")
     rows: list[_Row] = [
-        {"name": e.id, **{name: getattr(e, name) for name in fields}, "results": _resting(e)}
-        for e in chosen
+        {"name": e.id, **e.model_dump(exclude={"id"}), "results": _resting(e)} for e in chosen
     ]
     kind = "that suppose something" if supposed else "by consequence"
     table = _grid(f"The {len(rows)} errata {kind}.", _ERRATUM, rows)

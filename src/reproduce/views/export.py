@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
+from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -15,11 +17,12 @@ from reproduce.judge.ledger import Ledger, Record, reason
 from reproduce.judge.rerun import studies
 from reproduce.locate import papers
 from reproduce.papers.catalogue import drawings
-from reproduce.printed.cells import anchor, library
+from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
 from reproduce.views.computed import item_ledger
-from reproduce.views.numbers import hyphen
+from reproduce.views.display import PLAIN
+from reproduce.views.numbers import hyphen, minus, powers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,16 +41,16 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
     if form == "json":
         tables = tuple(t for t in ledger.tables if t.key == key and not name)
-        return signed(Ledger(records=records, tables=tables)).model_dump_json(indent=2)
+        return signed(Ledger(records=records, tables=tables), address).model_dump_json(indent=2)
+    about = provenance(citation(address, "text"))
     if form == "csv":
-        return full_frame(records).to_csv(index=False)
+        return export_frame(full_frame(records), form, about)
+    frame = _shaped_frame(records, whole=not name)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
-    label = f"tab:{key.replace('/', '-')}"
-    shown = _shaped_frame(records, whole=not name, ascii_units=form == "latex")
-    if form == "latex":
-        caption += "; printed (computed, verdict)"
-        return shown.to_latex(index=False, escape=True, caption=caption, label=label)
-    return export_frame(shown, form)
+    looks = {"caption": f"{caption}; printed (computed, verdict)", "label": f"tab:{anchor(key)}"}
+    looks["column_format"] = "l" + "r" * (frame.shape[1] - 1)
+    frame.attrs["latex"] = looks
+    return export_frame(frame, form, about)
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -55,47 +58,85 @@ def table_files(key: str) -> dict[str, str]:
     return {f"tables/{anchor(key)}.{ending}": form for form, ending in ENDINGS.items()}
 
 
-def signed(ledger: Ledger) -> Ledger:
-    """Return a ledger with the written reason of each verdict and what made it."""
+def provenance(cited: str, setting: str = "") -> dict[str, str]:
+    """Return what an export says of itself: what made it, how to cite it, what was changed."""
+    told = {"software": software(), "citation": cited, "setting": setting}
+    return {name: text for name, text in told.items() if text}
+
+
+def signed(ledger: Ledger, address: str = "all") -> Ledger:
+    """Return a ledger with the written reason of each verdict, and what it says of itself."""
     told = tuple(r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records)
-    return ledger.model_copy(update={"records": told, "software": software()})
+    return ledger.model_copy(update={"records": told} | provenance(citation(address, "text")))
 
 
-def export_frame(frame: pd.DataFrame, form: str) -> str:
-    """Write any DataFrame as csv, json (a list of rows), latex or markdown."""
+def export_frame(frame: pd.DataFrame, form: str, about: Mapping[str, str] | None = None) -> str:
+    """Write any DataFrame as csv, json, latex or markdown.
+
+    What an export says of itself stands before it, as a comment; in JSON beside the rows.
+    """
     if form not in FORMATS:
         raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
+    about = about or provenance(citation("all", "text"))
+    said = "".join(f"{name}: {text}\n" for name, text in about.items())
     if form == "csv":
-        return frame.to_csv(index=False)
+        # Words are quoted, since an address holds the sign of a comment.
+        return indent(said, "# ") + str(frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC))
     if form == "json":
-        return frame.to_json(orient="records", indent=2, force_ascii=False)
+        rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        return json.dumps({**about, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
-        return frame.to_latex(index=False)
+        table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
+        return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
     lines = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
     cells = ((str(cell).replace("|", "\\|") for cell in line) for line in lines)
-    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+    return "\n".join((f"<!--\n{said}-->\n", *(f"| {' | '.join(line)} |" for line in cells)))
 
 
-def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
-    """Return one row per cell, with every field of the ledger and the reason."""
+def _in_tex(text: str) -> str:
+    """Write signs of numbers and of units as LaTeX does.
+
+    Examples
+    --------
+    >>> print(_in_tex("-5e-5 µm"))
+    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
+    """
+    return powers(minus(text)).translate(_TEX)
+
+
+_TEX = str.maketrans(
+    {"−": "$-$", "×": r"$\times$", "\u202f": r"\,", "″": "$''$", "µ": r"\textmu{}", "–": "--"}
+    | {"°": r"\textdegree{}", "σ": r"$\sigma$", "χ": r"$\chi$", "Δ": r"$\Delta$", "θ": r"$\theta$"}
+    | {"≈": r"$\approx$", "⁻": "$^{-}$"}
+    | {sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
+)
+
+
+def full_frame(records: Iterable[Record]) -> pd.DataFrame:
+    """Return one row per cell, with every field of the ledger and the reason.
+
+    Lists are words with blanks between them; an interval is two columns.
+    """
     import pandas as pd
 
     rows = []
     for record in records:
-        row = record.model_dump()
-        for name in ("flags", "equations", "seed", "interval"):
-            row[name] = " ".join(map(str, row[name] or ()))
+        row = record.model_dump() | {"reason": reason(record.cell)}
         row["readings"] = "; ".join(
             f"{reading.name}: {reading.computed!r} {reading.verdict}" for reading in record.readings
         )
-        rows.append(row | {"reason": reason(record.cell)})
+        for name in ("stands_for", "interval"):
+            row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
+        for name in ("flags", "equations", "seed", "reads"):
+            row[name] = " ".join(map(str, row[name] or ()))
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool) -> pd.DataFrame:
+def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
     """Lay out a table in the shape of the print, quoted numbers and a cell alone line by line.
 
-    Units stand where a row or a column shares one; plain LaTeX has no glyph for their signs.
+    Units stand where a row or a column shares one.
     """
     import pandas as pd
 
@@ -107,7 +148,7 @@ def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool
         grid = [[by_name[f"{row.id}.{c.id}"] for c in table.columns] for row in table.rows]
 
     def named(label: str, line: Iterable[Record]) -> str:
-        units = {one.unit if ascii_units else verdicts.unit(one) for one in line} - {"", "1"}
+        units = set(map(verdicts.unit, line)) - {""}
         return f"{label} ({units.pop()})" if len(units) == 1 else label
 
     if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
@@ -133,16 +174,21 @@ _RIS = {"title": "TI", "year": "PY", "journal": "JO", "volume": "VL", "number": 
 _RIS |= {"pages": "SP", "doi": "DO", "url": "UR", "note": "N1", "howpublished": "N2"}
 _MARKED = re.compile(r"(\S+#\S+: printed .*?)\. reproduce-pointing ([^,\s]+),.*?(rp:\w+)")
 DEVELOPERS = "The reproduce-pointing developers"
+WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
 
 
 def citation(address: str, form: str) -> str:
-    """Return how to cite an item, a cell or a table of our own, and the paper it comes from."""
+    """Return how to cite an item, a cell or a table of our own, and the paper it comes from.
+
+    ``all`` is the whole, which comes from all papers.
+    """
     key, _, name = address.partition("#")
     paper = key.partition("/")[0]
-    if key in studies():
-        return beside("Study", key, paper, studies()[key].title, form)
-    if key in drawings():
-        return beside("Drawing", key, paper, drawings()[key].title, form)
+    if address == "all":
+        return _written("reproduce-pointing", WHOLE, "All printed numbers", "", form, "")
+    if key in studies() or key in drawings():
+        kind = "Study" if key in studies() else "Drawing"
+        return beside(kind, key, paper, keys.title(key), form)
     named = f"reproduce-{anchor(keys.check_address(address))}"
     if name:
         said = statement(item_ledger(key).cell(address))
@@ -201,7 +247,9 @@ def _paper(key: str) -> Entry:
 
 def _et_al(paper: str) -> str:
     source = _paper(paper)
-    return f"{source.persons['author'][0].last_names[-1]} et al. ({source.fields['year']})"
+    names = [person.last_names[-1] for person in source.persons["author"]]
+    told = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
+    return f"{told} ({source.fields['year']})"
 
 
 def _written(name: str, title: str, note: str, paper: str, form: str, address: str) -> str:
@@ -219,7 +267,7 @@ def _written(name: str, title: str, note: str, paper: str, form: str, address: s
     }
     ours = Entry("misc", fields={k: v for k, v in fields.items() if v},
                  persons={"author": [Person("{" + DEVELOPERS + "}")]})  # fmt: skip
-    entries = {name: ours, paper: _paper(paper)}
+    entries = {name: ours} | {one: _paper(one) for one in ([paper] if paper else PAPERS)}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
     if form == "csl":
@@ -240,7 +288,7 @@ def _written(name: str, title: str, note: str, paper: str, form: str, address: s
 
 def _permalink(address: str) -> str:
     """Return the address of a place in the published book; empty where the book has none."""
-    return f"{ADDRESS}/goto.html#{anchor(address)}" if ADDRESS else ""
+    return f"{ADDRESS}/goto.html#{anchor(address)}" if ADDRESS and address else ADDRESS
 
 
 def _plain(entry: Entry) -> dict[str, str]:
@@ -307,20 +355,21 @@ def bar(
     inputs : Markup
         What it is computed from, empty where it is not.
     """
-    parts = [
-        Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>').format(
-            anchor, key
-        )
-    ]
+    named = Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>')
+    parts = [named.format(anchor, key)]
     if cited:
-        texts = (citation(key, form) for form in ("bibtex", "text"))
+        cells = [one.address for one in library()[key].cells] if key in library() else []
+        texts = [citation(key, form) for form in ("bibtex", "text")]
+        texts += ["\n".join(citation(one, "text").partition("\n")[0] for one in cells)] * bool(
+            cells
+        )
         parts.append(_fold("Cite", Markup("").join(map(_block, texts))))
     link = Markup('<a href="#{}" download>{}</a>')
-    named = [(path, path.rpartition(".")[2]) for path in files]
-    links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in named]
+    kinds = [(path, path.rpartition(".")[2]) for path in files]
+    links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in kinds]
     parts.append(Markup("<span>{}</span>").format(Markup(" · ").join(links)))
     if source:
-        parts.append(_fold("Function", _block(source)))
+        parts.append(_fold("Function", Markup("").join(_functions(source, anchor))))
     if inputs:
         parts.append(_fold("Inputs", inputs))
     return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
@@ -328,6 +377,13 @@ def bar(
 
 def _fold(summary: str, content: Markup) -> Markup:
     return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
+
+
+def _functions(source: str, place: str) -> Iterator[Markup]:
+    """Yield the text of each function, with an anchor that links of its cells lead to."""
+    for text in source.split("\n\n\n"):
+        name = text.partition("def ")[2].partition("(")[0]
+        yield Markup('<pre tabindex="0" id="function-{}-{}">{}</pre>').format(place, name, text)
 
 
 def _block(text: str) -> Markup:

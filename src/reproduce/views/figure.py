@@ -21,10 +21,10 @@ from reproduce.papers.declare import Drawing, words
 from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
 from reproduce.views import computed, keys, numbers
-from reproduce.views.base import Changeable, Item, Shown, setting, text_of
+from reproduce.views.base import Changeable, Item, Shown, text_of
 from reproduce.views.blocks import Block, Html
 from reproduce.views.computed import once
-from reproduce.views.export import bar
+from reproduce.views.export import bar, citation, export_frame, provenance
 from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 _LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
 _NAMED = re.compile(r' id="([^"]+)"')
 _Paint = Callable[["MatplotlibFigure"], None]
+_About = Mapping[str, str] | None  # what a file says of itself
 
 
 class Picture(NamedTuple):
@@ -50,6 +51,7 @@ class Picture(NamedTuple):
     key: str
     paint: _Paint
     numbers: pd.DataFrame | None = None
+    about: _About = None
 
 
 class Vectors(NamedTuple):
@@ -92,7 +94,8 @@ def _picture(key: str, door: Given | None = None) -> Picture:
     marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
     numbers = [cell for cell in marked if cell.is_number]
     printed = {cell.address: cell.si for cell in numbers}
-    return Picture(anchor(key), lambda figure: drawing(figure, printed, door))
+    about = provenance(citation(key, "text"))
+    return Picture(anchor(key), lambda figure: drawing(figure, printed, door), about=about)
 
 
 def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
@@ -126,18 +129,16 @@ def _ending_of(out: Path) -> str:
     return out.suffix.lower()
 
 
-def save(figure: MatplotlibFigure, out: Path) -> None:
-    """Write a drawn figure."""
-    _write(figure, out, _ending_of(out))
-
-
-def _write(figure: MatplotlibFigure, out: Path | io.StringIO, ending: str) -> None:
+def save(figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None) -> None:
+    """Write a drawn figure, and into the file what it says of itself; a stream takes SVG."""
     from matplotlib import style
 
+    ending = _ending_of(out) if isinstance(out, Path) else ".svg"
     # Dates and random ids would make every build differ from the last one.
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
+    told = {"Subject" if ending == ".pdf" else "Description": "\n".join((about or {}).values())}
     with style.context(_STYLE):
-        figure.savefig(out, format=ending[1:], metadata=undated)
+        figure.savefig(out, format=ending[1:], metadata=undated | told)
 
 
 def _figure_files(key: str) -> list[str]:
@@ -145,22 +146,21 @@ def _figure_files(key: str) -> list[str]:
     return [f"figures/{anchor(key)}{ending}" for ending in (*_ENDINGS, ".csv")]
 
 
-def vector_of(figure: MatplotlibFigure) -> str:
-    """Return a figure as SVG for a page."""
+def vector_of(figure: MatplotlibFigure, about: _About = None) -> str:
+    """Return a figure as SVG."""
     buffer = io.StringIO()
-    _write(figure, buffer, ".svg")
-    svg = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
+    save(figure, buffer, about)
+    svg = buffer.getvalue()
     return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
 def _vectors(picture: Picture, root: Path | None = None) -> Vectors:
     """Draw a picture for wide pages and narrow ones; write its files below the root of a book."""
     figure = _drawn(picture.paint)
-    shown = Vectors(vector_of(figure), vector_of(_drawn(picture.paint, narrow=True)))
+    wide = vector_of(figure, picture.about)
     if root is not None:
-        numbers = _data(figure) if picture.numbers is None else picture.numbers
-        _write_files(figure, picture.key, root, numbers, shown.wide)
-    return shown
+        _write_files(figure, picture, root, wide)
+    return Vectors(wide, vector_of(_drawn(picture.paint, narrow=True)))
 
 
 def _in_build(key: str) -> Vectors:
@@ -174,17 +174,17 @@ def write_figure(key: str, root: Path) -> None:
     once(f"figure-{anchor(key)}", Vectors, lambda: shown)
 
 
-def _write_files(
-    figure: MatplotlibFigure, key: str, root: Path, numbers: pd.DataFrame, svg: str
-) -> None:
+def _write_files(figure: MatplotlibFigure, picture: Picture, root: Path, svg: str) -> None:
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    for path in _figure_files(key):
+    numbers = _data(figure) if picture.numbers is None else picture.numbers
+    for path in _figure_files(picture.key):
         if path.endswith(".csv"):
-            numbers.to_csv(root / path, index=False)
+            text = export_frame(numbers, "csv", picture.about)
+            (root / path).write_text(text, encoding="utf-8")
         elif path.endswith(".svg"):
             (root / path).write_text(f"{_XML}{svg}", encoding="utf-8")
         else:
-            save(figure, root / path)
+            save(figure, root / path, picture.about)
             figure.set_layout_engine("none")  # what is laid out keeps its places
 
 
@@ -205,6 +205,7 @@ def _followed(svg: str, name: str, alternative: str) -> str:
     # What the style file paints in black is what should follow the page. Where black fills
     # something, matplotlib writes nothing, since SVG fills in black by itself: the root says
     # otherwise.
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"#000000\b", "currentColor", svg)
     # Short names, of what is named at all, and each its own in a page: points repeat them.
     mark = f"v{zlib.crc32(name.encode()):x}-"
@@ -285,7 +286,7 @@ class Figure(Changeable, Item):
     def save(self, path: str | Path) -> Path:
         """Write the figure; the ending chooses svg, pdf or png."""
         _ending_of(Path(path))  # before anything is drawn
-        save(self.drawn, Path(path))
+        save(self.drawn, Path(path), self.about)
         return Path(path)
 
     @cached_property
@@ -293,7 +294,7 @@ class Figure(Changeable, Item):
         """What it shows, and of a reader's own setting, what was changed."""
         if self.changes:
             remark = "a reader's own setting; what is marked as printed stays the print"
-            return f"{self.title}. {setting('With', self.changes, self.replaced, remark)}"
+            return f"{self.title}. {self._setting(remark)}"
         return self._filled(words(self.key).figure.caption)
 
     @cached_property
@@ -356,6 +357,9 @@ class Panels(Shown):
     def source(self) -> str:
         """The text of the functions that compute and draw the panels."""
         return "\n\n".join(one.source for one in self.panels)
+
+    def _setting(self) -> str:
+        return " ".join(one._setting() for one in self.panels).strip()
 
     @cached_property
     def data(self) -> pd.DataFrame:

@@ -127,6 +127,8 @@ def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Che
 def cite(address: str, form: str = "bibtex") -> str:
     """Return how to cite an item, a cell or a study and its paper: bibtex, ris, csl or text.
 
+    ``all`` is the whole.
+
     Examples
     --------
     >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])

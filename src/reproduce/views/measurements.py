@@ -60,7 +60,7 @@ class Remade(Display):
         """Return the numbers as csv, json, latex or markdown."""
         from reproduce.views.export import export_frame  # only now: it loads the ledger
 
-        return export_frame(self.frame().reset_index(), form)
+        return export_frame(self.frame().reset_index(), form, getattr(self, "about", None))
 
     def rerun(self, **changes: Any) -> Self:
         """Return the same of other arguments; those that are not named stay."""

@@ -33,6 +33,7 @@ from reproduce.inference import (
     sampling,
 )
 from reproduce.inference.models import MixtureRegistration, probability_false, with_priors
+from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import sized, thin
 from reproduce.store.points import is_table
@@ -41,7 +42,7 @@ from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.display import Blocks
-from reproduce.views.export import beside
+from reproduce.views.export import beside, export_frame, provenance
 from reproduce.views.figure import Picture, pictured
 from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
@@ -88,6 +89,7 @@ class Posterior(Remade):
         )
         if data_seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(f"data_seed: expected none, the data of {name} are not simulated here")
+        check_randomness(name, True, (), data_seed)
         for key, value in (("pivot", pivot), ("platform", platform)):
             if value is not None and data is None:
                 raise ValueError(f"{key}: expected data of your own beside it; ours have one")
@@ -116,6 +118,11 @@ class Posterior(Remade):
 
     def _named(self, *keys: str) -> dict[str, int]:
         return {key: self._given[key] for key in keys if self._given.get(key) is not None}
+
+    @property
+    def about(self) -> dict[str, str]:
+        """What its files say of it, and of its data."""
+        return provenance(self.cite("text"), f"data {self.told}; {self.changes or 'no change'}")
 
     @property
     def _in_book(self) -> bool:
@@ -305,7 +312,8 @@ class Posterior(Remade):
     ) -> Html:
         """Return a picture; one of the book has its downloads."""
         source = text_of(draw) if self._in_book else ""
-        return pictured(draw(self.sampled, *more), alternative, caption, source)
+        picture = draw(self.sampled, *more)._replace(about=self.about)
+        return pictured(picture, alternative, caption, source)
 
     def save(self, path: str | Path) -> Path:
         """Write the draws, in the units shown: ``.csv``, or ``.nc`` for ArviZ.
@@ -321,11 +329,11 @@ class Posterior(Remade):
         path = Path(path)
         self.check_file(path)
         if path.suffix == ".csv":
-            self.draws.to_csv(path, index=False)
+            path.write_text(export_frame(self.draws, "csv", self.about), encoding="utf-8")
             return path
         tree = self.sampled.to_datatree()
         facts = {"data": json.dumps(self.provenance), "versions": json.dumps(_versions())}
-        tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts}
+        tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts, **self.about}
         tree.to_netcdf(path)
         return path
 

@@ -11,7 +11,7 @@ from reproduce.judge.rerun import studies
 from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
-from reproduce.views.base import Changeable, setting, text_of
+from reproduce.views.base import Changeable, text_of
 from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
 from reproduce.views.computed import once
 from reproduce.views.export import bar, table_files
@@ -106,11 +106,7 @@ class StudyTable(Changeable):
         return frame.copy()
 
     def _caption(self) -> str:
-        caption = str(self.frame().attrs["caption"])
-        if not self.changes:
-            return caption
-        told = setting("With", self.changes, self.replaced, "a reader's own setting")
-        return f"{caption} {told}"
+        return f"{self.frame().attrs['caption']} {self._setting()}".rstrip()
 
     @property
     def grids(self) -> dict[str, Grid]:

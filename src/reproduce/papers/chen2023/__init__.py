@@ -6,7 +6,7 @@ def _made(*modules: tuple[str, str]) -> dict[str, str]:
     return {f"chen2023/{key}": module for module, keys in modules for key in keys.split()}
 
 
-# The modules that make and draw each item, in order of print; none for one that is only quoted.
+# The module that makes and draws each item, in order of print; none for one that is only quoted.
 ITEMS = _made(
     ("", "text-context"),
     ("positioning", "fig-1a"),

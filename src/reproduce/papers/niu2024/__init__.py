@@ -1,6 +1,6 @@
 """Niu, Wei and Li, Sensors 24, 259 (2024): registering the images of a 3CMOS star sensor."""
 
-# The modules that make and draw each item, in order of print; none for one that is only quoted.
+# The module that makes and draws each item, in order of print; none for one that is only quoted.
 ITEMS = {
     "niu2024/text-context": "",
     "niu2024/fig-1": "diagrams",
