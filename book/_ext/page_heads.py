@@ -138,7 +138,7 @@ def described_work(address: str, said: str, tie: str) -> dict[str, Any]:
         tie: [
             {
                 "@type": "ScholarlyArticle",
-                "@id": f"https://doi.org/{paper['DOI']}",
+                **({"@id": f"https://doi.org/{paper['DOI']}"} if "DOI" in paper else {}),
                 "name": paper["title"],
             }
             for paper in papers
