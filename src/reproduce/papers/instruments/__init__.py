@@ -6,10 +6,16 @@ STUDIES = {
     "instruments/models": "colours",
     "instruments/confusion": "colours",
     "instruments/lenses": "colours",
+    "instruments/lights": "chandra",
+    "instruments/laser-metrology": "chandra",
+    "instruments/averaging": "chandra",
+    "instruments/strategies": "chandra",
 }
 
 # The modules of our own drawings.
 DRAWINGS = {
     "instruments/drawing-strips": "colours",
     "instruments/drawing-lenses": "colours",
+    "instruments/drawing-lights": "chandra",
+    "instruments/drawing-strategies": "chandra",
 }
