@@ -65,6 +65,14 @@ THEIRS = {
         "name": "other-open",
         "title": "public, with the acknowledgement beside",
     },
+    "instruments/chandra/aimpoint.ecsv": {
+        "name": "BSD-2-Clause",
+        "path": "https://spdx.org/licenses/BSD-2-Clause",
+    },
+    "instruments/chandra/": {
+        "name": "BSD-3-Clause",
+        "path": "https://spdx.org/licenses/BSD-3-Clause",
+    },
     "instruments/lensfun/": {
         "name": "CC-BY-SA-3.0",
         "path": "https://spdx.org/licenses/CC-BY-SA-3.0",

@@ -26,7 +26,7 @@ from reproduce.physics.attitude import (
     scatter_of_averages,
     stability,
 )
-from reproduce.physics.ground import trend_and_fourier
+from reproduce.physics.ground import DAY, trend_and_fourier
 from reproduce.physics.images import centre_of_gravity, fitted_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -48,7 +48,7 @@ GAIN = 5.0
 _DIM = 16
 # By how much a pixel is changed to see how a centre answers, in electrons.
 _NUDGE = 20.0
-_HOUR = 3600.0
+_HOUR = DAY / 24
 _AXES = "XYZ"
 # Parts of the series that are left out in turn where an error is asked for.
 _PARTS = 10
@@ -273,9 +273,14 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
         yield f"star-{axis}", Fact(one, ".1f", "px")
     yield "leak", Fact(1e6 * float(np.abs(leak[:, :2]).max()) / pixel, ".0f")
     yield "leak-sigma", Fact(float(np.abs(leak / error)[:, :2].max()), ".1f")
+    yield "roll-leak", Fact(float(leak[1, 2]), ".2f", "arcsec")
+    yield "roll-leak-error", Fact(float(error[1, 2]), ".2f", "arcsec")
     worst = int(np.abs(bent.rate).argmax())
     yield "bent", Fact(abs(bent.rate[worst]) * hours, ".4f", "px")
     yield "bent-error", Fact(bent.rate_error[worst] * hours, ".4f", "px")
+    noise = _scatter(seen.spots).ravel()[worst]
+    yield "bent-noise", Fact(abs(bent.rate[worst]) * hours / noise, ".1f")
+    yield "pixel", Fact(pixel, ".3f", "arcsec")
     yield "bent-angle", Fact(abs(bent.rate[worst]) * hours * pixel, ".3f", "arcsec")
     warmth = np.ptp(windows(LIGHTS[0]).temperatures)
     yield "warmth", Fact(float(warmth), ".1f", "K")

@@ -229,6 +229,10 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     series : array_like, shape (frames, k)
         16 frames or more.
 
+    Returns
+    -------
+    Stability
+
     Raises
     ------
     ValueError
