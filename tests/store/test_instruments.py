@@ -10,7 +10,7 @@ from astropy.table import Table
 from astropy.time import Time
 
 from reproduce.locate import data_folder
-from reproduce.store.instruments import aimpoints, drift_model, lenses, mosaic, windows
+from reproduce.store.instruments import aimpoints, drift_model, lenses, mosaic, star_images, windows
 
 FOLDER = data_folder() / "instruments"
 FILES = [("2mass", f"2MASS_{band}.fits") for band in "jhk"] + [("lensfun", "tca.csv")]
@@ -91,3 +91,14 @@ def test_observations_are_those_that_astropy_reads():
     lengths = np.hypot(found["left y"], found["left z"])
     # All three lengths are rounded to 0.01.
     np.testing.assert_allclose(sorted(lengths), sorted(raw["dr"]), atol=0.0125)
+
+
+def test_stars_lie_where_their_images_show_them():
+    images, places = star_images()
+    y, x = np.mgrid[:8, :8]
+    light = images.sum(axis=(-2, -1))
+    np.testing.assert_allclose(light, 1, atol=0.02)
+    down, along = ((images * one).sum(axis=(-2, -1)) / light for one in (y, x))
+    np.testing.assert_allclose(np.diff(down.mean(axis=1)) / np.diff(places), 1, atol=0.3)
+    np.testing.assert_allclose(np.diff(along.mean(axis=0)) / np.diff(places), 1, atol=0.3)
+    assert np.abs(np.diff(down, axis=1)).max() < 0.05

@@ -64,11 +64,10 @@ class Windows:
     times: NDArray[np.float64]  # (n,), in s
     corners: NDArray[np.float64]  # (n, 2), column and row of the first pixel
     images: NDArray[np.float64]  # (n, height, width), in DN, rows from the first upwards
-    temperatures: NDArray[np.float64]  # (n,), of the detector, in K
 
 
-# What the windows do when they track, and the frames at their end in which they stop.
-_TRACKING, _LAST = 1, 5
+# What the windows do when they track, and the frames at their end when the spacecraft turns away.
+_TRACKING, _LAST = 1, 12
 
 
 @cache
@@ -85,11 +84,26 @@ def windows(slot: int) -> Windows:
     table = _fits("chandra", f"acaf686111014N001_{slot}_img0.fits.gz")
     table = table[table["IMGFUNC1"] == _TRACKING][:-_LAST]
     corners = np.stack([table["IMGCOL0"], table["IMGROW0"]], axis=-1)
-    columns = (table["TIME"], corners, table["IMGRAW"], table["TEMPCCD"])
+    columns = (table["TIME"], corners, table["IMGRAW"])
     found = Windows(*(np.array(one, dtype=np.float64) for one in columns))
     for one in vars(found).values():
         one.flags.writeable = False
     return found
+
+
+def star_images() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return images of a star in Chandra's tracker, by place in the pixel, and the places.
+
+    Shape (12, 12, 8, 8), unit light: down the first axis the row of the star grows, along the
+    second its column; places, (12,), in px, of either.
+    """
+    import pandas as pd
+
+    table = pd.read_csv(data_folder() / "instruments" / "chandra" / "aca_psf_lib.dat", sep=" ")
+    table = table.sort_values(["row_bin_idx", "col_bin_idx"])
+    images = table.iloc[:, 6:].to_numpy().reshape(12, 12, 8, 8)
+    edges = table["row_bin_left_edge"].to_numpy() + table["row_bin_right_edge"].to_numpy()
+    return images, edges[::12] / 2
 
 
 def tracker() -> dict[str, Any]:

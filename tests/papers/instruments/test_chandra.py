@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from astropy.table import Table
 from photutils.psf import GaussianPRF, PSFPhotometry
+from scipy.ndimage import center_of_mass
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers.instruments import chandra
-from reproduce.physics.images import centre_of_gravity
+from reproduce.physics.images import centre_of_gravity, spot_windows
 from reproduce.store.instruments import windows
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -39,6 +40,14 @@ def test_lights_move_as_photutils_sees_them(slot):
     assert np.abs(moved).max() > 0.02
     # Weights differ, and the spot is no Gaussian: a fifth of the drift at most.
     np.testing.assert_allclose(moved, expected, atol=0.005)
+
+
+@pytest.mark.parametrize("slot", chandra.LIGHTS)
+def test_centres_of_gravity_are_those_of_scipy(slot):
+    seen = windows(slot)
+    light = seen.images[::200] - np.sort(seen.images.mean(axis=0), axis=None)[:16].mean()
+    expected = np.array([center_of_mass(one)[::-1] for one in light]) + seen.corners[0]
+    np.testing.assert_allclose(chandra.lights().moments[::200, slot], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("slot", chandra.LIGHTS)
@@ -104,12 +113,15 @@ def test_a_leak_of_the_dither_would_be_found():
 
 
 def test_rows_and_columns_are_those_of_the_window():
-    """Where the window of the star jumps, the star goes on smoothly; the last frames are a slew."""
+    """Where the window of the star jumps, the star goes on smoothly."""
     star, lights = windows(chandra.STAR), windows(chandra.LIGHTS[0])
-    steady = star.times < lights.times[-1] - 60
+    steady = star.times <= lights.times[-1]
     jumped = np.abs(np.diff(star.corners[steady], axis=0)) == 1
     places = np.diff(centre_of_gravity(star.images, star.corners)[steady], axis=0)
     assert jumped.any(axis=0).all()
+    # The window follows to a pixel.
+    corners = np.ptp(star.corners[steady], axis=0)
+    assert (np.abs(np.ptp(chandra.dither(), axis=0) - corners) < 1).all()
     # Background pulls a centre towards the middle, by less than half of a jump.
     assert (np.abs(places[jumped]) < 0.5).mean() > 0.95
 
@@ -139,3 +151,16 @@ def test_a_trend_and_a_temperature_are_foretold(monkeypatch):
     found = chandra.strategies.__wrapped__()
     np.testing.assert_allclose(found["trend and temperature"], found["measured"], atol=1e-8)
     assert np.abs(found["a straight trend"] - found["measured"]).max() > 1
+
+
+@pytest.mark.parametrize("radius", [0.7, 0.9])
+def test_a_true_gaussian_is_answered_faithfully(monkeypatch, radius):
+    """Of another radius than the fit takes, it is not."""
+    places = np.arange(-0.55, 0.6, 0.1)
+    down, along = np.meshgrid(places, places, indexing="ij")
+    images = spot_windows(3.5 + np.stack([along, down], axis=-1), 1.0, 0.7, (0, 0), 8)
+    monkeypatch.setattr(chandra, "star_images", lambda: (images, places))
+    low, high = chandra.answers.__wrapped__(radius)
+    assert (high - low < 1e-3) == (radius == 0.7)
+    assert low < 1.001
+    assert high > 0.999

@@ -30,7 +30,14 @@ from reproduce.physics.ground import DAY, trend_and_fourier
 from reproduce.physics.images import centre_of_gravity, fitted_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.store.instruments import Windows, aimpoints, drift_model, tracker, windows
+from reproduce.store.instruments import (
+    Windows,
+    aimpoints,
+    drift_model,
+    star_images,
+    tracker,
+    windows,
+)
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
@@ -46,6 +53,8 @@ RADIUS = 0.7
 GAIN = 5.0
 # The dimmest pixels of a window tell its background.
 _DIM = 16
+# Half a pixel, and the light of a star as bright as the lights, in electrons.
+_HALF, _STAR_LIGHT = 0.5, 2e5
 # By how much a pixel is changed to see how a centre answers, in electrons.
 _NUDGE = 20.0
 _HOUR = DAY / 24
@@ -175,6 +184,23 @@ def lights(radius: float = RADIUS) -> Lights:
 
 
 @cache
+def answers(radius: float = RADIUS) -> tuple[float, float]:
+    """Return by how much a fitted centre answers to a motion of a star within a pixel.
+
+    The least and the most, from one tenth of a pixel to the next; one is a faithful answer.
+    """
+    images, places = star_images()
+    known, inner = transfer(), np.abs(places) < _HALF
+    light = images[inner][:, inner] * _STAR_LIGHT
+    found = fitted_centre(light, (0.0, 0.0), radius, known.noise * known.gain)
+    steps = np.diff(places[inner])
+    down = np.diff(found[..., 1], axis=0).mean(axis=1) / steps
+    along = np.diff(found[..., 0], axis=1).mean(axis=0) / steps
+    both = np.concatenate([down, along])
+    return float(both.min()), float(both.max())
+
+
+@cache
 def dither() -> FloatArray:
     """Return where the star is at the time of each frame of the lights, (frames, 2), in px."""
     star, times = windows(STAR), windows(LIGHTS[0]).times
@@ -278,12 +304,14 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
     worst = int(np.abs(bent.rate).argmax())
     yield "bent", Fact(abs(bent.rate[worst]) * hours, ".4f", "px")
     yield "bent-error", Fact(bent.rate_error[worst] * hours, ".4f", "px")
-    noise = _scatter(seen.spots).ravel()[worst]
-    yield "bent-noise", Fact(abs(bent.rate[worst]) * hours / noise, ".1f")
+    low, high = answers()
+    moved = float(np.abs(stability(seen.hours, seen.spots.reshape(-1, 6)).rate).max() * hours)
+    yield "answer-low", Fact(low, ".2f")
+    yield "answer-high", Fact(high, ".2f")
+    yield "moved", Fact(moved, ".3f", "px")
+    yield "bent-made", Fact((high - low) * moved, ".3f", "px")
     yield "pixel", Fact(pixel, ".3f", "arcsec")
     yield "bent-angle", Fact(abs(bent.rate[worst]) * hours * pixel, ".3f", "arcsec")
-    warmth = np.ptp(windows(LIGHTS[0]).temperatures)
-    yield "warmth", Fact(float(warmth), ".1f", "K")
 
 
 @studied("instruments/laser-metrology", named=lambda: dict(_turn_facts()))
