@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
@@ -200,12 +199,10 @@ def build(
         raise KeyError(f"unknown key {sorted(unknown)}; expected some of {list(items)}")
     wanted = [key for key in items if key in asked]
     found: list[Ledger] = []
-    # NumPy lets go of the interpreter while it draws, which is most of the work.
-    with ThreadPoolExecutor() as threads:
-        for done, one in enumerate(threads.map(_judged, wanted), start=1):
-            found.append(one)
-            if progress is not None:
-                progress(done, len(wanted))
+    for done, key in enumerate(wanted, start=1):
+        found.append(_judged(key))
+        if progress is not None:
+            progress(done, len(wanted))
     return Ledger(
         records=tuple(record for one in found for record in one.records),
         tables=tuple(table for one in found for table in one.tables),

@@ -356,8 +356,6 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     ]
     kind = "that suppose something" if supposed else "by consequence"
     table = _grid(f"The {len(rows)} errata {kind}.", _ERRATUM, rows)
-    # Judged at once they share the cores; `_verdicts` looks them up.
-    item_ledger(*sorted({cell.partition("#")[0] for row in rows for cell in row["results"]}))
     return _Part((table, *(_erratum(e, by_paper[e.paper]) for e in chosen)), rows)
 
 
