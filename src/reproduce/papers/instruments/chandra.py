@@ -23,6 +23,7 @@ from reproduce.physics.attitude import (
     Platform,
     Stability,
     allan_deviation,
+    moving_average,
     scatter_of_averages,
     stability,
 )
@@ -59,6 +60,8 @@ _HALF, _STAR_LIGHT = 0.5, 2e5
 _NUDGE = 20.0
 _HOUR = DAY / 24
 _AXES = "XYZ"
+# Frames that are shown as one.
+_TOGETHER = 16
 # Parts of the series that are left out in turn where an error is asked for.
 _PARTS = 10
 _SHARE = 0.95
@@ -241,12 +244,14 @@ def _light_facts() -> Iterator[tuple[str, Fact]]:
     yield "gain-low", Fact(known.ends[0], ".1f")
     yield "gain-high", Fact(known.ends[1], ".1f")
     yield "gain-said", Fact(GAIN, "g")
+    yield "share", Fact(100 * _SHARE, ".0f", "%")
     yield "noise", Fact(known.noise, ".1f")
-    for kind, variance in _KINDS.items():
-        ratio = scatter / np.sqrt(seen.foretold(variance))
+    for kind in ("measured", "said"):
+        ratio = scatter / np.sqrt(seen.foretold(_KINDS[kind]))
         yield f"{kind}-low", Fact(float(ratio.min()), ".2f")
-        yield kind, Fact(float(np.sqrt((ratio**2).mean())), ".2f")
         yield f"{kind}-high", Fact(float(ratio.max()), ".2f")
+        if kind == "measured":
+            yield kind, Fact(float(np.sqrt((ratio**2).mean())), ".2f")
     yield "gravity", Fact(float(np.sqrt((_scatter(seen.moments) ** 2 / scatter**2).mean())), ".1f")
     steps = np.diff(seen.spots, axis=0).reshape(len(seen.spots) - 1, -1)
     shared = np.abs(np.corrcoef(steps.T))
@@ -270,37 +275,36 @@ def _of_lights(radius: float = RADIUS) -> pd.DataFrame:
     return _of_lights.frame(rows, radius=radius, said=GAIN)
 
 
-def _swing() -> FloatArray:
-    """Return how far the star moves along columns and rows, in px: nine tenths of the time."""
-    low, high = np.quantile(dither(), (0.05, 0.95), axis=0)
-    return np.asarray(high - low)
-
-
 def _turn_facts() -> Iterator[tuple[str, Fact]]:
     seen = lights()
-    steady, bent = seen.steady, seen.bent
+    steady = seen.steady
     floor = steady.floor_interval(_SHARE)
     hours = float(seen.hours[-1])
     leak, error = leaks(steady.left, dither())
     pixel = ARCSEC_PER_RADIAN / seen.platform.pixels
+    yield "rate-x", Fact(steady.rate[0], ".3f", "arcsec")
+    yield "rate-x-error", Fact(steady.rate_error[0], ".3f", "arcsec")
+    yield "drift-y", Fact(abs(steady.rate[1]) * hours, ".2f", "arcsec")
+    response = np.sqrt(np.diag(seen.covariance(np.ones((3, 2)))))
     for at, axis in enumerate("xyz"):
         yield f"scatter-{axis}", Fact(_scatter(seen.angles)[at], ".4f", "arcsec")
-        yield f"rate-{axis}", Fact(steady.rate[at], ".3f", "arcsec")
-        yield f"rate-{axis}-error", Fact(steady.rate_error[at], ".3f", "arcsec")
-        yield f"drift-{axis}", Fact(abs(steady.rate[at]) * hours, ".2f", "arcsec")
-        yield f"floor-{axis}", Fact(steady.floor[at], ".4f", "arcsec")
-        yield f"floor-{axis}-low", Fact(floor[0, at], ".4f", "arcsec")
-        yield f"floor-{axis}-high", Fact(floor[1, at], ".4f", "arcsec")
-        yield f"reached-{axis}", Fact(int(steady.reached[at]), "d")
-    for at, axis in enumerate("xyz"):
-        response = float(np.sqrt(seen.covariance(np.ones((3, 2)))[at, at]))
-        yield f"response-{axis}", Fact(response, ".3g", "arcsec")
-    for axis, one in zip(("column", "row"), _swing(), strict=True):
-        yield f"star-{axis}", Fact(one, ".1f", "px")
+        yield f"response-{axis}", Fact(response[at], ".3g", "arcsec")
+        for end, one in (("", steady.floor), ("-low", floor[0]), ("-high", floor[1])):
+            yield f"floor-{axis}{end}", Fact(one[at], ".4f", "arcsec")
+    low, high = np.quantile(dither(), (0.05, 0.95), axis=0)
+    yield "star-column", Fact(high[0] - low[0], ".1f", "px")
+    yield "star-row", Fact(high[1] - low[1], ".1f", "px")
     yield "leak", Fact(1e6 * float(np.abs(leak[:, :2]).max()) / pixel, ".0f")
     yield "leak-sigma", Fact(float(np.abs(leak / error)[:, :2].max()), ".1f")
     yield "roll-leak", Fact(float(leak[1, 2]), ".2f", "arcsec")
     yield "roll-leak-error", Fact(float(error[1, 2]), ".2f", "arcsec")
+    yield "together", Fact(_TOGETHER, "d")
+    yield "pixel", Fact(pixel, ".3f", "arcsec")
+    yield from _rigid_facts(hours, pixel)
+
+
+def _rigid_facts(hours: float, pixel: float) -> Iterator[tuple[str, Fact]]:
+    seen, bent = lights(), lights().bent
     worst = int(np.abs(bent.rate).argmax())
     yield "bent", Fact(abs(bent.rate[worst]) * hours, ".4f", "px")
     yield "bent-error", Fact(bent.rate_error[worst] * hours, ".4f", "px")
@@ -310,7 +314,6 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
     yield "answer-high", Fact(high, ".2f")
     yield "moved", Fact(moved, ".3f", "px")
     yield "bent-made", Fact((high - low) * moved, ".3f", "px")
-    yield "pixel", Fact(pixel, ".3f", "arcsec")
     yield "bent-angle", Fact(abs(bent.rate[worst]) * hours * pixel, ".3f", "arcsec")
 
 
@@ -378,7 +381,7 @@ def _gain_facts(door: Given) -> Iterator[tuple[str, Fact]]:
         yield f"printed-{axis}", Fact(value, ".2f")
     for name, one in found.items():
         yield name, Fact(float(one[-1]), ".2f")
-        yield f"{name}-16", Fact(float(one[list(counts).index(16)]), ".2f")
+    yield "next-16", Fact(float(found["next"][list(counts).index(16)]), ".2f")
     seen = lights()
     seconds = float(seen.hours[1]) * _HOUR
     yield "most", Fact(int(counts[-1]), "d")
@@ -404,6 +407,8 @@ def _averaging(door: Given) -> pd.DataFrame:
 # The years that are foretold, each from all before it.
 _TESTED = (2022, 2023, 2024, 2025)
 _FIRST = 2019
+# The first jump that the pointing did not know yet, of October.
+_JUMP = 2022.8
 _ONCE, _TREND = "one calibration, in the first year", "a straight trend"
 _FLOWN = "the flight model as it was then"
 
@@ -468,12 +473,14 @@ def _strategy_facts() -> Iterator[tuple[str, Fact]]:
     yield "coldest", Fact(float(seen["temperature"].min()), ".0f", "°C")
     yield "warmest", Fact(float(seen["temperature"].max()), ".0f", "°C")
     yield "worst", Fact(float(left.max()), ".1f", "arcsec")
-    yield "flown-before", Fact(float(np.sqrt(np.mean(left[years < 2022.8] ** 2))), ".1f", "arcsec")
-    yield "flown-after", Fact(float(np.sqrt(np.mean(left[years > 2022.8] ** 2))), ".1f", "arcsec")
+    late = years > _JUMP
+    yield "flown-before", Fact(float(np.sqrt(np.mean(left[~late] ** 2))), ".1f", "arcsec")
+    yield "flown-after", Fact(float(np.sqrt(np.mean(left[late] ** 2))), ".1f", "arcsec")
     for name, off in zip(_SHORT, _missed().values(), strict=True):
         lengths = np.linalg.norm(off, axis=1)
         yield name, Fact(float(np.sqrt(np.mean(lengths**2))), ".1f", "arcsec")
-        yield f"{name}-median", Fact(float(np.median(lengths)), ".1f", "arcsec")
+        if name == "temperature":
+            yield f"{name}-median", Fact(float(np.median(lengths)), ".1f", "arcsec")
 
 
 # Names of the strategies in sentences, in their order.
@@ -501,9 +508,10 @@ def _draw_lights(figure: Figure) -> None:
     counts = seen.steady.counts
     raw = allan_deviation(seen.angles[:, :2], counts.tolist(), axis=0)
     for at, ink, mark in ((0, _BLUE, "o"), (1, _ORANGE, "s")):
-        means = seen.angles[: len(seen.angles) // 16 * 16, at].reshape(-1, 16).mean(axis=1)
-        minutes = 60 * seen.hours[8 : 8 + 16 * len(means) : 16]
-        series.plot(minutes, means, mark, color=ink, markersize=2, label=f"about {_AXES[at]}")
+        means, hours = (
+            moving_average(one, _TOGETHER)[::_TOGETHER] for one in (seen.angles[:, at], seen.hours)
+        )
+        series.plot(60 * hours, means, mark, color=ink, markersize=2, label=f"about {_AXES[at]}")
         falls.plot(counts, raw[:, at], mark, color=ink, markersize=4, fillstyle="none",
                    linestyle="-", linewidth=0.6)  # fmt: skip
         falls.plot(counts, seen.steady.deviations[:, at], mark, color=ink, markersize=4)
@@ -532,6 +540,6 @@ def _draw_strategies(figure: Figure) -> None:
         for strategy, ink, mark in looks:
             axes.plot(tested, found[strategy][:, at], mark, color=ink, markersize=5,
                       fillstyle="none", label=strategy)  # fmt: skip
-        axes.set(xlabel="year", ylabel=f"drift along {name} (arcsec)")
+        axes.set(xlabel="time (year)", ylabel=f"drift along {name} (arcsec)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center",
                   ncols=1 if narrow else 2)  # fmt: skip
