@@ -49,8 +49,34 @@ MESSAGE = (
 )
 # The columns of the tables among the data.
 COLUMNS = {
+    "instruments/lensfun/tca.csv": {
+        **dict.fromkeys(("file", "maker", "lens"), "string"),
+        "crop": "number",
+        "model": "string",
+        **dict.fromkeys(("focal", "vr", "vb", "cr", "cb", "br", "bb"), "number"),
+    },
     "printed/second-entry.csv": {"address": "string", "value": "string"},
     "stars/spectra.csv": {"wavelength_nm": "integer", "vega": "number", "sun": "number"},
+}
+
+# Licences of the measurements of others, by folder.
+THEIRS = {
+    "instruments/2mass/": {
+        "name": "other-open",
+        "title": "public, with the acknowledgement beside",
+    },
+    "instruments/chandra/aimpoint.ecsv": {
+        "name": "BSD-2-Clause",
+        "path": "https://spdx.org/licenses/BSD-2-Clause",
+    },
+    "instruments/chandra/": {
+        "name": "BSD-3-Clause",
+        "path": "https://spdx.org/licenses/BSD-3-Clause",
+    },
+    "instruments/lensfun/": {
+        "name": "CC-BY-SA-3.0",
+        "path": "https://spdx.org/licenses/CC-BY-SA-3.0",
+    },
 }
 
 
@@ -138,11 +164,13 @@ def datapackage() -> str:
 
 def _resource(name: str, told: dict[str, str]) -> dict[str, Any]:
     what = told[max((start for start in told if name.startswith(start)), key=len)]
-    found = {"name": re.sub(r"\W+", "-", name.lower()), "path": name}
+    found: dict[str, Any] = {"name": re.sub(r"\W+", "-", name.lower()), "path": name}
     found |= {
         "description": what.replace("`", ""),
         "format": Path(name).name.partition(".")[2] or "text",
     }
+    if theirs := [licence for folder, licence in THEIRS.items() if name.startswith(folder)]:
+        found["licenses"] = theirs
     if not name.endswith(".csv"):
         return found
     fields = [{"name": column, "type": kind} for column, kind in COLUMNS[name].items()]

@@ -655,3 +655,81 @@ def test_a_terminal_sees_no_mark_of_a_page(columns, monkeypatch):
         console = Console(file=stream, width=columns)
         terminal._write(rp.table(key).blocks(), console)
         assert not re.search(r"</?(a|code|small|br|span)\b", stream.getvalue())
+
+
+def drifting_pair(frames):
+    """Two lights that turn evenly about X and Y, in arcsec in a unit of time, some spots lost."""
+    design = rp.Platform.of_spots([[120, 30], [-90, 160]], 0.05, 5e-6, (0, 0))
+    generator, times = np.random.default_rng(6), 10 + 0.5 * np.arange(frames)
+    turns = (times[:, None] * [4.0, -6.0, 0.0] / ARCSEC_PER_RADIAN)[None]
+    now = design.predicted(np.zeros((1, 3)), turns)[0]
+    zero = np.repeat(design.spots[None], 10, axis=0)
+    zero, now = (one + generator.normal(0, 0.02, one.shape) for one in (zero, now))
+    now[3, 0] = now[8] = np.nan
+    return design, zero, now, times
+
+
+def test_images_with_times_tell_drift_and_what_averages_reach(tmp_path):
+    design, zero, now, times = drifting_pair(64)
+    (tmp_path / "platform.toml").write_text(
+        "spots = [[120, 30], [-90, 160]]\ntracker_focal_length = 0.05\n"
+        "pixel_pitch = 5e-6\nprincipal_point = [0, 0]\n"
+    )
+    rows = [
+        (group, laser + 1, *image[laser], time)
+        for group, images, when in ((0, zero, np.arange(10)), (1, now, times))
+        for image, time in zip(images, when, strict=True)
+        for laser in (1, 0)
+        if np.isfinite(image[laser]).all()
+    ]
+    np.random.default_rng(0).shuffle(rows)
+    path = tmp_path / "spots.csv"
+    np.savetxt(path, rows, delimiter=",", header="group,laser,x,y,time", comments="", fmt="%.17g")
+    found = rp.misalignment(now, zero, design, times)
+    read = rp.misalignment(path, platform=tmp_path / "platform.toml")
+    # A line without any spot is no image of a file.
+    seen = np.isfinite(now).all(axis=-1).any(axis=1)
+    np.testing.assert_array_equal(read.times, times[seen])
+    np.testing.assert_allclose(read.angles, found.angles[seen], atol=1e-12)
+    series = found.over_time()
+    pd.testing.assert_frame_equal(series, read.over_time())
+    off = (series["drift (arcsec)"] - [4.0, -6.0, 0.0]) / series["its error (arcsec)"]
+    assert (off.abs() < 4).all()
+    assert (series["its error (arcsec)"][:2] < 0.2).all()
+    command = ["misalignment", str(path), "--platform", str(tmp_path / "platform.toml")]
+    record = json.loads(CliRunner().invoke(main, [*command, "--json"]).stdout)
+    assert record["over_time"] == read.record()["over_time"]
+    assert [one["drift (arcsec)"] for one in record["over_time"]] == series.iloc[:, 0].tolist()
+    assert "drift in a unit of time" in CliRunner().invoke(main, command).stdout
+    assert found.images()["time"].tolist() == times.tolist()
+
+
+def test_without_times_or_with_few_images_no_drift_is_told():
+    design, zero, now, times = drifting_pair(15)
+    for found, said in (
+        (rp.misalignment(now, zero, design), False),
+        (rp.misalignment(now, zero, design, times), True),
+    ):
+        assert found.over_time().empty
+        assert any("13 images tell an angle" in one for one in found.remarks) == said
+        assert found.record()["over_time"] == []
+    with pytest.raises(ValueError, match="times: expected 15 finite numbers"):
+        rp.misalignment(now, zero, design, times[:-1])
+    twice = np.concatenate([now, now]), zero, design, np.tile(times, 2)
+    with pytest.raises(ValueError, match="later than the one before"):
+        rp.misalignment(*twice)
+
+
+def test_angles_of_an_image_have_a_covariance():
+    """That of draws: a light that is lost, and the roll that two near lights tell badly."""
+    design = rp.Platform.of_spots([[120, 30], [-90, 160], [10, -140]], 0.05, 5e-6, (0, 0))
+    draws = np.random.default_rng(3).normal(0, 0.02, (4400, 3, 2))
+    zero, images = np.split(design.spots + draws, [400])
+    images[2000:, 2] = np.nan
+    found = rp.misalignment(images, zero, design)
+    covariance, angles = found.covariance(), found.images().to_numpy()
+    for rows in (slice(2000), slice(2000, None)):
+        expected = covariance[rows].mean(axis=0)
+        spread = np.outer(*2 * [np.sqrt(np.diag(expected))])
+        # Four standard errors of variances and correlations of 2000.
+        np.testing.assert_allclose(np.cov(angles[rows].T) / spread, expected / spread, atol=0.13)

@@ -72,7 +72,7 @@ def drawings() -> Declared[Drawing]:
 
 def _modules(kind: str) -> dict[str, str]:
     found = {}
-    for paper in papers():
+    for paper in (*papers(), "instruments"):
         package = f"{__package__}.{paper}"
         for key, name in getattr(importlib.import_module(package), kind, {}).items():
             found[key] = f"{package}.{name}" if name else ""

@@ -8,7 +8,8 @@ zero as Python does.
 
 Spots of lights are images in which a lost spot is NaN. In a table a row is a spot, in px: ``group``
 (0 at the zero point, 1 at the present), ``laser`` (from 1), ``x``, ``y``, and ``frame`` (or
-``image``), any number that the spots of an image share. Without it every image must be whole.
+``image``, or ``time``), any number that the spots of an image share. Without it every image must be
+whole.
 """
 
 from __future__ import annotations
@@ -461,22 +462,27 @@ def _number(column: str, entry: str, decimal: str) -> float:
 
 
 SPOTS = ("group", "laser", "x", "y")
-IMAGES = ("frame", "image")
+TIME = "time"
+IMAGES = ("frame", "image", TIME)
 # What arrays of both groups are called.
 _GROUPS = ("zero", "spots")
 
 Images = tuple[FloatArray, FloatArray]
 
 
-def read_images(spots: Any, zero: Any, count: int) -> tuple[Images, list[str]]:
-    """Return the images at the zero point and at the present, and what a user should hear of it.
+def read_images(
+    spots: Any, zero: Any, count: int, times: Any = None
+) -> tuple[Images, FloatArray | None, list[str]]:
+    """Return the images of both groups, times of those at the present, and what to say of it.
 
     Shape (frames, lights, 2), in px, of so many lights; spots may be a table of both groups.
     """
     if is_table(spots) and zero is None:
+        if times is not None:
+            raise ValueError(f"times: expected none beside a table; give it a column {TIME}")
         table = read_table(spots, SPOTS, IMAGES)
         pair, notes = images_of(table, count)
-        return pair, [*table.notes, *notes]
+        return pair, _times(table, len(pair[1])), [*table.notes, *notes]
     if isinstance(spots, str | Path):
         raise ValueError("zero: expected nothing beside a file, which holds both groups")
     if zero is None:
@@ -486,7 +492,21 @@ def read_images(spots: Any, zero: Any, count: int) -> tuple[Images, list[str]]:
         _lost(name, np.where(mask, np.nan, one), count)
         for name, (one, mask) in zip(_GROUPS, arrays, strict=True)
     )
-    return (before, now), _notes((before, now))
+    when = None if times is None else np.asarray(times, dtype=np.float64)
+    if when is not None and (when.shape != (len(now),) or not np.isfinite(when).all()):
+        raise ValueError(f"times: expected {len(now)} finite numbers, one for each image")
+    return (before, now), when, _notes((before, now))
+
+
+def _times(table: Table, count: int) -> FloatArray | None:
+    """Return the mean time of the spots of each image at the present, where a table tells it."""
+    if TIME not in table.optional:
+        return None
+    rows = table.column("group") == 1
+    named = next(one for one in IMAGES if one in table.optional)
+    image = np.unique(table.optional[named][rows], return_inverse=True)[1].reshape(-1)
+    sums = np.bincount(image, table.optional[TIME][rows], count)
+    return np.asarray(sums / np.bincount(image, minlength=count))
 
 
 def _lost(name: str, images: FloatArray, count: int) -> FloatArray:

@@ -265,7 +265,8 @@ def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
     FILE is a CSV, or - for standard input: one spot per line, in px, with the columns group (0 at
     the zero point, 1 at the present), laser (from 1, in the order of the platform), x, y, in any
     order and case. A column frame, a number that the spots of an image share, is needed where some
-    are lost; mask drops a line where it is 1. A platform is a TOML of the arguments of Platform.
+    are lost; with a column time there are drift and averages; mask drops a line where it is 1. A
+    platform is a TOML of the arguments of Platform.
     """
     found = front.misalignment(file, platform=platform)
     _show(as_json, found.record, found.print)

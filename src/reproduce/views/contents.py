@@ -51,7 +51,7 @@ class Contents(Display):
     def __init__(self, paper: str | None = None) -> None:
         self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
         self.keys, self.own = (
-            [key for key in found if key.partition("/")[0] in self.papers]
+            [key for key in found if paper is None or key.partition("/")[0] in self.papers]
             for found in (catalogue(), studies())
         )
 

@@ -318,6 +318,7 @@ def misalignment(
     spots: str | Path | pd.DataFrame | ArrayLike,
     zero: ArrayLike | None = None,
     platform: Platform | str | Path | None = None,
+    times: ArrayLike | None = None,
 ) -> Monitored:
     """Return how far a user's own camera has turned since the zero point, from spots of its lights.
 
@@ -330,13 +331,16 @@ def misalignment(
         Images at the present, in px; or both groups as a DataFrame or a CSV file ("-" is standard
         input), one spot per row, with the columns ``group`` (0 at the zero point, 1 at the
         present), ``laser``, ``x``, ``y``, and if wanted ``frame`` (a number that the spots of an
-        image share; without it no spot may be lost) and ``mask`` (1 drops a row). A spot that is
-        NaN or masked in an array is lost; its image counts less.
+        image share; without it no spot may be lost), ``time`` and ``mask`` (1 drops a row). A spot
+        that is NaN or masked in an array is lost; its image counts less.
     zero : array_like, shape (frames, lights, 2), optional
         Images at the zero point, where `spots` is an array.
     platform : Platform or path, optional
         The lights and the tracker, or a TOML file of the arguments that make one; chen2023's ground
         platform as designed by default.
+    times : array_like, shape (frames,), optional
+        Of the images at the present, in any unit, where `spots` is an array. With times there are
+        ``over_time()``, drift and averages, and ``stability``, the numbers behind it.
 
     Returns
     -------
@@ -351,4 +355,4 @@ def misalignment(
     """
     from reproduce.views.measurements import Monitored
 
-    return Monitored(spots, zero, platform)
+    return Monitored(spots, zero, platform, times)

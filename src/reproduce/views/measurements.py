@@ -40,7 +40,7 @@ from reproduce.views.numbers import between, moments
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reproduce.physics.attitude import Platform
+    from reproduce.physics.attitude import Platform, Stability
 
 FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
@@ -263,6 +263,7 @@ class Monitored(_Measured):
         spots: str | Path | ArrayLike,
         zero: ArrayLike | None = None,
         platform: Platform | str | Path | None = None,
+        times: ArrayLike | None = None,
     ) -> None:
         # Only now: a user's own stars need no attitude and no paper.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
@@ -270,12 +271,12 @@ class Monitored(_Measured):
         from reproduce.printed.given import given
 
         self._function = monitored
-        self._given = {"spots": spots, "zero": zero, "platform": platform}
+        self._given = {"spots": spots, "zero": zero, "platform": platform, "times": times}
         self.reads = INSTRUMENT if platform is None else ()
         self.platform = (
             as_designed(given(INSTRUMENT)) if platform is None else platform_of(platform)
         )
-        images, notes = read_images(spots, zero, len(self.platform.lasers))
+        images, self.times, notes = read_images(spots, zero, len(self.platform.lasers), times)
         chosen, images, lights = diagnosis.seen(self.platform, images)
         self.findings = diagnosis.diagnose(chosen, images, numbers=lights)
         diagnosis.refuse(
@@ -284,18 +285,77 @@ class Monitored(_Measured):
         self.found = monitored(*images, chosen)
         self.angles = self.found.angles
         self.remarks = [*(one.text for one in self.findings), *notes]
+        self.stability = self._over_time()
         self._facts = {"images": len(self.angles)}
         self.title = f"misalignment in {len(self.angles)} images since the zero point"
+
+    def _over_time(self) -> Stability | None:
+        """Return drift and averages of the images in the order of their times, where there are."""
+        from reproduce.physics.attitude import FEWEST, stability
+
+        if self.times is None:
+            return None
+        order = np.argsort(self.times, kind="stable")
+        told = order[np.isfinite(self.angles[order]).all(axis=1)]
+        if len(told) < FEWEST:
+            self.remarks.append(
+                f"{len(told)} images tell an angle: drift and averages need {FEWEST}"
+            )
+            return None
+        return stability(self.times[told], self.angles[told])
+
+    def over_time(self) -> pd.DataFrame:
+        """Return the drift in a unit of time, and what averages of images err by at the least.
+
+        In arcsec, without rows where no times are known. The drift is a straight line; the least
+        is the lowest Allan deviation without it, with its 95 % interval and the images averaged.
+        """
+        import pandas as pd
+
+        found, index = self.stability, pd.Index(list("XYZ"), name="about")
+        if found is None:
+            return pd.DataFrame(index=index[:0])
+        ends = found.floor_interval(_LEVEL)
+        columns = {"drift": found.rate, "its error": found.rate_error, "least": found.floor,
+                   _ENDS[0]: ends[0], _ENDS[1]: ends[1]}  # fmt: skip
+        shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
+        return pd.DataFrame(shown | {"images averaged": found.reached}, index)
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the numbers, those of a series where times are known, and the remarks."""
+        mean, *others = super().blocks()
+        yield mean
+        if self.stability is not None:
+            frame = self.over_time()
+            rows = [(str(name), *(f"{value:.6g}" for value in row))
+                    for name, *row in frame.itertuples()]  # fmt: skip
+            title = "drift in a unit of time, and the least error of an average beside it"
+            yield Grid(title, (str(frame.index.name), *frame.columns), rows)
+        yield from others
+
+    def record(self) -> dict[str, Any]:
+        """Return everything for other programs, what averages reach over time too."""
+        series = self.over_time().reset_index().to_dict("records")
+        return super().record() | {"over_time": series}
 
     def images(self) -> pd.DataFrame:
         """Return the angles of every image about X, Y and Z of the camera, in arcsec.
 
-        They are NaN where fewer than two lights are seen.
+        They are NaN where fewer than two lights are seen. A column ``time`` goes with them where
+        times are known.
         """
         import pandas as pd
 
         index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
-        return pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
+        found = pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
+        return found if self.times is None else found.assign(time=self.times)
+
+    def covariance(self) -> FloatArray:
+        """Return the covariance of the angles of every image, (images, 3, 3), in arcsec squared.
+
+        From the scatter of the images, which is taken for noise of the spots alone.
+        """
+        return self.found.covariance() * ARCSEC_PER_RADIAN**2
 
     def interval(self, level: float = _LEVEL) -> pd.DataFrame:
         """Return the interval of the mean that holds the truth so often, in arcsec.

@@ -1,15 +1,21 @@
 """Averages over frames against NumPy's convolution, loops and the law of white noise."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from reproduce.physics.attitude import (
+    Stability,
+    allan_deviation,
     attitude_accuracy,
     averaged_error,
     moving_average,
     scatter_of_averages,
+    stability,
 )
 
 
@@ -100,3 +106,57 @@ def test_what_cannot_be_averaged_is_refused():
     for counts in ([5], []):
         with pytest.raises(ValueError, match="counts: expected one number or more, each below"):
             scatter_of_averages(np.zeros(5), counts)
+
+
+@pytest.mark.parametrize("count", [1, 3, 10])
+def test_allan_deviation_is_a_loop(count):
+    series = 1e3 + np.random.default_rng(3).standard_normal((47, 2))
+    means = [series[i : i + count].mean(axis=0) for i in range(0, 47 - count + 1, count)]
+    squares = [np.square(b - a) / 2 for a, b in pairwise(means)]
+    found = allan_deviation(series, [count], axis=0)[0]
+    np.testing.assert_allclose(found, np.sqrt(np.mean(squares, axis=0)), rtol=1e-10)
+
+
+def test_a_drift_is_found_within_its_error():
+    """Also where the noise of neighbours is alike; by Student's law with eight degrees."""
+    generator, times = np.random.default_rng(7), np.arange(400) * 2.0
+    for memory in (0.0, 0.8):
+        noise = lfilter([1.0], [1.0, -memory], generator.standard_normal((400, 600)), axis=0)
+        found = stability(times, noise + 0.05 * times[:, None])
+        pulls = (found.rate - 0.05) / found.rate_error
+        # Of 600: 95 %, four standard errors to both sides, one per cent more for the memory.
+        inside = np.abs(pulls) < 2.306
+        assert inside.mean() == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / 600) + 0.01)
+
+
+def test_the_floor_of_white_noise_has_an_honest_interval():
+    generator, count = np.random.default_rng(8), 16
+    series = generator.standard_normal((400, 2000))
+    deviations = allan_deviation(series, [count], axis=0)
+    nothing = np.zeros(2000)
+    found = Stability(nothing, nothing, series, np.array([count]), deviations)
+    low, high = found.floor_interval(0.95)
+    inside = (low < 0.25) & (high > 0.25)
+    assert inside.mean() == pytest.approx(0.95, abs=0.02)
+
+
+def test_averages_stop_where_noise_has_a_floor():
+    generator = np.random.default_rng(9)
+    walk = 0.05 * np.cumsum(generator.standard_normal((4096, 1)), axis=0)
+    white = generator.standard_normal((4096, 1))
+    found, alone = (stability(np.arange(4096.0), one) for one in (white + walk, white))
+    # White noise of one and a walk of 1/20 a step: best at root 3 times 20 frames, or next to it.
+    assert 16 <= found.reached[0] <= 64
+    assert found.floor[0] > 3 * found.white[-1, 0]
+    assert alone.reached[0] >= 256
+
+
+@pytest.mark.parametrize(
+    ("times", "count", "message"),
+    [(np.arange(15.0), 15, "16 frames or more, got 15"), (np.zeros(20), 20, "later than the one")],
+)
+def test_series_that_tell_nothing_are_refused(times, count, message):
+    with pytest.raises(ValueError, match=message):
+        stability(times, np.zeros((count, 1)))
+    with pytest.raises(ValueError, match="at most 7, half of the frames"):
+        allan_deviation(np.zeros(15), [8])

@@ -15,11 +15,15 @@ from reproduce.physics.attitude.angles import (
     transform_error_printed,
 )
 from reproduce.physics.attitude.monitoring import (
+    FEWEST,
+    Stability,
+    allan_deviation,
     attitude_accuracy,
     averaged_error,
     monitored,
     moving_average,
     scatter_of_averages,
+    stability,
 )
 from reproduce.physics.attitude.platform import (
     Platform,

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import (
@@ -112,6 +112,160 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
         totals = sums[..., count:] - sums[..., :-count]
         scatters.append(totals.std(axis=-1, ddof=1) / count)
     return np.stack(scatters, axis=axis)
+
+
+def allan_deviation(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
+    """Return the Allan deviation of averages over n frames of a series, for each n.
+
+    It is half the mean square difference of neighbouring averages, under a root: for white noise
+    the error of an average. Averages share no frames.
+
+    Parameters
+    ----------
+    series : array_like
+        Values frame by frame, evenly in time, along `axis`.
+    counts : sequence of int
+        The numbers n of frames in an average, each at most half of all.
+    axis : int
+
+    Returns
+    -------
+    ndarray
+        As the series, with one deviation for each count along `axis`.
+
+    Raises
+    ------
+    ValueError
+        If no count is given, or a count leaves a single average.
+
+    Examples
+    --------
+    >>> allan_deviation([0, 2, 0, 2, 0, 2], [1, 2]).round(3) + 0.0
+    array([1.414, 0.   ])
+    """
+    frames, sums = _sums(series, axis)
+    most = frames.shape[-1] // 2
+    if not 0 < max((whole_number("counts", n) for n in counts), default=0) <= most:
+        raise ValueError(
+            f"counts: expected one number or more, each at most {most}, half of the frames, got "
+            f"{counts}; average fewer frames or pass a longer series"
+        )
+    deviations = []
+    for count in counts:
+        averages = np.diff(sums[..., ::count], axis=-1) / count
+        squares = np.square(np.diff(averages, axis=-1))
+        deviations.append(np.sqrt(squares.mean(axis=-1) / 2))
+    return np.stack(deviations, axis=axis)
+
+
+# Averages that a deviation is told by, at least; parts of a series whose means tell its drift.
+_AVERAGES, _PARTS = 8, 10
+FEWEST = 2 * _AVERAGES
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """How a series of angles drifts, and how far averaging frames reaches beside the drift.
+
+    Attributes
+    ----------
+    rate, rate_error : ndarray, shape (k,)
+        Drift in a unit of time, by least squares, and its standard error.
+    left : ndarray, shape (frames, k)
+        The series less the straight drift.
+    counts : ndarray of int, shape (m,)
+        How many frames are averaged: powers of two.
+    deviations : ndarray, shape (m, k)
+        Allan deviation of what the drift leaves.
+
+    Notes
+    -----
+    The error of the rate is that of a line through the means of ten parts of the series: noise
+    that neighbouring frames share counts in it, if the parts are longer than it lasts.
+    """
+
+    rate: FloatArray
+    rate_error: FloatArray
+    left: FloatArray
+    counts: NDArray[np.int64]
+    deviations: FloatArray
+
+    @property
+    def floor(self) -> FloatArray:
+        """The least deviation of an average, shape (k,)."""
+        return np.asarray(self.deviations.min(axis=0))
+
+    @property
+    def reached(self) -> NDArray[np.int64]:
+        """How many frames the average has that is the best, shape (k,); more make it no better."""
+        return np.asarray(self.counts[self.deviations.argmin(axis=0)])
+
+    @property
+    def white(self) -> FloatArray:
+        """The deviations if all noise were white, shape (m, k)."""
+        return np.asarray(self.deviations[:1] / np.sqrt(self.counts)[:, None])
+
+    def floor_interval(self, share: float) -> FloatArray:
+        """Return the interval of the floor that holds the truth so often, shape (2, k).
+
+        By the law of squared differences of independent averages: chi-squared with
+        2 (M - 1)^2 / (3 M - 4) degrees of freedom for M averages.
+        """
+        from scipy.special import gammaincinv
+
+        averages = len(self.left) // self.reached
+        half = np.square(averages - 1) / (3 * averages - 4)
+        ends = np.array([[0.5 + share / 2], [0.5 - share / 2]])
+        return self.floor * np.sqrt(half / gammaincinv(half, ends))
+
+
+def stability(times: ArrayLike, series: ArrayLike) -> Stability:
+    """Return how a series of angles drifts, and where averaging its frames stops to pay.
+
+    Parameters
+    ----------
+    times : array_like, shape (frames,)
+        Increasing; in any unit. Averages take frames for evenly spaced.
+    series : array_like, shape (frames, k)
+        16 frames or more.
+
+    Returns
+    -------
+    Stability
+
+    Raises
+    ------
+    ValueError
+        If there are too few frames, or times do not increase.
+
+    Examples
+    --------
+    >>> found = stability(np.arange(20.0), 3.0 * np.arange(20.0)[:, None])
+    >>> found.rate.round(9), found.floor.round(9) + 0.0
+    (array([3.]), array([0.]))
+    """
+    values = finite_array("series", series, shape=(None, None))
+    when = finite_array("times", times, shape=(len(values),))
+    if len(values) < FEWEST:
+        raise ValueError(f"series: expected {FEWEST} frames or more, got {len(values)}")
+    if (np.diff(when) <= 0).any():
+        raise ValueError("times: expected each later than the one before; sort the frames")
+    rate, left = _line(when, values)
+    parts = [(when[rows].mean(), values[rows].mean(axis=0))
+             for rows in np.array_split(np.arange(len(values)), _PARTS)]  # fmt: skip
+    middles, means = (np.array(one) for one in zip(*parts, strict=True))
+    _, off = _line(middles, means)
+    spread = np.square(middles - middles.mean()).sum()
+    error = np.sqrt(np.square(off).sum(axis=0) / (_PARTS - 2) / spread)
+    counts = 2 ** np.arange(int(np.log2(len(values) // _AVERAGES)) + 1, dtype=np.int64)
+    return Stability(rate, error, left, counts, allan_deviation(left, counts.tolist(), axis=0))
+
+
+def _line(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the slopes of straight lines, (k,), and what they leave, (n, k)."""
+    away = times - times.mean()
+    slopes = away @ values / np.square(away).sum()
+    return slopes, values - values.mean(axis=0) - away[:, None] * slopes
 
 
 @checked
@@ -244,6 +398,17 @@ class Monitoring:
         """Standard deviation of one image with all lights, shape (3,); NaN for single images."""
         least = min(one.variance.min(axis=0).tolist() for one in self.groups)
         return self._noise * np.sqrt(least)
+
+    def covariance(self) -> FloatArray:
+        """Return that of the angles of each image at the present, (frames, 3, 3).
+
+        NaN where there are no angles. The scatter about the mean tells it: a drift counts.
+        """
+        response = self.groups[0].response
+        found = np.full((len(self.angles), 3, 3), np.nan)
+        told = np.isfinite(self.angles).all(axis=-1)
+        found[told] = np.einsum("faij,fbij->fab", response, response)
+        return np.asarray(found * np.outer(self._noise, self._noise))
 
     @property
     def error(self) -> FloatArray:

@@ -1,0 +1,545 @@
+"""Chandra's fiducial lights: chen2023's monitoring in orbit, and the drift of seven years.
+
+Three lights beside the X-ray detector are seen by the star tracker, in windows that stay where they
+are. Places are in px of the tracker, column before row, as `Platform` takes them; the camera's
+frame is that of the tracker, so that the angles say how the pattern turns as the tracker sees it.
+Light is in DN of the telemetry where nothing else is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import theilslopes
+
+from reproduce.papers.chen2023 import accuracy
+from reproduce.papers.declare import Fact, draws, studied
+from reproduce.papers.sketch import INK, sized
+from reproduce.physics.attitude import (
+    Platform,
+    Stability,
+    allan_deviation,
+    moving_average,
+    scatter_of_averages,
+    stability,
+)
+from reproduce.physics.ground import DAY, trend_and_fourier
+from reproduce.physics.images import centre_of_gravity, fitted_centre
+from reproduce.physics.validate import FloatArray
+from reproduce.printed.given import Given
+from reproduce.store.instruments import (
+    Windows,
+    aimpoints,
+    drift_model,
+    star_images,
+    tracker,
+    windows,
+)
+from reproduce.units import ARCSEC_PER_RADIAN
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+LIGHTS, STAR = (0, 1, 2), 7
+# Standard deviation of the Gaussian that is fitted to a light, in px.
+RADIUS = 0.7
+# Electrons per DN as the flight software has it; its README names the place.
+GAIN = 5.0
+# The dimmest pixels of a window tell its background.
+_DIM = 16
+# Half a pixel, and the light of a star as bright as the lights, in electrons.
+_HALF, _STAR_LIGHT = 0.5, 2e5
+# By how much a pixel is changed to see how a centre answers, in electrons.
+_NUDGE = 20.0
+_HOUR = DAY / 24
+_AXES = "XYZ"
+# Frames that are shown as one.
+_TOGETHER = 16
+# Parts of the series that are left out in turn where an error is asked for.
+_PARTS = 10
+_SHARE = 0.95
+_BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
+
+
+def _background(images: FloatArray) -> float:
+    """Return the light of the dimmest pixels of windows (n, height, width), in their mean."""
+    return float(np.sort(images.mean(axis=0), axis=None)[:_DIM].mean())
+
+
+def _scatter(series: FloatArray) -> FloatArray:
+    """Return the standard deviation of a frame, along the first axis, from successive frames."""
+    return np.asarray(np.diff(series, axis=0).std(axis=0) / np.sqrt(2))
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Noise of a pixel: electrons per DN with its interval, and noise without light, in DN."""
+
+    gain: float
+    ends: tuple[float, float]
+    noise: float
+
+    def variance(self, light: FloatArray, gain: float | None = None) -> FloatArray:
+        """Return the variance of pixels, in DN squared."""
+        return np.asarray(light / (gain or self.gain) + self.noise**2)
+
+
+@cache
+def transfer() -> Transfer:
+    """Return how the variance of a pixel follows its light: a line that few pixels cannot bend."""
+    images = [windows(slot).images for slot in LIGHTS]
+    light = np.concatenate([one.mean(axis=0).ravel() for one in images])
+    variance = np.concatenate([_scatter(one).ravel() ** 2 for one in images])
+    found = theilslopes(variance, light, _SHARE)
+    ends = (float(1 / found.high_slope), float(1 / found.low_slope))
+    return Transfer(float(1 / found.slope), ends, float(np.sqrt(found.intercept)))
+
+
+def _fitted(seen: Windows, images: FloatArray, radius: float) -> FloatArray:
+    """Return the centres that fit images (n, height, width) of a window best, (n, 2)."""
+    known = transfer()
+    light = (images - _background(seen.images)) * known.gain
+    return fitted_centre(light, seen.corners[0], radius, known.noise * known.gain)
+
+
+@dataclass(frozen=True, eq=False)
+class Lights:
+    """The three lights in every frame, and what they say."""
+
+    radius: float
+
+    @cached_property
+    def hours(self) -> FloatArray:
+        """Time of each frame since the first."""
+        times = windows(LIGHTS[0]).times
+        return np.asarray((times - times[0]) / _HOUR)
+
+    @cached_property
+    def spots(self) -> FloatArray:
+        """Fitted centres, (frames, 3, 2)."""
+        seen = map(windows, LIGHTS)
+        return np.stack([_fitted(one, one.images, self.radius) for one in seen], axis=1)
+
+    @cached_property
+    def moments(self) -> FloatArray:
+        """Centres of gravity of the same windows, (frames, 3, 2)."""
+        seen = map(windows, LIGHTS)
+        return np.stack([centre_of_gravity(one.images - _background(one.images), one.corners)
+                         for one in seen], axis=1)  # fmt: skip
+
+    @cached_property
+    def platform(self) -> Platform:
+        """The tracker, with the lights where they are on average."""
+        return Platform.of_spots(**{**tracker(), "spots": self.spots.mean(axis=0)})
+
+    @cached_property
+    def angles(self) -> FloatArray:
+        """Turn of the lights since their mean, (frames, 3), in arcsec."""
+        turned = self.platform.misalignment(self.spots, self.platform.reference)
+        return np.asarray(turned * ARCSEC_PER_RADIAN)
+
+    def covariance(self, variance: FloatArray) -> FloatArray:
+        """Return that of the angles of a frame, (3, 3), in arcsec squared, for spots' (3, 2)."""
+        moves = self.platform.response(self.platform.spots) * ARCSEC_PER_RADIAN
+        return np.asarray(np.einsum("anx,nx,bnx->ab", moves, variance, moves))
+
+    @cached_property
+    def steady(self) -> Stability:
+        """Drift of the angles in an hour, and what averages of the rest reach."""
+        return stability(self.hours, self.angles)
+
+    @cached_property
+    def bent(self) -> Stability:
+        """The same of what no turn explains: places of the lights less turned ones, (…, 6)."""
+        turns = self.angles[None] / ARCSEC_PER_RADIAN
+        left = self.spots - self.platform.predicted(np.zeros((1, 3)), turns)[0]
+        return stability(self.hours, left.reshape(len(left), -1))
+
+    @cached_property
+    def answer(self) -> FloatArray:
+        """How each centre answers to each pixel, (3, 2, height, width), in px per DN."""
+        found = []
+        for one in map(windows, LIGHTS):
+            mean = one.images.mean(axis=0)
+            nudges = np.eye(mean.size).reshape(-1, *mean.shape) * _NUDGE / transfer().gain
+            up, down = (_fitted(one, mean + sign * nudges, self.radius) for sign in (1, -1))
+            slopes = (up - down) / (2 * _NUDGE / transfer().gain)
+            found.append(slopes.T.reshape(2, *mean.shape))
+        return np.stack(found)
+
+    def foretold(self, variance: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """Return the variance of each place, (3, 2), if that of pixels follows from windows."""
+        pixels = np.stack([variance(windows(slot).images) for slot in LIGHTS])
+        return np.asarray(np.einsum("nxij,nij->nx", np.square(self.answer), pixels))
+
+
+@cache
+def lights(radius: float = RADIUS) -> Lights:
+    """Return the lights, with spots of such a radius fitted."""
+    return Lights(radius)
+
+
+@cache
+def answers(radius: float = RADIUS) -> tuple[float, float]:
+    """Return by how much a fitted centre answers to a motion of a star within a pixel.
+
+    The least and the most, from one tenth of a pixel to the next; one is a faithful answer.
+    """
+    images, places = star_images()
+    known, inner = transfer(), np.abs(places) < _HALF
+    light = images[inner][:, inner] * _STAR_LIGHT
+    found = fitted_centre(light, (0.0, 0.0), radius, known.noise * known.gain)
+    steps = np.diff(places[inner])
+    down = np.diff(found[..., 1], axis=0).mean(axis=1) / steps
+    along = np.diff(found[..., 0], axis=1).mean(axis=0) / steps
+    both = np.concatenate([down, along])
+    return float(both.min()), float(both.max())
+
+
+@cache
+def dither() -> FloatArray:
+    """Return where the star is at the time of each frame of the lights, (frames, 2), in px."""
+    star, times = windows(STAR), windows(LIGHTS[0]).times
+    dim = np.sort(star.images.reshape(len(star.images), -1), axis=1)[:, : _DIM // 2].mean(axis=1)
+    places = centre_of_gravity(star.images - dim[:, None, None], star.corners)
+    return np.stack([np.interp(times, star.times, axis) for axis in places.T], axis=-1)
+
+
+def leaks(angles: FloatArray, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how angles (n, k) follow a motion (n, 2), and the errors, (2, k).
+
+    Errors come from leaving out each of ten parts of the series.
+    """
+    part = np.arange(len(angles)) * _PARTS // len(angles)
+    kept = [np.flatnonzero(part != one) for one in (-1, *range(_PARTS))]
+    found = []
+    for rows in kept:
+        moved = motion[rows] - motion[rows].mean(axis=0)
+        found.append(np.linalg.lstsq(moved, angles[rows], rcond=None)[0])
+    others = np.stack(found[1:])
+    return found[0], np.sqrt((_PARTS - 1) * others.var(axis=0))
+
+
+_KINDS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "measured": lambda images: transfer().variance(images.mean(axis=0)),
+    "said": lambda images: transfer().variance(images.mean(axis=0), GAIN),
+    "pixels": lambda images: _scatter(images) ** 2,
+}
+
+
+def _light_facts() -> Iterator[tuple[str, Fact]]:
+    seen, known = lights(), transfer()
+    scatter = _scatter(seen.spots)
+    yield "frames", Fact(len(seen.spots), ",d")
+    yield "minutes", Fact(60 * float(seen.hours[-1]), ".0f", "min")
+    yield "frame-time", Fact(float(seen.hours[1]) * _HOUR, ".1f", "s")
+    yield "gain", Fact(known.gain, ".1f")
+    yield "gain-low", Fact(known.ends[0], ".1f")
+    yield "gain-high", Fact(known.ends[1], ".1f")
+    yield "gain-said", Fact(GAIN, "g")
+    yield "share", Fact(100 * _SHARE, ".0f", "%")
+    yield "noise", Fact(known.noise, ".1f")
+    for kind in ("measured", "said"):
+        ratio = scatter / np.sqrt(seen.foretold(_KINDS[kind]))
+        yield f"{kind}-low", Fact(float(ratio.min()), ".2f")
+        yield f"{kind}-high", Fact(float(ratio.max()), ".2f")
+        if kind == "measured":
+            yield kind, Fact(float(np.sqrt((ratio**2).mean())), ".2f")
+    yield "gravity", Fact(float(np.sqrt((_scatter(seen.moments) ** 2 / scatter**2).mean())), ".1f")
+    steps = np.diff(seen.spots, axis=0).reshape(len(seen.spots) - 1, -1)
+    shared = np.abs(np.corrcoef(steps.T))
+    apart = np.subtract.outer(np.arange(6) // 2, np.arange(6) // 2) != 0
+    yield "shared", Fact(float(shared[apart].max()), ".2f")
+
+
+@studied("instruments/lights", named=lambda: dict(_light_facts()))
+def _of_lights(radius: float = RADIUS) -> pd.DataFrame:
+    """The noise of one frame: scatter of each light against what its pixels foretell."""
+    seen = lights(radius)
+    known = [np.sqrt(seen.foretold(variance)) for variance in _KINDS.values()]
+    columns = (_scatter(seen.spots), *known, _scatter(seen.moments))
+    rows = []
+    for light in LIGHTS:
+        images = windows(light).images
+        total = float((images - _background(images)).sum(axis=(1, 2)).mean() * transfer().gain)
+        for axis, name in enumerate(("column", "row")):
+            values = [1e3 * float(one[light, axis]) for one in columns]
+            rows.append((light + 1, name, total / 1e3, *values))
+    return _of_lights.frame(rows, radius=radius, said=GAIN)
+
+
+def _turn_facts() -> Iterator[tuple[str, Fact]]:
+    seen = lights()
+    steady = seen.steady
+    floor = steady.floor_interval(_SHARE)
+    hours = float(seen.hours[-1])
+    leak, error = leaks(steady.left, dither())
+    pixel = ARCSEC_PER_RADIAN / seen.platform.pixels
+    yield "rate-x", Fact(steady.rate[0], ".3f", "arcsec")
+    yield "rate-x-error", Fact(steady.rate_error[0], ".3f", "arcsec")
+    yield "drift-y", Fact(abs(steady.rate[1]) * hours, ".2f", "arcsec")
+    response = np.sqrt(np.diag(seen.covariance(np.ones((3, 2)))))
+    for at, axis in enumerate("xyz"):
+        yield f"scatter-{axis}", Fact(_scatter(seen.angles)[at], ".4f", "arcsec")
+        yield f"response-{axis}", Fact(response[at], ".3g", "arcsec")
+        for end, one in (("", steady.floor), ("-low", floor[0]), ("-high", floor[1])):
+            yield f"floor-{axis}{end}", Fact(one[at], ".4f", "arcsec")
+    low, high = np.quantile(dither(), (0.05, 0.95), axis=0)
+    yield "star-column", Fact(high[0] - low[0], ".1f", "px")
+    yield "star-row", Fact(high[1] - low[1], ".1f", "px")
+    yield "leak", Fact(1e6 * float(np.abs(leak[:, :2]).max()) / pixel, ".0f")
+    yield "leak-sigma", Fact(float(np.abs(leak / error)[:, :2].max()), ".1f")
+    yield "roll-leak", Fact(float(leak[1, 2]), ".2f", "arcsec")
+    yield "roll-leak-error", Fact(float(error[1, 2]), ".2f", "arcsec")
+    yield "together", Fact(_TOGETHER, "d")
+    yield "pixel", Fact(pixel, ".3f", "arcsec")
+    yield from _rigid_facts(hours, pixel)
+
+
+def _rigid_facts(hours: float, pixel: float) -> Iterator[tuple[str, Fact]]:
+    seen, bent = lights(), lights().bent
+    worst = int(np.abs(bent.rate).argmax())
+    yield "bent", Fact(abs(bent.rate[worst]) * hours, ".4f", "px")
+    yield "bent-error", Fact(bent.rate_error[worst] * hours, ".4f", "px")
+    low, high = answers()
+    moved = float(np.abs(stability(seen.hours, seen.spots.reshape(-1, 6)).rate).max() * hours)
+    yield "answer-low", Fact(low, ".2f")
+    yield "answer-high", Fact(high, ".2f")
+    yield "moved", Fact(moved, ".3f", "px")
+    yield "bent-made", Fact((high - low) * moved, ".3f", "px")
+    yield "bent-angle", Fact(abs(bent.rate[worst]) * hours * pixel, ".3f", "arcsec")
+
+
+@studied("instruments/laser-metrology", named=lambda: dict(_turn_facts()))
+def _turns(radius: float = RADIUS) -> pd.DataFrame:
+    """What three lights say of the misalignment in an hour and a half."""
+    seen = lights(radius)
+    steady, floor = seen.steady, seen.steady.floor_interval(_SHARE)
+    known = np.sqrt(np.diag(seen.covariance(seen.foretold(_KINDS["measured"]))))
+    rows = [
+        (axis, _scatter(seen.angles)[at], known[at], steady.rate[at], steady.rate_error[at],
+         steady.floor[at], *floor[:, at], int(steady.reached[at]))
+        for at, axis in enumerate(_AXES)
+    ]  # fmt: skip
+    return _turns.frame(rows)
+
+
+_COUNTS = f"{accuracy.TABLE}#*.frames"
+_PRINTED = tuple(f"{accuracy.TABLE}#*.misalignment-{axis}" for axis in "xy")
+_READS = (_COUNTS, *_PRINTED, accuracy.FRAMES)
+
+
+def white_scatter(frames: int, count: int) -> float:
+    """Return the scatter of moving averages over so many frames of white noise of unit size.
+
+    It is that about their own mean, whose square is expected.
+    """
+    runs, apart = frames - count + 1, np.arange(-count + 1, count)
+    shared = (np.maximum(runs - np.abs(apart), 0) * (count - np.abs(apart))).sum() / count**2
+    return float(np.sqrt((1 / count - shared / runs**2) * runs / (runs - 1)))
+
+
+def _gains(door: Given) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return the counts of Table IV, (m,), and by how much averages beat one frame, (m, …) each.
+
+    As shares of what the root of their number promises: one is white noise, more is worse. Of the
+    lights both axes count together.
+    """
+    counts = door.array(_COUNTS).astype(int)
+    frames, roots = door.count(accuracy.FRAMES), np.sqrt(counts)
+    seen = lights()
+    starts = np.linspace(0, len(seen.angles) - frames, 3).astype(int)
+
+    def shares(scatters: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(np.square(scatters / scatters[:1]).mean(axis=1)) * roots)
+
+    def flown(angles: FloatArray) -> FloatArray:
+        parts = np.concatenate([angles[one : one + frames, :2] for one in starts], axis=-1)
+        return shares(scatter_of_averages(parts, counts.tolist(), axis=0))
+
+    printed = np.stack([door.array(one) for one in _PRINTED], axis=-1)
+    white = np.array([white_scatter(frames, int(count)) for count in counts])
+    return counts, {
+        "printed": printed / printed[0] * roots[:, None],
+        "flown": flown(seen.angles),
+        "steady": flown(seen.steady.left),
+        "next": shares(allan_deviation(seen.steady.left[:, :2], counts.tolist(), axis=0)),
+        "white": white / white[0] * roots,
+    }
+
+
+def _gain_facts(door: Given) -> Iterator[tuple[str, Fact]]:
+    counts, found = _gains(door)
+    for axis, value in zip("xy", found.pop("printed")[-1].tolist(), strict=True):
+        yield f"printed-{axis}", Fact(value, ".2f")
+    for name, one in found.items():
+        yield name, Fact(float(one[-1]), ".2f")
+    yield "next-16", Fact(float(found["next"][list(counts).index(16)]), ".2f")
+    seen = lights()
+    seconds = float(seen.hours[1]) * _HOUR
+    yield "most", Fact(int(counts[-1]), "d")
+    yield "most-time", Fact(float(counts[-1] * seconds / 60), ".1f", "min")
+    yield "span", Fact(door.count(accuracy.FRAMES) * seconds / 60, ".0f", "min")
+    deviations = allan_deviation(seen.angles[:, :2], seen.steady.counts.tolist(), axis=0)
+    for axis, values in zip("xy", deviations.T, strict=True):
+        best = int(seen.steady.counts[values.argmin()])
+        yield f"best-{axis}", Fact(best, "d")
+        yield f"best-{axis}-time", Fact(best * seconds / 60, ".1f", "min")
+        yield f"least-{axis}", Fact(float(values.min()), ".4f", "arcsec")
+
+
+@studied("instruments/averaging", given=_READS, named=lambda door: dict(_gain_facts(door)))
+def _averaging(door: Given) -> pd.DataFrame:
+    """How averaging falls: Table IV of chen2023 and the lights in orbit."""
+    counts, found = _gains(door)
+    table = np.column_stack(list(found.values()))
+    rows = [(int(n), *row) for n, row in zip(counts, table.tolist(), strict=True)]
+    return _averaging.frame(rows, frames=door.count(accuracy.FRAMES))
+
+
+# The years that are foretold, each from all before it.
+_TESTED = (2022, 2023, 2024, 2025)
+_FIRST = 2019
+# The first jump that the pointing did not know yet, of October.
+_JUMP = 2022.8
+_ONCE, _TREND = "one calibration, in the first year", "a straight trend"
+_FLOWN = "the flight model as it was then"
+
+
+@cache
+def strategies() -> dict[str, FloatArray]:
+    """Return what each strategy foretells for the observations of the tested years, (n, 2).
+
+    In arcsec. Each year is foretold from all years before it; first comes what was measured.
+    """
+    seen = aimpoints()
+    years, warmth = seen["year"].to_numpy(), seen["temperature"].to_numpy()
+    then = seen[["foretold y", "foretold z"]].to_numpy()
+    measured = then + seen[["left y", "left z"]].to_numpy()
+    since = years - _FIRST
+    columns = np.stack([np.ones_like(since), since, warmth], axis=-1)
+    found: dict[str, list[FloatArray]] = {}
+    for year in _TESTED:
+        rows = np.flatnonzero(np.floor(years) == year)
+        known = int(rows[0])
+        fitted = np.linalg.lstsq(columns[:known], measured[:known], rcond=None)[0]
+        foretold = {
+            "measured": measured,
+            _ONCE: measured[np.floor(years) == _FIRST].mean(axis=0) + 0 * measured,
+            "calibrated each year": measured[np.floor(years) == year - 1].mean(axis=0)
+            + 0 * measured,
+            _TREND: trend_and_fourier(since, years, measured, known, degree=0),
+            "trend and a yearly Fourier series of degree 2": trend_and_fourier(
+                since, years, measured, known
+            ),
+            "trend and temperature": columns @ fitted,
+            _FLOWN: then,
+            "the observation before": np.roll(measured, 1, axis=0),
+            "the flight model of today (knows these years)": drift_model(years, warmth),
+        }
+        for name, values in foretold.items():
+            found.setdefault(name, []).append(values[rows])
+    return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def _missed() -> dict[str, FloatArray]:
+    """Return what was measured less what each strategy foretells, (n, 2)."""
+    found = strategies()
+    return {name: found["measured"] - one for name, one in found.items() if name != "measured"}
+
+
+def _strategy_facts() -> Iterator[tuple[str, Fact]]:
+    seen = aimpoints()
+    left = np.hypot(seen["left y"].to_numpy(), seen["left z"].to_numpy())
+    years = seen["year"].to_numpy()
+    yield "observations", Fact(len(seen), "d")
+    yield "tested", Fact(len(strategies()["measured"]), "d")
+    yield "last-day", Fact(float((years % 1).max() * 365), ".0f")
+    for at, axis in enumerate("yz"):
+        change = drift_model(np.full(2, 2020.0), np.array([-10.0, -9.0]))
+        yield f"kelvin-{axis}", Fact(float(change[1, at] - change[0, at]), ".1f", "arcsec")
+        trend = drift_model(np.array([2020.0, 2021.0]), np.full(2, -10.0))[:, at]
+        jumps = drift_model(np.array([2020.0, 2026.0]), np.full(2, -10.0))[:, at]
+        year = float(np.diff(trend)[0])
+        yield f"trend-{axis}", Fact(year, ".2f", "arcsec")
+        yield f"jumps-{axis}", Fact(float(np.diff(jumps)[0]) - 6 * year, ".1f", "arcsec")
+    yield "coldest", Fact(float(seen["temperature"].min()), ".0f", "°C")
+    yield "warmest", Fact(float(seen["temperature"].max()), ".0f", "°C")
+    yield "worst", Fact(float(left.max()), ".1f", "arcsec")
+    late = years > _JUMP
+    yield "flown-before", Fact(float(np.sqrt(np.mean(left[~late] ** 2))), ".1f", "arcsec")
+    yield "flown-after", Fact(float(np.sqrt(np.mean(left[late] ** 2))), ".1f", "arcsec")
+    for name, off in zip(_SHORT, _missed().values(), strict=True):
+        lengths = np.linalg.norm(off, axis=1)
+        yield name, Fact(float(np.sqrt(np.mean(lengths**2))), ".1f", "arcsec")
+        if name == "temperature":
+            yield f"{name}-median", Fact(float(np.median(lengths)), ".1f", "arcsec")
+
+
+# Names of the strategies in sentences, in their order.
+_SHORT = ("once", "yearly", "trend", "periodic", "temperature", "flown", "before", "today")
+
+
+@studied("instruments/strategies", named=lambda: dict(_strategy_facts()))
+def _strategies() -> pd.DataFrame:
+    """Seven years of drift: what each strategy foretells of years that it has not seen."""
+    rows = []
+    for name, off in _missed().items():
+        lengths = np.linalg.norm(off, axis=1)
+        by_year = np.sqrt(np.square(lengths).reshape(len(_TESTED), -1).mean(axis=1))
+        both = np.sqrt(np.square(off).mean(axis=0))
+        rows.append((name, *both, *by_year, np.sqrt(np.mean(lengths**2)), np.median(lengths)))
+    return _strategies.frame(rows, tested=len(lengths))
+
+
+@draws("instruments/drawing-lights", named=lambda: dict(_turn_facts()))
+def _draw_lights(figure: Figure) -> None:
+    """The misalignment in an hour and a half, and what averages of its frames err by."""
+    narrow = sized(figure, 6.4, 3.2, 5.6)
+    series, falls = figure.subplots(*((2, 1) if narrow else (1, 2)))
+    seen = lights()
+    counts = seen.steady.counts
+    raw = allan_deviation(seen.angles[:, :2], counts.tolist(), axis=0)
+    for at, ink, mark in ((0, _BLUE, "o"), (1, _ORANGE, "s")):
+        means, hours = (
+            moving_average(one, _TOGETHER)[::_TOGETHER] for one in (seen.angles[:, at], seen.hours)
+        )
+        series.plot(60 * hours, means, mark, color=ink, markersize=2, label=f"about {_AXES[at]}")
+        falls.plot(counts, raw[:, at], mark, color=ink, markersize=4, fillstyle="none",
+                   linestyle="-", linewidth=0.6)  # fmt: skip
+        falls.plot(counts, seen.steady.deviations[:, at], mark, color=ink, markersize=4)
+        falls.plot(counts, seen.steady.white[:, at], "--", color=ink, linewidth=0.8)
+    series.set(xlabel="time (min)", ylabel="misalignment (arcsec)")
+    falls.set(xscale="log", yscale="log", xlabel="frames averaged (count)",
+              ylabel="Allan deviation (arcsec)")  # fmt: skip
+    falls.set_xticks((1, 10, 100), ("1", "10", "100"))
+    falls.set_yticks((0.001, 0.003, 0.01), ("0.001", "0.003", "0.01"))
+    falls.minorticks_off()
+    figure.legend(*series.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+
+
+@draws("instruments/drawing-strategies", named=lambda: dict(_strategy_facts()))
+def _draw_strategies(figure: Figure) -> None:
+    """Seven years of drift as measured, and what strategies foretell."""
+    narrow = sized(figure, 6.4, 3.2, 5.6)
+    panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharex=True)
+    seen, found = aimpoints(), strategies()
+    years = seen["year"].to_numpy()
+    tested = years[years >= _TESTED[0]]
+    for at, (axes, name) in enumerate(zip(panels, "yz", strict=True)):
+        measured = (seen[f"foretold {name}"] + seen[f"left {name}"]).to_numpy()
+        axes.plot(years, measured, "o", color=INK, markersize=4, label="measured")
+        looks = ((_ONCE, _GREEN, "+"), (_TREND, _ORANGE, "x"), (_FLOWN, _BLUE, "s"))
+        for strategy, ink, mark in looks:
+            axes.plot(tested, found[strategy][:, at], mark, color=ink, markersize=5,
+                      fillstyle="none", label=strategy)  # fmt: skip
+        axes.set(xlabel="time (year)", ylabel=f"drift along {name} (arcsec)")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center",
+                  ncols=1 if narrow else 2)  # fmt: skip

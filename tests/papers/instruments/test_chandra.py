@@ -1,0 +1,166 @@
+"""Chandra's lights: SciPy and photutils agree, noise is as simulated, no year sees itself."""
+
+import numpy as np
+import pytest
+from astropy.table import Table
+from photutils.psf import GaussianPRF, PSFPhotometry
+from scipy.ndimage import center_of_mass
+from scipy.spatial.transform import Rotation
+
+from reproduce.papers.instruments import chandra
+from reproduce.physics.images import centre_of_gravity, spot_windows
+from reproduce.store.instruments import windows
+from reproduce.units import ARCSEC_PER_RADIAN
+
+
+def test_angles_are_those_of_scipy():
+    seen = chandra.lights()
+    before, now = (seen.platform.seen(one) for one in (seen.spots.mean(axis=0), seen.spots[::100]))
+    for turned, angles in zip(now, seen.angles[::100], strict=True):
+        rotation, _ = Rotation.align_vectors(turned, before)
+        expected = rotation.as_rotvec() * ARCSEC_PER_RADIAN
+        # Directions of some minutes of arc leave SciPy fewer digits about Z.
+        np.testing.assert_allclose(angles, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("slot", chandra.LIGHTS)
+def test_lights_move_as_photutils_sees_them(slot):
+    """Means of ten parts of the series, fitted by least squares with the same spot."""
+    images = windows(slot).images
+    parts = [one.mean(axis=0) for one in np.array_split(images, 10)]
+    model = GaussianPRF(x_fwhm=chandra.RADIUS * 2.3548, y_fwhm=chandra.RADIUS * 2.3548)
+    fit = PSFPhotometry(model, (7, 7), aperture_radius=3)
+    start = Table({"x": [3.5], "y": [3.5]})
+    places = []
+    for part in parts:
+        found = fit(part - np.sort(images.mean(axis=0), axis=None)[:16].mean(), init_params=start)
+        places.append([found["x_fit"][0], found["y_fit"][0]])
+    ours = [one.mean(axis=0) for one in np.array_split(chandra.lights().spots[:, slot], 10)]
+    moved, expected = (np.array(one) - one[0] for one in (ours, places))
+    assert np.abs(moved).max() > 0.02
+    # Weights differ, and the spot is no Gaussian: a fifth of the drift at most.
+    np.testing.assert_allclose(moved, expected, atol=0.005)
+
+
+@pytest.mark.parametrize("slot", chandra.LIGHTS)
+def test_centres_of_gravity_are_those_of_scipy(slot):
+    seen = windows(slot)
+    light = seen.images[::200] - np.sort(seen.images.mean(axis=0), axis=None)[:16].mean()
+    expected = np.array([center_of_mass(one)[::-1] for one in light]) + seen.corners[0]
+    np.testing.assert_allclose(chandra.lights().moments[::200, slot], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("slot", chandra.LIGHTS)
+def test_noise_of_a_place_is_that_of_simulated_windows(slot):
+    known, seen = chandra.transfer(), chandra.lights()
+    mean, generator = windows(slot).images.mean(axis=0), np.random.default_rng(slot)
+    light = generator.poisson(mean * known.gain, (2000, *mean.shape)) / known.gain
+    drawn = light + known.noise * generator.standard_normal(light.shape)
+    places = chandra._fitted(windows(slot), drawn, chandra.RADIUS)
+    expected = np.sqrt(seen.foretold(chandra._KINDS["measured"])[slot])
+    # The scatter of 2000 is known to 1.6 %, here at four standard errors.
+    np.testing.assert_allclose(places.std(axis=0), expected, rtol=0.065)
+
+
+def test_covariance_of_the_angles_is_that_of_drawn_spots():
+    seen = chandra.lights()
+    variance = seen.foretold(chandra._KINDS["measured"])
+    draws = np.random.default_rng(4).standard_normal((4000, 3, 2)) * np.sqrt(variance)
+    spots = seen.platform.spots + draws
+    angles = seen.platform.misalignment(spots, seen.platform.reference) * ARCSEC_PER_RADIAN
+    expected = seen.covariance(variance)
+    spread = np.sqrt(np.diag(expected))
+    found = np.cov(angles.T) / np.outer(spread, spread)
+    # Four standard errors of variances and correlations of 4000.
+    np.testing.assert_allclose(found, expected / np.outer(spread, spread), atol=0.09)
+
+
+def test_gain_and_noise_of_simulated_windows_are_found(monkeypatch):
+    generator, light = np.random.default_rng(2), np.geomspace(20, 7000, 64).reshape(8, 8)
+
+    class Drawn:
+        images = generator.poisson(light * 4.0, (600, 8, 8)) / 4.0 + generator.normal(
+            0, 3.0, (600, 8, 8)
+        )
+
+    monkeypatch.setattr(chandra, "windows", lambda slot: Drawn)
+    found = chandra.transfer.__wrapped__()
+    assert found.gain == pytest.approx(4.0, rel=0.05)
+    assert found.noise == pytest.approx(3.0, rel=0.1)
+    assert found.ends[0] < found.gain < found.ends[1]
+
+
+@pytest.mark.parametrize("count", [1, 16, 100])
+def test_white_noise_scatters_as_foretold(count):
+    series = np.random.default_rng(count).standard_normal((3000, 800))
+    sums = np.cumsum(np.pad(series, ((0, 0), (1, 0))), axis=1)
+    averages = (sums[:, count:] - sums[:, :-count]) / count
+    squares = averages.var(axis=1, ddof=1)
+    error = squares.std() / np.sqrt(len(squares)) / squares.mean() / 2
+    found = np.sqrt(squares.mean()) / chandra.white_scatter(800, count)
+    assert found == pytest.approx(1, abs=4 * error)
+
+
+def test_a_leak_of_the_dither_would_be_found():
+    left, motion = chandra.lights().steady.left, chandra.dither()
+    put = np.array([[0.002, 0.0, 0.0], [0.0, -0.003, 0.5]])
+    before, errors = chandra.leaks(left, motion)
+    found, _ = chandra.leaks(left + motion @ put, motion)
+    np.testing.assert_allclose(found - before, put, atol=1e-9)
+    assert np.abs(found - before)[0, 0] > 3 * errors[0, 0]
+    # Ten parts, six leaks: one that is none passes this once in a hundred times.
+    assert np.abs(before / errors)[:, :2].max() < 4
+
+
+def test_rows_and_columns_are_those_of_the_window():
+    """Where the window of the star jumps, the star goes on smoothly."""
+    star, lights = windows(chandra.STAR), windows(chandra.LIGHTS[0])
+    steady = star.times <= lights.times[-1]
+    jumped = np.abs(np.diff(star.corners[steady], axis=0)) == 1
+    places = np.diff(centre_of_gravity(star.images, star.corners)[steady], axis=0)
+    assert jumped.any(axis=0).all()
+    # The window follows to a pixel.
+    corners = np.ptp(star.corners[steady], axis=0)
+    assert (np.abs(np.ptp(chandra.dither(), axis=0) - corners) < 1).all()
+    # Background pulls a centre towards the middle, by less than half of a jump.
+    assert (np.abs(places[jumped]) < 0.5).mean() > 0.95
+
+
+def test_no_year_foretells_itself(monkeypatch):
+    """Other measurements of the last year change nothing that was foretold from those before."""
+    true = chandra.aimpoints()
+    other = true.copy()
+    other.loc[other["year"] >= 2025, ["left y", "left z"]] += 100.0
+    before = chandra.strategies()
+    monkeypatch.setattr(chandra, "aimpoints", lambda: other)
+    after = chandra.strategies.__wrapped__()
+    for name in before:
+        same = np.allclose(before[name], after[name])
+        assert same != (name in {"measured", "the observation before"}), name
+    before_last = (true["year"] >= 2022).sum() - (true["year"] >= 2025).sum()
+    np.testing.assert_allclose(after["measured"][:before_last], before["measured"][:before_last])
+
+
+def test_a_trend_and_a_temperature_are_foretold(monkeypatch):
+    """A made-up drift that both explain is foretold without error, and by the trend alone not."""
+    made = chandra.aimpoints().copy()
+    for axis, rate, warmth in (("y", -1.5, 4.0), ("z", 0.3, 2.0)):
+        made[f"foretold {axis}"] = 3.0 + rate * (made["year"] - 2019) + warmth * made["temperature"]
+        made[f"left {axis}"] = 0.0
+    monkeypatch.setattr(chandra, "aimpoints", lambda: made)
+    found = chandra.strategies.__wrapped__()
+    np.testing.assert_allclose(found["trend and temperature"], found["measured"], atol=1e-8)
+    assert np.abs(found["a straight trend"] - found["measured"]).max() > 1
+
+
+@pytest.mark.parametrize("radius", [0.7, 0.9])
+def test_a_true_gaussian_is_answered_faithfully(monkeypatch, radius):
+    """Of another radius than the fit takes, it is not."""
+    places = np.arange(-0.55, 0.6, 0.1)
+    down, along = np.meshgrid(places, places, indexing="ij")
+    images = spot_windows(3.5 + np.stack([along, down], axis=-1), 1.0, 0.7, (0, 0), 8)
+    monkeypatch.setattr(chandra, "star_images", lambda: (images, places))
+    low, high = chandra.answers.__wrapped__(radius)
+    assert (high - low < 1e-3) == (radius == 0.7)
+    assert low < 1.001
+    assert high > 0.999

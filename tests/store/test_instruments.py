@@ -1,0 +1,104 @@
+"""The files of real instruments are those of their origin."""
+
+import hashlib
+import re
+import sys
+
+import numpy as np
+import pytest
+from astropy.table import Table
+from astropy.time import Time
+
+from reproduce.locate import data_folder
+from reproduce.store.instruments import aimpoints, drift_model, lenses, mosaic, star_images, windows
+
+FOLDER = data_folder() / "instruments"
+FILES = [("2mass", f"2MASS_{band}.fits") for band in "jhk"] + [("lensfun", "tca.csv")]
+CHANDRA = FOLDER / "chandra"
+FILES += [("chandra", one.name) for one in CHANDRA.iterdir() if one.suffix not in {".md", ".txt"}]
+
+
+@pytest.mark.parametrize(("folder", "name"), FILES)
+def test_files_are_those_that_the_readme_names(folder, name):
+    said = (FOLDER / folder / "README.md").read_text(encoding="utf-8")
+    found = hashlib.sha256((FOLDER / folder / name).read_bytes()).hexdigest()
+    assert re.search(rf"`{re.escape(name)}`.*`{found}`", said)
+
+
+@pytest.mark.parametrize("band", "jhk")
+def test_a_mosaic_is_whole_and_cannot_be_changed(band):
+    image = mosaic(band)
+    assert image.shape == (720, 721)
+    assert np.isfinite(image).all()
+    with pytest.raises(ValueError, match="read-only"):
+        image[0, 0] = 1.0
+
+
+def test_a_missing_library_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "astropy.io", None)
+    with pytest.raises(ImportError, match=r"reproduce-pointing\[images\]"):
+        mosaic.__wrapped__("j")
+
+
+def test_lenses_have_scales_near_one():
+    table = lenses()
+    assert len(table) == 2888
+    assert len(table.groupby(["maker", "lens"])) == 684
+    assert (table[["vr", "vb"]] - 1).abs().to_numpy().max() < 0.01
+
+
+@pytest.mark.parametrize("slot", [0, 1, 2, 7])
+def test_windows_track_and_cannot_be_changed(slot):
+    seen = windows(slot)
+    steps = np.diff(seen.times)
+    np.testing.assert_allclose(steps, 2.05 if slot == 7 else 4.1, atol=1e-6)
+    # A light or a star is in the middle of its window in every frame.
+    inner = seen.images[:, 1:-1, 1:-1].sum(axis=(1, 2))
+    assert (inner > 0.8 * seen.images.sum(axis=(1, 2))).all()
+    with pytest.raises(ValueError, match="read-only"):
+        seen.images[0, 0, 0] = 1.0
+
+
+def test_what_was_foretold_is_the_flight_model():
+    """Two sources, one number: until the first jump that the pointing did not know yet."""
+    table = aimpoints()
+    early = table[table["year"] < 2022.8]
+    told = drift_model(early["year"].to_numpy(), early["temperature"].to_numpy())
+    assert len(table) == 28
+    assert len(early) == 16
+    np.testing.assert_allclose(early[["foretold y", "foretold z"]], told, atol=0.025)
+
+
+def test_the_measured_drift_has_the_sign_of_the_model():
+    """With the other sign what is left would be larger: jumps were put into the model later."""
+    table = aimpoints()
+    told = drift_model(table["year"].to_numpy(), table["temperature"].to_numpy())
+    foretold, left = (table[[f"{name} y", f"{name} z"]] for name in ("foretold", "left"))
+    right, wrong = (
+        np.sqrt(np.square(foretold.to_numpy() + sign * left.to_numpy() - told).mean())
+        for sign in (1, -1)
+    )
+    assert right < 0.6 * wrong
+
+
+def test_observations_are_those_that_astropy_reads():
+    raw = Table.read(CHANDRA / "aimpoint.ecsv")
+    years = np.sort(Time(raw["mean_date"].tolist(), format="yday").decimalyear)
+    found = aimpoints()
+    # Leap seconds and the definition of the year: an hour.
+    np.testing.assert_allclose(found["year"], years, atol=1e-4)
+    assert sorted(found["temperature"]) == sorted(raw["mean_t_ccd"])
+    lengths = np.hypot(found["left y"], found["left z"])
+    # All three lengths are rounded to 0.01.
+    np.testing.assert_allclose(sorted(lengths), sorted(raw["dr"]), atol=0.0125)
+
+
+def test_stars_lie_where_their_images_show_them():
+    images, places = star_images()
+    y, x = np.mgrid[:8, :8]
+    light = images.sum(axis=(-2, -1))
+    np.testing.assert_allclose(light, 1, atol=0.02)
+    down, along = ((images * one).sum(axis=(-2, -1)) / light for one in (y, x))
+    np.testing.assert_allclose(np.diff(down.mean(axis=1)) / np.diff(places), 1, atol=0.3)
+    np.testing.assert_allclose(np.diff(along.mean(axis=0)) / np.diff(places), 1, atol=0.3)
+    assert np.abs(np.diff(down, axis=1)).max() < 0.05
