@@ -417,8 +417,8 @@ class _Fit:
         each += low * (_DARKEST - seen) / _DARKEST + low**2 / (2 * _DARKEST)
         each, trust = each * self.counts, self.counts / bright
         score = np.einsum("nkyx,nyx->nk", slopes, (self.light - model) * trust)
-        flat = slopes.reshape(*slopes.shape[:2], -1)
-        matrix = (flat * trust.reshape(len(flat), 1, -1)) @ flat.mT
+        flat = slopes.reshape(len(slopes), 3, rows * columns)
+        matrix = (flat * trust.reshape(len(flat), 1, rows * columns)) @ flat.mT
         return np.where(allowed, each.sum(axis=(-2, -1)), np.inf), score, matrix
 
 
