@@ -347,7 +347,7 @@ class _Fit:
     def spots(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return x, y and light, (n, 3), the covariance of x and y, and the residuals."""
         state = self.optimum()
-        rest = np.isfinite(state).all(axis=-1)
+        rest = np.flatnonzero(np.isfinite(state).all(axis=-1))
         part = self.of(rest)
         _, _, matrix = part.look(state[rest])
         model, _ = _gradient(state[rest], part.radius, *self.light.shape[:0:-1])
@@ -357,7 +357,7 @@ class _Fit:
         residuals[rest] = (part.light - model) * part.counts
         return state, covariance, residuals
 
-    def of(self, rows: NDArray[np.bool_] | IntArray) -> _Fit:
+    def of(self, rows: IntArray) -> _Fit:
         """Return some of the windows."""
         return _Fit(self.light[rows], self.radius[rows], self.variance[rows], self.counts[rows])
 
